@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from servo.cli.robot_command import directions
+from servo.cli.run_command import remarks
 from servo.controllers._inverse import Inverse, servoed_by
 from servo.features.moments import Config as Moments
 from servo.loop.episode import Episode, measured_run
@@ -99,9 +100,23 @@ def test_the_directions_that_a_few_joints_move_are_told():
     pan_tilt = np.eye(6)[:, [3, 4]]
     pan_tilt[5, 1] = 1.0
     assert directions(pan_tilt) == (
-        "Its 2 joints can follow these parts of the camera's twist there: wx 100 %, wy 71 %, "
-        "wz 71 %."
+        "Its 2 joints can follow these parts of the camera's twist there, each as far as it can be "
+        "had alone: wx 100 %, wy 71 %, wz 71 %. A run servoes what [features] names, as far as "
+        "these joints can."
     )
-    assert directions(np.eye(6)[:, [2]]) == (
-        "Its 1 joint can follow these parts of the camera's twist there: vz 100 %."
+    assert directions(np.eye(6)[:, [2]]).startswith(
+        "Its 1 joint can follow these parts of the camera's twist there, each as far as it can be "
+        "had alone: vz 100 %. "
     )
+
+
+def test_a_start_that_no_posture_takes_is_told():
+    with Episode(load("pan_tilt_line", ["start.x=9"])) as episode:
+        assert remarks(episode) == [
+            "No posture takes the start pose: the robot begins where it sees the target in the "
+            f"same direction, {episode.begun.distance:.2f} m and "
+            f"{np.degrees(episode.begun.angle):.0f} deg from it"
+        ]
+        assert episode.begun.distance > 0.5
+    with Episode(load("still")) as episode:
+        assert not remarks(episode)

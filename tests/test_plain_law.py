@@ -5,7 +5,9 @@ import pytest
 
 import servo
 from servo import Mistake
+from servo.parts import Prediction
 from servo.testing import check_controller
+from tracking.types import Estimate, Status
 
 SHORT = ["run.duration=0.3", "start.x=20"]
 LEVEL = [0, 1, 2, 5]
@@ -100,3 +102,44 @@ def test_what_is_no_law_is_one_sentence(law, sentence):
         servo.simulate("still", ["run.duration=0.1"], controller=law)
     assert sentence in str(found.value)
     assert "\n" not in str(found.value)
+
+
+class Still:
+    """A tracker of a class alone; it reports the first state, and draws from the run's numbers."""
+
+    def __init__(self, quality=0.5, rng=None):
+        self.quality = quality
+        self.drawn = rng.random()
+
+    def start(self, frame, region, state):
+        self.state = state
+
+    def update(self, frame, ego=None):
+        return Estimate(self.state, np.eye(4), self.quality, Status.LOCKED)
+
+
+class Nothing:
+    """An estimator that knows of no motion."""
+
+    def start(self, features):
+        self.nothing = np.zeros((4, len(features.names)))
+
+    def update(self, error, own, dt):
+        return Prediction(np.nan_to_num(error), *self.nothing[1:])
+
+    def skip(self, own, dt):
+        return Prediction(*self.nothing)
+
+
+def test_a_plain_class_is_a_tracker_or_an_estimator():
+    scenario = servo.load("still", SHORT, tracker=Still, estimator=Nothing)
+    assert scenario.settings()["tracker"] == {"kind": f"{__name__}:Still", "quality": 0.5}
+    first, again = (scenario.tracker.build(np.random.default_rng(s)).drawn for s in (3, 3))
+    assert first == again == np.random.default_rng(3).random()
+    by_name = servo.load("still", [*SHORT, f"tracker.kind={__name__}:Still", "tracker.quality=1"])
+    assert [type(s.tracker.build(np.random.default_rng(0))) for s in (scenario, by_name)] == [
+        Still,
+        Still,
+    ]
+    assert by_name.tracker.quality == 1
+    assert len(list(servo.run(scenario))) == 9

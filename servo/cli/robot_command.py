@@ -155,7 +155,8 @@ def directions(jacobian: Array) -> str:
     )
     return (
         f"Its {jacobian.shape[1]} joint{'s' * (jacobian.shape[1] > 1)} can follow these parts of "
-        f"the camera's twist there: {parts}."
+        f"the camera's twist there, each as far as it can be had alone: {parts}. "
+        "A run servoes what [features] names, as far as these joints can."
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from math import degrees, radians
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
@@ -27,12 +28,17 @@ from servo.study.run import Job, Record
 from servo.study.run_report import RunReport
 from servo.study.scenario_run import LoadedScenario, record_of
 from sim.camera import gl
+from sim.kinematics.inverse_kinematics import Reach
 from sim.models.target import dimensions
 from sim.types import Array
 from tracking.advice import advice
 
 if TYPE_CHECKING:
     from servo.ros2.server import Server
+
+START_NEAR = 1e-3
+START_TURNED = radians(1.0)
+"""A start pose that is missed by less [m, rad] counts as taken."""
 
 
 def run_scenario(
@@ -64,10 +70,7 @@ def run_scenario(
     except PartFailed as error:
         raise with_traceback(error, prepare(out, name)) from None
     with episode:
-        if episode.world.outline_found:
-            console.print(_outline_line(episode.world.outline))
-        first, region, state = episode.shown
-        if line := advice(scenario.tracker, first.image, region, state):
+        for line in remarks(episode):
             plain(console, line)
         viewer = outputs.viewer()
         folder = prepare(out, name)
@@ -140,6 +143,27 @@ def _outline_line(outline: Array) -> str:
     return (
         f"The target's reference rectangle, as seen from above: {length:.3f} x {width:.3f} m, "
         f"{height:.3f} m over the table; target.outline sets another one"
+    )
+
+
+def remarks(episode: Episode) -> list[str]:
+    """Return what to know of a run before it begins, a sentence each."""
+    first, region, state = episode.shown
+    lines = [
+        _outline_line(episode.world.outline) if episode.world.outline_found else "",
+        _start_line(episode.begun),
+        advice(episode.scenario.tracker, first.image, region, state),
+    ]
+    return [line for line in lines if line]
+
+
+def _start_line(begun: Reach) -> str:
+    """Return a sentence about a start pose that a robot of few joints cannot take; else nothing."""
+    if begun.distance < START_NEAR and begun.angle < START_TURNED:
+        return ""
+    return (
+        "No posture takes the start pose: the robot begins where it sees the target in the same "
+        f"direction, {begun.distance:.2f} m and {degrees(begun.angle):.0f} deg from it"
     )
 
 

@@ -7,8 +7,8 @@ act(picture, goal_picture, posture) for each picture. Arguments with a default a
 """
 
 import inspect
-from collections.abc import Callable, Hashable
-from dataclasses import asdict, make_dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any, final
 
@@ -16,66 +16,39 @@ import numpy as np
 
 from servo.parts import Task
 from servo.types import Command, Mode, Sight
+from sim.plain_part import config_for, has_methods, plain_config
 from sim.types import Array, Image, Posture
 
 Law = Callable[..., Array | Command]
 Act = Callable[[Image, Image, Posture], Array]
-TAKEN = ("kind", "preset", "build", "self")
-"""Names that a table of settings, or a `Config`, has for something else."""
 PICTURES = 3
 """Arguments of a function that is a policy: picture, goal_picture, posture."""
 
 
 def adapted(found: Any) -> type[Any] | None:
     """Return a `Config` class for a law or a policy of one's own; None for what is none."""
-    make = found if isinstance(found, type) else lambda: found
-    if callable(getattr(found, "command", None)):
-        return _config_of(found, make)
-    if callable(getattr(found, "act", None)):
-        return _config_of(found, lambda **given: _of_object(make(**given)), pictures=True)
+    if has_methods(found, "command"):
+        return plain_config(found, "command")
+    if has_methods(found, "act"):
+        make = found if isinstance(found, type) else lambda: found
+        return config_for(found, lambda **given: _of_object(make(**given)), uses_pictures=True)
     if not inspect.isfunction(found):
         return None
     if _asks_for(found) == PICTURES:
-        return _config_of(found, lambda **given: PolicyLaw(partial(found, **given)), pictures=True)
-    return _config_of(found, lambda **given: FunctionLaw(found, given))
+        return config_for(
+            found, lambda **given: PolicyLaw(partial(found, **given)), uses_pictures=True
+        )
+    return config_for(found, lambda **given: FunctionLaw(found, given))
 
 
 def _of_object(policy: Any) -> "PolicyLaw":
     return PolicyLaw(policy.act, getattr(policy, "reset", None))
 
 
-def _config_of(law: Any, make: Callable[..., Any], *, pictures: bool = False) -> type[Any]:
-    def build(self: Any, rng: np.random.Generator) -> Any:
-        del rng
-        return make(**asdict(self))
-
-    is_object = not isinstance(law, type) and not inspect.isfunction(law)
-    settings = {} if is_object else _settings_of(law)
-
-    of = law if hasattr(law, "__qualname__") else type(law)
-    fields = [(name, _type_of(value), value) for name, value in settings.items()]
-    kind = f"{of.__module__}:{of.__qualname__}"
-    members = {"build": build, "kind": kind, "uses_pictures": pictures}
-    return make_dataclass("Config", fields, namespace=members, frozen=True)
-
-
-def _settings_of(law: Callable[..., Any]) -> dict[str, Any]:
-    """Return the arguments that can be settings, and their defaults; others stay as they are."""
-    taken = inspect.signature(law).parameters.values()
-    open_to_all = [p for p in taken if p.default is not p.empty and p.name not in TAKEN]
-    return {p.name: p.default for p in open_to_all if isinstance(p.default, Hashable)}
-
-
 def _asks_for(law: Callable[..., Any]) -> int:
     """Return how many arguments have no default."""
     taken = inspect.signature(law).parameters.values()
     return sum(p.default is p.empty and p.kind is p.POSITIONAL_OR_KEYWORD for p in taken)
-
-
-def _type_of(default: Any) -> Any:
-    """Return the type of a setting; a number may be whole or not, whatever its default is."""
-    of = type(default)
-    return int | float if of in (int, float) else of if of in (bool, str) else Any
 
 
 @final

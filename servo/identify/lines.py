@@ -32,7 +32,8 @@ def lines(found: Identified, joints: Sequence[str], tick: float) -> str:
     """
     late = found.delay.value + found.transport
     latency = max(0.0, (floor(late / tick + 0.5) - 0.5) * tick)
-    said = f"latency_ms = {latency * MILLI:.2f}  # delay {_said(found.delay, MILLI)} ms"
+    delay = f"delay {_said(found.delay, MILLI)} ms before the drive"
+    said = f"latency_ms = {latency * MILLI:.2f}  # {delay}"
     if found.transport > 0:
         said += f", and {found.transport * MILLI:.2f} ms until a picture arrives"
     run = [f"{said}; the drives round it up"]

@@ -93,7 +93,8 @@ class Episode:
             goal = self._picture_at_goal() if self.loop.uses_pictures or shows_goal else None
             self.goal_picture = goal
             """The picture (H, W, 3) that the camera takes at the goal, if it was taken."""
-            self._place_camera(scenario.start)
+            self.begun = self._place_camera(scenario.start)
+            """How near the robot came to the start pose."""
             moment = self.world.moment()
             first = moment.picture()
             self._moment: Moment | None = replace(moment, picture=lambda: first)
@@ -169,7 +170,7 @@ class Episode:
         self._place_camera(StartConfig())
         return self.world.look().image
 
-    def _place_camera(self, start: StartConfig) -> None:
+    def _place_camera(self, start: StartConfig) -> Reach:
         with self._refusals("start: "):
             reach = self._start(start)
             if not reach:
@@ -177,6 +178,7 @@ class Episode:
                 raise ValueError(
                     f"the robot cannot bring the {what} where this picture is taken: {reach}"
                 )
+        return reach
 
     def _start(self, start: StartConfig) -> Reach:
         if start.pose is not None:

@@ -31,7 +31,9 @@ CONVERGED_SCALE = 0.25
 class Outcome(Enum):
     """How a run ended; each member carries its sentence."""
 
-    CONVERGED = "The camera holds the target at the goal, in all that the features servo."
+    CONVERGED = (
+        "The target is at its goal in the picture, with angle and size where these are servoed."
+    )
     TIMED_OUT = "The run ended before the camera was at the goal."
     TARGET_LOST = "The tracker lost the target."
     LIMIT_HIT = "A joint at its limit keeps the camera from the goal."
@@ -58,7 +60,10 @@ MEANINGS = {
         "limited joint from the middle of its range, largest; 100: limit",
     ),
     "camera_path_m": ("m", "way of the camera, seen from the target"),
-    "detour_m": ("m", "this way, less the straight line from start to goal"),
+    "detour_m": (
+        "m",
+        "this way, less the straight line from start to goal; below 0: did not arrive",
+    ),
     "retreat_m": ("m", "how much farther from the target the camera was than at start and goal"),
     "advance_m": ("m", "how much nearer to the target the camera was than at start and goal"),
     "out_of_view_pct": ("%", "frames in which a corner of the target was outside the picture"),

@@ -7,8 +7,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sim.kinds import Kinds, PartConfig
+from sim.plain_part import plain_config
 
 if TYPE_CHECKING:
     from sim.stage import Disturbance
 
-KINDS: Kinds[PartConfig[Disturbance]] = Kinds(__name__, "servobench.disturbances")
+KINDS: Kinds[PartConfig[Disturbance]] = Kinds(
+    __name__, "servobench.disturbances", lambda found: plain_config(found, "at")
+)

@@ -5,8 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sim.kinds import Kinds, PartConfig
+from sim.plain_part import plain_config
 
 if TYPE_CHECKING:
     from sim.stage import Motion
 
-KINDS: Kinds[PartConfig[Motion]] = Kinds(__name__, "servobench.motions")
+KINDS: Kinds[PartConfig[Motion]] = Kinds(
+    __name__, "servobench.motions", lambda found: plain_config(found, "at")
+)

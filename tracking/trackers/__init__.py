@@ -5,20 +5,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from sim.kinds import Kinds, PartConfig
+from sim.plain_part import plain_config
 
 if TYPE_CHECKING:
     from tracking.types import Tracker
 
 
 def _adapted(found: Any) -> type[Any] | None:
-    """Return a `Config` class for a class or object with `init` and `update`, or a function that
-    makes one; None for anything else.
+    """Return a `Config` class for a tracker of one's own: a class or object with `start` and
+    `update`, or with `init` and `update`, or a function that makes the latter; else None.
     """
     # Imported only now: `servobench list` only looks at files.
     from tracking.wrapped.wrap import is_foreign, wrap
 
     is_function = callable(found) and not isinstance(found, type)
-    return wrap(found) if is_foreign(found) or is_function else None
+    if is_foreign(found) or is_function:
+        return wrap(found)
+    return plain_config(found, "start", "update")
 
 
 KINDS: Kinds[PartConfig[Tracker]] = Kinds(__name__, "servobench.trackers", _adapted)

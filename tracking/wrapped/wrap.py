@@ -18,6 +18,7 @@ from typing import Any, ClassVar, Literal, Protocol, get_args
 import cv2
 import numpy as np
 
+from sim.plain_part import DRAWN, has_methods
 from sim.types import Array, Image
 from tracking.types import Region, State
 from tracking.wrapped.boxes import Box, box_in, box_of, score_in
@@ -29,11 +30,6 @@ Score = str | Callable[[Any], float]
 """Attribute or method of a tracker that gives its score, or a function of the tracker."""
 BOXES = {"box", "bbox"}
 """Names of the second argument of `init` in GOT-10k's convention."""
-DRAWN: dict[str, Callable[[np.random.Generator], Any]] = {
-    "rng": lambda rng: rng,
-    "seed": lambda rng: int(rng.integers(1 << 31)),
-}
-"""Arguments that a factory may ask for."""
 
 
 class Foreign(Protocol):
@@ -163,7 +159,7 @@ class Wrapping:
 
 def is_foreign(tracker: Any) -> bool:
     """Return whether an object, or a class, has the methods `init` and `update`."""
-    return all(callable(getattr(tracker, method, None)) for method in ("init", "update"))
+    return has_methods(tracker, "init", "update")
 
 
 @dataclass(frozen=True)
