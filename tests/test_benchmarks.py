@@ -1,5 +1,6 @@
 """The public benchmarks: their worlds, scores by hand, rows, and what is refused."""
 
+import copy
 import dataclasses
 import hashlib
 import json
@@ -11,10 +12,23 @@ import pytest
 import tiny_onnx
 from publish import FEW, FIRST_PAGE, PAGES, with_tables
 
+from servo.bench import audit
 from servo.bench import benchmark as benchmarks
 from servo.bench.benchmark import NAMES, Band, load
 from servo.bench.contestant import Contestant, Division, contestants, scale_of
-from servo.bench.row import TAUS, Row, Won, check_version, row_of, shipped_rows, within, won
+from servo.bench.row import (
+    TAUS,
+    Row,
+    Won,
+    check_version,
+    curve_of,
+    row_of,
+    shipped_rows,
+    slow_of,
+    within,
+    won,
+    won_by,
+)
 from servo.bench.score import Difficulty, effects, standings
 from servo.bench.world_run import ERROR, PICTURE, jobs_of
 from servo.cli import benchmark_command, main
@@ -287,28 +301,115 @@ def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd,
     assert (code, err) == (0, "")
     assert "points" in out
     assert (short / "row.parquet").is_file()
-    assert call(monkeypatch, capfd, *bench, "--verify", "row.json")[:2] == (
-        0,
-        "points: 1 of 1 worlds agree, bit for bit\n",
+    verify = [*bench, "--verify", "row.json"]
+    notes = (
+        "  note: it is of a quick run: 2 of 42 worlds\n"
+        "  note: its medians (time, way, corners out of view) are not compared\n"
     )
+    agreed = f"points: 2 of 2 worlds agree, bit for bit\n{notes}"
+    assert call(monkeypatch, capfd, *verify)[:2] == (0, agreed)
     assert call(monkeypatch, capfd, "report", "o")[0] == 0
     assert "Points by condition" in (short / "o" / "report.html").read_text()
     table = json.loads((short / "row.json").read_text())
     for world in table["worlds"].values():
         world["area"] = abs(world["area"] - 1e-11)
     (short / "row.json").write_text(json.dumps(table))
-    assert call(monkeypatch, capfd, *bench, "--verify", "row.json")[:2] == (
+    assert call(monkeypatch, capfd, *verify)[:2] == (
         0,
-        "points: 0 of 1 worlds agree, bit for bit\n"
-        "  1 more agree but for the rounding of another processor\n",
+        "points: 0 of 2 worlds agree, bit for bit\n"
+        f"  2 more agree but for the rounding of another processor\n{notes}",
     )
-    # What somebody writes into a row is found out.
-    for world in table["worlds"].values():
-        world["area"] = 0.5
-    (short / "row.json").write_text(json.dumps(table))
-    code, out, _ = call(monkeypatch, capfd, *bench, "--verify", "row.json")
+
+
+@pytest.fixture
+def sent(monkeypatch, capfd, short):
+    """A row of that benchmark as somebody sends it; call it with a change, and it is audited."""
+    bench = ["bench", "servo-v1", "--workers", "1"]
+    quick = [*bench, "--quick", "--law", "points", "--out", "o", "--submit", "row.json"]
+    assert call(monkeypatch, capfd, *quick)[0] == 0
+    table = json.loads((short / "row.json").read_text())
+
+    def audited(change):
+        changed = copy.deepcopy(table)
+        change(changed)
+        (short / "row.json").write_text(json.dumps(changed))
+        return call(monkeypatch, capfd, *bench, "--verify", "row.json")[:2]
+
+    return audited
+
+
+def _one_area(row):
+    row["worlds"][sorted(row["worlds"])[0]]["area"] = 0.5
+
+
+def _one_held(row):
+    world = row["worlds"][sorted(row["worlds"])[0]]
+    world["held"] = not world["held"]
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (_one_area, "turn-00 differs"),
+        (_one_held, "turn-00 differs"),
+        (lambda row: row["worlds"].pop("turn-01"), "its worlds are not those of the band: turn-01"),
+        (lambda row: row.update(curve=[1.0] * 41), "its Parquet file gives another curve"),
+        (lambda row: row.update(slow={"100": 1.0}), "other shares held by slower trackers"),
+        (lambda row: row.update(division="SCALE"), "its division is scale, and is home"),
+        (lambda row: row.update(digest=DIGEST), "the settings or files of its contestant are"),
+        (lambda row: row["settings"].update(x=1), "the settings or files of its contestant are"),
+    ],
+)
+def test_what_somebody_writes_into_a_row_is_found_out(sent, change, sentence):
+    code, out = sent(change)
     assert code == 1
-    assert out.startswith("points: 0 of 1 worlds agree")
+    assert sentence in out
+
+
+def test_an_audit_repeats_worlds_that_nobody_knows_before():
+    worlds = load("loop-v1").every_world(Band("v1"))
+    first, second = (audit.sample(worlds, np.random.default_rng(seed)) for seed in (1, 2))
+    assert len({w.key for w in first}) == len(second) == 36
+    assert first != second
+    assert len(audit.sample(worlds[:12], np.random.default_rng(1))) == 10
+
+
+def test_a_row_of_a_tracker_is_compared_with_the_errors_beside_it():
+    loop = load("loop-v1")
+    (kams,) = contestants(loop, ["kams"])
+    keys = [world.key for world in loop.every_world(Band("dev"), 2)]
+    rng = np.random.default_rng(0)
+    errors = {(key, 0.0): rng.uniform(0, 3, 20) for key in keys}
+    errors |= {("reversal-00", 100.0): np.zeros(20), ("reversal-01", 100.0): np.full(20, 9.0)}
+    worlds = {key: won_by(errors[key, 0.0]) for key in keys}
+    table = row("kams", [], "HOME", digest=kams.digest, settings=kams.settings)
+    honest = replace(
+        table,
+        worlds=worlds,
+        slow=slow_of(loop, errors),
+        curve=curve_of([errors[key, 0.0] for key in keys]),
+    )
+    assert honest.slow["100"] == 0.5
+    assert audit.audit(loop, honest, kams, errors).faults == []
+    better = worlds | {"plain-00": Won(0.9, held=True)}
+    for changed, fault in (
+        (replace(honest, worlds=better), "its Parquet file gives other areas: plain-00"),
+        (
+            replace(honest, slow=honest.slow | {"100": 1.0}),
+            "its Parquet file gives other shares held by slower trackers",
+        ),
+    ):
+        assert audit.audit(loop, changed, kams, errors).faults == [fault]
+    fewer = {key: e for key, e in errors.items() if key[0] != "plain-00"}
+    assert audit.audit(loop, honest, kams, fewer).faults == [
+        "its Parquet file has other worlds: plain-00"
+    ]
+
+
+def test_a_file_that_has_no_errors_of_a_row_is_a_sentence(tmp_path):
+    (tmp_path / "row.parquet").write_bytes(b"PAR1 and no more")
+    with pytest.raises(Mistake, match=r"row.parquet: this is no file of a row's errors"):
+        audit.read_errors(tmp_path / "row.parquet")
 
 
 def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):

@@ -70,6 +70,11 @@ class World:
         return f"{self.condition}-{self.number:02}"
 
 
+def condition_of(world: str) -> str:
+    """Return the condition in a world's name."""
+    return world.rpartition("-")[0]
+
+
 @dataclass(frozen=True, slots=True)
 class Band:
     """Which worlds are drawn: "dev" to tune on, "v1" to publish, or sealed ones.

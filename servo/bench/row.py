@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -15,7 +15,7 @@ import numpy as np
 from annotated_types import Ge, Le, Len
 from pydantic import StringConstraints
 
-from servo.bench.benchmark import FOLDER, Band, Benchmark
+from servo.bench.benchmark import FOLDER, Band, Benchmark, condition_of
 from servo.bench.contestant import Contestant
 from servo.bench.world_run import (
     CONTESTANT,
@@ -125,13 +125,24 @@ def won(benchmark: Benchmark, record: Record) -> Won:
     """
     picture = record.settings[PICTURE][:DIGITS]
     if benchmark.score == "held":
-        errors = np.asarray(record.series[ERROR], float)
-        held = float(np.mean(errors <= HELD_SIZE)) >= HELD_SHARE
-        return Won(within(errors, FARTHEST), held, picture)
+        return replace(won_by(record.series[ERROR]), picture=picture)
     lasts = bool(np.isfinite(record.series[ERROR][-1]))
     seen = record.measures["out_of_view_pct"] == 0.0
     arrived = lasts and seen and is_within(record, ARRIVED_MM, ARRIVED_DEG)
     return Won(float(arrived), arrived, picture)
+
+
+def won_by(errors: Array) -> Won:
+    """Return area and holding by the error in each picture [target sizes]."""
+    errors = np.asarray(errors, float)
+    held = float(np.mean(errors <= HELD_SIZE)) >= HELD_SHARE
+    return Won(within(errors, FARTHEST), held)
+
+
+def curve_of(errors: Sequence[Array]) -> list[float]:
+    """Return the share of the time within `TAUS` of the goal, over the errors of all runs."""
+    every = np.concatenate([np.asarray(each, float) for each in errors])
+    return [round(float(np.mean(every <= tau)), 4) for tau in TAUS]
 
 
 def is_within(record: Record, position: float, rotation: float) -> bool:
@@ -151,7 +162,6 @@ def row_of(
     """Return the row of a contestant from the records of all its runs."""
     own = [r for r in records if r.settings[CONTESTANT] == contestant.name]
     at_once = [r for r in own if r.settings[SLOW] == 0.0]
-    errors = np.concatenate([np.asarray(r.series[ERROR], float) for r in at_once])
     return Row(
         command=command,
         versions=versions(),
@@ -166,21 +176,30 @@ def row_of(
         machine=f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}",
         track_ms=round(float(np.median([r.measures[TRACK_MS] for r in at_once])), 3),
         worlds={r.settings[WORLD]: won(benchmark, r) for r in at_once},
-        slow=_slow(benchmark, own) if contestant.is_compared else {},
-        curve=[round(float(np.mean(errors <= tau)), 4) for tau in TAUS],
+        slow=slow_of(benchmark, _errors_of(own)) if contestant.is_compared else {},
+        curve=curve_of([r.series[ERROR] for r in at_once]),
         measures=_measures(at_once) if benchmark.score == "arrives" else {},
     )
 
 
-def _slow(benchmark: Benchmark, records: Sequence[Record]) -> dict[str, float]:
-    """Return the share of worlds held, by the time for a picture [ms]."""
+def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> dict[str, float]:
+    """Return the share of worlds held, by the time for a picture [ms].
+
+    Args:
+        benchmark: Names the condition that counts, if any.
+        errors: Error in each picture [target sizes], by world and time [ms].
+    """
     if benchmark.slow is None:
         return {}
     held: dict[float, list[bool]] = {}
-    for record in records:
-        if record.subject == benchmark.slow.condition:
-            held.setdefault(record.settings[SLOW], []).append(won(benchmark, record).held)
+    for (world, ms), each in errors.items():
+        if condition_of(world) == benchmark.slow.condition:
+            held.setdefault(ms, []).append(won_by(each).held)
     return {f"{ms:g}": float(np.mean(of)) for ms, of in sorted(held.items())}
+
+
+def _errors_of(records: Sequence[Record]) -> dict[tuple[str, float], Array]:
+    return {(r.settings[WORLD], r.settings[SLOW]): r.series[ERROR] for r in records}
 
 
 def _measures(records: Sequence[Record]) -> dict[str, float | None]:

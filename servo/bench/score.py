@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servo.bench.benchmark import World
+from servo.bench.benchmark import World, condition_of
 from servo.bench.contestant import NULL, PERFECT
 from servo.bench.row import Row
 from servo.mistake import Mistake
@@ -54,7 +54,7 @@ class Standing:
 
     def mean_in(self, condition: str) -> float:
         """Return the mean points in a condition; nan where it has none of its worlds."""
-        of = [p for key, p in self.points.items() if key.rpartition("-")[0] == condition]
+        of = [p for key, p in self.points.items() if condition_of(key) == condition]
         return float(np.mean(of)) if of else float("nan")
 
 

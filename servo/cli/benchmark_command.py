@@ -1,19 +1,28 @@
 """`servobench bench loop-v1` and `servo-v1`: contestants in a public benchmark, and their rows."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
 from rich.console import Console
 
+from servo.bench.audit import (
+    Audit,
+    Repeated,
+    audit,
+    errors_file,
+    errors_text,
+    read_errors,
+    repeated,
+    sample,
+)
 from servo.bench.benchmark import NAMES, QUICK, Band, Benchmark, World, load
 from servo.bench.contestant import Contestant, Division, contestants, home_of, scale_of
 from servo.bench.row import Row, check_version, file_name, row_of, shipped_rows
-from servo.bench.world_run import CONTESTANT, ERROR, SLOW, WORLD, jobs_of
+from servo.bench.world_run import CONTESTANT, SLOW, WORLD, jobs_of
 from servo.cli.bench_command import SEEDS, BenchRequest
-from servo.cli.jobs import complete_jobs, go_on, print_estimate
+from servo.cli.jobs import complete_jobs, go_on, print_estimate, progress
 from servo.cli.terminal import plain, print_table
 from servo.mistake import Mistake, writing
 from servo.output.formats import command_line
@@ -27,8 +36,6 @@ from sim.camera import gl
 from tracking.files import atomic
 from tracking.files.json_text import as_json
 
-CHECKED = 10
-"""`--verify` repeats each tenth world, from one that the row's digest draws."""
 ONLY_PUBLIC = (
     "--contestant, --set, --band, --sealed, --quick, --submit and --verify belong to "
     f"{' and '.join(NAMES)}"
@@ -80,7 +87,9 @@ def run(request: BenchmarkRequest) -> int:
     chosen = contestants(benchmark, request.given, request.changes)
     gl.is_there()
     if request.verify is not None:
-        return _verify(benchmark, request.verify, chosen if request.given else None, console)
+        given = chosen if request.given else None
+        rng = np.random.default_rng()
+        return _verify(benchmark, request.verify, given, common.workers, console, rng)
     band = _band(request, chosen)
     worlds = benchmark.every_world(band, QUICK if request.quick else None)
     for one in chosen:  # what is wrong with it is said before anything is run
@@ -175,65 +184,72 @@ def _print(
         )
 
 
-ROUNDING = 1e-9
-"""Largest difference of an area that another processor's last digits make; 3e-12 was seen."""
-
-
 def _submit(file: Path, row: Row, records: Sequence[Record]) -> None:
     """Write a row, and beside it the errors of each picture as Parquet."""
     own = [r for r in records if r.settings[CONTESTANT] == row.contestant]
-    errors = pa.table(
-        {
-            WORLD: [r.settings[WORLD] for r in own],
-            SLOW: [r.settings[SLOW] for r in own],
-            ERROR: [np.asarray(r.series[ERROR], np.float32) for r in own],
-        }
-    )
     with writing(file, "this row"):
         atomic.write(file.parent, file.name, row.text())
-        atomic.write(file.parent, f"{file.stem}.parquet", parquet(errors))
+        atomic.write(file.parent, errors_file(file).name, errors_text(own))
 
 
 def _verify(
-    benchmark: Benchmark, file: Path, given: Sequence[Contestant] | None, console: Console
+    benchmark: Benchmark,
+    file: Path,
+    given: Sequence[Contestant] | None,
+    count: int,
+    console: Console,
+    rng: np.random.Generator,
 ) -> int:
-    """Repeat a tenth of a row's worlds; the exit code: 1 if one differs by more than rounding.
+    """Audit a row, and repeat a tenth of its worlds; the exit code: 1 if something is wrong.
+
+    Args:
+        benchmark: Which the row should be of.
+        file: The row.
+        given: Contestants of the command line, if any.
+        count: Number of workers.
+        console: Where the findings are printed.
+        rng: Draws the worlds.
 
     Raises:
-        Mistake: The file is no row of this version, or a guest's command is not given again.
+        Mistake: The file is no row of this version, a guest's command is not given again, or a run
+            failed.
     """
     row = Row.read(file)
     check_version(benchmark, row)
     one = _contestant(benchmark, row, given)
-    band = Band("dev" if row.band == "dev" else "v1")
-    if row.band == "sealed":
-        band = Band("sealed", row.value, row.digest)
-    there = [w for w in benchmark.every_world(band) if w.key in row.worlds]
-    drawn = there[int(row.digest[:8], 16) % CHECKED % len(there) :: CHECKED]
-    jobs = [job for job in jobs_of(benchmark, [one], drawn) if job.settings[SLOW] == 0.0]
-    differing: list[str] = []
-    rounded = 0
-    with Workers(1) as workers:
+    beside = errors_file(file)
+    errors = read_errors(beside) if beside.exists() else None
+    found = audit(benchmark, row, one, errors)
+    worlds = [world for world in sample(found.worlds, rng) if world.key in row.worlds]
+    jobs = jobs_of(benchmark, [one], worlds)
+    if errors is None:
+        jobs = [job for job in jobs if job.settings[SLOW] == 0.0]
+    runs = list[Repeated]()
+    with Workers(count) as workers, progress(console, f"verify {file.name}", len(jobs)) as ended:
         for job, record in execute(jobs, workers):
             if isinstance(record, Failure):
                 raise Mistake(f"{job.settings[WORLD]}: {record.reason}")
-            now = row_of(benchmark, band, one, [record], "")
-            key = job.settings[WORLD]
-            before = row.worlds[key]
-            after = now.worlds[key]
-            is_close = abs(after.area - before.area) <= ROUNDING
-            if is_close and replace(after, area=before.area) == before:
-                rounded += after != before
-            else:
-                differing.append(key)
-    count = len(drawn)
-    agree = count - len(differing) - rounded
-    plain(console, f"{row.contestant}: {agree} of {count} worlds agree, bit for bit")
+            runs.append(repeated(benchmark, row, errors, record))
+            ended(job.settings[WORLD])
+    return _print_audit(console, row, found, runs)
+
+
+def _print_audit(console: Console, row: Row, found: Audit, runs: Sequence[Repeated]) -> int:
+    """Print what was found; the exit code."""
+    every = {run.world for run in runs}
+    differing = {run.world for run in runs if not run.agrees}
+    rounded = {run.world for run in runs if run.agrees and not run.exactly} - differing
+    agree = len(every) - len(differing) - len(rounded)
+    plain(console, f"{row.contestant}: {agree} of {len(every)} worlds agree, bit for bit")
     if rounded:
-        plain(console, f"  {rounded} more agree but for the rounding of another processor")
-    for key in differing:
+        plain(console, f"  {len(rounded)} more agree but for the rounding of another processor")
+    for key in sorted(differing):
         plain(console, f"  {key} differs")
-    return 1 if differing else 0
+    for sentence in found.faults:
+        plain(console, f"  wrong: {sentence}")
+    for sentence in found.remarks:
+        plain(console, f"  note: {sentence}")
+    return 1 if differing or found.faults else 0
 
 
 def _contestant(benchmark: Benchmark, row: Row, given: Sequence[Contestant] | None) -> Contestant:
