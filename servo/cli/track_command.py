@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -36,6 +35,7 @@ from sim.types import Array
 from tracking.advice import advice
 from tracking.evaluation.track import Shot, Track, follow
 from tracking.evaluation.track_measures import MEASURES, Comparison, measure_all
+from tracking.evaluation.warm_up import warm_up
 from tracking.files.json_text import number
 from tracking.sequences import truth as truths
 from tracking.sequences.quadrilateral import placement
@@ -44,9 +44,6 @@ from tracking.sequences.sources import SECOND, End, Picture, Source
 from tracking.sequences.stream import shown
 from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State, Status
-
-NOISE = (240, 320)
-"""Height and width of the pictures on which a tracker is warmed up [px]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,18 +152,8 @@ def _warm_up(request: TrackRequest, source: Source, config: Any, console: Consol
     """
     if source.count is not None:
         return
-    rng = np.random.default_rng(0)
-    noise = rng.integers(0, 256, (2, *NOISE, 3), np.uint8)
-    seen: list[Shot] = []
     with console.status(WAITING):
-        # A tracker that fails here fails again on the pictures, with its sentence.
-        with suppress(Exception):
-            seen += follow(
-                config.build(rng),
-                [Picture("noise", 0.0, image) for image in noise],
-                Region(NOISE[1] / 4, NOISE[0] / 4),
-                State(NOISE[1] / 2, NOISE[0] / 2),
-            )
+        seen = warm_up(config)
         with TemporaryDirectory() as place:
             files = TrackFolder(Path(place), Region(1.0, 1.0), recording=request.rerun)
             for shot in seen:

@@ -27,6 +27,7 @@ from sim.kinematics.inverse_kinematics import Reach
 from sim.surroundings import Surroundings
 from sim.types import Array, Frame, Image, Pose, Truth
 from sim.world import Moment, Unstable, World, WorldParts
+from tracking.evaluation.warm_up import warm_up
 from tracking.types import Region, State
 
 
@@ -202,6 +203,8 @@ class Episode:
         region = Region(*sides.tolist(), quad=change.corners(truth))
         self.shown = first, region, given
         """The first picture, and the target in it as the tracker is given it."""
+        if not scenario.run.repeats:
+            warm_up(scenario.tracker)
         with self._refusals():
             self.running = self.loop.start(
                 first, region, given, goal, self._true_motion, lambda picture: self._truths[picture]

@@ -13,6 +13,7 @@ from sim.kinds import kind_of
 from tracking.evaluation.track import Track, follow
 from tracking.evaluation.track_file import TrackFile
 from tracking.evaluation.track_measures import Comparison, measure_all
+from tracking.evaluation.warm_up import warm_up
 from tracking.files import atomic
 from tracking.files.json_text import as_json
 from tracking.sequences.sequence import Sequence, read_all
@@ -128,6 +129,7 @@ class TrackedSequence:
         began = time.perf_counter()
         sequence = self.entry.build(job.seed)
         atomic.folder(folder, f"{TRACKS}/{self.contender.label}")
+        warm_up(self.contender.config)  # the time for each picture is measured
         tracker = self.contender.config.build(np.random.default_rng(job.seed))
         rows = TrackFile(self.track_path(folder, job.seed), sequence.region)
         shots = []
