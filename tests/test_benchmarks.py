@@ -265,6 +265,22 @@ def test_a_network_is_a_guest_and_its_digest_covers_the_file(tmp_path, monkeypat
     assert one.digest != before
 
 
+def test_a_command_without_a_program_is_refused_before_anything_runs():
+    with pytest.raises(Mistake, match=r"^trax:nosuchprogram -x: there is no program 'nosuchprog"):
+        contestants(load("loop-v1"), ["mine=trax:nosuchprogram -x"])
+    with pytest.raises(Mistake, match=r"^trax:'a: No closing quotation$"):
+        contestants(load("loop-v1"), ["mine=trax:'a"])
+
+
+def test_an_unfinished_benchmark_has_a_page(monkeypatch, capfd, short):
+    monkeypatch.setattr(benchmark_command, "complete_jobs", lambda *given: 0)
+    command = ["bench", "servo-v1", "--law", "points", "--quick", "--out", "o"]
+    assert call(monkeypatch, capfd, *command)[0] == 0
+    assert call(monkeypatch, capfd, "report", "o")[0] == 0
+    page = (short / "o" / "report.html").read_text()
+    assert "<p>This benchmark is not finished: 0 of 4 runs. The command below goes on" in page
+
+
 def test_a_slow_tracker_runs_more_often_and_the_scale_does_not():
     loop = load("loop-v1")
     worlds = loop.every_world(Band("dev"), 1)

@@ -101,6 +101,29 @@ def test_a_calibration_of_opencv(here, values, model, wanted, more):
     check(camera_with(), model, wanted)
 
 
+@pytest.mark.parametrize(
+    ("old", "new"), [("rows: 3", "rows: 2"), ("cols: 3", "cols: 9"), ("dt: d", "dt: q")]
+)
+def test_a_damaged_matrix_of_opencv_is_a_sentence(here, old, new):
+    opencv(here / "cam.yaml", PLUMB_BOB)
+    text = (here / "cam.yaml").read_text()
+    assert old in text
+    (here / "cam.yaml").write_text(text.replace(old, new, 1))
+    with pytest.raises(Mistake, match=r"^cam\.yaml: "):
+        load("still", ["camera.calibration=cam.yaml"])
+
+
+def test_a_calibration_of_opencv_may_end_anywhere(here):
+    opencv(here / "cam.yaml", PLUMB_BOB)
+    raw = (here / "cam.yaml").read_bytes()
+    for end in range(6, len(raw) - 4, 7):
+        (here / "cam.yaml").write_bytes(raw[:end])
+        try:
+            load("still", ["camera.calibration=cam.yaml"])
+        except Mistake as mistake:
+            assert str(mistake).startswith("cam.yaml: ")  # noqa: PT017
+
+
 def test_opencvs_older_first_line(here):
     opencv(here / "cam.yaml", PLUMB_BOB)
     text = (here / "cam.yaml").read_text()
@@ -148,12 +171,14 @@ def test_python_is_told_who_reads_a_calibration():
 
 K = "[520.0, 0.0, 330.5, 0.0, 518.0, 236.0, 0.0, 0.0, 1.0]"
 MATRIX = "cam.yaml: camera_matrix.data should be a list of finite numbers"
+NO_MATRIX = "cam.yaml: camera_matrix is missing, or has no data"
 SHAPE = "cam.yaml: camera_matrix should be fx 0 cx, 0 fy cy, 0 0 1, without skew, with focal lengths above zero"
 VALUES = "cam.yaml: distortion_coefficients.data should be a list of finite numbers"
+NO_VALUES = "cam.yaml: distortion_coefficients is missing, or has no data"
 NO_YAML = "cam.yaml: this is not YAML"
 WRONG = {
-    "no matrix": ("camera_matrix", "matrix", MATRIX),
-    "a matrix without data": ("  data: [520", "  date: [520", MATRIX),
+    "no matrix": ("camera_matrix", "matrix", NO_MATRIX),
+    "a matrix without data": ("  data: [520", "  date: [520", NO_MATRIX),
     "eight numbers": (K, "[520.0, 0.0, 330.5, 0.0, 518.0, 236.0, 0.0, 0.0]", SHAPE),
     "nan": ("520.0", ".nan", MATRIX),
     "infinity": ("236.0", "-.inf", MATRIX),
@@ -172,7 +197,7 @@ WRONG = {
         "0",
         SHAPE,
     ),
-    "no coefficients": ("distortion_coefficients", "coefficients", VALUES),
+    "no coefficients": ("distortion_coefficients", "coefficients", NO_VALUES),
     "an empty list": (str(list(PLUMB_BOB)), "[]", VALUES),
     "a coefficient that is none": ("-0.28", "k1", VALUES),
     "two coefficients": (

@@ -135,3 +135,15 @@ def test_a_number_of_seeds_is_from_1_on(tmp_path, count):
     )
     assert told.returncode == 4
     assert f"--servobench-seeds: expected a number from 1 on, got {count}\n" in told.stderr
+
+
+def test_a_scenario_that_cannot_be_read_is_an_error_in_the_files(tmp_path):
+    (tmp_path / "wrong.toml").write_text("[run]\nduration = -1\n")
+    files = {"junit": tmp_path / "out.xml", "json": tmp_path / "out.json"}
+    with pytest.raises(Mistake, match="duration"):
+        check_scenarios([str(tmp_path / "wrong.toml")], [], 0, 1, 1, quiet=True, **files)
+    suite = ElementTree.parse(files["junit"]).getroot()
+    assert (suite.get("tests"), suite.get("errors")) == ("1", "1")
+    assert "duration" in suite[0].find("error").get("message")
+    (run,) = json.loads(files["json"].read_text())["runs"]
+    assert "duration" in run["failed"]

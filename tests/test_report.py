@@ -14,7 +14,9 @@ from servo.cli import main
 from servo.cli.report_command import Printed, write
 from servo.mistake import Mistake
 from servo.report import study_section
-from servo.report.page import LIGHT
+from servo.report.page import LIGHT, Block, Section
+from servo.report.printed import latex
+from servo.report.words import Badge, Table, Tone
 from servo.study import record_file
 from servo.study.bounds import MissedBound
 from servo.study.run import Job, Record
@@ -284,6 +286,18 @@ def test_tables_and_figures_of_a_page_are_files_with_the_measures_asked_for(tmp_
     assert LIGHT[0] in drawing
     assert "var(--" not in drawing
     assert "50_%" in drawing  # the legend
+
+
+def test_tables_have_labels_and_those_too_wide_say_so(tmp_path):
+    folder = make_study(tmp_path / "study")
+    write([folder], tmp_path / "page.html", Printed(latex=tmp_path / "tables.tex"))
+    text = (tmp_path / "tables.tex").read_text()
+    labels = re.findall(r"\\label{(tab:[a-z0-9-]+)}", text)
+    assert len(set(labels)) == text.count("\\begin{table}") == 6
+    wide = Table([f"column {n}" for n in range(17)], [["1"] * 17])
+    block = Block("All runs", tables=[wide])
+    section = Section("sweep", "study", "", Badge("2 runs", Tone.PLAIN), [], [block], "")
+    assert '% "All runs" has 1 rows and 17 columns and fits no page; --measures' in latex([section])
 
 
 def test_measures_and_tables_are_refused_where_they_do_not_fit(make_papers, tmp_path):

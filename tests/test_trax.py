@@ -219,10 +219,9 @@ def test_our_server_answers_both_ways_to_begin(tmp_path):
     )
     assert one == two
     assert one[0].startswith('@@TRAX:hello "trax.version=4" "trax.region=rectangle;polygon;"')
-    assert one[1:] == [
-        f'@@TRAX:state "40.0000,30.0000,30.0000,20.0000" "confidence={value}"'
-        for value in ("1.000000", "0.000000")
-    ]
+    place = '@@TRAX:state "40.0000,30.0000,30.0000,20.0000"'
+    unseen = f'{place} "confidence=0.000000" "seen=0"'
+    assert one[1:] == [f'{place} "confidence=1.000000"', unseen]
     polygon = served('@@TRAX:initialize "40,30,70,30,70,50,40,50"', f"@@TRAX:frame {picture}")
     assert polygon[1].startswith('@@TRAX:state "40.0000,30.0000,70.0000,30.0000,70.0000,50.0000')
 

@@ -171,6 +171,11 @@ def test_a_model_that_no_file_can_be_is_a_sentence(model):
     ("old", "new", "why"),
     [
         ('xyz="0 0.09 0"', 'xyz="nan 0 0"', "the place or the inertia of a body is not finite"),
+        (
+            'lower="-6.28" upper="6.28"',
+            'lower="6.28" upper="-6.28"',
+            "its lower limit 6.28 is above",
+        ),
         ("<link", "<a>" * 20_000 + "</a>" * 20_000 + "<link", "maximum recursion depth exceeded"),
     ],
 )

@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import inspect
 import json
+import shlex
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -151,6 +153,20 @@ def settings_of(section: str, what: str) -> Settings:
     return {f"{section}.{key}": value for key, value in table.items()}
 
 
+def check_program(command: str) -> None:
+    """Refuse a command whose program is not there.
+
+    Raises:
+        Mistake: It is not.
+    """
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise Mistake(f"{TRAX}{command}: {error}") from None
+    if not words or shutil.which(words[0]) is None:
+        raise Mistake(f"{TRAX}{command}: there is no program '{words[0] if words else ''}'")
+
+
 def _guest(benchmark: Benchmark, text: str) -> Contestant:
     name, what = named_part(text)
     is_law = benchmark.contestant == "law"
@@ -168,6 +184,7 @@ def _guest(benchmark: Benchmark, text: str) -> Contestant:
         return Contestant(name, OF_CONTROLLERS | settings_of("controller", what), division)
     settings = settings_of("tracker", what)
     if what.startswith(TRAX):
+        check_program(what.removeprefix(TRAX))
         return Contestant(name, settings, Division.CLOSED)
     kind = str(settings["tracker.kind"])
     if kind in UNFIT:

@@ -86,7 +86,13 @@ def check_scenarios(
     with progress(console, "check: reading scenarios", len(each)) as ended:
         for name, s in each:
             again = command_line("run", name, set=list(changes), seed=s)
-            jobs.append(Job(len(jobs), LoadedScenario(load(name, changes, s)), s, command=again))
+            try:
+                scenario = load(name, changes, s)
+            except Mistake as mistake:
+                refused = [_refused(name, s, again, mistake)]
+                _write(refused, junit, json, command_line("check", *names, set=list(changes)))
+                raise
+            jobs.append(Job(len(jobs), LoadedScenario(scenario), s, command=again))
             ended(name)
     gl.is_there()
     if dry_run:
@@ -103,6 +109,12 @@ def check_scenarios(
     for _, record in records:
         print_missed(errors, record)
     return max(_print_failures(ends), any(record.missed for _, record in records))
+
+
+def _refused(name: str, seed: int, command: str, mistake: Mistake) -> dict[str, Any]:
+    """Return what stands in the files for a scenario that cannot be read: no run began."""
+    run = {"scenario": name, "seed": seed, "command": command, "seconds": 0.0, "outcome": ""}
+    return run | {"measures": {}, "missed": [], "failed": str(mistake)}
 
 
 def _write(runs: list[dict[str, Any]], junit: Path | None, json: Path | None, command: str) -> None:

@@ -81,8 +81,9 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
         files[printed.latex] = latex(sections)
     paths = list(files)
     if printed.figures is not None:
-        paths.append(path.parent / FIGURES)
-        named = figures(sections, printed.figures)
+        named = list(figures(sections, printed.figures))
+        if named:
+            paths.append(path.parent / FIGURES)
         files |= {path.parent / FIGURES / name: content for name, content in named}
     for place, content in files.items():
         with writing(place, "this page"):

@@ -1,5 +1,6 @@
 """The section about a public benchmark: its table, curves, conditions, factors and failures."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,7 +10,6 @@ from servo.bench.benchmark import Band, Benchmark, World, load
 from servo.bench.contestant import Division
 from servo.bench.row import TAUS, Row, rows_in, shipped_rows
 from servo.bench.score import Difficulty, Standing, by_size, effects, standings
-from servo.mistake import Mistake
 from servo.report.charts import INK, Curve, Scale, curves, heat
 from servo.report.page import LIGHT, Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown, spread
@@ -32,7 +32,7 @@ def section(folder: Path, study: StudyFile) -> Section:
     rows = rows_in((folder / ROWS).glob("*.json"))
     table = standings(rows) if rows else []
     if not table:
-        raise Mistake(f"{folder}: no contestant of this benchmark has run in all worlds")
+        return _unfinished(folder, study)
     of_band = rows[0]
     band = Band(of_band.band, of_band.value, of_band.digest)
     worlds = [w for w in benchmark.every_world(band) if w.key in of_band.worlds]
@@ -49,6 +49,29 @@ def section(folder: Path, study: StudyFile) -> Section:
     verdict = Badge(f"first: {table[0].name}", Tone.PLAIN)
     return Section(
         "benchmark", folder.resolve().name, study.title, verdict, facts, blocks, str(folder)
+    )
+
+
+def _unfinished(folder: Path, study: StudyFile) -> Section:
+    """Return the section about a benchmark in which no contestant has run in all worlds yet."""
+    store = Store(folder)
+    store.find()
+    done = Counter(
+        record.settings["contestant"]
+        for batch in store.read(store.done, long=False)
+        for record in batch.values()
+    )
+    rows = [[str(name), str(done[name])] for name in study.axes["contestant"]]
+    progress = f"{len(store.done)} of {study.runs} runs"
+    sentence = (
+        f"This benchmark is not finished: {progress}. The command below goes on with it; there are "
+        "scores once a contestant has run in all worlds."
+    )
+    table = Table(("contestant", "runs so far"), rows, range(1))
+    blocks = [Block("So far", [sentence], tables=[table]), *_failures(folder), again(study)]
+    verdict = Badge(progress, Tone.PLAIN)
+    return Section(
+        "benchmark", folder.resolve().name, study.title, verdict, [], blocks, str(folder)
     )
 
 

@@ -11,7 +11,8 @@ from servo.report.page import Figure, PageImage, Section, template
 KINDS = ("pdf", "svg", "pgf")
 """Formats of figures."""
 MOST_ROWS = 60
-"""Longer tables do not fit a page, and are left out."""
+MOST_COLUMNS = 16
+"""Longer and wider tables do not fit a page, and are left out."""
 TEX = str.maketrans(
     {c: f"\\{c}" for c in "{}$&#%_"}
     | {
@@ -29,12 +30,20 @@ def latex(sections: Sequence[Section]) -> str:
     """Return the tables of a page as LaTeX, each in an environment `table`."""
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["tex"] = _escaped
+    environment.filters["label"] = _label
     text = template("tables.tex.jinja")
-    return environment.from_string(text).render(sections=sections, most=MOST_ROWS)
+    return environment.from_string(text).render(
+        sections=sections, rows=MOST_ROWS, columns=MOST_COLUMNS
+    )
 
 
 def _escaped(text: str) -> str:
     return text.translate(TEX)
+
+
+def _label(title: str) -> str:
+    """Return a title as a part of a label or of a file's name."""
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:40]
 
 
 def figures(sections: Sequence[Section], kind: str) -> Iterator[tuple[str, bytes]]:
@@ -51,5 +60,4 @@ def figures(sections: Sequence[Section], kind: str) -> Iterator[tuple[str, bytes
     every: list[Figure | PageImage] = [f for b in blocks for f in (*b.figures, *b.pictures)]
     drawn = [figure for figure in every if figure.drawing is not None]
     for number, figure in enumerate(drawn, 1):
-        words = re.sub(r"[^a-z0-9]+", "-", figure.title.lower()).strip("-")
-        yield f"{number:02}-{words[:40]}.{kind}", saved(figure, kind)
+        yield f"{number:02}-{_label(figure.title)}.{kind}", saved(figure, kind)

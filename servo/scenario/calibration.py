@@ -133,11 +133,13 @@ def _of_opencv(text: str, path: Path) -> Table:
     """Return what a file of OpenCV's has of a calibration."""
     try:
         file = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-    except cv2.error:
-        raise Mistake(f"{path}: this is no file that OpenCV wrote") from None
-    matrices: Table = {key: file.getNode(key).mat() for key in MATRICES}
+        matrices: Table = {key: file.getNode(key).mat() for key in MATRICES}
+        whole = {key: int(file.getNode(key).real()) for key in WHOLE}
+    # SystemError: OpenCV failed in its constructor, as it does on a file that is cut.
+    except (cv2.error, SystemError, ValueError, OverflowError):
+        raise Mistake(f"{path}: this is no file that OpenCV wrote, or it is damaged") from None
     found: Table = {key: None if m is None else m.ravel().tolist() for key, m in matrices.items()}
-    return found | {key: int(file.getNode(key).real()) for key in WHOLE}
+    return found | whole
 
 
 def _model(document: Table, path: Path, values: list[float]) -> Model:
@@ -157,6 +159,8 @@ def _model(document: Table, path: Path, values: list[float]) -> Model:
 
 def _numbers(data: Any, key: str, path: Path) -> list[float]:
     """Return the numbers of a matrix; YAML takes one such as 1e-05 for a text."""
+    if data is None:
+        raise Mistake(f"{path}: {key} is missing, or has no data")
     try:
         numbers = np.array(data, np.float64)
     except (TypeError, ValueError, OverflowError):

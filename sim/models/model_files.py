@@ -140,6 +140,8 @@ def spec_of_urdf(path: Path) -> mujoco.MjSpec:
         raise ValueError(
             "it has elements of a namespace; expand xacro files first (xacro IN > OUT)"
         )
+    for joint in tree.iter("joint"):
+        _check_limit(joint)
     given = tree.find("mujoco/compiler")
     folder = path.parent / ("" if given is None else given.get("meshdir", ""))
     for link in tree.iter("link"):
@@ -151,6 +153,19 @@ def spec_of_urdf(path: Path) -> mujoco.MjSpec:
     extension = ElementTree.SubElement(tree, "mujoco")
     ElementTree.SubElement(extension, "compiler", COMPILER)
     return mujoco.MjSpec.from_string(ElementTree.tostring(tree, "unicode"))
+
+
+def _check_limit(joint: Element) -> None:
+    """Refuse a range that ends before it begins, which MuJoCo takes for none at all."""
+    limit = joint.find("limit")
+    if limit is None:
+        return
+    lower, upper = (float(limit.get(key, "0")) for key in ("lower", "upper"))
+    if lower > upper:
+        raise ValueError(
+            f"joint '{joint.get('name', '')}': its lower limit {lower:g} is above its upper "
+            f"limit {upper:g}"
+        )
 
 
 def joint_speeds(path: Path) -> dict[str, float]:

@@ -4,6 +4,7 @@ import argparse
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Any, TextIO
 
 import numpy as np
@@ -12,8 +13,12 @@ from sim.installed import plain
 from sim.types import Array
 from tracking.exported.toolkits import Follower
 from tracking.sequences.sources import RATE
+from tracking.types import Estimate, Status
 from tracking.wrapped.trax_messages import (
+    CONFIDENCE,
     CORNERS,
+    SEEN,
+    UNSEEN,
     Message,
     box_around,
     message_in,
@@ -91,7 +96,7 @@ def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Ite
             found, rect = follower.update(image)
             boxes = region is not None and region.ndim == 1
             outline = np.array(rect) if boxes else found.outline(follower.region)
-            yield _state(outline, 1.0 - found.distance)
+            yield _answer(outline, found)
 
 
 def _region(text: str) -> Array:
@@ -106,7 +111,15 @@ def _region(text: str) -> Array:
 
 
 def _state(region: Array, confidence: float) -> Message:
-    return Message("state", [region_text(region)], {"confidence": f"{confidence:.6f}"})
+    return Message("state", [region_text(region)], {CONFIDENCE: f"{confidence:.6f}"})
+
+
+def _answer(outline: Array, found: Estimate) -> Message:
+    """Return the answer to a picture; one in which a tracker saw nothing at all says so."""
+    answer = _state(outline, 1.0 - found.distance)
+    if found.distance >= 1.0 and found.status is not Status.LOCKED:
+        return replace(answer, named={**answer.named, SEEN: UNSEEN})
+    return answer
 
 
 def main() -> None:

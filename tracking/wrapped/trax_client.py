@@ -20,7 +20,10 @@ from sim.types import Array, Image
 from tracking.types import Region, State
 from tracking.wrapped.boxes import Box, box_in, box_of, convex, score_in
 from tracking.wrapped.trax_messages import (
+    CONFIDENCE,
     CORNERS,
+    SEEN,
+    UNSEEN,
     Message,
     box_around,
     message_in,
@@ -35,8 +38,6 @@ PICTURES = frozenset({"path", "memory", "buffer", "data"})
 """Formats in which we send pictures."""
 REGIONS = frozenset({"rectangle", "polygon"})
 """Forms in which we send regions."""
-CONFIDENCE = "confidence"
-"""Name under which servers report their score."""
 LAST_LINES = 3
 """Lines of a server's stderr that an error quotes."""
 LONGEST_LINE = 1 << 24
@@ -123,7 +124,7 @@ class TraxClient:
         except (TypeError, ValueError) as error:
             reason = error if isinstance(error, ValueError) else "no region"
             self._fail(f"answered {answer.line().strip()[:80]}, which is {reason}")
-        if found is None:
+        if found is None or answer.named.get(SEEN) == UNSEEN:
             return None
         if found.ndim == 1:
             return box_in(found, self._name)

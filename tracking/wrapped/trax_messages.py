@@ -18,6 +18,11 @@ from sim.files.picture_file import check_size, decoded, read_image
 from sim.types import Array, Image
 
 PREFIX = "@@TRAX:"
+CONFIDENCE = "confidence"
+"""Name under which servers report their score."""
+SEEN = "seen"
+UNSEEN = "0"
+"""How our server says that its tracker did not see the target: TraX has no word for it."""
 TYPES = {"hello", "initialize", "frame", "state", "status", "quit"}
 ARGUMENT = re.compile(r'"((?:[^"\\]|\\.)*+)"|(\S+)')
 """An argument in quotes, or without. The possessive repetition takes linear time on a line whose
