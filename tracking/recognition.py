@@ -36,6 +36,7 @@ SENT = 0.25
 LIMITS = LossLimits(floor=0.8, cap=0.8, hysteresis=0.75, patience=0.4)
 """Limits of 1 - the confidence."""
 TINY = 1e-12
+"""Keeps the spread of particles finite whose weights are all zero."""
 
 
 class Recogniser:

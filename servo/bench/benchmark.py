@@ -24,6 +24,7 @@ from tracking.files.json_text import as_json
 FOLDER = "benchmarks"
 NAMES = ("loop-v1", "servo-v1")
 HASH_DIGITS = 16
+"""Of a SHA-256: 64 bits, so that no two editions of a benchmark share them."""
 SEALED_FROM = 1 << 20
 SEALED_SEEDS = 1 << 40
 """Sealed seeds lie above all others."""

@@ -36,6 +36,7 @@ from sim.types import Array
 FARTHEST = 2.0
 """The curve of the score goes to this distance from the goal [target sizes]."""
 TAUS = np.linspace(0.0, FARTHEST, 41)
+"""The distances of the curve: a step is a twentieth of the target's size."""
 ARRIVED_MM = 10.0
 ARRIVED_DEG = 1.0
 NEAR_MM = 100.0

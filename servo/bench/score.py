@@ -15,6 +15,7 @@ from sim.types import Array
 from tracking.statistics.comparisons import Interval, holm, mean_of
 
 SURE = 0.05
+"""Contestants whose difference has a smaller p-value, after Holm, have different ranks."""
 HALF = 0.5
 """A tracker is fast enough while half of the worlds are held."""
 

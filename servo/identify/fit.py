@@ -32,9 +32,11 @@ SETTLED = 5.0
 STANDS = 0.1
 """so long for its drives' own servo [s]."""
 LEVEL = 0.95
+"""Of the intervals."""
 DRIFT = 2.0
 """A channel's drift may bend this often [s]: what is not modelled adds up in positions."""
 MOST_KNOTS = 40
+"""Bends of a drift at most; longer logs have longer pieces."""
 STILL = 0.02
 """Part of a channel's largest rate below which friction holds it."""
 FEWEST = 3

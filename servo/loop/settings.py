@@ -24,6 +24,7 @@ from tracking.types import Tracker
 MOST_SEED = (1 << 63) - 1
 """The largest integer that TOML has."""
 MOST_LATENCY = 100
+"""Frames: three seconds at 30 Hz, beyond any loop that is stable."""
 LATENCY = 1
 """Frames, where nothing else is given."""
 DOES_NOT_REPEAT = (

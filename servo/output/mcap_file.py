@@ -46,6 +46,7 @@ NEEDS = "--mcap needs the packages foxglove-sdk and rosbags: install servobench[
 CHUNK = 1 << 18
 """Size after which a chunk is written [bytes]."""
 JPEG_QUALITY = 85
+"""Higher than in a Rerun recording: trackers may be run on the log's pictures."""
 LATEST = ros2.SECOND << 31
 """Stamps that the messages cannot hold begin here [ns]: seconds are integers of 32 bits."""
 FRAME = "camera"

@@ -20,6 +20,7 @@ from tracking.trackers import KINDS as TRACKERS
 
 Settings = dict[str, Any]
 NOISES = (0.3, 0.5, 0.8, 1.0, 1.2, 1.5)
+"""Noise of the position [px] that is tried, around the published one."""
 FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
 """On all noises of a filter."""
 NOISE = ("noise", "turn_noise", "scale_noise")

@@ -48,6 +48,7 @@ DARK = (
 """Colours of the series of a figure, on light and on dark ground."""
 JPEG_QUALITY = 82
 MOST_ROWS = 500
+"""Rows of a table on a page at most; files have them all."""
 
 
 @dataclass(frozen=True, slots=True)

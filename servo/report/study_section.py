@@ -29,11 +29,13 @@ from servo.study.results import COMPARED, Compared, comparisons, grouped
 MOST_SHEETS = 24
 MOST_FAILURES = 12
 MOST_LISTED = 12
+"""Most contact sheets, failures and cells of a page, which should open at once."""
 TIME = "track_ms"
 COLUMNS = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct", TIME)
 WAYS = ("settle_s", "camera_path_m", "detour_m", "retreat_m", "out_of_view_pct", "lost_pct")
 """Measures in the tables, of studies and of those that show ways; the files have all of them."""
 SURE = 0.05
+"""Differences with a smaller p-value, after Holm, are called differences."""
 UNITS = (
     "Intervals are over the units: scenarios where there are several, else draws or seeds; seeds "
     "that draw nothing are one run."

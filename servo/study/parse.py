@@ -34,6 +34,8 @@ ALL = "*"
 SEEDS = 3
 MOST_RUNS = 1_000_000
 MOST_CHECKED = 2000
+"""Default number of seeds; most runs; and most cells that are parsed before any is run,
+so that a wrong setting is found at once."""
 TRACKERS = "trackers"
 """Axis of the trackers that a command gives."""
 COUNTABLE = 10**15

@@ -21,6 +21,8 @@ Kind = Literal["opengl", "exact"]
 """Renderers."""
 STANDS = (0.0, -1.0, 0.8, -100.0, 0.0, 0.0)
 HELD = (0.0, 0.0, 0.05, 0.0, 0.0, 0.0)
+"""Where a camera in the room stands, beside the table and tilted down to it, and how a hand holds
+the target, 5 cm before it; chosen by hand."""
 Pose6 = tuple[Place, Place, Place, Degrees, Degrees, Degrees]
 Focal = Annotated[float, Ge(1), Le(100_000)]
 Principal = Annotated[float, Ge(-10_000), Le(10_000)]

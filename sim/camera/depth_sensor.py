@@ -15,6 +15,7 @@ is tilted by 75 degrees stays below it (f = 290 px), and what is 4 cm high on a 
 above it.
 """
 AROUND = np.ones((3, 3), np.uint8)
+"""The neighbours of a pixel between which a jump in depth is an edge."""
 
 
 @final

@@ -38,6 +38,7 @@ TINY = 1e-4
 """Smallest radius at which the fisheye's formula is evaluated; below, its factor is constant."""
 UNIT = np.eye(2)
 ROUNDS = 60
+"""Most steps of Newton's method, far above what a lens without a fold needs."""
 EXACT = 1e-6
 """Newton's method ends after a smaller step, which leaves an error of about its square."""
 

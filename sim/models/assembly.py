@@ -24,6 +24,7 @@ SPOT = "spot"
 """The prop of a light that is not the same everywhere: MuJoCo lights corners and blends between
 them, so the table needs more of them."""
 FINE_QUADS = 8
+"""MuJoCo's `numquads` then; its default is 4."""
 FLOOR = "floor"
 STANDS = 4
 """A group of geoms that MuJoCo does not draw by itself: no camera on a robot sees them."""

@@ -21,6 +21,7 @@ Combine = Literal["mean", "sum"]
 """Combination of the parts' squared distances: the mean, or the sum, as if they were
 independent."""
 TINY = 1e-12
+"""Keeps a division by a sum of zero finite; sums are of shares, so it changes no other."""
 LEAST_RING = 8
 """Points along each side of a ring: with fewer, none might lie outside the template."""
 

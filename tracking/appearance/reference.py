@@ -30,6 +30,7 @@ SURROUNDINGS_DENSITY = 32
 RARE = 1e-4
 """A bin with less mass than this carries no information."""
 TINY = 1e-12
+"""Keeps a division by a sum of zero finite; sums are of shares, so it changes no other."""
 
 
 class Reference:

@@ -27,6 +27,7 @@ from tracking.loops import descent as loops
 from tracking.types import Region, State
 
 TINY = 1e-12
+"""Keeps the histogram of a kernel without a pixel finite: it is then empty."""
 PIXELS = 2000
 """Larger targets are read at every second, third, ... pixel to stay below this number."""
 TOLERANCE = 0.2

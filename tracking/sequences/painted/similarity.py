@@ -25,6 +25,7 @@ REGION = Region(60.0, 40.0)
 FIELDS = (3, 3)
 """Coloured fields of the target."""
 PATCHES = 60
+"""Patches of the ground."""
 EXPOSURES = 5
 """Number of pictures that are averaged into a blurred one."""
 SHUTTER = 0.5
