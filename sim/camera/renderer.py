@@ -24,6 +24,7 @@ VISION_FROM_MUJOCO = np.diag([1.0, -1.0, -1.0])
 ALONE = 5
 """A group of geoms that MuJoCo does not draw by itself."""
 TABLE = "table"
+FLOOR = "floor"
 TABLE_RIM = 0.01
 """A table is taken to be this much smaller on each side [m]: where its edge is nearly in the
 picture, the sky is drawn."""
@@ -136,7 +137,12 @@ class OpenGLRenderer:
     def begin(self, data: mujoco.MjData) -> Promise:
         hidden = self._backdrop.is_hidden(data, self._camera.fixedcamid)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = not hidden
-        return self._draw(data, self._colours).result
+        floor = self._backdrop.floor if hidden else []
+        group = self._model.geom_group[floor]
+        self._model.geom_group[floor] = ALONE
+        picture = self._draw(data, self._colours)
+        self._model.geom_group[floor] = group
+        return picture.result
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
         group = self._model.geom_group.copy()
@@ -285,14 +291,16 @@ class Unseen:
 
 
 class Backdrop:
-    """Tells where a scene's table fills the picture: a sky behind it need not be drawn, which takes
-    a tenth of a picture's time.
+    """Tells where a scene's table fills the picture: sky and floor behind it need not be drawn, a
+    third of a picture's time.
     """
 
     def __init__(self, model: mujoco.MjModel, view: Camera) -> None:
         """Find the table of a model; a model without one has nothing that hides the sky."""
         found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, TABLE)
         self._reach = np.zeros(2) if found < 0 else model.geom_size[found, :2] - TABLE_RIM
+        self.floor = np.array([i for i in range(model.ngeom) if model.geom(i).name == FLOOR], int)
+        """Ids of the geoms that only the table hides."""
         u = np.array([0.0, 0.0, view.width, view.width])
         v = np.array([0.0, view.height, 0.0, view.height])
         rays = [(u - view.cx) / view.fx, (view.cy - v) / view.fy, -np.ones(4)]
