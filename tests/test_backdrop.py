@@ -4,7 +4,9 @@ from importlib import resources
 
 import mujoco
 import numpy as np
+import pytest
 
+from sim.camera.exact.renderer import ExactRenderer
 from sim.camera.renderer import OpenGLRenderer
 from sim.types import Camera
 
@@ -30,9 +32,9 @@ def poses():
         yield place, turn * rng.choice([0.0, 0.3, 1.0])
 
 
-def pictures(model):
+def pictures(model, make=OpenGLRenderer):
     data = mujoco.MjData(model)
-    renderer = OpenGLRenderer(model, "eye", VIEW)
+    renderer = make(model, "eye", VIEW)
     groups = model.geom_group.copy()
     seen = []
     for place, turn in poses():
@@ -45,8 +47,10 @@ def pictures(model):
     return np.array(seen)
 
 
-def test_what_the_table_hides_need_not_be_drawn():
-    np.testing.assert_array_equal(pictures(room("table")), pictures(room("all_is_drawn")))
+@pytest.mark.parametrize("make", [OpenGLRenderer, ExactRenderer])
+def test_what_the_table_hides_need_not_be_drawn(make):
+    hiding, all_of_it = (pictures(room(table), make) for table in ("table", "all_is_drawn"))
+    np.testing.assert_array_equal(hiding, all_of_it)
 
 
 def test_half_of_these_pictures_show_nothing_but_the_table_and_what_is_on_it():

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sim.camera import gl
 from sim.camera.exact import raster
 from sim.camera.exact.solids import across, sky_of, solids_of, texture_of
-from sim.camera.renderer import DepthPromise, Promise, T, camera_pose
+from sim.camera.renderer import Backdrop, DepthPromise, Promise, T, camera_pose
 from sim.types import Array, Camera, DepthPicture, Image
 
 DEFAULT_SHINE = (0.0, 0.5, 0.5)
@@ -67,6 +67,10 @@ class ExactRenderer:
         self._rgba, self._shine = _looks(model)
         visible = mujoco.MjvOption().geomgroup[model.geom_group] * model.geom_rgba[:, 3] > 0
         self._is_shown = np.append(visible, sky >= 0) & (counts > 0)
+        self._backdrop = Backdrop(model, view)
+        self._before_table = self._is_shown.copy()
+        self._before_table[[*self._backdrop.floor, model.ngeom]] = False
+        """Bodies to draw where the table hides floor and sky."""
         self._texels, self._levels = _textures(model)
         self._textures = np.array([*(texture_of(model, g) for g in range(model.ngeom)), sky]) + 1
         shape = (view.height, view.width)
@@ -78,7 +82,8 @@ class ExactRenderer:
 
     def begin(self, data: mujoco.MjData) -> Promise:
         """Begin a picture of the scene as it is, which may change afterwards; see `Renderer`."""
-        return self._draw(data, self._is_shown).result
+        hidden = self._backdrop.is_hidden(data, self._camera)
+        return self._draw(data, self._before_table if hidden else self._is_shown).result
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
         """Return a mask of the pixels that show one of the geoms; see `Renderer`."""
