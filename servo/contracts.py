@@ -120,9 +120,9 @@ def check_features(features: FeatureSet, method: str, found: object, *_: object)
     if method == "known":
         require(found.dtype == np.bool_, "known returned {}; it should be {} flags", found, k)
         return
-    right = _is_array(found, shape, finite=False)
     # An error may hold nan: that of a feature which was not measured.
-    right = right and (np.isfinite(found) | (np.isnan(found) & (method == "error"))).all()
+    right = _is_array(found, shape, finite=method != "error")
+    right = right and (method != "error" or not np.isinf(found).any())
     require(right, "{} returned {}; all must be finite", method, found)
     require(
         method != "scales" or (found > 0).all(), "scales returned {}; all must be above 0", found

@@ -131,14 +131,10 @@ class BelievedRobot:
         self._play = np.zeros(len(names))
         self._last: tuple[float, Pose] | None = None
 
-    def rates(self, data: mujoco.MjData, twist: Array, hold: float) -> tuple[Array, bool]:
+    def rates(self, data: mujoco.MjData, twist: Array, hold: float) -> tuple[Array, Array, bool]:
         """As `Robot.rates`, for the believed camera."""
         self._read(data)
         return self._robot.rates(self._data, twist, hold)
-
-    def jacobian(self, data: mujoco.MjData) -> Array:
-        """The believed one, as of the last reading."""
-        return self._robot.jacobian(self._data)
 
     def driven(self, rates: Array, hold: float) -> Array:
         """Return the joints' rates (n,) over a time [s]: the motors', less the play."""

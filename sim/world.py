@@ -233,9 +233,9 @@ class World:
                 self._pictures.append(self._renderer.begin(self.data))
             if k % self._drive_steps == 0:
                 twist = each[k // self._drive_steps]
-                rates, slowed = self._known.rates(self.data, twist, self._hold)
+                rates, made, slowed = self._known.rates(self.data, twist, self._hold)
                 saturated |= slowed
-                accepted.append(self._known.jacobian(self.data) @ rates)
+                accepted.append(made)
                 self.data.ctrl[:] = self._known.driven(rates, self._hold)
             mujoco.mj_step(self.model, self.data, until - k)
         if any(self.data.warning[w].number for w in UNSTABLE):

@@ -135,7 +135,7 @@ def test_a_redundant_arm_moves_away_from_its_limits_without_moving_the_camera(se
     data.qpos[:] = [0.3, 0.6, 0.8, -2.2, 0.5, 2.0, 2.0]
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    rates, limited = robot.rates(data, np.zeros(6))
+    rates, _, limited = robot.rates(data, np.zeros(6))
     assert not limited
     np.testing.assert_allclose(robot.jacobian(data) @ rates, 0, atol=1e-12)
     middles = (robot.lower + robot.upper) / 2
@@ -150,7 +150,7 @@ def test_centring_gives_way_where_it_would_slow_the_camera(seven):
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     twist = np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.1])
-    rates, limited = robot.rates(data, twist)
+    rates, _, limited = robot.rates(data, twist)
     assert not limited
     assert np.all((rates >= robot.slowest) & (rates <= robot.fastest))
     np.testing.assert_allclose(robot.jacobian(data) @ rates, twist, atol=1e-4)
@@ -166,7 +166,7 @@ def test_the_other_joints_go_on_where_one_is_at_its_limit(seven):
     J = robot.jacobian(data)
     twist = 0.05 * J[:, 0] + 0.02 * J[:, 3]
     assert (np.linalg.pinv(J) @ twist)[0] > 0.01  # the least rates need it
-    rates, limited = robot.rates(data, twist)
+    rates, _, limited = robot.rates(data, twist)
     assert not limited
     assert rates[0] <= 1e-9
     np.testing.assert_allclose(J @ rates, twist, atol=1e-4)

@@ -73,7 +73,7 @@ def test_rates_make_the_twist(robot):
     machine, model, data = robot
     pose_at(model, data, np.array([0.1, -0.2, 0.1, 0.7, 0.2, -0.1]))
     twist = np.array([0.1, 0.05, -0.02, 0.1, -0.2, 0.3])
-    rates, limited = machine.rates(data, twist)
+    rates, _, limited = machine.rates(data, twist)
     assert not limited
     np.testing.assert_allclose(machine.jacobian(data) @ rates, twist, atol=1e-12)
 
@@ -82,7 +82,7 @@ def test_saturation_keeps_the_direction(robot):
     machine, model, data = robot
     pose_at(model, data, np.zeros(6))
     twist = np.array([4.0, 1.0, 0.0, 0.0, 0.0, 1.0])
-    rates, limited = machine.rates(data, twist)
+    rates, _, limited = machine.rates(data, twist)
     made = machine.jacobian(data) @ rates
     assert limited
     np.testing.assert_allclose(
@@ -94,10 +94,10 @@ def test_saturation_keeps_the_direction(robot):
 def test_a_joint_slows_down_before_its_limit_and_leaves_it_freely(robot):
     machine, model, data = robot
     pose_at(model, data, np.array([1.3 - 0.02, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    towards, limited = machine.rates(data, np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    towards, _, limited = machine.rates(data, np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0]))
     assert limited
     assert towards[0] == pytest.approx(8.0 * 0.01)  # STOP_GAIN times the room above STOP_MARGIN
-    away, limited = machine.rates(data, np.array([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    away, _, limited = machine.rates(data, np.array([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0]))
     assert not limited
     assert away[0] == pytest.approx(-0.5, rel=1e-4)
 

@@ -37,7 +37,7 @@ def robot(actuator=VELOCITY, height=1):
 
 def test_without_a_ctrlrange_a_drive_has_no_limit():
     machine, data = robot()
-    rates, limited = machine.rates(data, np.array([50.0, 0, 0, 0, 0, 0]))
+    rates, _, limited = machine.rates(data, np.array([50.0, 0, 0, 0, 0, 0]))
     assert rates.tolist() == pytest.approx([50.0])
     assert not limited
 
@@ -45,7 +45,7 @@ def test_without_a_ctrlrange_a_drive_has_no_limit():
 def test_a_drive_may_be_slower_in_one_direction():
     machine, data = robot('<velocity name="x" joint="x" kv="10" ctrlrange="-0.2 0.5"/>')
     for asked, made in ((0.4, 0.4), (-0.4, -0.2), (0.6, 0.5)):
-        rates, limited = machine.rates(data, np.array([asked, 0, 0, 0, 0, 0]))
+        rates, _, limited = machine.rates(data, np.array([asked, 0, 0, 0, 0, 0]))
         assert rates.tolist() == pytest.approx([made])
         assert limited == (asked != made)
 

@@ -84,8 +84,10 @@ class KalmanFilters:
         self._before = None
         f.x = x.reshape(-1, 1)
         f.predict(u[:, None])
-        self.x = where(begun, f.x.reshape(x.shape), x)
-        self.covariance = where(begun, self.covariance, P)
+        self.x = f.x.reshape(x.shape)
+        if not begun.all():
+            self.x = where(begun, self.x, x)
+            self.covariance = where(begun, self.covariance, P)
 
     @property
     def covariance(self) -> Array:

@@ -298,12 +298,11 @@ class Running:
             interval = elapsed(self._shown, frame.time, self._period)
             self._estimate = self._tracked(frame, posture, interval)
         self._shown = frame.time
-        found = Observation(frame, self._estimate, interval, 0.0)
         command = None
         if self._loop.is_policy:
-            sight = self._sight(found, posture)
+            sight = self._sight(frame, self._estimate, posture)
             command = self._loop.controller.command(sight, posture, interval)
-        return replace(found, seconds=perf_counter() - began, command=command)
+        return Observation(frame, self._estimate, interval, perf_counter() - began, command)
 
     def _tracked(self, frame: Frame, posture: Posture, interval: float) -> Estimate:
         """Return the next estimate. The tracker does not learn of a dropped frame: its last
@@ -352,7 +351,7 @@ class Running:
         if loop.scenario.goal.depth_to is not None:
             self.goal_sight = self._goal_sight(frame.time)
             loop.controller.aim(self.goal_sight)
-        sight = self._sight(observation, posture)
+        sight = self._sight(frame, observation.estimate, posture)
         if frame.fresh and sight is None and loop.forgets is not None:
             loop.forgets.forget()
         command = observation.command or loop.controller.command(
@@ -363,14 +362,13 @@ class Running:
         self.decision = Decision(observation.estimate, sight, command, motion, seconds)
         return self.decision
 
-    def _sight(self, observation: Observation, posture: Posture) -> Sight | None:
+    def _sight(self, frame: Frame, estimate: Estimate, posture: Posture) -> Sight | None:
         goal = self.goal_sight
-        if not observation.frame.fresh:
+        if not frame.fresh:
             return None
         if self._goal_picture is None:
-            depth = observation.frame.depth
-            return self._to_sight.see(observation.estimate, posture, goal, depth)
-        picture = CameraImage(observation.frame.image, self._loop.camera)
+            return self._to_sight.see(estimate, posture, goal, frame.depth)
+        picture = CameraImage(frame.image, self._loop.camera)
         return replace(goal, picture=picture, goal=goal)
 
     def _goal_sight(self, time: float) -> Sight:

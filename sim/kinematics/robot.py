@@ -231,9 +231,11 @@ class Robot:
             return J
         return -adjoint(self._eye_to_hand.T_world_camera.inverse() @ self.hand(data)) @ J
 
-    def rates(self, data: mujoco.MjData, twist: Array, hold: float = 0.0) -> tuple[Array, bool]:
-        """Joint rates (n,) for a camera twist (6,), and whether a limit made the whole motion
-        slower.
+    def rates(
+        self, data: mujoco.MjData, twist: Array, hold: float = 0.0
+    ) -> tuple[Array, Array, bool]:
+        """Joint rates (n,) for a camera twist (6,), the twist (6,) that they make, and whether a
+        limit made the whole motion slower.
 
         One factor slows all joints, so that a saturated camera still moves in the direction asked
         for.
@@ -249,12 +251,14 @@ class Robot:
         if self._freedom and exact is None:
             centred = wanted + self._centring(data, J)
             if self._slowed(data, centred) == 1.0:
-                return centred, False
+                return centred, J @ centred, False
             within = self._within_limits(data, J, twist, centred)
-            if np.abs(J @ within - J @ wanted).max() < EXACT:
-                return within, False
+            made = J @ within
+            if np.abs(made - J @ wanted).max() < EXACT:
+                return within, made, False
         factor = self._slowed(data, wanted)
-        return wanted * factor, factor < 1.0
+        slowed = wanted * factor
+        return slowed, J @ slowed, factor < 1.0
 
     def driven(self, rates: Array, hold: float) -> Array:
         """Return the rates (n,) of joints that are driven at these for a time [s]: the same."""
