@@ -38,6 +38,10 @@ UNITS = (
     "Intervals are over the units: scenarios where there are several, else draws or seeds; seeds "
     "that draw nothing are one run."
 )
+KEPT = (
+    "Every cell keeps every bound: bounds are on means over the runs of a cell, and the medians "
+    "below can be on the other side."
+)
 
 
 def section(folder: Path, measures: Sequence[str] | None = None) -> Section:
@@ -131,7 +135,7 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
         ]
     )
     if plan.expect and study.rows and not broken:
-        text.append("Every cell keeps every bound.")
+        text.append(KEPT)
     text += filter(None, [cut("missed bounds", broken, MOST_LISTED)])
     table = Table(("what", "setting", "values"), rows, words=range(3))
     return Block("What was varied, and what held", text, broken[:MOST_LISTED], [table])
