@@ -1,5 +1,6 @@
 """The exercises for a course: each command of `exercises.md` gives the number of its answer."""
 
+import itertools
 import re
 import shlex
 from pathlib import Path
@@ -25,6 +26,6 @@ def test_every_command_has_an_answer():
 @pytest.mark.parametrize(("run", "measure", "value"), ANSWERS)
 def test_an_answer_is_what_the_command_measures(run, measure, value):
     words = COMMANDS[run]
-    changes = [after for word, after in zip(words, words[1:], strict=False) if word == "--set"]
+    changes = [after for word, after in itertools.pairwise(words) if word == "--set"]
     _, summary = measured_run(load(words[2], changes))
     assert summary.measures[measure] == pytest.approx(float(value), rel=0.01, abs=1e-6)
