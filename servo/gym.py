@@ -141,11 +141,11 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             Mistake: A setting is wrong, or the observations would have another shape.
         """
         super().reset(seed=seed)
-        self._end()
         drawn = int(self.np_random.integers(1, LAST_SEED)) if seed is None else seed
         scenario = self._scenario(drawn, options or {})
         if scenario.run.seed != drawn:
             raise Mistake("options: the seed of a run is given as reset(seed=...)")
+        self._end()  # only now: a run goes on where what shall follow it is refused
         self._episode = Episode(
             scenario,
             steered=True,
@@ -158,7 +158,10 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         seen = self._observed(step)
         if seen not in self.observation_space:
             self._end()
-            raise Mistake("options: observations would have another shape; make an environment")
+            raise Mistake(
+                "options: observations would have another shape; make an environment (no run goes "
+                "on)"
+            )
         info = self._info(step) | {"seed": drawn, "drawn": scenario.drawn}
         if self._goal_picture:
             info["goal_picture"] = self._episode.goal_picture

@@ -76,6 +76,7 @@ class Kinds(Generic[Config]):
         folder: str,
         group: str = "",
         adapt: Callable[[Any], type[Any] | None] = lambda _: None,
+        plain: str = "",
     ) -> None:
         """Register a folder.
 
@@ -84,10 +85,12 @@ class Kinds(Generic[Config]):
             group: Entry points of other packages' kinds, such as "servobench.trackers"; without
                 it, no package adds any.
             adapt: Makes a `Config` class of another object, or gives None.
+            plain: What such an object has, such as "a method at(time)", for messages.
         """
         self.folder = folder
         self.group = group
         self._adapt = adapt
+        self._plain = plain
         _REGISTERED[folder] = self
 
     def names(self) -> list[str]:
@@ -138,7 +141,8 @@ class Kinds(Generic[Config]):
             return found
         if (adapted := self._adapt(found)) is not None:
             return adapted
-        raise UnknownKind(f"'{name}' is no Config: that is a dataclass with a method build(rng)")
+        what = f"'{name}' is no Config: that is a dataclass with a method build(rng)"
+        raise UnknownKind(f"{what}; nor has it {self._plain}" if self._plain else what)
 
     def preset(self, kind: str, name: str) -> Settings:
         """Return the settings that a kind has under a name, such as the "paper" it comes from.

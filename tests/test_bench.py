@@ -168,7 +168,7 @@ BAD = {
     "no suite": (
         ["magic"],
         "there is no suite 'magic'; there is clutter, hard_clutter, similarity, texture, "
-        "camouflage, closed_loop, or give a folder or a .toml",
+        "camouflage, closed_loop, loop-v1, servo-v1, or give a folder or a .toml",
     ),
     "no tracker": (
         ["clutter", "--trackers", "kams:book"],

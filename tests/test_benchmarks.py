@@ -272,6 +272,17 @@ def test_a_command_without_a_program_is_refused_before_anything_runs():
         contestants(load("loop-v1"), ["mine=trax:'a"])
 
 
+def test_a_silent_program_is_refused_before_anything_runs(monkeypatch, tmp_path, capfd):
+    monkeypatch.chdir(tmp_path)
+    words = ["loop-v1", "--quick", "--tracker", "mine=trax:cat", "--set", "tracker.timeout=0.2"]
+    assert call(monkeypatch, capfd, "bench", *words, "--out", "o") == (
+        2,
+        "'cat' has 0.2 s to say hello\n",
+        "servobench: TraX server 'cat' said no hello within 0.2 s\n",
+    )
+    assert not (tmp_path / "o").exists()
+
+
 def test_an_unfinished_benchmark_has_a_page(monkeypatch, capfd, short):
     monkeypatch.setattr(benchmark_command, "complete_jobs", lambda *given: 0)
     command = ["bench", "servo-v1", "--law", "points", "--quick", "--out", "o"]

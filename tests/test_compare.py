@@ -1,6 +1,7 @@
 """`servobench compare`: variants of parts and settings as one study, with all that it writes."""
 
 import dataclasses
+import re
 import sys
 
 import pytest
@@ -101,3 +102,14 @@ def test_one_command_writes_study_page_table_and_figures(monkeypatch, tmp_path):
     again = request(tracker=["frozen", "best=truth"], changes=["run.duration=0.3"], seeds=1)
     assert compare_command.run(dataclasses.replace(again, out=folder, workers=1)) == 0
     assert len(list((folder / "runs").glob("*.parquet"))) == 2  # nothing is done twice
+
+
+def test_scenarios_of_different_lengths_share_no_curve_over_time(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    short = "run.duration=0.2"
+    asked = request("still", "line", set_of=["calm=controller.gain=0.5"], changes=[short], seeds=1)
+    assert compare_command.run(dataclasses.replace(asked, out=tmp_path / "both", workers=1)) == 0
+    page = (tmp_path / "both" / "report.html").read_text()
+    for title in ("Distance from the goal", "Still on target"):
+        drawn = re.findall(f'aria-label="({title}[^"]*)"', page)
+        assert drawn == [f"{title}: scenario = still", f"{title}: scenario = line"]

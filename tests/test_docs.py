@@ -117,6 +117,8 @@ def test_a_notebook_has_a_cell_for_each_block():
     assert first.startswith("# Title\n\nRun this in an empty folder; it needs `pip install")
     assert first.endswith("Text with a link.\n\n```toml\nshown = 1\n```\n\nSave as\n`sub/a.py`:")
     assert others == [
+        'import os\nimport sys\n\nos.environ["PYTHON"] = sys.executable  '
+        "# the commands below run with this kernel's Python",
         "%mkdir -p sub",
         "%%writefile sub/a.py\nx = 1",
         "Then:",
@@ -125,7 +127,24 @@ def test_a_notebook_has_a_cell_for_each_block():
         "The [end](https://a.b).",
     ]
     kinds = [cell["cell_type"] for cell in cells]
-    assert kinds == ["markdown", "code", "code", "markdown", "code", "code", "markdown"]
+    assert kinds == ["markdown", "code", "code", "code", "markdown", "code", "code", "markdown"]
+
+
+def test_the_commands_of_a_notebook_need_no_path():
+    page = "# Title\n\nThen:\n\n```sh\nservobench --version\npython -c 'print(1)'\n```\n\nEnd.\n"
+    notebook = runpy.run_path(str(ROOT / "servo" / "docs" / "notebooks.py"))["notebook"]
+    (command,) = (
+        cell["source"].removeprefix("%%bash -e\n")
+        for cell in json.loads(notebook(page))["cells"]
+        if cell["source"].startswith("%%bash")
+    )
+    where = {"PATH": "/bin:/usr/bin", "PYTHON": sys.executable}
+    ran = subprocess.run(
+        ["/bin/bash", "-ec", command], env=where, text=True, capture_output=True, check=False
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.startswith("servobench ")
+    assert ran.stdout.endswith("\n1\n")
 
 
 def test_the_missing_extra_is_named(monkeypatch, tmp_path):

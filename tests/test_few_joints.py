@@ -100,13 +100,14 @@ def test_the_directions_that_a_few_joints_move_are_told():
     pan_tilt = np.eye(6)[:, [3, 4]]
     pan_tilt[5, 1] = 1.0
     assert directions(pan_tilt) == (
-        "Its 2 joints can follow these parts of the camera's twist there, each as far as it can be "
-        "had alone: wx 100 %, wy 71 %, wz 71 %. A run servoes what [features] names, as far as "
-        "these joints can."
+        "Its 2 joints can follow these parts of the camera's twist there, each if nothing else is "
+        "asked for: wx 100 %, wy 71 %, wz 71 %. They share the joints: no more parts than joints "
+        "can be had at once. Of xn, yn, an and theta, a run servoes, in this order, those that the "
+        "joints can move; of points or a pose all, as nearly as they can."
     )
     assert directions(np.eye(6)[:, [2]]).startswith(
-        "Its 1 joint can follow these parts of the camera's twist there, each as far as it can be "
-        "had alone: vz 100 %. "
+        "Its 1 joint can follow these parts of the camera's twist there, each if nothing else is "
+        "asked for: vz 100 %. "
     )
 
 

@@ -26,6 +26,7 @@ from servo.output.film import (
     FRUSTUM,
     PANEL,
     PANEL_OF_TWO,
+    TITLE_OF_TWO,
     RunViews,
     write_film,
     write_film_of_two,
@@ -33,7 +34,18 @@ from servo.output.film import (
 from servo.output.room_view import RoomView
 from servo.study.run_report import RunReport
 from tracking.drawing.colours import GOAL, PARTICLES, STATUS_ON_WHITE
-from tracking.drawing.film_page import BELOW, CAPTION, CHART, HEAD, LEFT, MARGIN, FilmPage, panel
+from tracking.drawing.film_page import (
+    BELOW,
+    CAPTION,
+    CHART,
+    HEAD,
+    LEFT,
+    LETTER,
+    MARGIN,
+    OTHERS,
+    FilmPage,
+    panel,
+)
 from tracking.drawing.running_chart import Chart, RunningChart
 from tracking.drawing.video_writer import VideoWriter
 from tracking.sequences.video_file import Video
@@ -162,6 +174,7 @@ def test_two_runs_are_beside_each_other_and_the_shorter_one_stands_still(tmp_pat
     assert errors[5, 0] - errors[-1, 0] > 2
     pictures = [picture.image for picture in Video.of(tmp_path / "a.mp4")]
     width, height = PANEL_OF_TWO
+    assert len(TITLE_OF_TWO) <= (pictures[0].shape[1] - OTHERS) // LETTER  # it is not cut
     assert (len(pictures), len(notes)) == (9, 9)
     assert pictures[0].shape == (HEAD + CAPTION + 2 * height + CHART, 3 * MARGIN + 2 * width, 3)
     first, second = (

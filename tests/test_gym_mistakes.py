@@ -1,5 +1,6 @@
 """Wrong choices and options of the environment of Gymnasium; and which library it loads first."""
 
+import numpy as np
 import pytest
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -44,7 +45,7 @@ def test_a_wrong_choice_is_a_sentence(wrong, sentence):
         ({"run.seed": 3}, "options: the seed of a run is given as reset(seed=...)"),
         (
             {"features": "points"},
-            "options: observations would have another shape; make an environment",
+            "options: observations would have another shape; make an environment (no run goes on)",
         ),
     ],
 )
@@ -53,6 +54,18 @@ def test_a_wrong_option_is_a_sentence(options, sentence):
     with pytest.raises(Mistake) as found:
         env.reset(seed=1, options=options)
     assert str(found.value) == sentence
+
+
+def test_a_refused_reset_leaves_the_run_and_actions_outside_count_as_the_nearest():
+    one, other = made().unwrapped, made().unwrapped
+    for env in (one, other):
+        env.reset(seed=1)
+    with pytest.raises(Mistake, match="there is no setting 'gian'"):
+        one.reset(options={"gian": 1.0})
+    five = np.full(one.action_space.shape, 5.0, np.float32)
+    first, *_ = one.step(five)
+    second, *_ = other.step(five / 5.0)
+    np.testing.assert_array_equal(first, second)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """From a robot's log to the settings that simulate it."""
 
 import json
+import re
 import shutil
 import tomllib
 
@@ -67,6 +68,21 @@ def test_the_lines_are_settings_and_a_picture_is_beside_them(logged, tmp_path):
     assert scenario.robot.backlash[1] == pytest.approx(0.006, abs=3e-4)
     assert scenario.robot.backlash[2:] == (0.0,) * 4
     assert (tmp_path / "out" / "response.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_a_log_has_in_vain_is_named_and_the_drives_own_servo_too(logged, tmp_path):
+    table = pyarrow.csv.read_csv(logged[0])
+    names = ["joint_x" if name == "joint_x_m" else name for name in table.column_names]
+    pyarrow.csv.write_csv(table.rename_columns(names), tmp_path / "log.csv")
+    done = run(tmp_path / "log.csv", "--out", tmp_path / "out")
+    assert done.output.endswith("columns without a meaning here, or without numbers: joint_x\n")
+    value, low, high, whole = re.search(
+        r"delay ([\d.]+) \(([\d.]+) to ([\d.]+)\) ms before the drive \(with the time constant of the "
+        r"drive's own servo: ([\d.]+) ",
+        done.output,
+    ).groups()
+    assert float(low) < float(value) < float(high) < float(whole)
+    assert float(whole) - float(value) == pytest.approx(1e3 * np.mean(SERVOS), abs=0.2)
 
 
 def test_the_formats_of_logs_are_read_alike(logged, tmp_path):

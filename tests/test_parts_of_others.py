@@ -151,7 +151,11 @@ def test_names_that_two_packages_use_are_written_with_the_package(package):
     [
         ("Bare", "'x': its settings size have no defaults"),
         ("Plain", "'x' has a method build(rng), but is no dataclass of settings"),
-        ("VALUE", "'x' is no Config: that is a dataclass with a method build(rng)"),
+        (
+            "VALUE",
+            "'x' is no Config: that is a dataclass with a method build(rng); nor has it the two "
+            "methods init(image, box) and update(image)",
+        ),
         (
             "Nope",
             "the kind 'x' of pkg-a 1.5: 'pkg_a:Nope' cannot be imported: module 'pkg_a' has no "

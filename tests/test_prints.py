@@ -1,6 +1,8 @@
 """What is printed and drawn beside tables: doctor, reports of runs, sheets, the viewer's layout."""
 
 import io
+import re
+import sys
 from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
@@ -14,6 +16,7 @@ from servo.cli import (
     check_command,
     doctor_command,
     list_command,
+    main,
     papers_command,
     run_command,
     terminal,
@@ -132,14 +135,36 @@ def test_the_list_is_laid_out_so(console, monkeypatch, approved):
     approved("prints/list", lines(console))
 
 
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
 def test_a_progress_bar_is_gone_when_the_work_is_done():
-    console = Console(width=60, file=io.StringIO(), force_terminal=True, color_system=None)
+    console = Console(width=60, file=Terminal(), force_terminal=True, color_system=None)
     with terminal.progress_bar(console) as bar:
         bar.add_task("work", total=4, completed=1, note="a note")
         bar.refresh()
         shown = console.file.getvalue()
     assert [word in shown for word in ("work", "1/4", "a note")] == [True] * 3
     assert console.file.getvalue().endswith("\x1b[1A\x1b[2K")
+
+
+def test_in_a_pipe_force_color_adds_colours_only_and_no_color_wins(monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    short = ["--set", "run.duration=0.1", "--no-rerun", "--out"]
+    codes = []
+    for folder in ("coloured", "plain"):
+        monkeypatch.setattr(sys, "argv", ["servobench", "run", "still", *short, folder])
+        with pytest.raises(SystemExit):
+            main.main()
+        out, err = capfd.readouterr()
+        codes.append(set(re.findall("\x1b\\[[^a-zA-Z]*[a-zA-Z]", out + err)))
+        monkeypatch.setenv("NO_COLOR", "1")
+    assert {code[-1] for code in codes[0]} == {"m"}
+    assert codes[1] == set()
 
 
 def test_the_stages_of_a_step_are_told_as_medians():

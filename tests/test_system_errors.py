@@ -181,5 +181,5 @@ def test_series_without_values_have_no_curve():
     unknown = {"time_s": np.arange(3.0), "x": np.full(3, np.nan)}
     assert study_time.band([*series, unknown], "x") is None
     assert study_time.survival(series) is None
-    assert study_time._survival({"all": series}, "") is None
+    assert study_time._survival({"all": series}, "", "") is None
     assert study_time._errors({"all": [unknown]}, "x", "t", "") is None

@@ -43,6 +43,7 @@ ELSEWHERE = {
     "a_law_that_switches": "test_switched_law.py",
     "imitate_a_law": "test_imitation.py",
     "drivers": "test_drivers.py",
+    "exercises": "test_exercises.py",
     "learn_a_residual": "test_gym.py",
 }
 """Pages of which another test runs the file that they say to save."""

@@ -11,6 +11,7 @@ from robot_files import mjcf_arm, urdf_arm
 from servo.cli.main import app
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
+from servo.output.room_view import RoomView
 from servo.scenario.load import load
 from sim.robots import mjcf
 
@@ -120,16 +121,35 @@ def test_the_command_prints_a_table_that_runs(tmp_path, seven):
     out = tmp_path / "robot.png"
     done = CliRunner().invoke(app, ["robot", str(seven), "--out", str(out)])
     assert done.exit_code == 0, done.output
-    assert re.search(r"joint1 +hinge +-2.9 .. 2.9 rad +2 rad/s +position: replaced", done.output)
+    assert re.search(
+        r"joint1 +hinge +-2.9 .. 2.9 rad +2 rad/s +[0-9.]+ ms +position: replaced", done.output
+    )
     assert re.search(r"left +slide +0 .. 0.04 +held still", done.output)
     assert re.search(r"attachment +site \(taken\) +7", done.output)
     assert "From the base below the camera can be 1 m above the target." in done.output
-    assert out.read_bytes().startswith(b"\x89PNG")
     table = done.output[done.output.index("[robot]") : done.output.index(str(out))]
     assert json.dumps(str(seven)) in table
     (tmp_path / "mine.toml").write_text(f"{table}\n[run]\nduration = 0.1\n")
     with Episode(load(str(tmp_path / "mine.toml"))) as episode:
         assert len(list(episode)) == 3
+
+
+@pytest.mark.parametrize(("robot", "height"), [("gantry", 1.55), ("scara", 1.25), ("arm7", 1.2)])
+def test_the_picture_has_the_whole_robot_with_its_stand(robot, height, monkeypatch, tmp_path):
+    fit, seen = RoomView.fit, []
+
+    def fitted(view, points):
+        fit(view, points)
+        seen.append((points, view.project(points)))
+
+    monkeypatch.setattr(RoomView, "fit", fitted)
+    done = CliRunner().invoke(app, ["robot", robot, "--out", str(tmp_path / "a.png")])
+    assert done.exit_code == 0, done.output
+    ((points, pixels),) = seen
+    assert points[:, 2].min() == pytest.approx(0.0, abs=0.05)  # columns begin on the table
+    assert points[:, 2].max() > height
+    assert (pixels > 0).all()
+    assert (pixels < (640, 480)).all()
 
 
 def test_the_command_refuses_what_cannot_be_a_robot(urdf):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from servo.bench.benchmark import NAMES as BENCHMARKS
 from servo.cli.jobs import complete_jobs, go_on, print_estimate
 from servo.cli.sweep_command import run_study
 from servo.cli.terminal import complain, plain, print_table
@@ -129,7 +130,7 @@ def _closed_loop(request: BenchRequest, console: Console) -> int:
 
 
 def _subjects(request: BenchRequest) -> list[TrackedSequence]:
-    entries, listed = suites.suite(request.suite)
+    entries, listed = suites.suite(request.suite, BENCHMARKS)
     chosen = listed if listed and request.trackers is None else suites.contenders(request.trackers)
     return [TrackedSequence(c, e) for c in chosen for e in entries]
 

@@ -24,10 +24,11 @@ from servo.bench.world_run import CONTESTANT, SLOW, WORLD, jobs_of
 from servo.cli.bench_command import SEEDS, BenchRequest
 from servo.cli.jobs import complete_jobs, go_on, print_estimate, progress
 from servo.cli.terminal import plain, print_table
-from servo.mistake import Mistake, writing
+from servo.mistake import Mistake, as_mistake, writing
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.report import benchmark_section
+from servo.scenario.load import Scenario
 from servo.study.execute import Workers, check_number, execute
 from servo.study.record_file import parquet
 from servo.study.run import Failure, Record
@@ -35,6 +36,8 @@ from servo.study.store import RESULTS, Store, StudyFile, opened
 from sim.camera import gl
 from tracking.files import atomic
 from tracking.files.json_text import as_json
+from tracking.trackers import trax
+from tracking.wrapped.trax_client import TraxClient
 
 ONLY_PUBLIC = (
     "--contestant, --set, --band, --sealed, --quick, --submit and --verify belong to "
@@ -93,7 +96,7 @@ def run(request: BenchmarkRequest) -> int:
     band = _band(request, chosen)
     worlds = benchmark.every_world(band, QUICK if request.quick else None)
     for one in chosen:  # what is wrong with it is said before anything is run
-        benchmark.scenario_of(worlds[0], one.settings)
+        _await_hello(benchmark.scenario_of(worlds[0], one.settings), console)
     known = _scale_rows(benchmark) if band.name == "v1" else []
     every = chosen if known else [*scale_of(benchmark), *chosen]
     jobs = jobs_of(benchmark, every, worlds)
@@ -116,6 +119,19 @@ def run(request: BenchmarkRequest) -> int:
             plain(console, f"  {request.submit}")
         plain(console, f"for a page, run: servobench report {store.folder}")
     return 1 if failed else 0
+
+
+def _await_hello(scenario: Scenario, console: Console) -> None:
+    """Start a guest's program and end it: a silent one would let every world wait for its limit.
+
+    Raises:
+        Mistake: It does not speak TraX.
+    """
+    guest = scenario.tracker
+    if isinstance(guest, trax.Config):
+        plain(console, f"'{guest.command}' has {guest.timeout:g} s to say hello")
+        with as_mistake():
+            TraxClient(guest.command, guest.timeout)
 
 
 def _band(request: BenchmarkRequest, chosen: Sequence[Contestant]) -> Band:

@@ -44,10 +44,7 @@ WINDOWS = "this runs on Linux and macOS; on Windows use WSL (wsl --install)"
 
 def guarded(command: Callable[[], Any]) -> None:
     """Run a command; a failure is one sentence on stderr and an exit code, never a traceback."""
-    os.environ.update(ENVIRONMENT | os.environ)
-    os.environ["MPLBACKEND"] = "agg"  # plots never open a window
-    if os.environ.get("COLUMNS", "").strip("0") == "":
-        os.environ.pop("COLUMNS", None)  # rich cannot print with a width of 0
+    _set_environment()
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it prints messages about its caches
     _say_warnings_in_a_line()
     printer = Printer(sys.stdout)
@@ -74,6 +71,16 @@ def guarded(command: Callable[[], Any]) -> None:
         if isinstance(error, ImportError) and not _memory_limit():
             raise
         _end("there is not enough memory for this", REFUSED)
+
+
+def _set_environment() -> None:
+    """Set what libraries read from the environment, and remove what they cannot use."""
+    os.environ.update(ENVIRONMENT | os.environ)
+    os.environ["MPLBACKEND"] = "agg"  # plots never open a window
+    if os.environ.get("COLUMNS", "").strip("0") == "":
+        os.environ.pop("COLUMNS", None)  # rich cannot print with a width of 0
+    if os.environ.get("NO_COLOR"):
+        os.environ.pop("FORCE_COLOR", None)  # rich would still print bold words
 
 
 def _say_warnings_in_a_line() -> None:

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 
 from servo.cli.terminal import plain
@@ -21,6 +20,8 @@ from tracking.files import atomic
 
 LINES = "robot.toml"
 PICTURE = "response.png"
+SHOWN = 6
+"""Most unused columns that are named."""
 
 
 def run(path: Path, scenario: str, out: Path | None) -> int:
@@ -37,6 +38,10 @@ def run(path: Path, scenario: str, out: Path | None) -> int:
     console = Console()
     for each in (text, *files):
         plain(console, str(each))
+    if log.unused:
+        more = f" and {len(log.unused) - SHOWN} more" if len(log.unused) > SHOWN else ""
+        names = ", ".join(log.unused[:SHOWN])
+        plain(console, f"columns without a meaning here, or without numbers: {names}{more}")
     return 0
 
 
@@ -52,14 +57,10 @@ def estimated(log: Log, scenario: str) -> tuple[Identified, str]:
 
 
 def _servo(world: World, channel: Channel) -> float:
-    """Time constant of the simulated drive's own servo [s], a servo of implicit steps; of a part of
-    the twist that of the joints that move it.
+    """Time constant of the simulated drive's own servo [s]; of a part of the twist that of the
+    joints that move it.
     """
-    model = world.model
-    at = [model.jnt_dofadr[joint] for joint in world.robot.ids]
-    strength = model.actuator_gainprm[:, 0] + model.dof_damping[at]
-    step = model.opt.timestep
-    each = step / np.log1p(step * strength / model.dof_M0[at])
+    each = world.robot.servos()
     if channel.name in world.robot.names:
         return float(each[world.robot.names.index(channel.name)])
     if channel.name in DOF:

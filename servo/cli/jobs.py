@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from servo.cli.terminal import COMPILING, complain, escape, plain, progress_bar, stop
+from servo.cli.terminal import COMPILING, complain, escape, moves, plain, progress_bar, stop
 from servo.mistake import Mistake, Refused
 from servo.study.execute import Workers, complete, tried
 from servo.study.run import ClusterLost, Failure, Job
@@ -37,7 +37,7 @@ def progress(
     Yields:
         A function to call after each piece, with a note.
     """
-    if console.is_terminal:
+    if moves(console):
         with progress_bar(console) as bar:
             task = bar.add_task(escape(title), total=total, completed=done, note=COMPILING)
             yield lambda note: bar.update(task, advance=1, note=escape(note))

@@ -427,8 +427,9 @@ def docs(out: Path | None, no_open: bool, still: bool) -> None:
     from rich.console import Console
 
     from servo.cli.docs_command import build
+    from servo.cli.terminal import waiting
 
-    with Console(stderr=True).status("Building the pages; the first time takes two minutes"):
+    with waiting(Console(stderr=True), "Building the pages; the first time takes two minutes"):
         page = build(out or Path("runs/docs"), still=still).resolve()
     click.echo(page)
     if not no_open:

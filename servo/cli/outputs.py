@@ -203,6 +203,10 @@ def _check_writable(path: Path) -> None:
     Raises:
         Mistake: It is one of them.
     """
+    if not path.parent.exists():
+        raise Mistake(
+            f"{path}: there is no folder {path.parent} yet (--out is made later): make it first"
+        )
     try:
         path.open("xb").close()
         path.unlink()

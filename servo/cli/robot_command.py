@@ -3,6 +3,7 @@
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
 import dataclasses
+import itertools
 import json
 from math import atan2, degrees, isfinite
 from pathlib import Path
@@ -10,10 +11,12 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
 from servo.cli.terminal import plain, print_table
 from servo.mistake import Mistake, check_suffix, writing
+from servo.output.room_view import RoomView
 from servo.report.words import Table
 from servo.scenario.fill import fill
 from servo.types import DOF
@@ -82,6 +85,11 @@ def examine(given: dict[str, Any], out: Path) -> int:
         Mistake: The model cannot be used, a setting does not fit it, or `out` is no PNG.
     """
     check_suffix(out, ".png")
+    if given["model"].endswith(".toml"):
+        raise Mistake(
+            f"robot: {given['model']}: this looks like a scenario; give the robot's model file "
+            "(MJCF or URDF), which its [robot] names as model"
+        )
     console = Console()
     config = fill(mjcf.Config, given, "robot")
     try:
@@ -115,17 +123,16 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     design = config.build(rng)
     target = car.Config().build(rng)
     world = World(WorldParts(design, target, still.Config().build(rng), camera=PICTURE), rng)
+    model = world.model
     size = PICTURE.width, PICTURE.height
-    room, eye = (
-        renderer_of("opengl")(world.model, name, pinhole(world.model, name, *size))
-        for name in ("room", CAMERA)
-    )
+    room = RoomView(model, *size)
+    eye = renderer_of("opengl")(model, CAMERA, pinhole(model, CAMERA, *size))
     try:
         reach = world.start(np.array(size) / 2, 0.0, DEPTH)
-        views = [room.begin(world.data)(), eye.begin(world.data)()]
-        bodies = (world.model.body(body).name for body in world.model.geom_bodyid)
-        own = np.array([name.startswith(f"{ROBOT}/") for name in bodies], float)
-        seen = eye.silhouette(world.data, own, alone=False)
+        own = np.array([_belongs(model, i) for i in range(model.ngeom)])
+        room.fit(_corners(world, own))
+        views = [room.render(world.bodies()), eye.begin(world.data)()]
+        seen = eye.silhouette(world.data, own.astype(float), alone=False)
     finally:
         for item in (room, eye, world):
             item.close()
@@ -138,6 +145,23 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
         share = 100 * seen.mean()
         text += f"\nThe robot itself fills {share:.0f} % of the picture: move it with --mount."
     return np.hstack(views), text
+
+
+def _belongs(model: mujoco.MjModel, geom: int) -> bool:
+    """Return whether a geom is of the robot or of its stand; all those of the room have names."""
+    body = model.geom_bodyid[geom]
+    name = model.body(body).name if body else model.geom(geom).name
+    return name.startswith(f"{ROBOT}/") or not (body or name)
+
+
+def _corners(world: World, geoms: NDArray[np.bool_]) -> Array:
+    """Corners (n, 3) of the boxes around some geoms, and the middle of the table [m]."""
+    signs = np.array(list(itertools.product((-1, 1), repeat=3)))
+    boxes = world.model.geom_aabb[geoms]
+    local = boxes[:, None, :3] + signs * boxes[:, None, 3:]
+    turned = world.data.geom_xmat[geoms].reshape(-1, 3, 3)
+    places = np.einsum("gij,gkj->gki", turned, local) + world.data.geom_xpos[geoms, None]
+    return np.vstack([places.reshape(-1, 3), np.zeros((1, 3))])
 
 
 def directions(jacobian: Array) -> str:
@@ -155,13 +179,16 @@ def directions(jacobian: Array) -> str:
     )
     return (
         f"Its {jacobian.shape[1]} joint{'s' * (jacobian.shape[1] > 1)} can follow these parts of "
-        f"the camera's twist there, each as far as it can be had alone: {parts}. "
-        "A run servoes what [features] names, as far as these joints can."
+        f"the camera's twist there, each if nothing else is asked for: {parts}. They share the "
+        "joints: no more parts than joints can be had at once. Of xn, yn, an and theta, a run "
+        "servoes, in this order, those that the joints can move; of points or a pose all, as "
+        "nearly as they can."
     )
 
 
 def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
     rows: list[list[str]] = []
+    servos = robot.servos()
     for joint in range(model.njnt):
         low, high = model.jnt_range[joint]
         limits = f"{low:.3g} .. {high:.3g}" if model.jnt_limited[joint] else "none"
@@ -172,10 +199,12 @@ def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
             unit = robot.units[chain.joints.index(joint)]
             rate = f"{fastest:.3g} {unit}/s" if isfinite(fastest) else "none"
             limits = f"{limits} {unit}" if model.jnt_limited[joint] else limits
-            rows.append([name, kind, limits, rate, _actuator(model, joint)])
+            own = f"{1e3 * servos[robot.names.index(name)]:.1f} ms"
+            rows.append([name, kind, limits, rate, own, _actuator(model, joint)])
         else:
-            rows.append([name, kind, limits, "held still", ""])
-    return Table(("joint", "type", "limits", "largest rate", "actuator"), rows, words=range(5))
+            rows.append([name, kind, limits, "held still", "", ""])
+    head = ("joint", "type", "limits", "largest rate", "servo's lag", "actuator")
+    return Table(head, rows, words=range(6))
 
 
 def _actuator(model: mujoco.MjModel, joint: int) -> str:
@@ -205,7 +234,8 @@ def _reach_text(reach: Workspace) -> str:
     text = f"The camera gets {reach.farthest:.2f} m away from the base's origin at most"
     if not isfinite(reach.lowest):
         return f"{text}; it never looks down: turn it with --mount."
-    return f"{text}; it looks down at heights of {reach.lowest:.2f} to {reach.highest:.2f} m."
+    heights = f"{reach.lowest:.2f} to {reach.highest:.2f} m"
+    return f"{text}; where it looks down, it is {heights} above the base's origin."
 
 
 def _toml(config: mjcf.Config, chain: Chain) -> str:

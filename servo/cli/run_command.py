@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
-from servo.cli.terminal import COMPILING, WAITING, escape, plain, print_table, progress_bar
+from servo.cli.terminal import (
+    COMPILING,
+    WAITING,
+    escape,
+    plain,
+    print_table,
+    progress_bar,
+    waiting,
+)
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
 from servo.loop.run_measures import MEANINGS, Outcome, timed
@@ -65,7 +73,7 @@ def run_scenario(
     console = Console(quiet=quiet)
     name = f"{scenario.name}-{scenario.run.seed}"
     try:
-        with console.status(WAITING):
+        with waiting(console, WAITING):
             episode = Episode(scenario)
     except PartFailed as error:
         raise with_traceback(error, prepare(out, name)) from None

@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, go_on, print_estimate
-from servo.cli.terminal import complain, escape, plain, print_table
+from servo.cli.terminal import complain, escape, plain, print_table, waiting
 from servo.mistake import check_known
 from servo.output.formats import command_line
 from servo.report.study_data import cell_row
@@ -46,7 +46,7 @@ def run(
         Refused: A file cannot be written, or the workers cannot work.
     """
     console = Console(quiet=quiet)
-    with console.status("reading the study"):
+    with waiting(console, "reading the study"):
         parsed = load(study, changes, seeds)
     chosen = None if measures is None else measures_of(measures)
     if scheduler is None:

@@ -1,5 +1,6 @@
 """Printing that all commands share: progress bars, tables, plain lines, and the end by a signal."""
 
+from contextlib import AbstractContextManager, nullcontext
 from typing import NoReturn
 
 from rich import markup
@@ -26,12 +27,22 @@ def escape(text: str) -> str:
     return markup.escape(printable(text))
 
 
+def moves(console: Console) -> bool:
+    """Return whether what moves can be shown; in a pipe, FORCE_COLOR asks for colours only."""
+    return console.is_terminal and console.file.isatty()
+
+
+def waiting(console: Console, text: str) -> AbstractContextManager[object]:
+    """Show a text that moves until the block ends."""
+    return console.status(text) if moves(console) else nullcontext()
+
+
 def progress_bar(console: Console) -> Progress:
     """A bar with count, time left, and a note; it disappears when the work is done."""
     title = TextColumn("{task.description}")
     note = TextColumn("{task.fields[note]}")
     columns = (title, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), note)
-    return Progress(*columns, console=console, transient=True)
+    return Progress(*columns, console=console, transient=True, disable=not moves(console))
 
 
 def print_table(console: Console, shown: words.Table) -> None:

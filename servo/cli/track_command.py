@@ -21,6 +21,7 @@ from servo.cli.terminal import (
     plain,
     print_table,
     progress_bar,
+    waiting,
 )
 from servo.loop.part_failures import Part, PartFailed
 from servo.mistake import Mistake, as_mistake
@@ -152,7 +153,7 @@ def _warm_up(request: TrackRequest, source: Source, config: Any, console: Consol
     """
     if source.count is not None:
         return
-    with console.status(WAITING):
+    with waiting(console, WAITING):
         seen = warm_up(config)
         with TemporaryDirectory() as place:
             files = TrackFolder(Path(place), Region(1.0, 1.0), recording=request.rerun)

@@ -17,4 +17,9 @@ def _adapted(found: Any) -> type[Any] | None:
     return adapted(found)
 
 
-KINDS: Kinds[PartConfig[Controller]] = Kinds(__name__, "servobench.controllers", _adapted)
+KINDS: Kinds[PartConfig[Controller]] = Kinds(
+    __name__,
+    "servobench.controllers",
+    _adapted,
+    "a method command or act, and it is no function",
+)

@@ -16,6 +16,13 @@ DRAWN = re.compile(r"^!\[.*?\]\(pictures/.*?\)\n", re.MULTILINE)
 LINK = re.compile(r"\[([^\]]*)\]\((?!http)[^)]*\)")
 """A link to another page, which a notebook does not have beside it."""
 MAGIC = {"python": "", "sh": "%%bash -e\n"}
+COMMAND = re.compile(r"^(servobench|python)(?= )", re.MULTILINE)
+RUN_AS = {"servobench": '"$PYTHON" -m servo', "python": '"$PYTHON"'}
+SETUP = """import os
+import sys
+
+os.environ["PYTHON"] = sys.executable  # the commands below run with this kernel's Python"""
+"""A kernel may have neither the command nor its Python on PATH."""
 BEGIN = "Run this in an empty folder; it needs `pip install 'servobench[notebook]'`."
 KERNEL = {"name": "python3", "display_name": "Python 3", "language": "python"}
 
@@ -26,7 +33,9 @@ def notebook(page: str) -> str:
     A block that the page says to save becomes a cell that writes the file.
     """
     title, _, rest = page.partition("\n\n")
-    cells = _cells(f"{title}\n\n{BEGIN}\n\n{rest}")
+    cells = list(_cells(f"{title}\n\n{BEGIN}\n\n{rest}"))
+    if any(cell["source"].startswith(MAGIC["sh"]) for cell in cells):
+        cells.insert(1, _code(SETUP))
     numbered = [cell | {"id": f"cell-{number}"} for number, cell in enumerate(cells)]
     whole = {
         "nbformat": 4,
@@ -52,7 +61,8 @@ def _cells(page: str) -> Iterator[dict[str, Any]]:
             yield _text(shown)
         shown = ""
         if saved is None:
-            yield _code(MAGIC[language] + code)
+            runs = COMMAND.sub(lambda found: RUN_AS[found[1]], code) if language == "sh" else code
+            yield _code(MAGIC[language] + runs)
             continue
         folder, _, _ = saved[1].rpartition("/")
         if folder:

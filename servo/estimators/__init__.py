@@ -11,5 +11,8 @@ if TYPE_CHECKING:
     from servo.parts import Estimator
 
 KINDS: Kinds[PartConfig[Estimator]] = Kinds(
-    __name__, "servobench.estimators", lambda found: plain_config(found, "start", "update", "skip")
+    __name__,
+    "servobench.estimators",
+    lambda found: plain_config(found, "start", "update", "skip"),
+    "the methods start, update and skip",
 )

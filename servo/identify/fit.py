@@ -61,6 +61,8 @@ class Identified:
     """Shortest such time [s]."""
     modelled: list[Series]
     """The modelled positions of each channel."""
+    servos: Sequence[float]
+    """Time constant of the drive's own servo in each channel, which delay and lag leave out [s]."""
 
 
 def identify(log: Log, servos: Sequence[float]) -> Identified:
@@ -117,6 +119,7 @@ def identify(log: Log, servos: Sequence[float]) -> Identified:
         _jitter(log.transport),
         float(np.min(log.transport, initial=np.inf)) if len(log.transport) else 0.0,
         model.positions(found.x),
+        servos,
     )
 
 

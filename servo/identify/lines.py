@@ -32,7 +32,12 @@ def lines(found: Identified, joints: Sequence[str], tick: float) -> str:
     """
     late = found.delay.value + found.transport
     latency = max(0.0, (floor(late / tick + 0.5) - 0.5) * tick)
+    own = Interval(float(np.mean(found.servos)), min(found.servos), max(found.servos))
+    whole = Interval(
+        found.delay.value + own.value, found.delay.low + own.low, found.delay.high + own.high
+    )
     delay = f"delay {_said(found.delay, MILLI)} ms before the drive"
+    delay += f" (with the time constant of the drive's own servo: {_said(whole, MILLI)} ms)"
     said = f"latency_ms = {latency * MILLI:.2f}  # {delay}"
     if found.transport > 0:
         said += f", and {found.transport * MILLI:.2f} ms until a picture arrives"

@@ -20,6 +20,9 @@ from sim.files import reading
 from sim.types import Array
 
 COMMAND = re.compile(r"command_(\w+)_(m|rad)_s")
+STAMPS = ("time_s", "asked_s", "arrived_s")
+PICTURES = ("age_s", "picture", "frame", "decided")
+"""Columns of a run's own log that say when pictures were made, and which were used."""
 SHORTEST = 2.0
 """A shorter log has too few movements [s]."""
 LONGEST = 600.0
@@ -68,6 +71,8 @@ class Log:
     """Those that were asked to move, and moved."""
     transport: Array
     """From each picture's stamp to its arrival (n,) [s]; empty where it is not known."""
+    unused: list[str]
+    """Columns that have no meaning here, or no numbers."""
 
 
 def read(path: Path) -> Log:
@@ -77,7 +82,8 @@ def read(path: Path) -> Log:
         Mistake: It cannot be read, or nothing in it was asked to move and moved.
     """
     try:
-        columns = _columns(path)
+        table = _table(path)
+        columns = _numbers(table)
     except (pa.ArrowException, ValueError) as error:
         if isinstance(error, Mistake) or str(error).startswith(str(path)):
             raise Mistake(str(error)) from None
@@ -100,21 +106,29 @@ def read(path: Path) -> Log:
             f"{path}: nothing in this log was asked to move and moved; it needs columns "
             "command_NAME_m_s (or _rad_s) and joint_NAME_m, encoder_NAME_m or measured_NAME_m_s"
         )
-    return Log(moving, transport)
+    used = {*STAMPS, *PICTURES}
+    for name, unit in (found.groups() for found in named):
+        of = f"{name}_{unit}"
+        used |= {f"command_{of}_s", f"joint_{of}", f"encoder_{of}", f"measured_{of}_s"}
+    unused = [name for name in table.column_names if name not in used & columns.keys()]
+    return Log(moving, transport, unused)
 
 
-def _columns(path: Path) -> dict[str, Array]:
-    """Return the columns of numbers; an empty cell is nan."""
+def _table(path: Path) -> pa.Table:
     data = reading.content(path, "log", LARGEST)
     match path.suffix.lower():
         case ".csv":
-            table = pyarrow.csv.read_csv(io.BytesIO(data))
+            return pyarrow.csv.read_csv(io.BytesIO(data))
         case ".parquet":
-            table = pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
+            return pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
         case ".mcap":
-            table = pa.Table.from_pylist(_messages(data))
+            return pa.Table.from_pylist(_messages(data))
         case _:
             raise Mistake(f"{path}: a log is a file .csv, .parquet or .mcap")
+
+
+def _numbers(table: pa.Table) -> dict[str, Array]:
+    """Return the columns of numbers; an empty cell is nan."""
     numbers = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
     return {
         name: np.array(column.to_pylist(), np.float64)
@@ -143,7 +157,7 @@ def _pictures(columns: dict[str, Array]) -> tuple[Array, Array]:
     stamp to its arrival (k,) [s].
     """
     time = columns["time_s"]
-    if "age_s" in columns and {"picture", "frame", "decided"} <= columns.keys():
+    if set(PICTURES) <= columns.keys():
         at = np.searchsorted(columns["frame"], columns["picture"])
         made = np.where(columns["decided"] > 0, time[at] + columns["age_s"], np.nan)
         return made, columns["age_s"][columns["decided"] > 0]

@@ -60,10 +60,7 @@ MEANINGS = {
         "limited joint from the middle of its range, largest; 100: limit",
     ),
     "camera_path_m": ("m", "way of the camera, seen from the target"),
-    "detour_m": (
-        "m",
-        "this way, less the straight line from start to goal; below 0: did not arrive",
-    ),
+    "detour_m": ("m", "this way, less the straight line from its start to its end"),
     "retreat_m": ("m", "how much farther from the target the camera was than at start and goal"),
     "advance_m": ("m", "how much nearer to the target the camera was than at start and goal"),
     "out_of_view_pct": ("%", "frames in which a corner of the target was outside the picture"),
@@ -296,7 +293,7 @@ def _path_measures(steps: Sequence[Step]) -> dict[str, float]:
     turn = goal.rotation.T @ cameras[-1].rotation
     return {
         "camera_path_m": path,
-        "detour_m": path - float(np.linalg.norm(places[0] - there)),
+        "detour_m": path - float(np.linalg.norm(places[0] - places[-1])),
         "retreat_m": max(0.0, float(away.max() - max(ends))),
         "advance_m": max(0.0, float(min(ends) - away.min())),
         "out_of_view_pct": 100 * float(np.mean([_out_of_view(s) for s in steps])),

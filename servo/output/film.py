@@ -24,6 +24,7 @@ PANEL_OF_TWO = (448, 336)
 """The same where two runs are beside each other, with each room below its camera."""
 LONGEST = 72
 """Letters of a caption that fit above a picture there."""
+TITLE_OF_TWO = "Estimate green, goal red, truth white"
 MARKS = "estimate green, goal red, truth and ways of its corners white"
 CAPTIONS = (f"Camera: {MARKS}", "The room, and beside the camera")
 CURVES = {
@@ -205,7 +206,7 @@ def write_film_of_two(
     curves = {"run 1": colours.CURVES[0], "run 2": colours.CURVES[1]}
     chart = Chart(curves, "error [px]", end)
     width, height = PANEL_OF_TWO
-    film = FilmPage(path, rates[0], MARKS.capitalize(), captions, (width, 2 * height), chart)
+    film = FilmPage(path, rates[0], TITLE_OF_TWO, captions, (width, 2 * height), chart)
     views = [RunViews(world.camera, world.model, PANEL_OF_TWO) for world in worlds]
     steps: tuple[Step, ...] = ()
     try:

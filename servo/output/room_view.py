@@ -21,6 +21,9 @@ SMOOTH = 4
 FOVY = radians(55)
 """Vertical field of view [rad]: a whole robot is seen."""
 
+MARGIN = 1.1
+"""Distance over the least one from which all of some points are seen."""
+
 
 class RoomView:
     """Pictures of a model's bodies at the poses of a step. Holds GL buffers: close it.
@@ -48,6 +51,16 @@ class RoomView:
         """Stand at a point (3,) of the room, and look at another one [m]."""
         self._eye = eye
         self._looks_at = looks_at
+
+    def fit(self, points: Array) -> None:
+        """Look from the usual side, as near as all of some points (n, 3) [m] are in the picture."""
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        back = np.subtract(EYE, LOOKS_AT)
+        aside, up, nearer = ((points - middle) @ _towards(back, np.zeros(3))).T
+        slope = tan(FOVY / 2)
+        wide = slope * self._view.width / self._view.height
+        distance = MARGIN * float(np.max(nearer + np.maximum(abs(aside) / wide, abs(up) / slope)))
+        self.look(middle + distance * back / np.linalg.norm(back), middle)
 
     def render(self, bodies: Array) -> Image:
         """A picture (H, W, 3) of all bodies at poses (n, 3, 4) that `World.bodies` gave."""

@@ -40,6 +40,10 @@ UNITS = (
     "Intervals are over the units: scenarios where there are several, else draws or seeds; seeds "
     "that draw nothing are one run."
 )
+BOUNDS = (
+    "Bounds are on means over the runs of a cell; the medians on this page can be on the other "
+    "side of them."
+)
 
 
 def section(folder: Path, measures: Sequence[str] | None = None) -> Section:
@@ -132,8 +136,9 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
             + (" ..." if len(plan.seeds) > MOST_LISTED else ""),
         ]
     )
-    if plan.expect and study.rows and not broken:
-        text.append("Every cell keeps every bound.")
+    if plan.expect and study.rows:
+        text += [] if broken else ["Every cell keeps every bound."]
+        text.append(BOUNDS)
     text += filter(None, [cut("missed bounds", broken, MOST_LISTED)])
     table = Table(("what", "setting", "values"), rows, words=range(3))
     return Block("What was varied, and what held", text, broken[:MOST_LISTED], [table])

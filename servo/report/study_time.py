@@ -1,6 +1,7 @@
 """Figures of a study: errors and survival over time, and errors against its axes."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,9 @@ from servo.report.study_data import (
     duration,
     median,
 )
-from servo.report.words import cut, shown
+from servo.report.words import cut, listed, shown
+from servo.study.axes import SCENARIO
+from servo.study.results import grouped
 from sim.types import Array
 
 TIMES = 200
@@ -31,6 +34,9 @@ ROUNDING = 1e-3
 SETTLED = 1.0
 """Time from the start in which a loss does not count [s]."""
 ERROR = "servo_rms_px"
+APART = (SCENARIO, "run.duration")
+"""Axes over which curves over time are not comparable: each value has figures of its own."""
+MOST_APART = 6
 MOST_AXES = 6
 MOST_CELLS = 20
 MOST_SERIES = len(LIGHT)
@@ -45,19 +51,34 @@ DISTANCES = {
 
 
 def figures(study: StudyResults) -> list[Figure]:
-    """Return errors and survival over time, with a colour for each value of the compared axis."""
+    """Return errors and survival over time, with a colour for each value of the compared axis.
+
+    Runs that differ in what decides their length and their motion share no figure.
+    """
+    keys = [key for key in APART if key in study.axes and key != study.compared]
+    parts = grouped(keys, study.rows)
+    note = ""
+    if len(study.series) == MOST_OVER_TIME:
+        drawn_runs = "those of the first seed, and others drawn at random"
+        note = f"Of {MOST_OVER_TIME:,} runs: {drawn_runs}."
+    note = f"{note} {cut(' and '.join(keys), parts, MOST_APART) or ''}".strip()
+    found: list[Figure] = []
+    for settings, rows in parts[:MOST_APART]:
+        where = f": {listed(settings)}" if settings else ""
+        found += _over_time(replace(study, rows=rows), where, note)
+    return found
+
+
+def _over_time(study: StudyResults, where: str, note: str) -> list[Figure]:
     groups = {
         name: [s for row in rows if (s := study.series.get(row["run"])) is not None]
         for name, rows in study.groups(study.compared).items()
     }
     found = {name: series for name, series in groups.items() if series}
     shown = dict(list(found.items())[:MOST_SERIES])
-    note = cut(f"values of {study.compared}", list(found), MOST_SERIES) or ""
-    if len(study.series) == MOST_OVER_TIME:
-        drawn_runs = "those of the first seed, and others drawn at random"
-        note = f"Of {MOST_OVER_TIME:,} runs: {drawn_runs}. {note}"
-    drawn = [_errors(shown, name, title, note) for name, title in DISTANCES.items()]
-    return [figure for figure in (*drawn, _survival(shown, note)) if figure is not None]
+    note = f"{note} {cut(f'values of {study.compared}', list(found), MOST_SERIES) or ''}".strip()
+    drawn = [_errors(shown, name, title + where, note) for name, title in DISTANCES.items()]
+    return [figure for figure in (*drawn, _survival(shown, where, note)) if figure is not None]
 
 
 def band(runs: Sequence[Series], name: str) -> tuple[Array, Array] | None:
@@ -107,7 +128,7 @@ def _errors(groups: dict[str, list[Series]], name: str, title: str, note: str) -
     return curves(title, Scale("time [s]"), distance, drawn, note=note)
 
 
-def _survival(groups: dict[str, list[Series]], note: str) -> Figure | None:
+def _survival(groups: dict[str, list[Series]], where: str, note: str) -> Figure | None:
     found = {label: survival(series) for label, series in groups.items()}
     drawn = [
         Curve(label, *curve, colour=colour(i))
@@ -118,7 +139,7 @@ def _survival(groups: dict[str, list[Series]], note: str) -> Figure | None:
         return None
     share = Scale("share of runs", 0, 1.02)
     note = f"Runs that were never off the target after the first second. {note}"
-    return curves("Still on target", Scale("time [s]"), share, drawn, note=note)
+    return curves(f"Still on target{where}", Scale("time [s]"), share, drawn, note=note)
 
 
 def against(study: StudyResults) -> list[Figure]:

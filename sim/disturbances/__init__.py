@@ -13,5 +13,8 @@ if TYPE_CHECKING:
     from sim.stage import Disturbance
 
 KINDS: Kinds[PartConfig[Disturbance]] = Kinds(
-    __name__, "servobench.disturbances", lambda found: plain_config(found, "at")
+    __name__,
+    "servobench.disturbances",
+    lambda found: plain_config(found, "at"),
+    "a method at(time)",
 )

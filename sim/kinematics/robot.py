@@ -188,6 +188,14 @@ class Robot:
         self._jacobians = np.zeros((2, 3, model.nv))
         self._ahead = mujoco.MjData(model)
 
+    def servos(self) -> Array:
+        """Return the time constants of the drives' own servos (n,) [s], for implicit steps."""
+        model = self.model
+        at = model.jnt_dofadr[self.ids]
+        strength = model.actuator_gainprm[:, 0] + model.dof_damping[at]
+        step = model.opt.timestep
+        return step / np.log1p(step * strength / model.dof_M0[at])
+
     def posture(self, data: mujoco.MjData, twist: Array, accepted: Array | None = None) -> Posture:
         """Return what the robot knows of itself, as of the last kinematics.
 

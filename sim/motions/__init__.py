@@ -11,5 +11,8 @@ if TYPE_CHECKING:
     from sim.stage import Motion
 
 KINDS: Kinds[PartConfig[Motion]] = Kinds(
-    __name__, "servobench.motions", lambda found: plain_config(found, "at")
+    __name__,
+    "servobench.motions",
+    lambda found: plain_config(found, "at"),
+    "a method at(time)",
 )

@@ -24,4 +24,9 @@ def _adapted(found: Any) -> type[Any] | None:
     return plain_config(found, "start", "update")
 
 
-KINDS: Kinds[PartConfig[Tracker]] = Kinds(__name__, "servobench.trackers", _adapted)
+KINDS: Kinds[PartConfig[Tracker]] = Kinds(
+    __name__,
+    "servobench.trackers",
+    _adapted,
+    "the two methods init(image, box) and update(image)",
+)
