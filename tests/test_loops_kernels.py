@@ -194,6 +194,14 @@ def test_a_damped_step_agrees_with_numpy():
     np.testing.assert_allclose(descent.damped_step(g, H, 0.3, units), expected, rtol=1e-12)
 
 
+def test_equations_whose_rows_change_places_are_solved():
+    for n in (1, 2, 5):
+        A, b = RNG.normal(0, 1, (n, n)), RNG.normal(0, 1, n)
+        A[0, 0] = 1e-9
+        expected = np.linalg.solve(A, b)
+        np.testing.assert_allclose(descent.solved(A.copy(), b.copy()), expected, rtol=1e-9)
+
+
 def descend_twin(image, x, kernels, roots, units, most, tolerance, hopeless):
     cost, g, H = descent.linearise(image, x, kernels, roots)
     damping, evaluations = descent.FIRST_DAMPING, 1

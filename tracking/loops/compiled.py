@@ -7,7 +7,7 @@ import os
 import stat
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -23,7 +23,9 @@ SLOW = (
 )
 
 
-def compiled(error_model: Literal["python", "numpy"] = "python") -> Callable[[Loop], Loop]:
+def compiled(
+    error_model: Literal["python", "numpy"] = "python", fastmath: Collection[str] = ()
+) -> Callable[[Loop], Loop]:
     """Compile a loop at its first call, and store the result beside its source.
 
     If neither the source's folder nor the user's cache can be written, as in a container, the
@@ -33,8 +35,11 @@ def compiled(error_model: Literal["python", "numpy"] = "python") -> Callable[[Lo
     Args:
         error_model: With "python" a division by zero raises an error, with "numpy" it gives inf or
             nan.
+        fastmath: What LLVM may do with floats: "contract" rounds a product and a sum once.
     """
-    njit: Any = functools.partial(numba.njit, nogil=True, error_model=error_model)
+    njit: Any = functools.partial(
+        numba.njit, nogil=True, error_model=error_model, fastmath=set(fastmath)
+    )
 
     def compile_(loop: Loop) -> Loop:
         with suppress(RuntimeError):  # numba found no folder to write to

@@ -250,6 +250,38 @@ def ssd_normal_equations(
     return cost / n_kernels, gradient / n_kernels, curvature / n_kernels
 
 
+@compiled(error_model="numpy", fastmath={"contract"})
+def solved(A: Array, b: Array) -> Array:
+    """Return the solution of A x = b, in the place of b (n,); A (n, n) becomes its factors.
+
+    Crout's elimination with row exchanges, in LAPACK's order of operations. NumPy's `solve` takes
+    as long to compile as all other loops.
+    """
+    n = len(b)
+    for j in range(n):
+        for i in range(n):
+            known = 0.0
+            for k in range(min(i, j)):
+                known += A[i, k] * A[k, j]
+            A[i, j] -= known
+        best = j
+        for i in range(j + 1, n):
+            if abs(A[i, j]) > abs(A[best, j]):
+                best = i
+        for k in range(n):
+            A[j, k], A[best, k] = A[best, k], A[j, k]
+        b[j], b[best] = b[best], b[j]
+        share = 1.0 / A[j, j]
+        for i in range(j + 1, n):
+            A[i, j] *= share
+            b[i] -= b[j] * A[i, j]
+    for j in range(n - 1, -1, -1):
+        b[j] /= A[j, j]
+        for i in range(j):
+            b[i] -= b[j] * A[i, j]
+    return b
+
+
 @compiled(error_model="numpy")
 def damped_step(gradient: Array, curvature: Array, damping: float, units: Array) -> Array:
     """Levenberg's step (4,): -(H + damping * mean of its diagonal)^-1 g, in the given units.
@@ -270,7 +302,7 @@ def damped_step(gradient: Array, curvature: Array, damping: float, units: Array)
         trace += H[p, p]
     for p in range(4):
         H[p, p] += damping * trace / 4.0 + TINY
-    return -units * np.linalg.solve(H, g)
+    return -units * solved(H, g)
 
 
 @compiled(error_model="numpy")
@@ -319,7 +351,10 @@ def descend(
         there = x + step
         if abs(there[3]) > LARGEST_LOG:
             break
-        if np.max(np.abs(step / units)) < tolerance:
+        is_last = True
+        for p in range(4):
+            is_last &= abs(step[p] / units[p]) < tolerance
+        if is_last:
             return there, cost, evaluations
         at = linearise(image, there, kernels, root_reference)
         evaluations += 1
