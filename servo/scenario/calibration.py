@@ -8,7 +8,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import yaml
 
 from servo.mistake import Mistake, as_mistake
 from servo.scenario.toml import is_number
@@ -116,6 +115,8 @@ def _read(path: Path) -> Table:
 
 def _of_ros(text: str, path: Path) -> Table:
     """Return the top table of a file of ROS, with the data of its matrices in their place."""
+    import yaml  # few scenarios need it
+
     try:
         document = yaml.safe_load(text)
     except (ValueError, yaml.YAMLError) as error:

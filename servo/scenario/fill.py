@@ -86,6 +86,8 @@ def fill(config: type[Config], table: object, place: str, begin: Config | None =
     """
     if not isinstance(table, dict):
         raise WrongSetting(f"{place} should be a table of settings, not {table!r}", place)
+    if not table:  # there is nothing to check
+        return config() if begin is None else begin
     checked = form(config)
     for key in cast(dict[str, Any], table):
         if key not in checked.model_fields:
