@@ -13,7 +13,15 @@ from servo.loop.run_measures import summarise
 from servo.papers import kams_particles, kernel_paper, texture_paper, tuning
 from servo.papers.claim import Effort, Evidence
 from servo.papers.claims import CLAIMS
-from servo.papers.experiments import ERROR, ESTIMATED, TIME, TRUE, EstimatedLoop, loop_job
+from servo.papers.experiments import (
+    ERROR,
+    ESTIMATED,
+    TIME,
+    TRUE,
+    EstimatedLoop,
+    loop_job,
+    registered,
+)
 from servo.scenario import load as scenarios
 from servo.study.record_file import encoded, file_table, records_of, table_in
 from servo.study.run import Record
@@ -284,7 +292,7 @@ def test_the_job_of_a_closed_loop_keeps_its_series_whole(tmp_path):
     assert job.key == "loop/shortway-reversal-kalman_cv-2"
     record = job.run(tmp_path)
     (kept,) = records_of(table_in(encoded(file_table(job, record))), long=True)
-    changes = ["estimator.kind=kalman_cv", "run.duration=0.4"]
+    changes = [registered("reversal"), "estimator.kind=kalman_cv", "run.duration=0.4"]
     scenario = scenarios.load("reversal", changes, 2)
     steps = list(run(scenario))
     summary = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
