@@ -29,6 +29,12 @@ TOO_WIDE = """
         .map((e) => e.outerHTML.slice(0, 80));
 """
 """What is beyond the right border of the screen, and not in a box that scrolls."""
+CUT = """
+    return [...document.querySelectorAll('article pre:not(.highlight-text pre)')]
+        .filter((e) => e.scrollWidth > e.clientWidth)
+        .map((e) => e.textContent.slice(0, 80));
+"""
+"""Code of which a line ends out of sight; diagrams are wider than a phone."""
 ANCHOR = re.compile(r'\bid="([^"]+)"')
 
 
@@ -93,8 +99,16 @@ def test_pages_are_as_wide_as_the_screen(site, browser, width):
     wrong = []
     for page in sorted((site / "servo").rglob("*.html")):
         browser.get(page.as_uri())
-        wrong += [(page.name, text) for text in browser.execute_script(TOO_WIDE, width)]
+        found = browser.execute_script(TOO_WIDE, width) + browser.execute_script(CUT)
+        wrong += [(page.name, text) for text in found]
     assert wrong == []
+
+
+@pytest.mark.processes
+def test_the_overview_of_tutorials_shows_their_pictures(site):
+    pictures = {path.name for path in (ROOT / "servo" / "tutorials" / "pictures").iterdir()}
+    page = (site / "servo" / "tutorials" / "README.html").read_text()
+    assert set(re.findall(r'src="../../_images/([^"]+)"', page)) == pictures
 
 
 @pytest.mark.processes

@@ -245,12 +245,12 @@ def test_a_picture_keeps_its_shape_in_its_panel():
 def test_a_chart_grows_with_time_and_values_and_says_the_status():
     axes = Figure((6.4, 1.9)).add_subplot()
     chart = RunningChart(axes, Chart({"error": "#c23b2e"}, "distance [px]", end=2.0))
-    grown = [chart.add(0.0, [3.0], "LOCKED"), chart.add(1.0, [float("nan")], "UNSURE")]
+    grown = [chart.add(0.0, [3.0], ["LOCKED"]), chart.add(1.0, [float("nan")], ["UNSURE"])]
     assert grown == [False, False]
     assert (axes.get_xlim()[1], axes.get_ylim()[1]) == (2.0, 1.02 * 5.0)
-    assert chart.add(2.5, [34.0], "LOST")
+    assert chart.add(2.5, [34.0], ["LOST"])
     assert (axes.get_xlim()[1], axes.get_ylim()[1]) == (3.0, 1.02 * 50.0)
-    assert not chart.add(3.0, [34.0], "LOST")
+    assert not chart.add(3.0, [34.0], ["LOST"])
     line, band = chart.artists
     np.testing.assert_array_equal(line.get_data(), [[0, 1, 2.5, 3], [3, np.nan, 34, 34]])
     assert [segment[:, 0].tolist() for segment in band.get_segments()] == [
@@ -262,6 +262,18 @@ def test_a_chart_grows_with_time_and_values_and_says_the_status():
     np.testing.assert_array_equal(band.get_colors(), to_rgba_array(colours))
 
 
+def test_two_runs_have_a_band_each():
+    axes = Figure((6.4, 1.9)).add_subplot()
+    chart = RunningChart(axes, Chart({"a": "#c23b2e", "b": "#c23b2e"}, "error [px]", end=2.0))
+    chart.add(0.0, [1.0, 1.0], ["LOCKED", "LOCKED"])
+    chart.add(1.0, [1.0, 1.0], ["LOCKED", "LOST"])
+    _, _, band = chart.artists
+    above, below = (segment[:, 1].tolist() for segment in band.get_segments())
+    np.testing.assert_allclose([above, below], [[0.0525] * 2, [0.0175] * 2])
+    colours = [STATUS_ON_WHITE[status] for status in ("LOCKED", "LOST")]
+    np.testing.assert_array_equal(band.get_colors(), to_rgba_array(colours))
+
+
 @pytest.mark.newest
 def test_a_film_shows_its_curve_and_status(tmp_path):
     film = FilmPage(
@@ -269,7 +281,7 @@ def test_a_film_shows_its_curve_and_status(tmp_path):
     )
     for k in range(21):
         film.add(
-            k / 10, [np.zeros((64, 640, 3), np.uint8)], [4.0], "LOST" if k > 10 else "LOCKED", ""
+            k / 10, [np.zeros((64, 640, 3), np.uint8)], [4.0], ["LOST" if k > 10 else "LOCKED"], ""
         )
     film.close()
     first, *_, last = Video.of(tmp_path / "a.mp4")

@@ -105,7 +105,7 @@ def test_a_repository_of_scenarios_has_a_workflow_that_keeps_the_compiled_loops(
         ".github/workflows/scenes.yml",
         "README.md",
         "requirements.txt",
-        "scenes/my_scenes.toml",
+        "scenarios/my_scenes.toml",  # a folder "scenes" would hide the package of a checkout
     ]
     workflow = yaml.safe_load((tmp_path / "mine" / names[0]).read_text())
     steps = workflow["jobs"]["scenes"]["steps"]
@@ -114,8 +114,8 @@ def test_a_repository_of_scenarios_has_a_workflow_that_keeps_the_compiled_loops(
         "path": ".numba",
         "key": "numba-${{ runner.os }}-${{ hashFiles('requirements.txt') }}",
     }
-    assert "servobench check scenes/*.toml" in steps[5]["run"]
-    found = simulate(tmp_path / "mine" / "scenes" / "my_scenes.toml")
+    assert "servobench check scenarios/*.toml" in steps[5]["run"]
+    found = simulate(tmp_path / "mine" / "scenarios" / "my_scenes.toml")
     assert found.outcome == Outcome.CONVERGED
     assert not found.missed
 

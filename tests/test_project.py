@@ -27,6 +27,11 @@ TOP = {
 MOST_README = 200
 INSTALL = "python3 -m venv .uv && .uv/bin/pip install uv && "
 MOST_LAYERS = 9
+CONDA_NAMES = {
+    "matplotlib-base": "matplotlib",
+    "mujoco-python": "mujoco",
+    "py-opencv": "opencv-python-headless",
+}
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +90,33 @@ def test_the_citation_is_of_this_version(root):
     assert cited["authors"] == [{"name": "The servobench developers"}]
     first = [reference["authors"][0]["family-names"] for reference in cited["references"]]
     assert first == ["Naeem", "Teuliere", "Nagy"]
+
+
+def test_the_draft_of_the_paper_is_what_joss_takes(root):
+    folder = root / ".ci" / "paper"
+    text = (folder / "paper.md").read_text()
+    sources = re.findall(r"^@\w+\{(\w+),", (folder / "paper.bib").read_text(), re.MULTILINE)
+    assert len(text.split()) <= 1000
+    assert {"# Summary", "# Statement of need", "# State of the field"} <= set(text.splitlines())
+    assert set(re.findall(r"@(\w+)", text)) == set(sources)
+
+
+def test_the_conda_recipe_needs_what_the_package_needs(root):
+    recipe = yaml.safe_load((root / ".ci" / "conda" / "recipe.yaml").read_text())
+    python, *needed = recipe["requirements"]["run"]
+    text = "\n".join(needed).replace(" ", "")
+    for there, here in CONDA_NAMES.items():
+        text = text.replace(f"{there}>", f"{here}>")
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    assert text.splitlines() == project["dependencies"]
+    assert recipe["context"]["version"] == project["version"]
+    assert python == "python >=${{ python_min }}"
+
+
+def test_every_check_of_the_repository_that_is_not_met_has_a_reason(root):
+    tools = tomllib.loads((root / "pyproject.toml").read_text())["tool"]
+    unmet = tools["repo-review"]["ignore"]
+    assert unmet.keys() == {"PY004", "PY006", "PY007", "MY100", "SEC001"}
+    assert all(reason.endswith(".") for reason in unmet.values())
+    hooks = yaml.safe_load((root / ".ci" / "pre-commit.yaml").read_text())["repos"][0]["hooks"]
+    assert [hook["id"] for hook in hooks] == ["ruff-format", "ruff-check", "zizmor"]

@@ -27,7 +27,7 @@ SCENES = {
     "scenarios.md.jinja": "README.md",
     "requirements.txt.jinja": "requirements.txt",
     "scenes.yml.jinja": ".github/workflows/scenes.yml",
-    "scenario.toml.jinja": "scenes/{kind}.toml",
+    "scenario.toml.jinja": "scenarios/{kind}.toml",
 }
 """The same, of a repository of scenarios."""
 SECTIONS = {

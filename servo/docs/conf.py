@@ -32,10 +32,13 @@ extensions = [
     "sphinx_copybutton",
 ]
 html_theme = "furo"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_title = "servobench"
 html_show_copyright = False
 html_show_sourcelink = False
 myst_heading_anchors = 4
+myst_enable_extensions = ["html_image"]  # a picture with a width, as GitHub shows it too
 autodoc_member_order = "groupwise"
 autodoc_typehints = "description"
 copybutton_exclude = ".linenos, .gp, .go"

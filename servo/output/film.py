@@ -16,14 +16,13 @@ from sim.types import Array, Camera, Image
 from tracking.drawing import colours
 from tracking.drawing.film_page import FilmPage, Pages, panel
 from tracking.drawing.running_chart import Chart
-from tracking.types import Status
 
 PANEL = (616, 462)
 """Two of them, with the margins, are 1280 px wide; the film is 720 px high."""
 PANEL_OF_TWO = (448, 336)
 """The same where two runs are beside each other, with each room below its camera."""
-LONGEST = 72
-"""Letters of a caption that fit above a picture there."""
+LONGEST = 54
+"""Letters of a caption that fit above a picture there, beside its status."""
 TITLE_OF_TWO = "Estimate green, goal red, truth white"
 MARKS = "estimate green, goal red, truth and ways of its corners white"
 CAPTIONS = (f"Camera: {MARKS}", "The room, and beside the camera")
@@ -133,7 +132,7 @@ class RunFilm:
         film, views = self._opened
         errors = step.servo_error, step.tracking_error
         note = f"error {step.servo_error:.1f} px"
-        film.add(step.frame.time, views.draw(step), errors, step.estimate.status.name, note)
+        film.add(step.frame.time, views.draw(step), errors, [step.estimate.status.name], note)
 
     def close(self) -> None:
         """Finish the file."""
@@ -215,8 +214,8 @@ def write_film_of_two(
             pictures = [np.vstack(view.draw(step)) for view, step in zip(views, steps, strict=True)]
             errors = [step.servo_error for step in steps]
             note = "error " + " and ".join(f"{error:.1f} px" for error in errors)
-            worse = max((step.estimate.status for step in steps), key=list(Status).index)
-            film.add(max(step.frame.time for step in steps), pictures, errors, worse.name, note)
+            statuses = [step.estimate.status.name for step in steps]
+            film.add(max(step.frame.time for step in steps), pictures, errors, statuses, note)
             written(note)
     finally:
         for view in views:

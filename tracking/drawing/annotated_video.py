@@ -45,7 +45,7 @@ class AnnotatedVideo:
         film = self._opened(*(shot.size or SMALLEST))
         view = panel(shot.picture.image, *self._size, marks, shot.estimate.particles)
         note = f"frame {shot.index}"
-        film.add(shot.picture.time, [view], [shot.confidence], shot.estimate.status.name, note)
+        film.add(shot.picture.time, [view], [shot.confidence], [shot.estimate.status.name], note)
 
     def close(self) -> None:
         """Finish the file."""

@@ -137,6 +137,18 @@ class FilmPage:
         right = width - MARGIN
         self._note = written(right - STATUS, HEAD / 2, size=10, ha="right", animated=True)
         self._status = written(right, HEAD / 2, size=10, ha="right", weight="bold", animated=True)
+        self._badges = [
+            written(
+                (i + 1) * (size[0] + MARGIN),
+                HEAD + CAPTION / 2,
+                size=8,
+                ha="right",
+                weight="bold",
+                animated=True,
+            )
+            for i in range(len(captions))
+        ]
+        """Statuses above the pictures, where each has its own."""
         axes = figure.add_axes(
             (LEFT / width, BELOW / height, (right - LEFT) / width, (CHART - BELOW - ABOVE) / height)
         )
@@ -152,7 +164,12 @@ class FilmPage:
         """Close the file as it is; it can be played up to here."""
 
     def add(
-        self, time: float, panels: Sequence[Image], values: Sequence[float], status: str, note: str
+        self,
+        time: float,
+        panels: Sequence[Image],
+        values: Sequence[float],
+        statuses: Sequence[str],
+        note: str,
     ) -> None:
         """Write a frame.
 
@@ -160,19 +177,21 @@ class FilmPage:
             time: When it is shown [s].
             panels: One for each caption, of the panel's size.
             values: One for each curve.
-            status: LOCKED, UNSURE or LOST.
+            statuses: LOCKED, UNSURE or LOST: one of the film, or one of each panel.
             note: More about the frame.
 
         Raises:
             OSError: The file cannot be written.
         """
         self._note.set_text(f"{note}    t = {time:.2f} s")
-        self._status.set(text=status, color=STATUS_ON_WHITE[status])
-        if self._chart.add(time, values, status) or self._ground is None:
+        badges = [self._status] if len(statuses) == 1 else self._badges
+        for badge, status in zip(badges, statuses, strict=True):
+            badge.set(text=status, color=STATUS_ON_WHITE[status])
+        if self._chart.add(time, values, statuses) or self._ground is None:
             self._canvas.draw()
             self._ground = self._canvas.copy_from_bbox(self._figure.bbox)
         self._canvas.restore_region(self._ground)
-        for artist in (self._note, self._status, *self._chart.artists):
+        for artist in (self._note, *badges, *self._chart.artists):
             self._figure.draw_artist(artist)
         page = np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
         top = HEAD + CAPTION

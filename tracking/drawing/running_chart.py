@@ -1,4 +1,4 @@
-"""A chart over time that grows frame by frame, above a band in the status's colours."""
+"""A chart over time that grows frame by frame, above bands in the statuses' colours."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from tracking.drawing.colours import STATUS_ON_WHITE
 from tracking.drawing.figures import DOTS
 
 BAND = 0.07
-"""Height of the band, as a share of the axes."""
+"""Height of the bands, as a share of the axes."""
 FIRST_END = 10.0
 LONGER = 1.5
 """End of the time axis where it is not known [s], and its factor when it is reached."""
@@ -65,10 +65,8 @@ class RunningChart:
             fontsize=8,
             borderaxespad=0.0,
         )
-        points = BAND * axes.get_window_extent().height * POINTS / DOTS
-        self._band = LineCollection(
-            [], linewidths=points, antialiaseds=False, transform=axes.get_xaxis_transform()
-        )
+        self._points = BAND * axes.get_window_extent().height * POINTS / DOTS
+        self._band = LineCollection([], antialiaseds=False, transform=axes.get_xaxis_transform())
         axes.add_collection(self._band)
         self.artists: Sequence[Artist] = (*self._lines, self._band)
         """What changes with each frame; it is drawn upon everything else."""
@@ -76,29 +74,33 @@ class RunningChart:
             artist.set_animated(True)
         self._times: list[float] = []
         self._values: list[Sequence[float]] = []
-        self._statuses: list[str] = []
+        self._statuses: list[Sequence[str]] = []
         self._end = chart.end or FIRST_END
         self._top = chart.top or LOWEST
         self._set_limits()
 
-    def add(self, time: float, values: Sequence[float], status: str) -> bool:
+    def add(self, time: float, values: Sequence[float], statuses: Sequence[str]) -> bool:
         """Add a frame.
 
         Args:
             time: Later than that of the last call [s].
             values: One for each curve; nan leaves a gap.
-            status: LOCKED, UNSURE or LOST.
+            statuses: LOCKED, UNSURE or LOST of each band, from above.
 
         Returns:
             True if the axes have grown, so that they must be drawn anew.
         """
         self._times.append(time)
-        self._statuses.append(status)
+        self._statuses.append(statuses)
         self._values.append(values)
         for line, curve in zip(self._lines, np.transpose(self._values), strict=True):
             line.set_data(self._times, curve)
-        self._band.set_segments([[(a, BAND / 2), (b, BAND / 2)] for a, b in pairwise(self._times)])
-        self._band.set_color([STATUS_ON_WHITE[status] for status in self._statuses[1:]])
+        height = BAND / len(statuses)
+        places = [BAND - (i + 0.5) * height for i in range(len(statuses))]
+        between = pairwise(self._times)
+        self._band.set_segments([[(a, place), (b, place)] for a, b in between for place in places])
+        self._band.set_linewidth(self._points / len(statuses))
+        self._band.set_color([STATUS_ON_WHITE[s] for frame in self._statuses[1:] for s in frame])
         return self._grow(time, max(filter(math.isfinite, values), default=0.0))
 
     def _grow(self, time: float, value: float) -> bool:
