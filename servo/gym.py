@@ -7,6 +7,7 @@ Each shipped scenario has an id, its name in capitals, and `servobench/Servo-v0`
 | observation | "features" (`_observed` has their order), "picture", or "both" |
 | action | "twist" of the camera in place of the law's, or a "residual" that is added to it |
 | reward | 1 / (1 + d / 10 px), d the mean distance of the target's true corners from their goals |
+| info["reward_terms"] | what d is the mean of: the four distances, `corner_1_px` to `corner_4_px` |
 | terminated | the tracker has lost the target, or its true centre has left the picture |
 | truncated | the scenario is over |
 
@@ -198,7 +199,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         step = self._look()
         lost = self._is_lost(step)
         over = step.frame.index >= self._episode.frames - 1
-        reward = 1.0 / (1.0 + _distance(step) / CONVERGED_PX)
+        reward = 1.0 / (1.0 + float(_distances(step).mean()) / CONVERGED_PX)
         seen = self._observed(step)
         if lost or over:
             self._end()
@@ -224,12 +225,14 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return bool(step.estimate.status is Status.LOST or not inside)
 
     def _info(self, step: Step) -> dict[str, Any]:
-        distance = _distance(step)
+        distances = _distances(step).tolist()
+        distance = float(np.mean(distances))
         depth = {} if step.frame.depth is None else {"depth": step.frame.depth}
         return depth | {
             "time_s": step.frame.time,
             "distance_px": distance,
             "is_success": distance <= CONVERGED_PX,
+            "reward_terms": {f"corner_{i}_px": each for i, each in enumerate(distances, 1)},
             "servo_error_px": step.servo_error,
             "tracking_error_px": step.tracking_error,
             "status": step.estimate.status.name,
@@ -281,9 +284,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             self._window = None
 
 
-def _distance(step: Step) -> float:
-    """Return the mean distance of the target's true corners from their goals [px]."""
-    return float(np.hypot(*(step.truth.corners - step.goal_corners).T).mean())
+def _distances(step: Step) -> Array:
+    """Return the distances (4,) of the target's true corners from their goals [px]."""
+    return np.hypot(*(step.truth.corners - step.goal_corners).T)
 
 
 def environment_id(scenario: str) -> str:

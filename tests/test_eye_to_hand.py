@@ -111,10 +111,6 @@ def test_each_start_is_found_from_everywhere():
     ("changes", "sentence"),
     [
         (
-            ["motion.kind=line"],
-            "hand_plate: motion: the robot holds the target, so nothing else moves it",
-        ),
-        (
             ["goal.depth=2.5"],
             "hand_plate: start: the robot cannot bring the target where this picture is taken: ",
         ),
@@ -124,6 +120,14 @@ def test_what_a_held_target_cannot_do(changes, sentence):
     with pytest.raises(Mistake) as refused:
         Episode(load("hand_plate", changes), Dark)
     assert str(refused.value).startswith(sentence)
+
+
+def test_a_motion_of_a_held_target_is_refused_at_once():
+    with pytest.raises(Mistake) as refused:
+        load("hand_tag", ["motion.kind=line"])
+    assert str(refused.value) == (
+        "hand_tag: motion: the robot holds the target, so nothing else moves it"
+    )
 
 
 def test_a_pose_is_of_a_camera_in_the_world():

@@ -290,3 +290,12 @@ def test_success_is_a_mean_distance_of_the_corners_within_ten_pixels():
     assert [i["is_success"] for i in infos] == [i["distance_px"] <= 10 for i in infos]
     assert not infos[0]["is_success"]
     assert infos[-1]["is_success"]
+
+
+def test_the_reward_is_made_of_the_terms_that_are_told():
+    env = made(scenario="plate_line", overrides=["run.duration=0.5", "start.tilt_deg=10"])
+    for _, reward, info in steps_of(env, [np.zeros(4)] * 5, seed=3)[1:]:
+        assert list(info["reward_terms"]) == [f"corner_{i}_px" for i in (1, 2, 3, 4)]
+        distances = list(info["reward_terms"].values())
+        assert np.ptp(distances) > 0.1
+        assert reward == pytest.approx(1 / (1 + np.mean(distances) / 10), rel=1e-12)

@@ -1,14 +1,18 @@
 """Robots of others: they follow the target as they are, or are refused with what is wrong."""
 
 import re
+import shutil
+import sys
 from pathlib import Path
 
 import mujoco
+import mujoco_menagerie
 import numpy as np
 import pytest
+from mujoco_menagerie._cache import SENTINEL, Cache
 from robot_files import built, mjcf_arm, urdf_arm, write_stl
 
-from servo.loop.episode import measured_run
+from servo.loop.episode import Episode, measured_run
 from servo.scenario.load import load
 from sim.kinematics import drives
 from sim.kinematics.inverse_kinematics import reach
@@ -198,12 +202,56 @@ def test_a_model_is_found_beside_its_scenario_and_in_the_menagerie(tmp_path, urd
     (tmp_path / "mine.toml").write_text('[robot]\nkind = "mjcf"\nmodel = "arm.urdf"\n')
     assert load(str(tmp_path / "mine.toml")).robot.model == str(urdf)
     monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
-    with pytest.raises(ValueError, match="set MENAGERIE_ROOT to the folder of a checkout"):
+    monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)
+    with pytest.raises(ValueError, match="pip install mujoco-menagerie, or set MENAGERIE_ROOT to"):
         mjcf.model_path("menagerie:arm.urdf")
     monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path))
     assert mjcf.model_path("menagerie:arm.urdf") == urdf
     assert mjcf.model_path("arm7.xml").name == "arm7.xml"
     assert mjcf.model_path("arm7.xml").is_absolute()
+
+
+def test_a_robot_of_the_package_mujoco_menagerie_runs(tmp_path, urdf, monkeypatch):
+    """The package's own code; its cache holds an arm of ours under the name of a robot."""
+    monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
+    monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path / "cache"))
+    arm = mujoco_menagerie.get("universal_robots_ur5e")
+    folder = Cache().model_path(arm)
+    folder.mkdir(parents=True)
+    (folder / SENTINEL).touch()
+    (folder / "ur5e.xml").write_text(mjcf_arm(folder))
+    for name in ("menagerie:universal_robots_ur5e", "menagerie:universal_robots_ur5e/ur5e.xml"):
+        assert mjcf.model_path(name) == folder / "ur5e.xml"
+    robot = ["robot.kind=mjcf", f"robot.model={name}", "robot.flange=link7", "run.duration=0.1"]
+    with Episode(load("still", [*robot, "tracker.kind=truth"])) as episode:
+        assert len(list(episode)) == 3
+    monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path))
+    shutil.copytree(folder, tmp_path / "universal_robots_ur5e")
+    assert mjcf.model_path(name.removesuffix("/ur5e.xml")).parent.parent == tmp_path
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("universal_robots_ur5", "Unknown robot 'universal_robots_ur5'. Did you mean 'universal_"),
+        ("universal_robots_ur5e/arm.xml", "'universal_robots_ur5e' has no entry point 'arm'; avai"),
+        ("", "Unknown robot ''."),
+    ],
+)
+def test_what_the_package_does_not_have_is_a_sentence(tmp_path, monkeypatch, name, sentence):
+    monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
+    monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(Cache, "resolve", lambda cache, robot, progress: tmp_path)
+    with pytest.raises(ValueError, match=re.escape(f"menagerie:{name}: {sentence}")):
+        mjcf.model_path(f"menagerie:{name}")
+
+
+def test_a_robot_that_cannot_be_downloaded_is_a_sentence(tmp_path, monkeypatch):
+    monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
+    monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("MENAGERIE_BASE_URL", tmp_path.as_uri())
+    with pytest.raises(ValueError, match=r"^menagerie:universal_robots_ur5e: .+: not found$"):
+        mjcf.model_path("menagerie:universal_robots_ur5e")
 
 
 def test_a_urdf_with_unknown_inertias_is_driven_all_the_same(tmp_path):

@@ -1,12 +1,15 @@
 """Ground, clutter and light: what they change in the picture, and what they refuse."""
 
+import mujoco
 import numpy as np
 import pytest
 
 import servo
 from servo.mistake import Mistake
-from sim.models.assembly import build_model
+from sim.camera.renderer import Unseen
+from sim.models.assembly import build_model, with_stands
 from sim.surroundings import ClutterConfig, GroundConfig, LightConfig, Surroundings, colours_of
+from sim.world import World, WorldParts
 
 
 def last_step(*changes):
@@ -106,3 +109,23 @@ def test_the_ground_may_be_drawn():
     changes = ['vary.ground.kind={choice=["carpet","noise"]}', "vary.clutter.number={choice=[1,9]}"]
     kinds = {servo.load("still", changes, seed=seed).ground.kind for seed in range(1, 9)}
     assert kinds == {"carpet", "noise"}
+
+
+def test_base_and_camera_in_the_room_stand_on_columns():
+    """In recordings and films; the columns end where they carry something."""
+    arm = ["robot.kind=mjcf", "robot.base=[0.2, 0.5, 0.6, -90]"]
+    stands = ["camera.mounted=world", "camera.pose=[0.3, -1.6, 0.8, -100, 0, 0]"]
+    found = servo.load("hand_tag", [*arm, *stands])
+    rng = np.random.default_rng(0)
+    parts = WorldParts(
+        found.robot.build(rng), found.target.build(rng), found.motion.build(rng), (), found.camera
+    )
+    world = World(parts, rng, renderer=Unseen)
+    drawn = with_stands(world.model)
+    shown = np.flatnonzero((drawn.geom_group == 0) & (world.model.geom_group != 0))
+    columns = [i for i in shown if drawn.geom_type[i] == mujoco.mjtGeom.mjGEOM_CYLINDER]
+    tops = [drawn.geom_pos[i] + [0, 0, drawn.geom_size[i, 1]] for i in columns]
+    feet = [drawn.geom_pos[i, 2] - drawn.geom_size[i, 1] for i in columns]
+    np.testing.assert_allclose(tops, [[0.2, 0.5, 0.6], [0.3, -1.6, 0.8]])
+    np.testing.assert_allclose(feet, [0.0, -0.75], atol=1e-12)  # the table, and the floor beside it
+    assert len(shown) == 3  # the standing camera's body is the third

@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ from click.testing import CliRunner
 from robot_files import mjcf_arm, urdf_arm
 
 from servo.cli.main import app
-from servo.loop.episode import Episode
+from servo.cli.robot_command import NO_BASE
+from servo.loop.episode import Episode, measured_run
 from servo.mistake import Mistake
 from servo.output.room_view import RoomView
 from servo.scenario.load import load
@@ -150,6 +152,34 @@ def test_the_picture_has_the_whole_robot_with_its_stand(robot, height, monkeypat
     assert points[:, 2].max() > height
     assert (pixels > 0).all()
     assert (pixels < (640, 480)).all()
+
+
+@pytest.mark.parametrize(
+    ("model", "sentence"),
+    [
+        ("scara", "From the base below the camera can be 1 m above the target."),
+        ("pan_tilt", "From the base below the camera sees the target, 0.95 m and 45 deg from the "),
+    ],
+)
+def test_the_table_of_a_shipped_robot_of_few_joints_runs(tmp_path, model, sentence):
+    done = CliRunner().invoke(app, ["robot", model, "--out", str(tmp_path / "a.png")])
+    assert sentence in done.output
+    table = tomllib.loads(done.output[done.output.index("[robot]") :].partition("\n\n")[0])
+    assert table["robot"]["camera"] == "eye"
+    changes = [f"robot.{key}={value}" for key, value in table["robot"].items()]
+    scenario = load("line", [*changes, "tracker.kind=truth", "run.duration=1.5"])
+    steps, summary = measured_run(scenario)
+    assert summary.outcome.name == "CONVERGED"
+    assert steps[-1].servo_error < 1.0
+
+
+def test_no_table_is_printed_for_a_robot_that_cannot_begin(tmp_path):
+    up = ["scara", "--flange", "eye", "--out", str(tmp_path / "a.png")]
+    done = CliRunner().invoke(app, ["robot", *up])
+    assert "it never looks down: turn it with --mount." in done.output
+    assert "1 m above the target only nearly: 0.99 m and 180 deg are left" in done.output
+    assert NO_BASE in done.output
+    assert "[robot]" not in done.output
 
 
 def test_the_command_refuses_what_cannot_be_a_robot(urdf):

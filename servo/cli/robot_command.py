@@ -22,6 +22,7 @@ from servo.scenario.fill import fill
 from servo.types import DOF
 from sim.camera.camera import CameraConfig, pinhole
 from sim.camera.choice import renderer_of
+from sim.camera.renderer import Unseen
 from sim.geometry import tilt
 from sim.kinematics.chain import ALL_WAYS, Chain, flanges
 from sim.kinematics.drives import drive_of, kind_of_joint, random_joints, wrong_drive
@@ -50,6 +51,9 @@ RATE = 2
 SAMPLES = 4000
 LEVEL = np.radians(25.0)
 """A camera whose axis is nearer than this to straight down looks at the table."""
+BESIDE = (0.0, -DEPTH, 0.0, 90.0)
+"""The base of a robot that cannot be above the target, but can look there from aside."""
+NO_BASE = "No base was found from which a run can begin: give --base, or turn the camera (--mount)."
 BEST = 0.2
 """The part of the postures, the most comfortable ones, from which a base is proposed."""
 
@@ -95,16 +99,21 @@ def examine(given: dict[str, Any], out: Path) -> int:
     try:
         spec = read_spec(mjcf.model_path(config.model), mjcf.WHAT)
         model, chain = camera_chain(spec, config.flange, config.camera)
+        if not given.keys() & {"flange", "mount", "camera"}:
+            config = dataclasses.replace(config, camera=_own_camera(model))
+            model, chain = camera_chain(spec, config.flange, config.camera)
         robot = _robot(dataclasses.replace(config, base=(0.0, 0.0, 0.0, 0.0)))
         reach = sample_workspace(robot, DEPTH)
-        if "base" not in given:
-            config = dataclasses.replace(config, base=reach.base)
+        bases = [config.base] if "base" in given else [reach.base, BESIDE]
+        proposed = next((base for base in bases if _begins(config, base)), None)
+        config = dataclasses.replace(config, base=proposed or bases[0])
         picture, left = _drawn(config)
     except ValueError as error:
         raise Mistake(f"robot: {error}") from None
     print_table(console, _joint_table(model, chain, robot))
     print_table(console, _flange_table(model, chain))
-    plain(console, f"{_reach_text(reach)}\n{left}\n\n{_toml(config, chain)}\n")
+    table = _toml(config, chain) if proposed or "base" in given else NO_BASE
+    plain(console, f"{_reach_text(reach)}\n{left}\n\n{table}\n")
     with writing(out, "this picture"):
         out.write_bytes(encoded(picture))
     plain(console, str(out))
@@ -115,6 +124,22 @@ def _robot(config: mjcf.Config) -> Robot:
     rng = np.random.default_rng(0)
     design = config.build(rng)
     return Robot(build_model(480.0, PICTURE, design, car.Config().build(rng)), design)
+
+
+def _own_camera(model: mujoco.MjModel) -> str:
+    """The only camera that the joints of a model move; empty where there is none, or several."""
+    moved = [i for i in range(model.ncam) if model.body_weldid[model.cam_bodyid[i]]]
+    return model.camera(moved[0]).name if len(moved) == 1 else ""
+
+
+def _begins(config: mjcf.Config, base: tuple[float, float, float, float]) -> bool:
+    """Return whether a run can begin from a base: above the target, or beside it looking there."""
+    rng = np.random.default_rng(0)
+    design = dataclasses.replace(config, base=base).build(rng)
+    parts = WorldParts(design, car.Config().build(rng), still.Config().build(rng), camera=PICTURE)
+    world = World(parts, rng, renderer=Unseen)
+    reach = world.start(np.array([PICTURE.width, PICTURE.height]) / 2, 0.0, DEPTH)
+    return reach.there and (reach.distance < NEAR or base == BESIDE)
 
 
 def _drawn(config: mjcf.Config) -> tuple[Image, str]:
@@ -136,8 +161,14 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     finally:
         for item in (room, eye, world):
             item.close()
-    text = f"From the base below the camera can be {DEPTH:g} m above the target"
-    text += "." if reach and reach.distance < NEAR else f" only nearly: {reach}."
+    above = f"{DEPTH:g} m above the target"
+    if not reach:
+        text = f"From the base in the picture the camera can be {above} only nearly: {reach}."
+    elif reach.distance < NEAR:
+        text = f"From the base below the camera can be {above}."
+    else:
+        away = f"{reach.distance:.2f} m and {degrees(reach.angle):.0f} deg"
+        text = f"From the base below the camera sees the target, {away} from the pose {above}."
     joints = len(world.robot.ids)
     if joints < ALL_WAYS:
         text += f"\n{directions(world.robot.jacobian(world.data))}"

@@ -22,7 +22,6 @@ from servo.mistake import Mistake
 from servo.types import Sight
 from sim.camera.renderer import MakeRenderer, Unseen
 from sim.geometry import exp_so3
-from sim.kinds import kind_of
 from sim.kinematics.inverse_kinematics import Reach
 from sim.surroundings import Surroundings
 from sim.types import Array, Frame, Image, Pose, Truth
@@ -125,8 +124,6 @@ class Episode:
     def _build_world(self, renderer: MakeRenderer | None, *, seen: bool) -> World:
         s = self.scenario
         motion = self._build(Part("motion", s.motion))
-        if s.camera.mounted == "world" and kind_of(s.motion) != "still":
-            raise Mistake(f"{s.name}: motion: the robot holds the target, so nothing else moves it")
         robot = self._build(Part("robot", s.robot))
         target = self._build(Part("target", s.target))
         disturbances = [

@@ -7,10 +7,11 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Le
 
+from servo.mistake import Mistake
 from servo.parts import Controller, Estimator, FeaturesConfig
 from servo.sight.estimate_to_sight import SightConfig
 from sim.camera.camera import CameraConfig
-from sim.kinds import PartConfig
+from sim.kinds import PartConfig, kind_of
 from sim.kinematics.robot import Design
 from sim.miscalibration import BelievedConfig
 from sim.models.target import Target
@@ -188,6 +189,12 @@ class Setup:
     estimator: PartConfig[Estimator]
     controller: PartConfig[Controller]
     disturbances: tuple[PartConfig[Disturbance], ...]
+
+    def __post_init__(self) -> None:
+        if self.camera.mounted == "world" and kind_of(self.motion) != "still":
+            raise Mistake(
+                f"{self.name}: motion: the robot holds the target, so nothing else moves it"
+            )
 
     @property
     def frames(self) -> int:

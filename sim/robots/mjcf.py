@@ -1,6 +1,7 @@
 """A robot from a file, MJCF or URDF: its joints, and a camera at its flange."""
 
 import functools
+import importlib
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -35,7 +36,8 @@ class Config(Drives):
 
     model: File = "arm7"
     """Its file, MJCF or URDF: a path from the scenario's folder or from the working directory, a
-    shipped one's name, or menagerie:PATH below the folder that MENAGERIE_ROOT names."""
+    shipped one's name, menagerie:NAME of the package mujoco-menagerie, or menagerie:PATH below the
+    folder that MENAGERIE_ROOT names."""
     base: tuple[Place, Place, Place, Degrees] = (0.0, 0.5, 0.6, -90.0)
     """Where it stands in the room: x, y, z [m], and its turn about z [deg]; by default behind the
     table's middle, 0.6 m above it, its x towards the middle."""
@@ -97,18 +99,36 @@ def model_path(model: str) -> Path:
     """The file that a setting names.
 
     Raises:
-        ValueError: It is of the Menagerie, whose place is not known, or no model of its bare name
-            is shipped.
+        ValueError: The Menagerie is not here or has no such robot, or no model of its bare name is
+            shipped.
     """
     if model.startswith(MENAGERIE):
-        folder = os.environ.get(ROOT)
-        if not folder:
-            raise ValueError(
-                f"{model}: set {ROOT} to the folder of a checkout of "
-                "github.com/google-deepmind/mujoco_menagerie"
-            )
-        return Path(folder) / model.removeprefix(MENAGERIE)
+        return _in_menagerie(model)
     return file_of(model, FOLDER, ".xml", "model")
+
+
+def _in_menagerie(model: str) -> Path:
+    """The file of "menagerie:PATH" in a checkout, or of "menagerie:NAME" or "menagerie:NAME/FILE"
+    in the package, which downloads a robot when it is first asked for.
+    """
+    path = Path(model.removeprefix(MENAGERIE))
+    folder = os.environ.get(ROOT)
+    if folder and path.suffix:
+        return Path(folder) / path
+    try:
+        package = importlib.import_module("mujoco_menagerie")
+    except ModuleNotFoundError:
+        raise ValueError(
+            f"{model}: pip install mujoco-menagerie, or set {ROOT} to the folder of a checkout of "
+            "github.com/google-deepmind/mujoco_menagerie and name the file, as in "
+            f"{MENAGERIE}universal_robots_ur5e/ur5e.xml"
+        ) from None
+    try:
+        robot = package.get(path.parts[0] if path.parts else "")
+        file = path.stem if path.suffix else robot.default_model
+        return Path(robot.xml(file))
+    except (package.MenagerieError, OSError) as error:
+        raise ValueError(f"{model}: {error}") from None
 
 
 @functools.cache  # reading it takes 2 ms, and it is the same in all runs of a study

@@ -12,12 +12,14 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
-from robot_log import STILL, write_log
 
 from servo.cli.identify_command import estimated
 from servo.identify.log import read
 from servo.loop.episode import measured_run
 from servo.scenario.load import load
+
+sys.path.append(str(Path(__file__).parents[1] / "tools"))
+from robot_log import STILL, write_log
 
 SECONDS = 40.0
 SWINGS = 2.0
