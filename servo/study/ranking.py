@@ -36,9 +36,9 @@ INTERVAL = "AUC"
 LEGEND = (
     "means over n sequences (each painted one, and each recording over its seeds); AUC: success, "
     "with its 95 %\ninterval; late: the same with the estimate of three frames before; EO: "
-    "expected overlap; P20: precision at\n20 px; error [px]; done: share never lost; lost: ROC area of 1 - "
-    "confidence; reads: histograms a frame;\nz, p: McNemar on frames until loss against the first, "
-    "p after Holm over all pairs"
+    "expected overlap; P20: precision at\n20 px; error [px]; done: share never lost; lost: ROC "
+    "area of 1 - confidence; reads: histograms a frame;\nz, p: McNemar on frames until loss "
+    "against the first, p after Holm over all pairs"
 )
 UNIT = "sequence"
 
