@@ -13,6 +13,7 @@ import pytest
 from servo.cli.main import app
 from servo.loop.run_measures import MEANINGS
 from servo.output.steps_table import quantities
+from servo.papers.claims import marked
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped, studies
 from servo.scenario.load import KEYS, SECTIONS, parse
 from tracking.evaluation.track_measures import MEASURES
@@ -234,9 +235,12 @@ def test_the_verdicts_shown_are_those_kept():
     kept = json.loads((ROOT / "servo" / "papers" / "verdicts.json").read_text())
     text = (ROOT / "servo" / "papers" / "RESULTS.md").read_text()
     shown = {
-        re.sub(r"\[(.*?)\].*", r"\1", row[0]): (row[3], row[5].strip("*")) for row in rows(text)
+        re.sub(r"\[(.*?)\].*", r"\1", row[0]): (row[3], row[5].replace("*", ""))
+        for row in rows(text)
     }
-    assert shown == {name: (effect, finding) for name, (finding, effect) in kept.items()}
+    assert shown == {
+        name: (effect, marked(name, finding)) for name, (finding, effect) in kept.items()
+    }
 
 
 def settings(schema, definitions):

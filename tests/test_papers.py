@@ -19,7 +19,7 @@ from servo.papers import (
     tuning,
 )
 from servo.papers.claim import Effort, Evidence
-from servo.papers.claims import CLAIMS
+from servo.papers.claims import BY_CONSTRUCTION, CLAIMS, WITHOUT_POWER, marked
 from servo.papers.experiments import generated
 from servo.report import papers_section
 from servo.scenario.load import load
@@ -122,12 +122,13 @@ def test_other_seeds_have_a_folder_of_their_own_and_stand_beside_the_registered(
     monkeypatch.setattr(papers_command, "known", lambda: known)
     code, out, err = call(monkeypatch, capfd, "P1-3", "--first-seed", "7000", "--workers", "1")
     assert (code, err) == (0, "")  # another verdict is no fault here
-    beside = out[out.index("seeds from 7000 on, beside those that the rules name") :]
+    beside = out[out.index("seeds from 7000 on, beside the registered ones") :]
     head, row = (re.split(r"  +", line.strip()) for line in beside.splitlines()[1:3])
     assert head == ["claim", "verdict", "effect", "registered", "effect, registered"]
     assert (row[0], row[1], row[3]) == ("P1-3", "undecided", "does not hold")
     written = json.loads((tmp_path / "runs" / "papers-7000" / "papers.json").read_text())
     assert written["first_seed"] == 7000
+    assert written["claims"]["P1-3"]["rule"]["units"].endswith("seeds from 7000 on")
     assert written["command"] == "servobench papers P1-3 --first-seed 7000"
     page = papers_section.section(tmp_path / "runs" / "papers-7000")
     assert [(f.label, f.value) for f in page.facts[2:]] == [("first seed", "7000")]
@@ -142,7 +143,19 @@ def test_a_first_seed_is_that_of_every_claim():
             assert not {job.seed for job in jobs} & {job.seed for job in registered}
         else:
             assert not jobs or min(job.seed for job in jobs) == 7000
+        units = claim.rule.on(7000).units
+        assert ("7000" in units) == (claim.name != "estimators")  # its units name no seed
+        assert "1000" not in units
+        assert "2000" not in units
     assert effort.seeds(3) == effort.seeds(3, 2000) == range(7000, 7003)
+
+
+def test_a_verdict_that_the_claim_itself_decided_says_so_beside_it():
+    assert marked("P1-4a", "holds") == "holds (by construction)"
+    assert marked("P1-4a", "does not hold") == "does not hold"
+    assert marked("P0-4", "undecided") == "undecided (power)"
+    assert marked("P1-12b", "undecided") == "undecided"
+    assert {claim.name for claim in CLAIMS} > BY_CONSTRUCTION | WITHOUT_POWER
 
 
 @pytest.mark.parametrize(

@@ -101,3 +101,25 @@ def test_the_gain_brings_the_brightness_back_in_its_time():
     for _ in range(200):
         dark = sensor.develop([picture], 0.01)
     assert dark.max() == 16  # the gain ends at 8
+
+
+@pytest.mark.parametrize("readout_ms", [10.0, 25.0])
+@pytest.mark.parametrize("speed", [6.0, 20.0, 60.0])
+def test_a_moving_bar_leans_as_its_rows_are_exposed(monkeypatch, speed, readout_ms):
+    """The centroid of each row, against the bar's place at the row's own time; speed [px a frame],
+    with the 8 bands that are shipped."""
+
+    def bar(self, data):
+        left = 60 + speed * data.time * 30
+        # As much of each pixel is white as the bar covers.
+        row = np.clip(np.arange(1, 321) - left, 0, 1) - np.clip(np.arange(1, 321) - left - 40, 0, 1)
+        picture = np.repeat(np.rint(255 * np.tile(row, (240, 1)))[..., None], 3, axis=2)
+        return lambda: picture.astype(np.uint8)
+
+    monkeypatch.setattr(Clock, "begin", bar)
+    frames = frames_of(readout_ms=readout_ms)
+    next(frames)
+    rows = next(frames)[..., 0].astype(float)
+    centres = rows @ np.arange(320) / rows.sum(axis=1)
+    slope = np.polyfit(np.arange(240), centres, 1)[0]
+    assert slope == pytest.approx(speed * 30 * readout_ms / 1e3 / 240, rel=0.01)

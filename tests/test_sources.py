@@ -87,6 +87,16 @@ def test_otb_and_vot_layouts_are_found(tmp_path):
         assert (sequence.start.x, sequence.start.y) == (20, 15)
 
 
+def test_got_10k_s_layout_is_found(tmp_path):
+    others = {"absence.label": ["0", "0", "0"], "meta_info.ini": ["[METAINFO]"]}
+    boxes = ["10.0000,10.0000,20.0000,10.0000"] * 3
+    layout(tmp_path / "GOT-10k_Val_000001", "", 3, {"groundtruth.txt": boxes, **others})
+    (tmp_path / "list.txt").write_text("GOT-10k_Val_000001\n")
+    (sequence,) = read_all(tmp_path, 30.0)
+    assert (sequence.name, sequence.source.count) == ("GOT-10k_Val_000001", 3)
+    assert (sequence.start.x, sequence.start.y) == (20, 15)
+
+
 def test_a_sequence_that_begins_without_its_target_is_refused(tmp_path):
     layout(tmp_path / "late", "img", 2, {"groundtruth.txt": ["nan,nan,nan,nan", "9,9,9,9"]})
     with pytest.raises(ValueError, match="the target is not in the first picture"):

@@ -77,8 +77,8 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
 @click.argument(
     "source",
     type=opt.SOURCE,
-    help="A folder of images (also OTB, VOT), a video, a bag (MCAP, ROS 1, ROS 2), camera:0, or an "
-    "address (rtsp, http, tcp, udp).",
+    help="A folder of images (also OTB, VOT, GOT-10k), a video, a bag (MCAP, ROS 1, ROS 2), "
+    "camera:0, or an address (rtsp, http, tcp, udp).",
 )
 @click.option(
     "--region",
@@ -103,7 +103,7 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
 @click.option(
     "--truth",
     type=opt.PATH,
-    help="Truth to compare with: OTB, VOT, TLD, CSV (default: a truth file beside it).",
+    help="Truth to compare with: OTB, VOT, GOT-10k, TLD, CSV (default: a truth file beside it).",
 )
 @click.option(
     "--truth-format",
@@ -136,7 +136,7 @@ def track(**options: Any) -> None:
     "suite",
     type=opt.SOURCE,
     help="loop-v1 or servo-v1 (the public benchmarks), clutter, hard_clutter, similarity, texture, "
-    "camouflage, closed_loop, a folder of sequences (OTB, VOT), or a .toml file.",
+    "camouflage, closed_loop, a folder of sequences (OTB, VOT, GOT-10k), or a .toml file.",
 )
 @click.option(
     "--contestant",

@@ -1,7 +1,7 @@
 """The command `servobench papers`: run the experiments and print the verdict on each claim."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -142,6 +142,7 @@ def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
         raise Mistake(f"papers: --sequences joins {JOINED}, which is not among these claims")
     if effort.first is not None:
         _check_first(effort, effort.first, chosen)
+        return [replace(claim, rule=claim.rule.on(effort.first)) for claim in chosen]
     return chosen
 
 
@@ -171,7 +172,7 @@ def _folder(effort: Effort) -> str:
 
 def _print_beside(console: Console, found: Found, first: int) -> None:
     """Print the verdicts beside those on the registered seeds."""
-    plain(console, f"  seeds from {first} on, beside those that the rules name:")
+    plain(console, f"  seeds from {first} on, beside the registered ones:")
     before = known()
     rows = [[name, *new, *before.get(name, ("-", "-"))] for name, new in found.items()]
     head = ("claim", "verdict", "effect", "registered", "effect, registered")

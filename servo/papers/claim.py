@@ -1,7 +1,8 @@
 """A claim of a paper: its sentence, the rule of its verdict, the runs that test it, the judge."""
 
+import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -17,6 +18,8 @@ FRESH = 1000
 """First seed of verdicts; the settings are tuned with smaller ones."""
 QUICK = 100_000
 """The seed of a quick run; no verdict uses it."""
+SEED = re.compile(r"(?<=seeds from )\d+(?= on)|(?<=the first seed \()\d+(?=\))")
+"""The first seed in the words of a rule's units."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +72,10 @@ class Rule:
     test: str
     holds: str
     """The condition under which the claim holds."""
+
+    def on(self, first: int) -> "Rule":
+        """Return the rule for units with seeds from another one on."""
+        return replace(self, units=SEED.sub(str(first), self.units))
 
 
 @dataclass(frozen=True, slots=True)

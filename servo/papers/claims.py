@@ -20,6 +20,7 @@ from servo.papers import (
 from servo.papers.claim import WORDS, Claim, Rule, Verdict
 from servo.papers.summaries import words
 from tracking.files.json_text import number
+from tracking.statistics.verdicts import Finding
 
 CLAIMS = (
     *sorted(
@@ -89,7 +90,7 @@ class Judged:
             f"{effect} {self.unit}",
             f"{low} to {high}",
             f"{self.count}: {self.rule.units}",
-            self.finding,
+            marked(name, self.finding),
             ", ".join(path.rpartition("/")[2] for path in self.figures),
         )
         return f"| {' | '.join(cells)} |"
@@ -106,6 +107,21 @@ class PapersReport(Made):
     first_seed: int | None = None
     """Of every claim; None: the registered ones."""
     claims: dict[str, Judged]
+
+
+BY_CONSTRUCTION = frozenset({"P0-3", "P1-4a", "P1-4b", "P1-5a", "P1-5b", "P1-6a", "P1-6b", "P2-3b"})
+"""Claims that nearly hold whatever is tested: they have no other side that could make them fail."""
+WITHOUT_POWER = frozenset({"P0-4", "P0-7", "P0-8"})
+"""Claims whose intervals would be wide whatever is true."""
+
+
+def marked(name: str, finding: str) -> str:
+    """Return a finding with what it is worth, where the claim itself decided it."""
+    if finding == WORDS[Finding.HOLDS] and name in BY_CONSTRUCTION:
+        return f"{finding} (by construction)"
+    if finding == WORDS[Finding.UNDECIDED] and name in WITHOUT_POWER:
+        return f"{finding} (power)"
+    return finding
 
 
 Found = dict[str, tuple[str, str]]

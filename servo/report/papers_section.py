@@ -4,7 +4,7 @@ from collections import Counter
 from pathlib import Path
 
 from servo.papers.claim import WORDS
-from servo.papers.claims import Judged, PapersReport
+from servo.papers.claims import Judged, PapersReport, marked
 from servo.report.page import Block, Fact, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown
 from tracking.statistics.verdicts import Finding
@@ -31,8 +31,7 @@ def section(folder: Path) -> Section:
         *_other_seeds(papers),
     ]
     rows = [
-        [name, Badge(c.finding, TONES.get(c.finding, Tone.PLAIN)), c.says, _effect(c), c.measured]
-        for name, c in papers.claims.items()
+        [name, _badge(name, c), c.says, _effect(c), c.measured] for name, c in papers.claims.items()
     ]
     head = ("claim", "", "the paper says", "effect, 95 % interval, units", "measured")
     blocks = [
@@ -45,9 +44,9 @@ def section(folder: Path) -> Section:
 
 
 def _other_seeds(papers: PapersReport) -> list[Fact]:
-    """Return the first seed, where it is not the one that the rules name."""
+    """Return the first seed, where it is not the registered one."""
     first = papers.first_seed
-    return [] if first is None else [Fact("first seed", str(first), "not the rules' seeds")]
+    return [] if first is None else [Fact("first seed", str(first), "not the registered seeds")]
 
 
 def _claim(folder: Path, name: str, claim: Judged) -> Block:
@@ -62,7 +61,11 @@ def _claim(folder: Path, name: str, claim: Judged) -> Block:
         f"Effect: {_effect(claim)}.",
     ]
     tables = [Table(head, rows)] if head else []
-    return Block(f"{name}: {claim.finding}", text, tables=tables, pictures=pictures)
+    return Block(f"{name}: {marked(name, claim.finding)}", text, tables=tables, pictures=pictures)
+
+
+def _badge(name: str, claim: Judged) -> Badge:
+    return Badge(marked(name, claim.finding), TONES.get(claim.finding, Tone.PLAIN))
 
 
 def _effect(claim: Judged) -> str:

@@ -21,6 +21,8 @@ DECIDES = "frames_until_loss"
 RANKS = "auc"
 SHOWN = {
     "AUC": "auc",
+    "late": "auc_late_3",
+    "EO": "expected_overlap",
     "P20": "precision_20",
     "error": "mean_error_px",
     "done": "completed",
@@ -33,8 +35,9 @@ INTERVAL = "AUC"
 """Column whose interval is printed; the files have those of all measures."""
 LEGEND = (
     "means over n sequences (each painted one, and each recording over its seeds); AUC: success, "
-    "with its 95 %\ninterval; P20: precision at 20 px; error [px]; done: share never lost; lost: "
-    "ROC area of 1 - confidence; reads:\nhistograms a frame; z, p: McNemar on frames until loss "
+    "with its 95 %\ninterval; late: the same with the estimate of three frames before; EO: "
+    "expected overlap; P20: precision at\n20 px; error [px]; done: share never lost; lost: ROC "
+    "area of 1 - confidence; reads: histograms a frame;\nz, p: McNemar on frames until loss "
     "against the first, p after Holm over all pairs"
 )
 UNIT = "sequence"
