@@ -155,6 +155,7 @@ VARIED = {
     "P3-2": ({"points": 20.0}, {"polar": 20.0}),
     "P3-3": ({"pose c*Mc": 20.0}, {"points": 20.0}),
     "P3-4": ({"pose c*Mc": 20.0}, {"pose cMo": 20.0}),
+    **dict.fromkeys(("P3-5", "P3-6"), ({"points": 20.0}, {"partitioned": 20.0})),
     "P2-1": (SHIFTED, {}),
     **dict.fromkeys(("P2-3", "P2-3b"), (dict.fromkeys(("texture-alone", "colour-alone"), 9.0), {})),
     "P2-2": ({"5": 1.2, "10": 1.3, "20": 1.5}, {texture_paper.FOUND: 1.5}),
