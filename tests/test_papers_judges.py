@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servo.bench.world_run import CONTESTANT, PICTURE
+from servo.bench.world_run import CONTESTANT, LAST, PICTURE
 from servo.bench.world_run import ERROR as ERROR_SIZES
 from servo.loop.episode import run
 from servo.loop.run_measures import summarise
@@ -61,7 +61,7 @@ def results(claim, worse):
         w = worse.get(who, 1.0)
         loop = isinstance(job.subject, EstimatedLoop)
         if not loop:
-            settings |= {"family": job.subject.name, PICTURE: ""}
+            settings |= {"family": job.subject.name, PICTURE: "", LAST: ""}
         for seed in range(UNITS.get(claim.name, 10)):
             over_time = series(rng, w) if loop else {ERROR_SIZES: np.zeros(2)}
             record = Record(
