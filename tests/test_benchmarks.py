@@ -4,6 +4,7 @@ import copy
 import dataclasses
 import hashlib
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,7 +31,7 @@ from servo.bench.row import (
     won_by,
 )
 from servo.bench.score import Difficulty, effects, standings
-from servo.bench.world_run import ERROR, PICTURE, jobs_of
+from servo.bench.world_run import ERROR, LAST, PICTURE, jobs_of
 from servo.cli import benchmark_command, main
 from servo.mistake import Mistake
 from servo.report import benchmark_section
@@ -99,6 +100,47 @@ def test_a_changed_default_is_refused(public):
     assert changed.hash != public.hash
 
 
+@pytest.mark.parametrize(
+    ("name", "constant"),
+    [
+        ("loop-v1", "FARTHEST"),
+        ("loop-v1", "HELD_SIZE"),
+        ("loop-v1", "HELD_SHARE"),
+        ("servo-v1", "ARRIVED_MM"),
+        ("servo-v1", "ARRIVED_DEG"),
+        ("servo-v1", "NEAR_MM"),
+        ("servo-v1", "NEAR_DEG"),
+    ],
+)
+def test_a_changed_measure_is_refused(monkeypatch, name, constant):
+    monkeypatch.setattr(benchmarks, constant, 0.5)
+    with pytest.raises(Mistake, match=f"score.{constant.lower()} is 0.5 in this version, and was"):
+        load(name).check_frozen()
+
+
+def test_a_later_version_hashes_its_measures(public, monkeypatch):
+    """What is frozen by `tests/tools/freeze.py` has the measures among its settings."""
+    later = [replace(public, frozen=public.settings(), pinned={})]
+    monkeypatch.setattr(benchmarks, "FARTHEST", 3.0)
+    monkeypatch.setattr(benchmarks, "ARRIVED_MM", 3.0)
+    later.append(replace(public, frozen=public.settings(), pinned={}))
+    assert later[0].hash != later[1].hash
+
+
+def test_the_two_hashes_are_those_of_the_manual():
+    assert [load(name).hash for name in NAMES] == ["734e2e1421d5ad10", "728d1dddd65c04ec"]
+
+
+def test_the_defaults_of_home_contestants_are_those_of_their_rows(public):
+    """The file has each row's settings at the commit that added it, from the history of git."""
+    before = json.loads(Path("tests/data/home_settings.json").read_text())
+    rows = [row for row in shipped_rows(public) if row.division == "HOME"]
+    for one in rows:
+        now = public.resolved(one.settings)
+        for key, value in before[f"{public.name}/{one.contestant}"].items():
+            assert now[key] == value, f"{one.contestant}: {key}"
+
+
 def test_any_edit_of_the_file_is_another_version(public):
     edited = benchmarks.parsed(public.name, public.text + "\n", public.frozen, "")
     assert edited.hash != public.hash
@@ -119,6 +161,15 @@ def test_scores_by_hand():
     assert (first.name, second.name) == ("good", "poor")
     assert first.score.value == pytest.approx(75.0)
     assert second.score.value == pytest.approx(12.5)
+    # Points 100, 100, 50, 50 have no skewness: mean +- t s / sqrt(n), with t(3) = 3.18245.
+    half = 3.18245 * np.sqrt(4 * 25**2 / 3) / np.sqrt(4)
+    assert (first.score.low, first.score.high) == pytest.approx((75 - half, 75 + half), abs=1e-3)
+    # Points 0, 0, 50, 0: mean 12.5, deviation 25, skewness (3 * -.5^3 + 1.5^3) / 4 = .75. Hall's
+    # W + g W^2 / 3 + g^2 W^3 / 27 + g / (6 n) is t / sqrt(n), with W = (12.5 - end) / 25.
+    for end, t in ((second.score.low, 3.18245), (second.score.high, -3.18245)):
+        w = (12.5 - end) / 25
+        hall = w + 0.75 * w**2 / 3 + 0.75**2 * w**3 / 27 + 0.75 / 24
+        assert hall == pytest.approx(t / np.sqrt(4), abs=1e-4)
     assert list(first.points.values()) == pytest.approx([100, 100, 50, 50])
     # Three wins and a tie of four worlds.
     assert first.beats_next == pytest.approx(3.5 / 4)
@@ -152,7 +203,22 @@ def test_a_table_needs_what_fixes_its_scale():
 
 def test_worlds_that_tell_nothing_are_counted():
     rows = [row("still", [0.0] * 3), row("a", [1.0, 1.0, 0.0]), row("b", [1.0, 0.0, 0.0])]
+    rows.append(row("frozen", [0.0] * 3))
+    assert Difficulty.of(standings(rows)) is None  # two contestants say nothing
+    rows.append(row("c", [1.0, 0.0, 0.0]))
     assert Difficulty.of(standings(rows)) == Difficulty(nobody=1, everybody=1, worlds=3)
+
+
+def test_all_but_frozen_hold_69_worlds_of_the_published_rows():
+    """Counted here from the files, as an audit did."""
+    rows = [
+        json.loads(path.read_text()) for path in Path("scenes/benchmarks/rows/loop-v1").iterdir()
+    ]
+    others = [r["worlds"] for r in rows if r["contestant"] not in ("still", "truth", "frozen")]
+    easy = sum(all(worlds[key]["held"] for worlds in others) for key in others[0])
+    sentence = benchmark_section.difficulty_of(shipped_rows(load("loop-v1")))
+    assert easy == 69
+    assert sentence.endswith(f"and {easy} by every contestant but frozen.")
 
 
 def test_main_effects_are_means_over_worlds():
@@ -166,8 +232,14 @@ def test_main_effects_are_means_over_worlds():
 
 def test_the_slowest_tracker_that_holds():
     one = row("a", [0.5], slow={"0": 1.0, "33": 0.7, "66": 0.5, "100": 0.4, "200": 0.6})
-    (standing,) = standings([row("still", [0.1]), one])
+    still = row("still", [0.1])
+    (standing,) = standings([still, one])
     assert standing.slowest == 66.0
+    frozen = row("frozen", [0.2], slow=dict.fromkeys(one.slow, 0.5))
+    assert {s.name: s.slowest for s in standings([still, one, frozen])} == {
+        "a": 33.0,  # at 66 ms it holds no more than what looks at no picture
+        "frozen": None,
+    }
 
 
 def test_holding_and_arriving_are_judged_from_a_record():
@@ -176,18 +248,22 @@ def test_holding_and_arriving_are_judged_from_a_record():
     record = Record(
         subject="plain",
         seed=0,
-        settings={PICTURE: "ab" * 32},
+        settings={PICTURE: "ab" * 32, LAST: "cd" * 32},
         outcome="CONVERGED",
         success=True,
         measures={"end_position_mm": 9.0, "end_rotation_deg": 0.5, "out_of_view_pct": 0.0},
         series={ERROR: errors},
     )
     held = won(load("loop-v1"), record)
-    assert held == Won(pytest.approx(0.94 * 0.75 + 0.06 * 0.25), held=False, picture="ab" * 6)
+    assert held == Won(
+        pytest.approx(0.94 * 0.75 + 0.06 * 0.25), held=False, picture="ab" * 6, last="cd" * 6
+    )
     assert won(load("servo-v1"), record).held
     for name, value in (("end_rotation_deg", 1.5), ("out_of_view_pct", 0.4)):
         missed = replace(record, measures=record.measures | {name: value})
-        assert won(load("servo-v1"), missed) == Won(0.0, held=False, picture="ab" * 6)
+        assert won(load("servo-v1"), missed) == Won(
+            0.0, held=False, picture="ab" * 6, last="cd" * 6
+        )
 
 
 def test_a_row_of_another_version_is_refused(public):
@@ -200,9 +276,10 @@ def test_a_row_of_another_version_is_refused(public):
     [
         ("mean_shift", (), Division.HOME),
         ("mine=kams:paper", (), Division.HOME),
-        ("mine=collections:Counter", (), Division.OPEN),
+        ("mine=collections:Counter", (), Division.CLOSED),
+        ("mine=collections:Counter", ("tracker.particles=8",), Division.OPEN),
         ("mine=trax:python mine.py", (), Division.CLOSED),
-        ("mine=onnx:vit.onnx", (), Division.OPEN),
+        ("mine=onnx:vit.onnx", (), Division.CLOSED),
         ("mine=opencv", ("tracker.name=MIL",), Division.OPEN),
         ("mean_shift", ("controller.gain=2",), Division.OPEN),
     ],
@@ -252,14 +329,45 @@ def test_the_digest_of_a_contestant_covers_its_program(tmp_path, monkeypatch):
     assert len(before) == len(hashlib.sha256().hexdigest())
 
 
+@pytest.mark.parametrize(
+    "given",
+    ["m=pk.t:T", "m=trax:python -m tracking.exported.trax_server pk.t:T", "m=trax:python pk/t.py"],
+)
+@pytest.mark.parametrize("changed", ["pk/t.py", "pk/beside.py"])
+def test_the_digest_of_a_contestant_covers_its_package(tmp_path, monkeypatch, given, changed):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pk").mkdir()
+    for name in ("t.py", "beside.py"):
+        (tmp_path / "pk" / name).write_text("a = 1\n")
+    (one,) = contestants(load("loop-v1"), [given])
+    before = one.digest
+    (tmp_path / "other.txt").write_text("of nobody\n")
+    assert one.digest == before
+    (tmp_path / changed).write_text("a = 2\n")
+    assert one.digest != before
+
+
+def test_the_digest_of_a_law_covers_the_modules_beside_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("my_law.py", "helper.py"):
+        (tmp_path / name).write_text("a = 1\n")
+    one = Contestant("m", {"controller.kind": "my_law:Law"}, Division.OPEN)
+    before = one.digest
+    (tmp_path / "helper.py").write_text("a = 2\n")
+    assert one.digest != before
+
+
 def test_a_network_is_a_guest_and_its_digest_covers_the_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (one,) = contestants(load("loop-v1"), ["mine=onnx:vit.onnx"])
-    assert one.settings == {
-        "tracker.kind": "opencv",
-        "tracker.name": "Vit",
-        "tracker.model": "vit.onnx",
-    }
+    words = shlex.split(one.settings["tracker.command"])
+    assert words[1:] == [
+        "-m",
+        "tracking.exported.trax_server",
+        "opencv",
+        'name="Vit"',
+        'model="vit.onnx"',
+    ]
     before = one.digest
     (tmp_path / "vit.onnx").write_bytes(tiny_onnx.vit((0.31, 0.21)))
     assert one.digest != before
@@ -455,6 +563,7 @@ def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):
         ("loop-v1 --trackers kams", "loop-v1 has seeds of its own, and takes --contestant NAME"),
         ("loop-v1 --submit x.json", "--submit takes the row of one contestant"),
         ("loop-v1 --sealed x", "sealed worlds are drawn for one contestant"),
+        ("loop-v1 --sealed x --tracker m=nomod:T", "follow from the code of 'm', and none was fou"),
         ("clutter --band v1", "--contestant, --set, --band, --sealed, --quick, --submit and"),
         ("loop-v1 --verify gone.json", "gone.json: cannot read this file"),
     ],
@@ -471,7 +580,7 @@ def test_rows_and_their_parts_are_made_of_all_worlds():
     record = Record(
         subject="reversal",
         seed=0,
-        settings={PICTURE: "", "contestant": "a", "world": "reversal-00", "slow": 0.0},
+        settings={PICTURE: "", LAST: "", "contestant": "a", "world": "reversal-00", "slow": 0.0},
         outcome="CONVERGED",
         success=True,
         measures={"track_ms": 2.0},
@@ -483,6 +592,106 @@ def test_rows_and_their_parts_are_made_of_all_worlds():
     assert found.slow == {"0": 0.0, "33": 0.0}
     assert found.curve[10] == pytest.approx(1 / 3, abs=1e-4)
     assert found.worlds["reversal-00"].area == pytest.approx((0.75 + 0.5) / 3)
+
+
+def test_the_shipped_rows_have_a_page(monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    for name, count in (("loop-v1", 21), ("servo-v1", 13)):
+        assert call(monkeypatch, capfd, "report", name)[0] == 0
+        page = (tmp_path / f"{name}.html").read_text()
+        assert page.count("<td>home</td>") + page.count("<td>closed</td>") == count
+        assert "What the worlds do" in page
+    assert "others, see" not in (tmp_path / "loop-v1.html").read_text()
+
+
+def test_home_rows_are_grey_and_guests_are_named(public):
+    rows = shipped_rows(public)
+    table = benchmark_section.standings_table(public, rows)
+    guests = {"mil", "dlib", "kcf", "csrt"} if public.name == "loop-v1" else set()
+    full = {of[0] for i, of in enumerate(table.rows) if i not in table.faint}
+    assert full == (guests or {of[0] for of in table.rows})
+    (section,) = [benchmark_section.published_section(public.name)]
+    keys = {key.label for key in section.blocks[0].figures[0].keys}
+    assert keys == {*guests, "still", "truth"} if guests else len(keys) == 12
+
+
+def test_other_pictures_have_a_table_of_their_own():
+    loop = load("loop-v1")
+    rows = shipped_rows(loop)
+    kams = next(row for row in rows if row.contestant == "kams")
+    worlds = {key: replace(w, picture="ab" * 6) for key, w in kams.worlds.items()}
+    copied = replace(kams, contestant="copy", worlds=worlds)
+    first, other = benchmark_section.by_pictures(loop, [copied, *rows]).items()
+    assert first == (loop.rendering, rows)
+    assert [row.contestant for row in other[1]] == ["copy", "still", "truth"]
+    groups = dict((first, other))
+    blocks = benchmark_section.blocks_of(loop, loop.every_world(Band("v1")), groups)
+    assert [b.title for b in blocks][2:] == [
+        f"Contestants, pictures {copied.rendering}",
+        f"What the worlds do, pictures {copied.rendering}",
+    ]
+
+
+def test_a_guest_of_the_public_worlds_stands_beside_the_shipped_rows():
+    loop = load("loop-v1")
+    shipped = shipped_rows(loop)
+    kams = next(row for row in shipped if row.contestant == "kams")
+    guest = replace(kams, contestant="guest")
+    every = benchmark_section.beside_published(loop, [guest])
+    assert len(every) == len(shipped) + 1
+    few = replace(guest, worlds=dict(list(guest.worlds.items())[:2]))
+    assert benchmark_section.beside_published(loop, [few]) == [few]
+    assert benchmark_section.beside_published(loop, [kams]) == [
+        kams,
+        *(row for row in shipped if row is not kams and row.contestant != "kams"),
+    ]
+
+
+def test_a_class_runs_in_a_process_that_gets_pictures_only(monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(SPY)
+    whole = load("loop-v1")
+    scenario = whole.scenario | {"run": {"duration": 0.1, "latency": 1}}
+    cut = replace(whole, conditions=whole.conditions[:1], scenario=scenario, frozen={}, slow=None)
+    monkeypatch.setattr(benchmark_command, "load", lambda _: cut)
+    command = ["bench", "loop-v1", "--tracker", "m=mine:Spy", "--quick", "--workers", "1"]
+    code, out, _ = call(monkeypatch, capfd, *command, "--out", "o")
+    assert code == 0
+    assert "closed" in out
+    first = Row.read(tmp_path / "o" / "rows" / "m.json")
+    assert (tmp_path / "seen").read_text() == "tracking.exported.trax_server"
+    for world in first.worlds.values():
+        assert world.last not in ("", world.picture)
+    assert first.resolved["tracker.timeout"] == 30.0
+
+
+SPY = """
+import pathlib
+import sys
+
+
+class Spy:
+    def init(self, image, rect):
+        self.rect = rect
+        name = sys.modules["__main__"].__spec__.name
+        pathlib.Path("seen").write_text(name)
+
+    def update(self, image):
+        return True, self.rect
+"""
+
+
+def test_a_level_in_a_few_worlds_has_no_effect_told():
+    loop = load("loop-v1")
+    worlds = loop.every_world(Band("dev"), 2)
+    areas = np.random.default_rng(0).uniform(size=len(worlds))
+    keyed = {w.key: Won(float(a), held=False) for w, a in zip(worlds, areas, strict=True)}
+    table = standings([replace(row(n, []), worlds=keyed) for n in ("still", "a")])
+    found = effects(worlds, table)
+    assert all(e.points.units >= 5 for e in found)
+    assert {"light.azimuth_deg", "light.elevation_deg"} <= {e.factor for e in found}
+    lit = [e for e in found if e.factor == "light.elevation_deg"]
+    assert [e.points.units for e in lit] == [8, 8, 8]
 
 
 def test_the_manuals_show_the_shipped_rows():

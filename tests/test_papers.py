@@ -62,6 +62,8 @@ NAMES = [
     "P3-2",
     "P3-3",
     "P3-4",
+    "P3-5",
+    "P3-6",
     "estimators",
 ]
 FULL = Effort(quick=False, sequences=None)

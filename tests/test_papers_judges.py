@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servo.bench.world_run import CONTESTANT, PICTURE
+from servo.bench.world_run import CONTESTANT, LAST, PICTURE
 from servo.bench.world_run import ERROR as ERROR_SIZES
 from servo.loop.episode import run
 from servo.loop.run_measures import summarise
@@ -69,7 +69,7 @@ def results(claim, worse):
         w = worse.get(who, 1.0)
         loop = isinstance(job.subject, EstimatedLoop)
         if not loop:
-            settings |= {"family": job.subject.name, PICTURE: ""}
+            settings |= {"family": job.subject.name, PICTURE: "", LAST: ""}
         for seed in range(UNITS.get(claim.name, 10)):
             over_time = series(rng, w) if loop else {ERROR_SIZES: np.zeros(2)}
             record = Record(
@@ -163,6 +163,7 @@ VARIED = {
     "P3-2": ({"points": 20.0}, {"polar": 20.0}),
     "P3-3": ({"pose c*Mc": 20.0}, {"points": 20.0}),
     "P3-4": ({"pose c*Mc": 20.0}, {"pose cMo": 20.0}),
+    **dict.fromkeys(("P3-5", "P3-6"), ({"points": 20.0}, {"partitioned": 20.0})),
     "P2-1": (SHIFTED, {}),
     **dict.fromkeys(("P2-3", "P2-3b"), (dict.fromkeys(("texture-alone", "colour-alone"), 9.0), {})),
     "P2-2": ({"5": 1.2, "10": 1.3, "20": 1.5}, {texture_paper.FOUND: 1.5}),

@@ -30,6 +30,17 @@ SEALED_SEEDS = 1 << 40
 """Sealed seeds lie above all others."""
 QUICK = 2
 """Worlds of a condition in a quick run: what a first look needs."""
+FARTHEST = 2.0
+"""The curve of the score goes to this distance from the goal [target sizes]."""
+HELD_SIZE = 1.0
+HELD_SHARE = 0.95
+"""A robot holds its target that is within one size of the goal for this share of the time."""
+ARRIVED_MM = 10.0
+ARRIVED_DEG = 1.0
+NEAR_MM = 100.0
+NEAR_DEG = 10.0
+"""Arrival in a wider sense, as learned servoing is judged: a tenth of a way of a metre, and ten
+degrees."""
 OF_CONTESTANTS = {"tracker": ("tracker",), "law": ("features", "controller")}
 """Tables that a contestant brings: their defaults are its own, and do not count to the hash."""
 Settings = dict[str, Any]
@@ -126,6 +137,8 @@ class Benchmark:
     """Shipped models and pictures that the worlds are made of, in `scenes`."""
     frozen: Settings
     """The value of each setting when the version was frozen."""
+    pinned: Settings
+    """The constants of the measures, of a version whose hash does not cover them."""
     rendering: str
     """Digest of the first pictures of the public band, as `Row.rendering`; rows of other pictures
     stand in a table of their own."""
@@ -146,20 +159,29 @@ class Benchmark:
         return found.hexdigest()[:HASH_DIGITS]
 
     def settings(self) -> Settings:
-        """Return every setting that the contestants have in common, defaults included."""
+        """Return every setting that the contestants have in common, defaults included, and the
+        constants of the measures.
+        """
         found = parse(copy.deepcopy(self.scenario), self.name, self.name).settings()
         for part in OF_CONTESTANTS[self.contestant]:
             del found[part]
-        return flat(as_json(found), self.name)
+        return flat(as_json(found), self.name) | _constants(self.score)
+
+    def resolved(self, contestant: Settings) -> Settings:
+        """Return every setting of a contestant's own tables, defaults included."""
+        world = self.every_world(Band(), 1)[0]
+        found = self.scenario_of(world, contestant).settings()
+        own = {part: found[part] for part in OF_CONTESTANTS[self.contestant]}
+        return flat(as_json(own), self.name)
 
     def check_frozen(self) -> None:
-        """Refuse a version of servobench in which a default has changed.
+        """Refuse a version of servobench in which a default or a measure has changed.
 
         Raises:
             Mistake: One has; a setting that came since does not count.
         """
         now = self.settings()
-        for key, value in self.frozen.items():
+        for key, value in (self.frozen | self.pinned).items():
             if now.get(key) != value:
                 raise Mistake(
                     f"{self.name}: {key} is {now.get(key)!r} in this version, and was "
@@ -222,7 +244,9 @@ def load(name: str) -> Benchmark:
     return parsed(name, (folder / f"{name}.toml").read_text("utf-8"), **frozen)
 
 
-def parsed(name: str, text: str, settings: Settings, rendering: str) -> Benchmark:
+def parsed(
+    name: str, text: str, settings: Settings, rendering: str, measures: Settings | None = None
+) -> Benchmark:
     """Return the benchmark that a TOML text describes.
 
     Args:
@@ -230,6 +254,8 @@ def parsed(name: str, text: str, settings: Settings, rendering: str) -> Benchmar
         text: The file.
         settings: As they were when it was frozen.
         rendering: Digest of its first pictures.
+        measures: Constants of the measures, of the first versions: later ones have them among
+            their settings, so that the hash covers them.
     """
     table = toml.decode(text, name)
     ranges = flat(table["ranges"], name)
@@ -267,9 +293,19 @@ def parsed(name: str, text: str, settings: Settings, rendering: str) -> Benchmar
         home={name: flat(settings, name) for name, settings in table.get("home", {}).items()},
         files=tuple(table["files"]),
         frozen=settings,
+        pinned=measures or {},
         rendering=rendering,
         text=text,
     )
+
+
+def _constants(score: str) -> Settings:
+    """Return the constants that a score depends on, named as settings are."""
+    names = {
+        "held": ("FARTHEST", "HELD_SIZE", "HELD_SHARE"),
+        "arrives": ("ARRIVED_MM", "ARRIVED_DEG", "NEAR_MM", "NEAR_DEG"),
+    }
+    return {f"score.{name.lower()}": globals()[name] for name in names[score]}
 
 
 def _spread(rng: np.random.Generator, count: int) -> Array:

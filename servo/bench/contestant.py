@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 import json
+import os
 import shlex
 import shutil
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 from servo.bench.benchmark import Benchmark, Settings
@@ -18,7 +20,7 @@ from servo.features import KINDS as FEATURES
 from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.toml import assignment
-from sim.installed import Trusted, imported
+from sim.installed import Trusted
 from tracking.files.json_text import as_json
 from tracking.trackers import KINDS as TRACKERS
 from tracking.wrapped import OF_THE_USER
@@ -26,9 +28,19 @@ from tracking.wrapped import OF_THE_USER
 NULL = "still"
 PERFECT = "truth"
 """Names of the contestants that fix the scale."""
+FROZEN = "frozen"
+"""A home tracker that looks at no picture: what it holds, the world holds."""
 TRAX = "trax:"
 ONNX = "onnx:"
 """A network file of OpenCV's tracker Vit."""
+SERVER = "tracking.exported.trax_server"
+"""The module that serves a tracker of Python in a process of its own."""
+OURS = ("scenes", "servo", "sim", "tracking")
+"""Packages of servobench, which are no part of a contestant: a row names their version."""
+NAMING = ("tracker.command", "tracker.model", "controller.file")
+"""Settings that name a guest's files."""
+SCRIPTS = (".py", ".sh")
+"""Files of a command that may use the modules beside them."""
 UNFIT = ("truth", "tag")
 """Trackers that cannot compete: one is given the truth, one sees tags only."""
 OF_CONTROLLERS: Settings = {"features.kind": "points"}
@@ -40,7 +52,10 @@ of freedom.
 class Division(Enum):
     """How a row was obtained; each member carries its sentence."""
 
-    HOME = "shipped with servobench; its settings are part of the benchmark's history"
+    HOME = (
+        "shipped with servobench, and run in the process of the simulation; its settings are part "
+        "of the benchmark's history"
+    )
     CLOSED = "a tracker in another process, which gets pictures only; all else as the file has it"
     OPEN = "in the same process as the simulation, or with other settings than the file's"
     SCALE = "fixes 0 or 100 on the scale"
@@ -61,20 +76,71 @@ class Contestant:
 
     @property
     def digest(self) -> str:
-        """Digest of its settings, and of the file of a class or the files that a command names."""
+        """Digest of its settings, and of all code and files that they name."""
         found = hashlib.sha256(json.dumps(as_json(self.settings), sort_keys=True).encode())
-        for path in self._files():
-            found.update(path.read_bytes())
+        for name, content in sorted((path.name, path.read_bytes()) for path in self._files()):
+            found.update(name.encode() + content)
         return found.hexdigest()
 
-    def _files(self) -> list[Path]:
-        command = str(self.settings.get("tracker.command", ""))
-        named = [Path(word) for word in command.split()]
-        named.append(Path(str(self.settings.get("tracker.model", ""))))
-        kind = next((str(v) for k, v in self.settings.items() if k.endswith(".kind")), "")
-        if self.division is Division.OPEN and ":" in kind:
-            named.append(Path(inspect.getfile(imported(kind))))
-        return [path for path in named if path.is_file()]
+    @property
+    def is_unknown(self) -> bool:
+        """Whether it has code or files of its own and none of them was found."""
+        named = any(key in self.settings for key in NAMING) or any(":" in w for w in self._words())
+        return named and not self._files()
+
+    def _words(self) -> Iterator[str]:
+        """Yield the words of its settings that may name a file or a module."""
+        for key, value in self.settings.items():
+            if key == "tracker.command":
+                yield from shlex.split(value)
+            else:
+                yield from value if isinstance(value, list) else [str(value)]
+
+    def _files(self) -> set[Path]:
+        """Return the files of a guest: those that its settings name, the modules beside a script
+        and those in the package of a class or of a module.
+        """
+        if self.division in (Division.HOME, Division.SCALE):
+            return set()
+        found = set[Path]()
+        before = ""
+        for word in self._words():
+            path = Path(word.partition("=")[2].strip("\"'") or word)  # such as model="vit.onnx"
+            if path.is_file() and path != Path(sys.executable):
+                found |= {path} | (_modules(path.parent) if path.suffix in SCRIPTS else set())
+            elif before == "-m" or ":" in word:
+                found |= _package(word.partition(":")[0].partition(".")[0])
+            before = word
+        return {path.resolve() for path in found}
+
+
+def _package(name: str) -> set[Path]:
+    """Return the modules of a package; of a single module also those beside it, unless it is an
+    installed one.
+    """
+    spec = None if name in OURS else PathFinder.find_spec(name, [str(Path.cwd()), *sys.path])
+    if spec is None:
+        return set()
+    if spec.submodule_search_locations is not None:
+        return {path for each in spec.submodule_search_locations for path in _modules(Path(each))}
+    file = Path(spec.origin or "")
+    installed = any(file.is_relative_to(place) for place in (sys.prefix, sys.base_prefix))
+    return {file} if installed else {file} | _modules(file.parent)
+
+
+def _modules(folder: Path) -> set[Path]:
+    """Return the modules in a folder and below, without those of environments and of servobench."""
+    found = set[Path]()
+    for place, folders, files in os.walk(folder):
+        found |= {Path(place, name) for name in files if name.endswith(".py")}
+        folders[:] = [
+            name
+            for name in folders
+            if name not in OURS
+            and not name.startswith(".")
+            and not Path(place, name, "pyvenv.cfg").exists()
+        ]
+    return found
 
 
 def scale_of(benchmark: Benchmark) -> list[Contestant]:
@@ -102,7 +168,8 @@ def contestants(
         given: A name of `home_of`, or name=kind:preset, name=module:Class, name='trax:COMMAND'
             for a program that speaks TraX, or name=onnx:FILE for a network of OpenCV's tracker
             Vit; without any, all of `home_of`.
-        changes: Settings of all of them, as for --set, which makes them open.
+        changes: Settings of all of them, as for --set, which makes them open. A guest whose tracker
+            is changed so runs in this process; else a server of ours runs it in another one.
 
     Raises:
         Mistake: There is no such contestant, or two have one name.
@@ -111,7 +178,8 @@ def contestants(
     changed = dict(map(assignment, changes))
     chosen = list(home.values())
     if given:
-        chosen = [home.get(text) or _guest(benchmark, text) for text in given]
+        served = not any(key.startswith("tracker.") for key in changed)
+        chosen = [home.get(text) or _guest(benchmark, text, served) for text in given]
     names = [one.name for one in chosen]
     for name in names:
         if names.count(name) > 1 or name in (NULL, PERFECT):
@@ -167,7 +235,21 @@ def check_program(command: str) -> None:
         raise Mistake(f"{TRAX}{command}: there is no program '{words[0] if words else ''}'")
 
 
-def _guest(benchmark: Benchmark, text: str) -> Contestant:
+def _served(settings: Settings) -> Settings:
+    """Return the settings that run a tracker of Python in a process of its own, which gets pictures
+    only.
+    """
+    table = {key.removeprefix("tracker."): value for key, value in settings.items()}
+    python = Path(shutil.which("python") or "")
+    words = ["python" if python == Path(sys.executable) else sys.executable, "-m", SERVER]
+    words.append(table.pop("kind"))
+    if preset := table.pop("preset", None):
+        words += ["--preset", preset]
+    words += [f"{key}={json.dumps(value)}" for key, value in table.items()]
+    return settings_of("tracker", TRAX + shlex.join(words))
+
+
+def _guest(benchmark: Benchmark, text: str, served: bool) -> Contestant:
     name, what = named_part(text)
     is_law = benchmark.contestant == "law"
     kinds = [*FEATURES.names(), *LAWS.names()] if is_law else TRACKERS.names()
@@ -189,4 +271,8 @@ def _guest(benchmark: Benchmark, text: str) -> Contestant:
     kind = str(settings["tracker.kind"])
     if kind in UNFIT:
         raise Mistake(f"the tracker '{kind}' cannot compete: it does not only see pictures")
-    return Contestant(name, settings, Division.HOME if kind in home else Division.OPEN)
+    if kind in home:
+        return Contestant(name, settings, Division.HOME)
+    if served:
+        return Contestant(name, _served(settings), Division.CLOSED)
+    return Contestant(name, settings, Division.OPEN)

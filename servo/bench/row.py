@@ -15,17 +15,22 @@ import numpy as np
 from annotated_types import Ge, Le, Len
 from pydantic import StringConstraints
 
-from servo.bench.benchmark import FOLDER, Band, Benchmark, condition_of
-from servo.bench.contestant import Contestant
-from servo.bench.world_run import (
-    CONTESTANT,
-    ERROR,
+from servo.bench.benchmark import (
+    ARRIVED_DEG,
+    ARRIVED_MM,
+    FARTHEST,
+    FOLDER,
     HELD_SHARE,
     HELD_SIZE,
-    PICTURE,
-    SLOW,
-    WORLD,
+    NEAR_DEG,
+    NEAR_MM,
+    Band,
+    Benchmark,
+    Settings,
+    condition_of,
 )
+from servo.bench.contestant import Contestant
+from servo.bench.world_run import CONTESTANT, ERROR, LAST, PICTURE, SLOW, WORLD
 from servo.mistake import Mistake
 from servo.output.formats import Made
 from servo.output.versions import versions
@@ -33,16 +38,8 @@ from servo.study.run import Record
 from servo.study.scenario_run import TRACK_MS
 from sim.types import Array
 
-FARTHEST = 2.0
-"""The curve of the score goes to this distance from the goal [target sizes]."""
 TAUS = np.linspace(0.0, FARTHEST, 41)
 """The distances of the curve: a step is a twentieth of the target's size."""
-ARRIVED_MM = 10.0
-ARRIVED_DEG = 1.0
-NEAR_MM = 100.0
-NEAR_DEG = 10.0
-"""Arrival in a wider sense, as learned servoing is judged: a tenth of a way of a metre, and ten
-degrees."""
 DIGITS = 12
 """Digits of a picture's digest."""
 MEASURES = (
@@ -70,6 +67,8 @@ class Won:
     """Whether the robot held its target for 95 % of the time, or arrived."""
     picture: str = ""
     """Digest of the first picture; empty where nothing was rendered."""
+    last: str = ""
+    """Digest of the last picture, which the contestant's own way decides; empty in older rows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,6 +87,8 @@ class Row(Made):
     division: str
     """Name of the division."""
     settings: dict[str, Any]
+    resolved: Settings = field(default_factory=dict[str, Any])
+    """Every setting of its tables, defaults included; empty in older rows."""
     digest: Digest
     """Of the contestant."""
     machine: str
@@ -124,13 +125,13 @@ def won(benchmark: Benchmark, record: Record) -> Won:
     1 degree of its goal, and never had a corner of the target outside its picture: no detector
     would have seen it.
     """
-    picture = record.settings[PICTURE][:DIGITS]
+    first, last = (record.settings[name][:DIGITS] for name in (PICTURE, LAST))
     if benchmark.score == "held":
-        return replace(won_by(record.series[ERROR]), picture=picture)
+        return replace(won_by(record.series[ERROR]), picture=first, last=last)
     lasts = bool(np.isfinite(record.series[ERROR][-1]))
     seen = record.measures["out_of_view_pct"] == 0.0
     arrived = lasts and seen and is_within(record, ARRIVED_MM, ARRIVED_DEG)
-    return Won(float(arrived), arrived, picture)
+    return Won(float(arrived), arrived, first, last)
 
 
 def won_by(errors: Array) -> Won:
@@ -173,6 +174,7 @@ def row_of(
         contestant=contestant.name,
         division=contestant.division.name,
         settings=contestant.settings,
+        resolved=benchmark.resolved(contestant.settings),
         digest=contestant.digest,
         machine=f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}",
         track_ms=round(float(np.median([r.measures[TRACK_MS] for r in at_once])), 3),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from servo.bench.benchmark import World, condition_of
-from servo.bench.contestant import NULL, PERFECT
+from servo.bench.contestant import FROZEN, NULL, PERFECT
 from servo.bench.row import Row
 from servo.mistake import Mistake
 from sim.types import Array
@@ -18,6 +18,12 @@ SURE = 0.05
 """Contestants whose difference has a smaller p-value, after Holm, have different ranks."""
 HALF = 0.5
 """A tracker is fast enough while half of the worlds are held."""
+FEWEST_CONTESTANTS = 3
+"""Fewer say nothing about how hard a world is."""
+FEWEST_WORLDS = 5
+"""A level in fewer worlds has no interval worth telling."""
+LIGHT = ("light.azimuth_deg", "light.elevation_deg")
+"""Settings that are drawn in all conditions; a third of the worlds is a level of each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,21 +43,15 @@ class Standing:
     """How often it is better than the next one in the same world; ties count half."""
     points: dict[str, float]
     """Points in each world, by its key; the score is their mean."""
+    slowest: float | None
+    """The longest time for a picture at which half of the worlds are held, and more of them than
+    `frozen` holds if it is there [ms].
+    """
 
     @property
     def name(self) -> str:
         """Name of the contestant."""
         return self.row.contestant
-
-    @property
-    def slowest(self) -> float | None:
-        """The longest time for a picture at which half of the worlds are held [ms]."""
-        longest = None
-        for ms in sorted(self.row.slow, key=float):
-            if self.row.slow[ms] < HALF:
-                break
-            longest = float(ms)
-        return longest
 
     def mean_in(self, condition: str) -> float:
         """Return the mean points in a condition; nan where it has none of its worlds."""
@@ -106,9 +106,19 @@ def standings(rows: Sequence[Row]) -> list[Standing]:
             last=len(order) - sum((name, other) in better for other in order),
             beats_next=_improvement(points[name], points[following]),
             points=points[name],
+            slowest=_slowest(compared[name], compared.get(FROZEN)),
         )
         for name, following in zip(order, after, strict=True)
     ]
+
+
+def _slowest(row: Row, frozen: Row | None) -> float | None:
+    longest = None
+    for ms in sorted(row.slow, key=float):
+        if row.slow[ms] < HALF or (frozen and row.slow[ms] <= frozen.slow.get(ms, 0.0)):
+            break
+        longest = float(ms)
+    return longest
 
 
 def _percent(share: Interval) -> Interval:
@@ -159,18 +169,33 @@ class Effect:
 
 
 def effects(worlds: Sequence[World], table: Sequence[Standing]) -> list[Effect]:
-    """Return the main effects of all factors; the unit is the world."""
+    """Return the main effects of all factors and of the light's direction, where a level has a few
+    worlds; the unit is the world.
+    """
     found = list[Effect]()
-    levels = {level for world in worlds for level in world.levels.items()}
-    for factor, level in sorted(levels):
-        keys = [w.key for w in worlds if w.levels.get(factor) == level]
+    for (factor, level), keys in _levels(worlds).items():
         means = [
             float(np.mean(of))
             for key in keys
             if (of := [s.points[key] for s in table if key in s.points])
         ]
-        if means:
+        if len(means) >= FEWEST_WORLDS:
             found.append(Effect(factor, level, mean_of(np.array(means))))
+    return found
+
+
+def _levels(worlds: Sequence[World]) -> dict[tuple[str, str], list[str]]:
+    """Return the worlds of each factor and level."""
+    chosen = sorted({level for world in worlds for level in world.levels.items()})
+    found = {(f, of): [w.key for w in worlds if w.levels.get(f) == of] for f, of in chosen}
+    for name in LIGHT:
+        lit = [w for w in worlds if name in w.settings]
+        lit.sort(key=lambda w: float(w.settings[name]))
+        for part in np.array_split(np.arange(len(lit)), 3):
+            if len(part):
+                ends = (lit[i].settings[name] for i in (part[0], part[-1]))
+                level = " to ".join(f"{end:.0f}" for end in ends)
+                found[name, level] = [lit[i].key for i in part]
     return found
 
 
@@ -181,18 +206,21 @@ class Difficulty:
     nobody: int
     """Worlds that no contestant held."""
     everybody: int
+    """Worlds that every contestant held; `frozen` is left out, which looks at no picture."""
     worlds: int
 
     @staticmethod
-    def of(table: Sequence[Standing]) -> Difficulty:
-        """Return the difficulty of the worlds that all contestants have."""
-        rows = [standing.row.worlds for standing in table]
+    def of(table: Sequence[Standing]) -> Difficulty | None:
+        """Return the difficulty of the worlds that all contestants have; None for a few."""
+        rows = [standing.row.worlds for standing in table if standing.name != FROZEN]
+        if len(rows) < FEWEST_CONTESTANTS:
+            return None
         keys = set[str]().union(*rows).intersection(*rows)
         held = [sum(row[key].held for row in rows) for key in keys]
         return Difficulty(held.count(0), held.count(len(rows)), len(held))
 
 
-def by_size(row: Row, worlds: Sequence[World], condition: str, parts: int = 3) -> list[float]:
+def by_size(row: Row, worlds: Sequence[World], condition: str, parts: int) -> list[float]:
     """Return the share of worlds reached, from the smallest part of a condition's tasks on."""
     own = sorted(
         (w for w in worlds if w.condition == condition and w.key in row.worlds),

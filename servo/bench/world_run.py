@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from servo.bench.benchmark import Benchmark, Settings, World
+from servo.bench.benchmark import HELD_SHARE, HELD_SIZE, Benchmark, Settings, World
 from servo.bench.contestant import Contestant
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
@@ -16,7 +16,7 @@ from servo.loop.step import Step
 from servo.scenario.load import Scenario, Table, parse
 from servo.study.run import Job, Record
 from servo.study.scenario_run import Sheet, record_of
-from sim.types import Array
+from sim.types import Array, Image
 from sim.world import Unstable
 
 CONTESTANT = "contestant"
@@ -24,10 +24,8 @@ WORLD = "world"
 SLOW = "slow"
 """Settings of a job: who runs where, and the time that it takes for a picture, or 0."""
 PICTURE = "first_picture"
-"""Setting of a record: the SHA-256 of the world's first picture."""
-HELD_SIZE = 1.0
-HELD_SHARE = 0.95
-"""A robot holds its target that is within one size of the goal for this share of the time."""
+LAST = "last_picture"
+"""Settings of a record: the SHA-256 of the first and the last picture of the run."""
 ERROR = "error_sizes"
 """Series of a record: distance of the target's centre from the goal, in target sizes."""
 
@@ -51,21 +49,22 @@ class WorldRun:
         del folder
         scenario = parse(self.table, job.settings[WORLD], self.benchmark)
         sheet = Sheet(scenario.frames)
-        first: list[str] = []
+        pictures: list[Image] = []
 
         def keep(step: Step) -> None:
             sheet.add(step)
-            if not first:
-                first.append(hashlib.sha256(step.frame.image.tobytes()).hexdigest())
+            pictures[1:] = [step.frame.image]
 
         looks = getattr(scenario.tracker, "needs_pictures", True)
         steps = _steps(scenario, keep if looks else None)
         record = record_of(job, scenario, steps)
+        digests = [hashlib.sha256(picture.tobytes()).hexdigest() for picture in pictures]
+        first, last = (digests[0], digests[-1]) if digests else ("", "")
         errors = errors_of(steps, scenario.frames)
         failed = looks and float(np.mean(errors <= HELD_SIZE)) < HELD_SHARE
         return replace(
             record,
-            settings=record.settings | {PICTURE: "".join(first)},
+            settings=record.settings | {PICTURE: first, LAST: last},
             series={ERROR: errors.astype(np.float32)},
             sheet=sheet.jpeg() if failed else None,
         )

@@ -113,7 +113,7 @@ def run(request: BenchmarkRequest) -> int:
         records = store.records(jobs)
         rows = known + _rows(benchmark, band, every, worlds, records, request.command)
         _keep(store, rows)
-        _print(console, benchmark, worlds, rows)
+        _print(console, benchmark, rows)
         if request.submit is not None and not failed:
             _submit(request.submit, rows[-1], records)
             plain(console, f"  {request.submit}")
@@ -147,6 +147,11 @@ def _band(request: BenchmarkRequest, chosen: Sequence[Contestant]) -> Band:
         return Band("v1" if request.band == "v1" else "dev")
     if several:
         raise Mistake("sealed worlds are drawn for one contestant: name one with --contestant")
+    if chosen[0].is_unknown:
+        raise Mistake(
+            f"sealed worlds follow from the code of '{chosen[0].name}', and none was found: name "
+            "its file or its module"
+        )
     return Band("sealed", request.sealed, chosen[0].digest)
 
 
@@ -185,15 +190,15 @@ def _rows(
     return found
 
 
-def _print(
-    console: Console, benchmark: Benchmark, worlds: Sequence[World], rows: Sequence[Row]
-) -> None:
+def _print(console: Console, benchmark: Benchmark, rows: Sequence[Row]) -> None:
     if len(rows) > len(scale_of(benchmark)):
-        print_table(console, benchmark_section.standings_table(benchmark, rows))
-        plain(console, benchmark_section.difficulty_of(rows))
+        every = benchmark_section.beside_published(benchmark, rows)
+        for of in benchmark_section.by_pictures(benchmark, every).values():
+            print_table(console, benchmark_section.standings_table(benchmark, of))
+            if sentence := benchmark_section.difficulty_of(of):
+                plain(console, sentence)
     here = {row.rendering for row in rows if row.rendering}
-    whole = len(worlds) == len(benchmark.conditions) * benchmark.worlds
-    if whole and rows[0].band == "v1" and here - {benchmark.rendering}:
+    if benchmark_section.is_whole(benchmark, rows) and here - {benchmark.rendering}:
         plain(
             console,
             "the pictures differ from the frozen ones: these rows stand in a table of their own",

@@ -308,7 +308,9 @@ def papers(
     "--measures", help="Columns of a study's tables, such as servo_rms_px,age_ms (default: a few)."
 )
 def report(folders: tuple[Path, ...], out: Path | None, **printed: Any) -> None:
-    """Write a page about folders of run, bench, papers, sweep and compare."""
+    """Write a page about folders of run, bench, papers, sweep and compare; loop-v1 and servo-v1
+    name the published rows of a benchmark.
+    """
     from servo.cli.report_command import Printed, write
 
     for path in write(folders, out, Printed(**printed)):

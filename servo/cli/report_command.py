@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from servo.bench.benchmark import NAMES
 from servo.cli.sweep_command import measures_of
 from servo.mistake import Mistake, check_suffix, writing
 from servo.output.steps_table import STREAM, TABLE
@@ -73,7 +74,7 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
     printed = printed or Printed()
     measures = None if printed.measures is None else measures_of(printed.measures)
     sections = [_section(folder, measures) for folder in folders]
-    path = out or folders[0] / PAGE
+    path = out or (folders[0] / PAGE if folders[0].is_dir() else Path(f"{folders[0]}.html"))
     _check_out(path, *PAGES)
     files: dict[Path, str | bytes] = {path: render(sections)}
     if printed.latex is not None:
@@ -106,6 +107,8 @@ def _check_out(path: Path, *suffixes: str) -> None:
 
 def _section(folder: Path, measures: Sequence[str] | None = None) -> Section:
     if not folder.is_dir():
+        if str(folder) in NAMES and measures is None:
+            return benchmark_section.published_section(str(folder))
         raise Mistake(f"{folder}: there is no such folder")
     if (folder / StudyFile.FILE).exists():
         return _study(folder, measures)

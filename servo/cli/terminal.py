@@ -58,8 +58,8 @@ def print_table(console: Console, shown: words.Table) -> None:
             no_wrap=not is_text,
             min_width=NARROWEST if is_text else None,
         )
-    for row in shown.rows:
-        table.add_row(*map(_marked, row))
+    for i, row in enumerate(shown.rows):
+        table.add_row(*map(_marked, row), style="dim" if i in shown.faint else "")
     console.print(table)
     if shown.note:
         plain(console, shown.note)

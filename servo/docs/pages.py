@@ -12,8 +12,11 @@ from notebooks import notebook
 from sphinx.util.display import status_iterator
 
 import servo
+from servo.bench.benchmark import NAMES
 from servo.cli.list_command import FOLDERS, settings_rows
 from servo.loop.run_measures import MEANINGS
+from servo.report.benchmark_section import published_section
+from servo.report.page import render
 from servo.scenario.catalogue import sentence, shipped, studies
 from servo.scenario.fill import form
 from servo.scenario.tables import SECTIONS
@@ -56,6 +59,11 @@ def _complete(app: Sphinx, page: str, source: list[str]) -> None:
         source[0] += _table(("measure", "unit", "meaning"), rows)
     if page == "servo/docs/gallery":
         source[0] += _gallery(app.outdir / "gallery", app.config.gallery_seconds)
+    if page == "scenes/benchmarks/README":
+        source[0] += "\n## All of the published rows\n\n" + "".join(
+            f'- <a href="../../{name}.html">{name}: conditions, curves, factors</a>\n'
+            for name in NAMES
+        )
     path = PurePosixPath(page)
     if path.parent.name == "tutorials" and path.name != "README":
         source[0] = _with_notebook(source[0], path.name, app.outdir / "notebooks")
@@ -140,8 +148,13 @@ def _draw(name: str, picture: Path, seconds: float) -> None:
 
 
 def _finish(app: Sphinx, error: Exception | None) -> None:
-    """Write the page that leads from the site's root to its first page."""
+    """Write the pages of the benchmarks, and the one that leads from the site's root to its first
+    page.
+    """
     if error is None and app.builder.format == "html":
         first = f"{app.config.root_doc}.html"
         page = f'<!doctype html><meta http-equiv="refresh" content="0; url={first}">\n'
         (app.outdir / "index.html").write_text(page, encoding="utf-8")
+        for name in NAMES:
+            text = render([published_section(name)])
+            (app.outdir / f"{name}.html").write_text(text, encoding="utf-8")

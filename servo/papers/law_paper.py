@@ -1,8 +1,8 @@
 """Claims of papers on schemes, in worlds of the benchmark servo-v1 that nobody has seen before.
 
 F. Chaumette, Potential problems of stability and convergence in image-based and position-based
-visual servoing, 1998. N. R. Gans, S. A. Hutchinson, P. I. Corke, Performance tests for visual servo
-control systems, with application to partitioned approaches to visual servo control, 2003.
+visual servoing, 1998. N. R. Gans, P. I. Corke, S. A. Hutchinson, Performance tests of partitioned
+approaches to visual servo control, 2002, and with position-based servoing, 2003.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,6 +32,7 @@ MORE = 20.0
 ALIKE = 15.0
 """Largest difference of shares that counts as equally good [% of the worlds]."""
 POINTS, POLAR, POSE = "points", "polar", "pose c*Mc"
+PARTITIONED = "partitioned"
 CENTRED = "pose cMo"
 
 
@@ -180,5 +181,39 @@ CLAIMS = (
         "above 0",
         (POSE, CENTRED),
         partial(_compared, _left, lambda gap: greater(gap, 0.0), "left", (POSE, CENTRED)),
+    ),
+    _claim(
+        "P3-5",
+        "partitioning costs nothing where image points do well: a turn about an axis in the "
+        "picture (Gans, Corke, Hutchinson, 2002)",
+        "worlds reached with image points, less those with the partitioned law",
+        "tilt",
+        f"{ALIKE:g} %",
+        f"below {ALIKE:g} %",
+        (POINTS, PARTITIONED),
+        partial(
+            _compared,
+            _arrived,
+            lambda gap: not_worse(gap, ALIKE),
+            "arrived",
+            (POINTS, PARTITIONED),
+        ),
+    ),
+    _claim(
+        "P3-6",
+        "a partitioned law manages general motions at which image points fail (Gans, Corke, "
+        "Hutchinson, 2002)",
+        "worlds reached with the partitioned law, less those with image points",
+        "general",
+        f"{MORE:g} %",
+        f"above {MORE:g} %",
+        (PARTITIONED, POINTS),
+        partial(
+            _compared,
+            _arrived,
+            lambda gap: greater(gap, MORE),
+            "arrived",
+            (PARTITIONED, POINTS),
+        ),
     ),
 )

@@ -1,13 +1,13 @@
 """The section about a public benchmark: its table, curves, conditions, factors and failures."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from servo.bench.benchmark import Band, Benchmark, World, load
-from servo.bench.contestant import Division
+from servo.bench.contestant import FROZEN, Division
 from servo.bench.row import TAUS, Row, rows_in, shipped_rows
 from servo.bench.score import Difficulty, Standing, by_size, effects, standings
 from servo.report.charts import INK, Curve, Scale, curves, heat
@@ -18,8 +18,18 @@ from servo.study.store import Store, StudyFile
 ROWS = "rows"
 """Folder of the rows, in that of the results."""
 MOST_SHEETS = 24
-PARTS = ("small", "middle", "large")
-"""Thirds of a condition's tasks by their size."""
+PARTS = 6
+"""Parts of a condition's tasks by their size: seven of its 42 worlds each."""
+COLUMNS = {
+    "near": "near_pct",
+    "mm": "end_position_mm",
+    "deg": "end_rotation_deg",
+    "s": "settle_s",
+    "m": "camera_path_m",
+    "back m": "retreat_m",
+    "out": "out_of_view_pct",
+}
+"""Columns of a law's table: measures of its row."""
 
 
 def section(folder: Path, study: StudyFile) -> Section:
@@ -33,23 +43,58 @@ def section(folder: Path, study: StudyFile) -> Section:
     table = standings(rows) if rows else []
     if not table:
         return _unfinished(folder, study)
-    of_band = rows[0]
-    band = Band(of_band.band, of_band.value, of_band.digest)
-    worlds = [w for w in benchmark.every_world(band) if w.key in of_band.worlds]
-    blocks = [
-        *blocks_of(benchmark, worlds, rows, table),
-        *_failures(folder),
-        again(study),
-    ]
+    blocks = [*_failures(folder), again(study)]
+    return _section(benchmark, beside_published(benchmark, rows), folder, blocks)
+
+
+def published_section(name: str) -> Section:
+    """Return the section about the shipped rows of a benchmark."""
+    benchmark = load(name)
+    return _section(benchmark, shipped_rows(benchmark), Path(name), [])
+
+
+def _section(
+    benchmark: Benchmark, rows: Sequence[Row], folder: Path, blocks: Sequence[Block]
+) -> Section:
+    first = rows[0]
+    band = Band(first.band, first.value, first.digest)
+    worlds = [w for w in benchmark.every_world(band) if w.key in first.worlds]
+    groups = by_pictures(benchmark, rows)
     facts = [
-        Fact("benchmark", f"{benchmark.name} {of_band.hash}"),
-        Fact("worlds", str(len(worlds)), of_band.band),
-        Fact("pictures", "the frozen ones" if _is_frozen(benchmark, rows) else "see below"),
+        Fact("benchmark", f"{benchmark.name} {first.hash}"),
+        Fact("worlds", str(len(worlds)), first.band),
     ]
-    verdict = Badge(f"first: {table[0].name}", Tone.PLAIN)
-    return Section(
-        "benchmark", folder.resolve().name, study.title, verdict, facts, blocks, str(folder)
-    )
+    if is_whole(benchmark, rows) and benchmark.rendering:
+        ours = list(groups) == [benchmark.rendering]
+        facts.append(Fact("pictures", "the frozen ones" if ours else "others, see the tables"))
+    verdict = Badge(f"first: {standings(next(iter(groups.values())))[0].name}", Tone.PLAIN)
+    every = [*blocks_of(benchmark, worlds, groups), *blocks]
+    title = folder.resolve().name
+    return Section("benchmark", title, benchmark.title, verdict, facts, every, str(folder))
+
+
+def is_whole(benchmark: Benchmark, rows: Sequence[Row]) -> bool:
+    """Return whether rows have all worlds of the published table."""
+    whole = len(benchmark.conditions) * benchmark.worlds
+    return all(row.band == "v1" and len(row.worlds) == whole for row in rows)
+
+
+def beside_published(benchmark: Benchmark, rows: Sequence[Row]) -> list[Row]:
+    """Return rows with the shipped ones beside them, where they have the same worlds."""
+    names = {row.contestant for row in rows}
+    whole = is_whole(benchmark, rows)
+    shipped = [row for row in shipped_rows(benchmark) if whole and row.contestant not in names]
+    return [*rows, *shipped]
+
+
+def by_pictures(benchmark: Benchmark, rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Return the rows that can be compared, by their pictures, the frozen ones first.
+
+    Rows without pictures, such as those that fix the scale, stand in each group.
+    """
+    seen = {row.rendering for row in rows} - {""} or {""}
+    order = sorted(seen, key=lambda one: (one != benchmark.rendering, one))
+    return {one: [row for row in rows if row.rendering in ("", one)] for one in order}
 
 
 def _unfinished(folder: Path, study: StudyFile) -> Section:
@@ -76,32 +121,35 @@ def _unfinished(folder: Path, study: StudyFile) -> Section:
 
 
 def blocks_of(
-    benchmark: Benchmark, worlds: Sequence[World], rows: Sequence[Row], table: Sequence[Standing]
+    benchmark: Benchmark, worlds: Sequence[World], groups: Mapping[str, Sequence[Row]]
 ) -> list[Block]:
-    """Return table, curves, conditions and factors of some rows."""
-    figures = [_conditions(benchmark, table)]
-    if benchmark.score == "held":
-        figures.insert(0, _curves(rows, table))
-    else:
-        figures += _sizes(benchmark, worlds, table)
-    return [
-        Block(
-            "Contestants",
-            [difficulty_of(rows)],
-            tables=[standings_table(benchmark, rows)],
-            figures=figures,
-        ),
-        Block("What the worlds do", tables=[_effects(worlds, table)]),
-    ]
+    """Return table, curves, conditions and factors of the rows of each kind of pictures."""
+    found = list[Block]()
+    for rendering, rows in groups.items():
+        other = len(groups) > 1 and rendering != benchmark.rendering
+        after = f", pictures {rendering}" if other else ""
+        table = standings(rows)
+        if benchmark.score == "held":
+            figures = [_curves(rows, table), _conditions(benchmark, table)]
+        else:
+            figures = [_sizes(benchmark, worlds, table), _conditions(benchmark, table)]
+        text = [difficulty_of(rows)] if difficulty_of(rows) else []
+        shown = [standings_table(benchmark, rows)]
+        found += [
+            Block(f"Contestants{after}", text, tables=shown, figures=figures),
+            Block(f"What the worlds do{after}", tables=[_effects(worlds, table)]),
+        ]
+    return found
 
 
 def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
     """Return the table of some rows, the best first."""
     is_loop = benchmark.score == "held"
     head = ["contestant", "division", "score", "held" if is_loop else "arrived", "rank", "P"]
-    head += ["slowest", "ms"] if is_loop else ["near", "s", "m", "out"]
+    head += ["slowest"] if is_loop else list(COLUMNS)
     found = list[list[str]]()
-    for standing in standings(rows):
+    table = standings(rows)
+    for standing in table:
         row = standing.row
         cells = [
             standing.name,
@@ -112,49 +160,66 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
             f"{standing.beats_next:.2f}",
         ]
         if is_loop:
-            cells += [shown(standing.slowest), shown(row.track_ms)]
+            cells.append(shown(standing.slowest))
         else:
-            of = row.measures
-            cells += [
-                shown(of.get(name))
-                for name in ("near_pct", "settle_s", "camera_path_m", "out_of_view_pct")
-            ]
+            cells += [shown(row.measures.get(name)) for name in COLUMNS.values()]
         found.append(cells)
     note = (
         "Score: 0 where the camera stands still, "
         + ("100 for the truth; " if is_loop else "100 where each world is reached; ")
         + "with its 95 % interval over worlds. Rank: as an interval (paired t, Holm over pairs)."
     )
-    return Table(head, found, range(2), note)
+    if is_loop:
+        note += f" Slowest [ms]: a dash where no more worlds are held than by {FROZEN}."
+    home = [i for i, standing in enumerate(table) if is_home(standing.row)]
+    return Table(head, found, range(2), note, home if len(home) < len(table) else ())
+
+
+def is_home(row: Row) -> bool:
+    """Return whether a row is one of ours, which is grey beside those of guests."""
+    return row.division == Division.HOME.name
 
 
 def difficulty_of(rows: Sequence[Row]) -> str:
-    """Return a sentence about worlds that do not tell contestants apart."""
+    """Return a sentence about worlds that do not tell contestants apart; nothing for a few rows."""
     found = Difficulty.of(standings(rows))
+    if found is None:
+        return ""
     return (
         f"Of {found.worlds} worlds {found.nobody} were won by nobody and {found.everybody} by "
-        "every contestant."
+        "every contestant"
+        + (f" but {FROZEN}." if any(row.contestant == FROZEN for row in rows) else ".")
     )
 
 
 def _curves(rows: Sequence[Row], table: Sequence[Standing]) -> Figure:
-    """Return the curves of the scale, and of as many contestants in colour as there are colours."""
-    shares = np.linspace(0, len(table) - 1, min(len(table), len(LIGHT)))
-    ranked = [table[int(i)].row for i in shares]
+    """Return the curves of the scale, and of the guests in colour; without guests, of contestants
+    of all ranks.
+    """
     scale = [row for row in rows if row.division == Division.SCALE.name]
-    others = [row for row in rows if row not in ranked and row not in scale]
-
-    def curve(row: Row, colour: str = INK, *, dashed: bool = False, faint: bool = False) -> Curve:
-        share = np.array(row.curve)
-        return Curve(row.contestant, TAUS, share, colour=colour, dashed=dashed, faint=faint)
-
-    drawn = [curve(row, faint=True) for row in others]
-    drawn += [curve(row, dashed=True) for row in scale]
-    drawn += [curve(row, colour) for row, colour in zip(ranked, LIGHT, strict=False)]
-    note = f"Grey: the {len(others)} others. Named are contestants of all ranks." if others else ""
+    named, others = _named(table)
+    drawn = [_curve(row, faint=True) for row in others]
+    drawn += [_curve(row, dashed=True) for row in scale]
+    drawn += [_curve(row, colour) for row, colour in zip(named, LIGHT, strict=False)]
     x = Scale("distance from the goal [target sizes]")
     y = Scale("share", low=0.0, high=1.0)
-    return curves("Share of the time within", x, y, drawn, note=note)
+    return curves("Share of the time within", x, y, drawn, note="Grey: all others." * bool(others))
+
+
+def _curve(row: Row, colour: str = INK, *, dashed: bool = False, faint: bool = False) -> Curve:
+    share = np.array(row.curve)
+    return Curve(row.contestant, TAUS, share, colour=colour, dashed=dashed, faint=faint)
+
+
+def _named(table: Sequence[Standing]) -> tuple[list[Row], list[Row]]:
+    """Return the rows that a figure names, as many as there are colours, and all others.
+
+    Guests are named; without any, contestants of all ranks.
+    """
+    of = [s.row for s in table if not is_home(s.row)] or [s.row for s in table]
+    shares = np.linspace(0, len(of) - 1, min(len(of), len(LIGHT)))
+    named = [of[int(i)] for i in shares]
+    return named, [s.row for s in table if s.row not in named]
 
 
 def _conditions(benchmark: Benchmark, table: Sequence[Standing]) -> Figure:
@@ -170,23 +235,23 @@ def _conditions(benchmark: Benchmark, table: Sequence[Standing]) -> Figure:
     return heat(title, "", "", names, labels, values, limits=(0.0, 100.0), note=note)
 
 
-def _sizes(
-    benchmark: Benchmark, worlds: Sequence[World], table: Sequence[Standing]
-) -> list[Figure]:
-    found = list[Figure]()
-    for part, name in enumerate(PARTS):
-        values = np.array(
-            [
-                [100 * by_size(s.row, worlds, c.name)[part] for c in benchmark.conditions]
-                for s in table[::-1]
-            ]
-        )
-        names = [c.name for c in benchmark.conditions]
-        title = f"Arrived, {name} tasks [%]"
-        labels = [s.name for s in table[::-1]]
-        if np.isfinite(values).any():  # a quick run has two tasks, and no middle one
-            found.append(heat(title, "", "", names, labels, values, limits=(0.0, 100.0)))
-    return found
+def _sizes(benchmark: Benchmark, worlds: Sequence[World], table: Sequence[Standing]) -> Figure:
+    """Return the share of worlds reached over the size of the task, mean of all conditions."""
+    named, others = _named(table)
+    parts = min(PARTS, sum(w.condition == worlds[0].condition for w in worlds))
+    x = (np.arange(parts) + 0.5) / parts
+
+    def curve(row: Row, colour: str = INK, *, faint: bool = False) -> Curve:
+        shares = [by_size(row, worlds, c.name, parts) for c in benchmark.conditions]
+        return Curve(row.contestant, x, np.mean(shares, axis=0), colour=colour, faint=faint)
+
+    drawn = [curve(row, faint=True) for row in others]
+    drawn += [curve(row, colour) for row, colour in zip(named, LIGHT, strict=False)]
+    note = f"Mean of all conditions; each is cut into {parts} parts by the size of its task."
+    size = Scale("size of the task, as a rank in its condition", low=0.0, high=1.0)
+    y = Scale("share of the worlds reached", low=0.0, high=1.02)
+    note += " Grey: all others." * bool(others)
+    return curves("Reached, by the size of the task", size, y, drawn, note=note)
 
 
 def _effects(worlds: Sequence[World], table: Sequence[Standing]) -> Table:
@@ -206,13 +271,3 @@ def _failures(folder: Path) -> list[Block]:
                 title = f"{record.settings['contestant']}, {record.settings['world']}"
                 pictures.append(PageImage.of(title, record.sheet, title, sheet=True))
     return [Block("Failures", pictures=pictures)] if pictures else []
-
-
-def _is_frozen(benchmark: Benchmark, rows: Sequence[Row]) -> bool:
-    return all(row.rendering in ("", benchmark.rendering) for row in rows)
-
-
-def published(name: str) -> Table:
-    """Return the table of the shipped rows of a benchmark."""
-    benchmark = load(name)
-    return standings_table(benchmark, shipped_rows(benchmark))

@@ -205,9 +205,8 @@ def _draw(axes: Axes, curve: Curve) -> None:
     dashes = "--" if curve.dashed else "-"
     width = 1.0 if curve.dashed or curve.faint else 1.5
     opacity = FAINT_OPACITY if curve.faint else None
-    axes.plot(
-        curve.x, curve.y, dashes, color=curve.colour, lw=width, alpha=opacity, label=curve.label
-    )
+    label = None if curve.faint else curve.label  # a legend names what is told apart
+    axes.plot(curve.x, curve.y, dashes, color=curve.colour, lw=width, alpha=opacity, label=label)
 
 
 def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x", "y"]) -> None:

@@ -43,6 +43,8 @@ class Table:
     rows: Sequence[Sequence[Cell]]
     words: Collection[int] = (0,)
     note: str = ""
+    faint: Collection[int] = ()
+    """Places of the rows that are grey."""
 
 
 def shown(value: Any) -> str:

@@ -27,9 +27,10 @@ ABOVE = {
     "P2-2": 90.0,
     "P3-1": 0.1,
     "P3-4": 0.0,
+    "P3-6": 20.0,
 }
 """Bounds of effects that must be larger."""
-BELOW = {"P1-2": 0.3, "P1-6a": 2.0, "P1-6b": 1.0, "P1-9": 0.0, "P3-3": 15.0}
+BELOW = {"P1-2": 0.3, "P1-6a": 2.0, "P1-6b": 1.0, "P1-9": 0.0, "P3-3": 15.0, "P3-5": 15.0}
 """Bounds of effects that must be smaller."""
 RATIOS = {
     "P0-3": 1.0,

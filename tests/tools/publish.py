@@ -4,19 +4,31 @@ import json
 import re
 import shutil
 import sys
-from dataclasses import replace
 from pathlib import Path
+
+import cv2
+import matplotlib as mpl
+import numpy as np
 
 from servo.bench.benchmark import NAMES, load
 from servo.bench.row import Row, check_version, file_name, shipped_rows
-from servo.report.benchmark_section import difficulty_of, published
+from servo.report.benchmark_section import (
+    by_pictures,
+    difficulty_of,
+    published_section,
+    standings_table,
+)
+from servo.report.charts import saved
 from servo.report.words import Table
 
 FIRST_PAGE = Path("README.md")
 PAGES = (Path("scenes/benchmarks/README.md"), FIRST_PAGE)
-FEW = 5
-"""Rows of a table on the first page."""
+FEW = 3
+"""Rows of a table on the first page, guests not counted."""
 FOLDER = Path("scenes/benchmarks")
+PICTURES = Path("scenes/pictures")
+TALLEST = 4.5
+"""Height of a figure of curves [inch]."""
 
 
 def markdown(table: Table) -> str:
@@ -27,19 +39,44 @@ def markdown(table: Table) -> str:
 
 
 def block(name: str, most: int | None = None) -> str:
-    """Return what the manuals say of a benchmark's rows; the first ones only, if there are most."""
+    """Return what the manuals say of a benchmark's rows: each kind of pictures has a table of its own.
+
+    The first page has the first rows of the first table only, and the guests.
+    """
     benchmark = load(name)
-    rows = shipped_rows(benchmark)
-    if not rows:
-        return ""
-    pictures = f", pictures `{benchmark.rendering}`" if benchmark.rendering else ""
-    text = f"{name} `{benchmark.hash}`, band v1{pictures}."
-    table = published(name)
-    shown = replace(table, rows=table.rows[:most])
-    if most is not None and len(table.rows) > most:
-        text += f" The first {most} of {len(table.rows)}."
-        return f"{text}\n\n{markdown(shown)}\n"
-    return f"{text}\n\n{markdown(shown)}\n\n{table.note} {difficulty_of(rows)}\n"
+    groups = by_pictures(benchmark, shipped_rows(benchmark))
+    return "\n".join(_block(name, r, of, most) for r, of in list(groups.items())[: most and 1])
+
+
+def _block(name: str, rendering: str, rows: list[Row], most: int | None) -> str:
+    pictures = f", pictures `{rendering}`" if rendering else ""
+    text = f"{name} `{load(name).hash}`, band v1{pictures}."
+    table = standings_table(load(name), rows)
+    if most is None:
+        return f"{text}\n\n{markdown(table)}\n\n{table.note} {difficulty_of(rows)}\n"
+    few = [
+        r for i, r in enumerate(table.rows) if i < most or (table.faint and i not in table.faint)
+    ]
+    guests = " and the guests" if len(few) > most else ""
+    text += f" The first {most} of {len(table.rows)}{guests}."
+    return f"{text}\n\n{markdown(Table(table.head, few, table.words))}\n"
+
+
+def picture(name: str) -> None:
+    """Draw the two figures of a benchmark's page side by side."""
+    shown = published_section(name).blocks[0].figures
+    height = max(f.drawing.get_figheight() for f in shown)
+    for each in shown:
+        each.drawing.set_figheight(min(height, TALLEST if each.keys else height))
+        each.drawing.axes[0].set_title(each.title, fontweight="bold", loc="left")
+    with mpl.rc_context({"savefig.dpi": 110}):
+        drawn = [cv2.imdecode(np.frombuffer(saved(f, "png"), np.uint8), -1) for f in shown]
+    height = max(len(one) for one in drawn)
+    beside = [np.pad(one, ((0, height - len(one)), (10, 10), (0, 0))) for one in drawn]
+    whole = np.hstack(beside).astype(float)
+    share = whole[..., 3:] / 255
+    flat = (whole[..., :3] * share + 255 * (1 - share)).round().astype(np.uint8)
+    cv2.imwrite(str(PICTURES / f"{name}.png"), flat)
 
 
 def with_tables(text: str, most: int | None = None) -> str:
@@ -69,3 +106,5 @@ if __name__ == "__main__":
         take(Path(given))
     for page in PAGES:
         page.write_text(with_tables(page.read_text(), FEW if page == FIRST_PAGE else None))
+    for one in NAMES:
+        picture(one)
