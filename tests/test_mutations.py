@@ -97,8 +97,8 @@ def test_a_joint_that_drives_the_wrong_way(monkeypatch):
     right = Robot.rates
 
     def reversed_yaw(self, *given):
-        rates, limited = right(self, *given)
-        return rates * [1, 1, 1, -1, 1, 1], limited
+        rates, made, limited = right(self, *given)
+        return rates * [1, 1, 1, -1, 1, 1], made, limited
 
     monkeypatch.setattr(Robot, "rates", reversed_yaw)
     assert missed("still")

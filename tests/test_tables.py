@@ -188,6 +188,7 @@ def test_the_bar_of_a_study_counts_all_runs_and_those_that_failed(tmp_path, monk
         update=lambda _, **more: told.append(more),
     )
     ends = [(job, Failure("no") if job.number == 5 else None) for job in every[2:]]
+    monkeypatch.setattr(jobs, "moves", lambda _: True)
     monkeypatch.setattr(jobs, "progress_bar", lambda _: nullcontext(bar))
     monkeypatch.setattr(jobs.time, "monotonic", lambda: next(clock))
     monkeypatch.setattr(jobs, "complete", lambda *_: ends)

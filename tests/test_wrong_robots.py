@@ -148,7 +148,7 @@ def test_the_picture_has_the_whole_robot_with_its_stand(robot, height, monkeypat
     done = CliRunner().invoke(app, ["robot", robot, "--out", str(tmp_path / "a.png")])
     assert done.exit_code == 0, done.output
     ((points, pixels),) = seen
-    assert points[:, 2].min() == pytest.approx(0.0, abs=0.05)  # columns begin on the table
+    assert points[:, 2].min() == pytest.approx(0.0, abs=0.1)  # columns begin on the table
     assert points[:, 2].max() > height
     assert (pixels > 0).all()
     assert (pixels < (640, 480)).all()

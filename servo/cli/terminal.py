@@ -56,13 +56,24 @@ def print_table(console: Console, shown: words.Table) -> None:
             justify=justify,
             overflow="fold",
             no_wrap=not is_text,
-            min_width=NARROWEST if is_text else None,
+            min_width=NARROWEST if is_text else max(map(len, _lines(shown, i))),
         )
     for i, row in enumerate(shown.rows):
         table.add_row(*map(_marked, row), style="dim" if i in shown.faint else "")
-    console.print(table)
+    # A terminal breaks a line that is too long; Rich would cut off digits and whole columns.
+    gap = 2 if len(shown.head) <= ROOMY else 1
+    needed = sum((column.min_width or 0) + gap for column in table.columns)
+    table.width = needed if needed > console.width else None
+    console.print(table, crop=False)
     if shown.note:
         plain(console, shown.note)
+
+
+def _lines(shown: words.Table, column: int) -> list[str]:
+    """Return the lines of a column's title and cells, without their tones."""
+    cells = [shown.head[column], *(row[column] for row in shown.rows if column < len(row))]
+    texts = [cell if isinstance(cell, str) else cell.text for cell in cells]
+    return "\n".join(texts).split("\n")
 
 
 def _marked(cell: words.Cell) -> str:

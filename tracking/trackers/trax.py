@@ -19,7 +19,7 @@ class Config(JudgeSettings):
 
     command: str = ""
     """The server with its arguments, such as "python my_tracker.py"; run without a shell."""
-    timeout: Annotated[float, Ge(0.1), Le(3600)] = 30.0
+    timeout: Annotated[float, Ge(0.1), Le(3600.0)] = 30.0
     """Longest wait for an answer [s]; the first one waits for the server's start, too."""
 
     def build(self, rng: np.random.Generator) -> ForeignTracker:
