@@ -108,7 +108,9 @@ def test_a_known_verdict_that_changes_ends_a_full_run_with_1(monkeypatch, capfd,
     for finding, code in (("undecided", 1), ("does not hold", 1), ("holds", 0)):
         known = {"P1-4a": (finding, "4 times smaller")}
         monkeypatch.setattr(papers_command, "known", lambda known=known: known)
-        found, _, err = call(monkeypatch, capfd, "P1-4a", "--workers", "1", "--out", str(tmp_path))
+        found, _, err = call(
+            monkeypatch, capfd, "P1-4a", "--workers", "1", "--out", str(tmp_path), "-q"
+        )
         assert found == code
         begins = "servobench: papers: P1-4a: holds, "
         assert err.startswith(begins) if code else err == ""

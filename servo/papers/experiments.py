@@ -118,9 +118,10 @@ REGISTERED = {
     "motion.frequency = { uniform = [0.17, 0.21] }",
     "circle": f"{AROUND}, motion.frequency = {{ uniform = [0.12, 0.16] }}",
 }
-"""Draws of the scenarios when the verdicts were registered; those of the files are wider since."""
+"""Draws of the scenarios when the verdicts were registered; those of the files may change."""
 
 
+@cache  # several claims are tested on the same draws
 def varied(scenario: str, seed: int) -> tuple[str, ...]:
     """Return the drawn settings of a run: the start of the camera; heading, speed and place of the
     car, and the distance that it drives before it reverses, which is also the phase of its
