@@ -31,7 +31,9 @@ MORE = 20.0
 """Least difference of shares that is called one [% of the worlds]."""
 ALIKE = 15.0
 """Largest difference of shares that counts as equally good [% of the worlds]."""
-POINTS, POLAR, POSE = "points", "polar", "pose c*Mc"
+POINTS = "points"
+POLAR = "polar"
+POSE = "pose c*Mc"
 PARTITIONED = "partitioned"
 CENTRED = "pose cMo"
 
