@@ -301,11 +301,16 @@ def parsed(
 
 def _constants(score: str) -> Settings:
     """Return the constants that a score depends on, named as settings are."""
-    names = {
-        "held": ("FARTHEST", "HELD_SIZE", "HELD_SHARE"),
-        "arrives": ("ARRIVED_MM", "ARRIVED_DEG", "NEAR_MM", "NEAR_DEG"),
+    of_scores = {
+        "held": {"farthest": FARTHEST, "held_size": HELD_SIZE, "held_share": HELD_SHARE},
+        "arrives": {
+            "arrived_mm": ARRIVED_MM,
+            "arrived_deg": ARRIVED_DEG,
+            "near_mm": NEAR_MM,
+            "near_deg": NEAR_DEG,
+        },
     }
-    return {f"score.{name.lower()}": globals()[name] for name in names[score]}
+    return {f"score.{name}": value for name, value in of_scores[score].items()}
 
 
 def _spread(rng: np.random.Generator, count: int) -> Array:
