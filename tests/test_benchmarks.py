@@ -391,6 +391,18 @@ def test_a_silent_program_is_refused_before_anything_runs(monkeypatch, tmp_path,
     assert not (tmp_path / "o").exists()
 
 
+def test_a_class_that_cannot_be_imported_is_refused_before_anything_runs(
+    monkeypatch, tmp_path, capfd
+):
+    monkeypatch.chdir(tmp_path)
+    words = ["loop-v1", "--quick", "--tracker", "mine=nosuch:Class", "--out", "o"]
+    code, _, err = call(monkeypatch, capfd, "bench", *words)
+    assert code == 2
+    assert err.endswith("'nosuch:Class' cannot be imported: No module named 'nosuch'\n")
+    assert err.count("\n") == 1
+    assert not (tmp_path / "o").exists()
+
+
 def test_an_unfinished_benchmark_has_a_page(monkeypatch, capfd, short):
     monkeypatch.setattr(benchmark_command, "complete_jobs", lambda *given: 0)
     command = ["bench", "servo-v1", "--law", "points", "--quick", "--out", "o"]

@@ -37,6 +37,7 @@ from sim.camera import gl
 from tracking.files import atomic
 from tracking.files.json_text import as_json
 from tracking.trackers import trax
+from tracking.types import Region, State
 from tracking.wrapped.trax_client import TraxClient
 
 ONLY_PUBLIC = (
@@ -96,7 +97,7 @@ def run(request: BenchmarkRequest) -> int:
     band = _band(request, chosen)
     worlds = benchmark.every_world(band, QUICK if request.quick else None)
     for one in chosen:  # what is wrong with it is said before anything is run
-        _await_hello(benchmark.scenario_of(worlds[0], one.settings), console)
+        _try_out(benchmark.scenario_of(worlds[0], one.settings), console)
     known = _scale_rows(benchmark) if band.name == "v1" else []
     every = chosen if known else [*scale_of(benchmark), *chosen]
     jobs = jobs_of(benchmark, every, worlds)
@@ -121,17 +122,20 @@ def run(request: BenchmarkRequest) -> int:
     return 1 if failed else 0
 
 
-def _await_hello(scenario: Scenario, console: Console) -> None:
-    """Start a guest's program and end it: a silent one would let every world wait for its limit.
+def _try_out(scenario: Scenario, console: Console) -> None:
+    """Show a guest's program a picture of noise, and end it: one that is silent or cannot begin
+    would fail in every world, after its limit.
 
     Raises:
-        Mistake: It does not speak TraX.
+        Mistake: It does not speak TraX, or cannot begin.
     """
     guest = scenario.tracker
     if isinstance(guest, trax.Config):
         plain(console, f"'{guest.command}' has {guest.timeout:g} s to say hello")
+        noise = np.random.default_rng(0).integers(0, 256, (240, 320, 3), np.uint8)
         with as_mistake():
-            TraxClient(guest.command, guest.timeout)
+            client = TraxClient(guest.command, guest.timeout)
+            client.start(noise, Region(80.0, 60.0), State(160.0, 120.0))
 
 
 def _band(request: BenchmarkRequest, chosen: Sequence[Contestant]) -> Band:
