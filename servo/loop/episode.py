@@ -325,19 +325,22 @@ def run(scenario: Setup) -> Iterator[Step]:
 
 
 def measured_run(
-    scenario: Setup, each: Callable[[Step], None] | None = None
+    scenario: Setup,
+    each: Callable[[Step], None] | None = None,
+    kept: dict[str, tuple[Any, Any]] | None = None,
 ) -> tuple[list[Step], Summary]:
     """Run a scenario to its end; its steps without pictures, and what was measured.
 
     Args:
         scenario: Which.
         each: Called with every step while it has its picture.
+        kept: As for `Episode`.
 
     Raises:
         Mistake: As for `Episode`.
     """
     steps: list[Step] = []
-    with Episode(scenario, seen=each is not None) as episode:
+    with Episode(scenario, seen=each is not None, kept=kept) as episode:
         for step in episode:
             if each is not None:
                 each(step)

@@ -13,7 +13,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from servo.loop.episode import Episode
+from servo.loop.episode import measured_run
 from servo.loop.run_measures import CONVERGED_PX, MEANINGS, TIMED, Outcome, summarise, timed
 from servo.loop.step import Step
 from servo.mistake import Mistake
@@ -219,12 +219,7 @@ def _kept(files: frozenset[tuple[str, str]]) -> Kept:
 def _performed(job: Job, scenario: Scenario, kept: Kept) -> Record:
     began = time.perf_counter()
     sheet = Sheet(scenario.frames) if job.pictured else None
-    steps: list[Step] = []
-    with Episode(scenario, seen=sheet is not None, kept=kept) as episode:
-        for step in episode:
-            if sheet is not None:
-                sheet.add(step)
-            steps.append(step.light())
+    steps, _ = measured_run(scenario, sheet.add if sheet else None, kept)
     jpeg = sheet.jpeg() if sheet else None
     return record_of(job, scenario, steps, time.perf_counter() - began, jpeg)
 
