@@ -201,7 +201,7 @@ def write_film_of_two(
     if rates[0] != rates[1]:
         raise Mistake(f"film: the cameras' rates differ: {rates[0]:g} and {rates[1]:g} Hz")
     end = max(episode.scenario.run.duration for episode in episodes)
-    captions = [f"{number}: {name}"[:LONGEST] for number, name in enumerate(names, 1)]
+    captions = [_shortened(f"{number}: {name}") for number, name in enumerate(names, 1)]
     curves = {"run 1": colours.CURVES[0], "run 2": colours.CURVES[1]}
     chart = Chart(curves, "error [px]", end)
     width, height = PANEL_OF_TWO
@@ -221,3 +221,15 @@ def write_film_of_two(
         for view in views:
             view.close()
         film.close()
+
+
+def _shortened(caption: str) -> str:
+    """Return a caption without its middle where it is too long: what differs often comes last.
+
+    >>> _shortened("2: reversal --set run.duration=4.0 --set estimator.kind=none")
+    '2: reversal --set run.durat…0 --set estimator.kind=none'
+    """
+    if len(caption) <= LONGEST:
+        return caption
+    half = LONGEST // 2
+    return f"{caption[:half]}…{caption[-half:]}"
