@@ -156,7 +156,11 @@ VARIED = {
     "P1-7": (KERNELS, {}),
     "P1-8": (KERNELS, {"mk_pf-published": 9.0}),
     **dict.fromkeys(
-        ("P1-10a", "P1-10b", "P1-11a", "P1-11b"), ({"difference": 2.0}, {"difference": 0.5})
+        ("P1-10a", "P1-10b", "P1-11a", "P1-11b", "P1-13a", "P1-13b"),
+        ({"difference": 2.0}, {"difference": 0.5}),
+    ),
+    **dict.fromkeys(
+        ("P1-14a", "P1-14b", "P1-15a", "P1-15b"), ({"integral": 2.0}, {"integral": 0.5})
     ),
     **dict.fromkeys(("P1-12a", "P1-12b"), ({"integral": 4.0}, {})),
     "P3-1": ({"points": 5.0}, {}),

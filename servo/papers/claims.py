@@ -15,6 +15,7 @@ from servo.papers import (
     kernel_paper,
     law_paper,
     servo_paper,
+    simpler_laws,
     texture_paper,
 )
 from servo.papers.claim import WORDS, Claim, Rule, Verdict
@@ -29,6 +30,7 @@ CLAIMS = (
         + kernel_paper.CLAIMS
         + law_paper.CLAIMS
         + servo_paper.CLAIMS
+        + simpler_laws.CLAIMS
         + texture_paper.CLAIMS,
         key=lambda claim: claim.name,
     ),

@@ -1,19 +1,17 @@
 """Claims of the multi-kernel paper, section VI: effect of estimating the target's motion."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict, every
+from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
 from servo.papers.experiments import ERROR, ESTIMATED, LINE, REVERSAL, TIME, TRUE, loop_job, varied
 from servo.papers.summaries import (
     column,
-    difference,
     group,
-    intervals,
     lines,
     mean,
     mean_percent,
@@ -199,11 +197,15 @@ def _draw_error(records: list[Record], title: str) -> Figure:
     return lines(f"{title} (seed {first[0].seed})", "time [s]", "distance [px]", curves)
 
 
-UNITS = (
-    f"{SEEDS} runs of {{}} with drawn start, heading, speed and reversals, clear of toys, seeds "
-    f"from {FIRST} on"
-)
 MEAN = "95 % interval of the mean"
+
+
+def units(scenario: str, first: int = FIRST) -> str:
+    """Return a rule's words for the drawn runs of a scenario."""
+    return (
+        f"{SEEDS} runs of {scenario} with drawn start, heading, speed and reversals, clear of "
+        f"toys, seeds from {first} on"
+    )
 
 
 def _three(conditions: Conditions) -> tuple[Claim, ...]:
@@ -215,7 +217,7 @@ def _three(conditions: Conditions) -> tuple[Claim, ...]:
             Rule(
                 "rms distance from the goal without estimation over that with it",
                 conditions.settings,
-                UNITS.format("`line`"),
+                units("`line`"),
                 f"{LESS:g}",
                 "95 % interval of the geometric mean ratio",
                 f"above {LESS:g}",
@@ -229,7 +231,7 @@ def _three(conditions: Conditions) -> tuple[Claim, ...]:
             Rule(
                 "share of frames with the right sign of d yn/dt",
                 conditions.settings,
-                UNITS.format("`reversal`"),
+                units("`reversal`"),
                 f"{100 * AGREE:g} %",
                 MEAN,
                 f"above {100 * AGREE:g} %",
@@ -243,7 +245,7 @@ def _three(conditions: Conditions) -> tuple[Claim, ...]:
             Rule(
                 f"longest time above {BACK_PX:g} px after the start",
                 conditions.settings,
-                UNITS.format("`reversal`"),
+                units("`reversal`"),
                 f"{conditions.within:g} s",
                 MEAN,
                 f"below {conditions.within:g} s",
@@ -254,142 +256,4 @@ def _three(conditions: Conditions) -> tuple[Claim, ...]:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Rival:
-    """What could replace the filter."""
-
-    estimator: str
-    settings: tuple[str, ...] = ()
-
-
-DIFFERENCE = Rival("difference")
-INTEGRAL = Rival("integral", ("estimator.gain=16.0",))
-"""The gain with the smallest error of `reversal` on seeds 500 to 502, of 1, 4, 8, 16, 30."""
-HARD = ("camera.noise=4.0", "camera.exposure=0.5", "run.tracker_ms=33.0")
-SMOOTHER = 1.5
-"""Least ratio of control efforts that is called smoother."""
-CLOSER = 2.0
-"""Least ratio of errors that is called closer."""
-AS_CLOSE = 0.1
-"""Largest difference of errors that counts as equal [px]."""
-EFFORT = "effort_rms_mm_s"
-RMS = "servo_rms_px"
-
-
-def _rival_jobs(rival: Rival, scenario: str, changes: Sequence[str], effort: Effort) -> list[Job]:
-    label = "hard" if changes else "plain"
-    common = [*changes, f"measure.after={OURS.after[scenario]}"]
-    return [
-        loop_job(scenario, e, s, [*common, *settings, *varied(scenario, s)], rate=label)
-        for e, settings in ((FILTER, ()), (rival.estimator, rival.settings))
-        for s in effort.seeds(SEEDS, FIRST)
-    ]
-
-
-def _judge_effort(rival: Rival, evidence: Evidence) -> Verdict:
-    """Judge whether the filter's commands are smoother at an equal error."""
-    own, other = (group(evidence.records, estimator=e) for e in (FILTER, rival.estimator))
-    times = ratio(column(other, EFFORT), column(own, EFFORT))
-    worse = difference(own, other, RMS)
-    return Verdict(
-        every([greater(times, SMOOTHER), not_worse(worse, AS_CLOSE)]),
-        times,
-        "times smoother",
-        len(own),
-        f"commands change {words(times)} times less; the error is {words(worse, 'px')} larger",
-        _efforts(evidence.records),
-        _draw_efforts(evidence.records),
-    )
-
-
-def _judge_closer(rival: Rival, evidence: Evidence) -> Verdict:
-    """Judge whether the filter's error is smaller."""
-    own, other = (group(evidence.records, estimator=e) for e in (FILTER, rival.estimator))
-    times = ratio(column(other, RMS), column(own, RMS))
-    rougher = ratio(column(own, EFFORT), column(other, EFFORT))
-    return Verdict(
-        greater(times, CLOSER),
-        times,
-        "times closer",
-        len(own),
-        f"the error is {words(times)} times smaller; commands change {words(rougher)} times as "
-        "much",
-        _efforts(evidence.records),
-        _draw_efforts(evidence.records),
-    )
-
-
-def _efforts(records: Sequence[Record]) -> list[list[str]]:
-    """Return errors and control efforts by estimator."""
-    runs = {
-        r.settings["estimator"]: group(records, estimator=r.settings["estimator"]) for r in records
-    }
-    rows = [
-        [e, mean(found, RMS, "px"), mean(found, EFFORT, "mm/s"), mean(found, "effort_rms_deg_s")]
-        for e, found in runs.items()
-    ]
-    return [["estimator", "servo rms", "change of commands", "of turns [deg/s]"], *rows]
-
-
-def _draw_efforts(records: Sequence[Record]) -> Figure:
-    found = {
-        r.settings["estimator"]: mean_of(
-            column(group(records, estimator=r.settings["estimator"]), EFFORT)
-        )
-        for r in records
-    }
-    return intervals("control effort", "change from command to command [mm/s]", found)
-
-
-def _against(
-    number: int,
-    scenario: str,
-    rival: Rival,
-    says: str,
-    measure: str,
-    margin: str,
-    holds: str,
-    judge: Callable[[Rival, Evidence], Verdict],
-) -> list[Claim]:
-    """Return a claim about the filter and a rival, in plain and in hard conditions."""
-    conditions = (
-        ("a", "", ()),
-        ("b", "; noise of 4 grey levels, exposure 0.5, 33 ms of tracker", HARD),
-    )
-    return [
-        Claim(
-            f"P1-{number}{ending}",
-            says,
-            Rule(measure, OURS.settings + more, UNITS.format(f"`{scenario}`"), margin, MEAN, holds),
-            partial(judge, rival),
-            partial(_rival_jobs, rival, scenario, changes),
-        )
-        for ending, more, changes in conditions
-    ]
-
-
-SMOOTH = (
-    "the filter's commands are smoother than those of the raw difference, at an equal error",
-    "change of the commanded velocity with the raw difference over that with the filter; rms "
-    "error with the filter less that with the difference",
-    f"{SMOOTHER:g}; {AS_CLOSE:g} px",
-    f"above {SMOOTHER:g}, and the error at most {AS_CLOSE:g} px larger",
-    _judge_effort,
-)
-
-CLAIMS = (
-    *_three(AS_PRINTED),
-    *_three(OURS),
-    *_against(10, LINE, DIFFERENCE, *SMOOTH),
-    *_against(11, REVERSAL, DIFFERENCE, *SMOOTH),
-    *_against(
-        12,
-        REVERSAL,
-        INTEGRAL,
-        "the filter follows reversals more closely than a proportional-integral law",
-        "rms error with the integral over that with the filter",
-        f"{CLOSER:g}",
-        f"above {CLOSER:g}",
-        _judge_closer,
-    ),
-)
+CLAIMS = (*_three(AS_PRINTED), *_three(OURS))

@@ -40,6 +40,7 @@ RATIOS = {
     "P1-10a": 1.5,
     "P1-10b": 1.5,
     "P1-12a": 2.0,
+    **dict.fromkeys(("P1-13a", "P1-13b", "P1-14a", "P1-14b", "P1-15a", "P1-15b"), 1.1),
     "P2-3b": 1.0,
 }
 """Bounds of ratios; that of P0-3 must be smaller."""
