@@ -3,7 +3,7 @@ difference and an integral.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from matplotlib.figure import Figure
@@ -197,6 +197,7 @@ def _at_equal(
     number: int, equal: str, compared: str, says: str, rivals: Sequence[Rival]
 ) -> list[Claim]:
     """Return a claim about the filter and a rival at an equal measure, in both conditions."""
+    named = [replace(rival, label=f"equal{number}", first=FRESH) for rival in rivals]
     return [
         Claim(
             f"P1-{number}{ending}",
@@ -213,7 +214,7 @@ def _at_equal(
             partial(_judge_at_equal, rival, compared, equal),
             partial(_jobs, rival, REVERSAL, changes),
         )
-        for rival, (ending, more, changes) in zip(rivals, CONDITIONS, strict=True)
+        for rival, (ending, more, changes) in zip(named, CONDITIONS, strict=True)
     ]
 
 
@@ -237,8 +238,8 @@ CLAIMS = (
         "at an equal control effort the filter follows reversals more closely than the raw "
         "difference",
         (
-            Rival("difference", own=(_gain(8.0),), label="equaleffort", first=FRESH),
-            Rival("difference", own=(_gain(4.5),), label="equaleffort", first=FRESH),
+            Rival("difference", own=(_gain(8.0),)),
+            Rival("difference", own=(_gain(4.5),)),
         ),
     ),
     *_at_equal(
@@ -248,8 +249,8 @@ CLAIMS = (
         "at an equal control effort the filter follows reversals more closely than a "
         "proportional-integral law",
         (
-            Rival("integral", (_integral(30.0), _gain(4.0)), label="equaleffort", first=FRESH),
-            Rival("integral", (_integral(16.0), _gain(3.0)), label="equaleffort", first=FRESH),
+            Rival("integral", (_integral(30.0), _gain(4.0))),
+            Rival("integral", (_integral(16.0), _gain(3.0))),
         ),
     ),
     *_at_equal(
@@ -259,20 +260,8 @@ CLAIMS = (
         "at an equal error the filter's commands are smoother than those of a "
         "proportional-integral law",
         (
-            Rival(
-                "integral",
-                (_integral(30.0), _gain(6.0)),
-                (_gain(1.5),),
-                label="equalerror",
-                first=FRESH,
-            ),
-            Rival(
-                "integral",
-                (_integral(16.0), _gain(6.0)),
-                (_gain(1.0),),
-                label="equalerror",
-                first=FRESH,
-            ),
+            Rival("integral", (_integral(30.0), _gain(6.0)), (_gain(1.5),)),
+            Rival("integral", (_integral(16.0), _gain(6.0)), (_gain(1.0),)),
         ),
     ),
 )
