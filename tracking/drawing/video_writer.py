@@ -4,6 +4,7 @@ While it is written, the file consists of fragments of a second that can be play
 that a film is playable even if the program is killed; in the end it becomes an ordinary MP4.
 """
 
+import os
 from fractions import Fraction
 from pathlib import Path
 
@@ -42,8 +43,6 @@ class VideoWriter:
         """
         # FFmpeg gets an open file, because it accepts only names in UTF-8.
         self._file = path.open("wb", buffering=0)
-        self.abandon = self._file.close
-        """Close the file as it is; it can be played up to here."""
         self._container = av.open(self._file, mode="w", format="mp4", options=FRAGMENTED)
         about = Fraction(rate).limit_denominator(TICKS)
         stream = self._container.add_stream(CODEC, options=OPTIONS, rate=about)
@@ -86,3 +85,10 @@ class VideoWriter:
             if self._last >= 0:
                 self._container.mux(self._stream.encode(None))
             self._container.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is; it can be played up to here."""
+        # FFmpeg still writes an end; PyAV 15 crashes where it cannot, some time later.
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), self._file.fileno())
+        self.close()
