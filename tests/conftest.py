@@ -87,6 +87,14 @@ def smooth_image():
     return np.clip((blurred - 128) * 3 + 128, 0, 255).astype(np.uint8)
 
 
+@pytest.fixture
+def no_progress(monkeypatch):
+    """Jobs print no lines of progress, which a slow machine would."""
+    from servo.cli import jobs
+
+    monkeypatch.setattr(jobs, "FIRST", np.inf)
+
+
 @pytest.fixture(scope="session")
 def ran(tmp_path_factory):
     """The folder of a real run of half a second that misses one of two bounds; copy it to change

@@ -65,6 +65,7 @@ def test_a_track_that_is_lost_is_computed_again(monkeypatch, capfd, place, damag
     assert sentence not in bench(monkeypatch, capfd)[2]
 
 
+@pytest.mark.usefixtures("no_progress")
 def test_a_bench_writes_tables_curves_tracks_and_sheets(monkeypatch, capfd, place):
     code, out, err = bench(monkeypatch, capfd)
     assert (code, err) == (0, "")

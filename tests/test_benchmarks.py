@@ -441,6 +441,7 @@ def call(monkeypatch, capfd, *arguments):
     return left.value.code, out, err
 
 
+@pytest.mark.usefixtures("no_progress")
 def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd, short):
     bench = ["bench", "servo-v1", "--workers", "1"]
     quick = [*bench, "--quick", "--law", "points"]

@@ -152,6 +152,7 @@ def test_a_missed_bound_exits_1_with_the_command_that_repeats_it(monkeypatch, ca
     assert "TIMED_OUT" in out
 
 
+@pytest.mark.usefixtures("no_progress")
 def test_check_passes_where_the_bounds_are_kept(monkeypatch, capfd, elsewhere):
     code, out, err = call(monkeypatch, capfd, "check", "still")
     assert (code, err) == (0, "")

@@ -145,6 +145,7 @@ def test_estimates_in_the_rendered_loop_are_as_wrong_as_they_say(name):
         assert np.all((in_motion > 0.4) & (in_motion < limit)), (kind, in_motion)
 
 
+@pytest.mark.newest  # the limits are of its pictures
 def test_filters_let_as_much_noise_through_as_their_process_noise_should():
     found = rendered("line")
     rms = {kind: np.sqrt(np.mean(wrong**2, axis=0)) for kind, (_, wrong, _) in found.items()}

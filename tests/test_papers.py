@@ -86,6 +86,7 @@ def test_every_claim_of_the_papers_is_there():
     assert [claim.name for claim in CLAIMS] == NAMES
 
 
+@pytest.mark.usefixtures("no_progress")
 def test_a_claim_is_run_told_drawn_and_written(monkeypatch, capfd, tmp_path):
     arguments = ["P1-3", "P0-3", "--quick", "--workers", "1", "--out", str(tmp_path)]
     code, out, err = call(monkeypatch, capfd, *arguments)
@@ -109,6 +110,7 @@ def test_a_claim_is_run_told_drawn_and_written(monkeypatch, capfd, tmp_path):
     }
 
 
+@pytest.mark.usefixtures("no_progress")
 def test_a_known_verdict_that_changes_ends_a_full_run_with_1(monkeypatch, capfd, tmp_path):
     monkeypatch.setattr(servo_paper, "SEEDS", 2)
     for finding, code in (("undecided", 1), ("does not hold", 1), ("holds", 0)):
@@ -123,6 +125,7 @@ def test_a_known_verdict_that_changes_ends_a_full_run_with_1(monkeypatch, capfd,
         assert err.endswith(f"; it was: {finding}, 4 times smaller\n") if code else True
 
 
+@pytest.mark.usefixtures("no_progress")
 def test_other_seeds_have_a_folder_of_their_own_and_stand_beside_the_registered(
     monkeypatch, capfd, tmp_path
 ):
