@@ -80,10 +80,10 @@ class Inversion:
     centring: float = 1.0
     """With more than six joints: how fast those with limits move towards the middle between them
     [1/s], as far as this does not move the camera (Liegeois 1977)."""
-    manipulability: float = 0.0
+    manipulability: float = 1.0
     """With more than six joints: how fast they move along the gradient of the logarithm of the
-    manipulability, which is per rad or m [rad^2/s or m^2/s], as far as this does not move the
-    camera."""
+    manipulability [rad^2/s or m^2/s], as far as this does not move the camera. More costs room to
+    the limits."""
     exact: bool = False
     """Take the rates that bring the camera exactly to where the twist leads by the next update of
     the drives; otherwise those that the twist needs at the beginning are held until then."""
@@ -278,8 +278,9 @@ class Robot:
         """Joint rates (n,) for a camera twist (6,), the twist (6,) that they make, and whether a
         limit changed it.
 
-        Limits of rate slow all joints by one factor, so that a saturated camera still moves in the
-        direction asked for.
+        A saturated camera still moves in the direction asked for, where its accelerations allow it:
+        a programme decides where joints have such limits, or there are more than six; otherwise
+        one factor slows all.
 
         Args:
             data: Where the joints are.
