@@ -12,7 +12,7 @@ from annotated_types import Ge, Le
 
 from sim.camera.renderer import VISION_FROM_MUJOCO
 from sim.geometry import exp_so3, log_se3
-from sim.kinematics.robot import CAMERA, Design, Robot
+from sim.kinematics.robot import CAMERA, Design, Robot, each_joint
 from sim.models.quaternion import matrix_of, quaternion_of
 from sim.ranges import Degrees, EachJoint
 from sim.types import Array, Camera, Pose, Posture
@@ -131,10 +131,12 @@ class BelievedRobot:
         self._play = np.zeros(len(names))
         self._last: tuple[float, Pose] | None = None
 
-    def rates(self, data: mujoco.MjData, twist: Array, hold: float) -> tuple[Array, Array, bool]:
+    def rates(
+        self, data: mujoco.MjData, twist: Array, hold: float, before: Array
+    ) -> tuple[Array, Array, bool]:
         """As `Robot.rates`, for the believed camera."""
         self._read(data)
-        return self._robot.rates(self._data, twist, hold)
+        return self._robot.rates(self._data, twist, hold, before)
 
     def driven(self, rates: Array, hold: float) -> Array:
         """Return the joints' rates (n,) over a time [s]: the motors', less the play."""
@@ -176,21 +178,6 @@ def as_believed(
     if believed.is_body_right and not np.concatenate(errors).any():
         return robot
     return BelievedRobot(robot, design, believed, rng or np.random.default_rng(0))
-
-
-def each_joint(setting: str, given: EachJoint, names: tuple[str, ...]) -> Array:
-    """The values (n,) of a setting that has one for all joints, or one for each.
-
-    Raises:
-        ValueError: It has another number of values.
-    """
-    values = np.ravel(given).astype(np.float64)
-    if len(values) not in (1, len(names)):
-        raise ValueError(
-            f"{setting} has {len(values)} values; it should have one, or {len(names)} for "
-            f"{', '.join(names)}"
-        )
-    return np.broadcast_to(values, len(names)).copy()
 
 
 def _move_site(model: mujoco.MjModel, T_camera_believed: Pose) -> None:

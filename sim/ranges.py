@@ -35,3 +35,6 @@ EachJoint = Offset | tuple[Offset, ...]
 Play = Annotated[float, Ge(0), Le(1)]
 EachPlay = Play | tuple[Play, ...]
 """The play of joints, one for all or one each [m or rad]."""
+Acceleration = Annotated[float, Ge(0.01), Le(1e4)]
+EachAcceleration = Acceleration | tuple[Acceleration, ...]
+"""The largest acceleration of joints, one for all or one each [m/s^2 or rad/s^2]."""

@@ -150,9 +150,8 @@ class World:
         self._renderer = make(self.model, CAMERA, self._lens.view)
         bands = exposures(camera, steps)
         self._sensor = Sensor(camera, self._lens, rng, bands)
-        self._depth_sensor = None
-        if camera.depth:
-            self._depth_sensor = DepthSensor(camera, depth or np.random.default_rng(0))
+        depth = depth or np.random.default_rng(0)
+        self._depth_sensor = DepthSensor(camera, depth) if camera.depth else None
         self._exposed_at = {k for band in bands for k in band.steps} - {steps}
         # The physics steps of a frame interval at which something is to be done, and its end.
         self._moments = sorted({*range(0, steps, self._drive_steps), *self._exposed_at, steps})
@@ -160,6 +159,8 @@ class World:
         self._frames = 0
         self._mean_twist = np.zeros(6)
         self._accepted = np.zeros(6)
+        self._rates = np.zeros(len(self.robot.names))
+        """What the drives are given."""
         self._image: Image = np.zeros((camera.height, camera.width, 3), np.uint8)
         self._depth: DepthPicture | None = None
         self._has_looked = False
@@ -233,9 +234,10 @@ class World:
                 self._pictures.append(self._renderer.begin(self.data))
             if k % self._drive_steps == 0:
                 twist = each[k // self._drive_steps]
-                rates, made, slowed = self._known.rates(self.data, twist, self._hold)
+                rates, made, slowed = self._known.rates(self.data, twist, self._hold, self._rates)
                 saturated |= slowed
                 accepted.append(made)
+                self._rates = rates
                 self.data.ctrl[:] = self._known.driven(rates, self._hold)
             mujoco.mj_step(self.model, self.data, until - k)
         if any(self.data.warning[w].number for w in UNSTABLE):

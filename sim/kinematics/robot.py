@@ -8,6 +8,7 @@ model that is built otherwise is refused: its robot would move, but not as it is
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import inf, sqrt
 from typing import Annotated
 
 import daqp
@@ -19,7 +20,7 @@ from sim.camera.renderer import VISION_FROM_MUJOCO
 from sim.geometry import adjoint, angle_of, exp_se3, inverse_if_strong, log_se3
 from sim.kinematics.chain import ALL_WAYS
 from sim.kinematics.drives import wrong_drive
-from sim.ranges import EachPlay
+from sim.ranges import EachAcceleration, EachJoint, EachPlay
 from sim.types import Array, Pose, Posture
 
 EYE = "eye"
@@ -35,9 +36,12 @@ TOLERANCE = 1e-10
 DAMPING = 1e-3
 """Steps of Newton's method, the error at which it ends [m, rad], which leaves starts exact to
 rounding, and its damping; chosen by hand."""
+WHOLE = 1e-6
+"""Weight of the twist's length against the square of its error: its direction then errs by about as
+much [m/s, rad/s], whatever its length."""
 SECOND_TASK = 1e-8
-"""Weight of rates that are liked against the camera's twist: the twist then errs by less than
-`EXACT` wherever the arm is not near a singular pose."""
+"""Weight of rates that are liked: the twist then errs by less than `EXACT`, and is as long as the
+limits allow, wherever the arm is not near a singular pose."""
 EXACT = 1e-4
 """A twist that differs by less than this [m/s, rad/s] is the one asked for."""
 UNLIMITED = 1e6
@@ -59,6 +63,9 @@ class Drives:
     so far, and its encoder with it, until the joint follows."""
     lag_ms: Annotated[float, Ge(0), Le(1000)] = 0.0
     """Time constant with which a drive takes over a new rate, before its own servo [ms]."""
+    acceleration: EachAcceleration | None = None
+    """Largest change of the rate that a drive is given, one for all or one each [m/s^2 or rad/s^2];
+    by default any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +80,10 @@ class Inversion:
     centring: float = 1.0
     """With more than six joints: how fast those with limits move towards the middle between them
     [1/s], as far as this does not move the camera (Liegeois 1977)."""
+    manipulability: float = 1.0
+    """With more than six joints: how fast they move along the gradient of the logarithm of the
+    manipulability [rad^2/s or m^2/s], as far as this does not move the camera. More costs room to
+    the limits."""
     exact: bool = False
     """Take the rates that bring the camera exactly to where the twist leads by the next update of
     the drives; otherwise those that the twist needs at the beginning are held until then."""
@@ -131,6 +142,21 @@ def damped_inverse(J: Array, inversion: Inversion) -> Array:
     return (Vt.T * (s / (s**2 + missing * inversion.damping**2))) @ U.T
 
 
+def each_joint(setting: str, given: EachJoint, names: tuple[str, ...]) -> Array:
+    """The values (n,) of a setting that has one for all joints, or one for each.
+
+    Raises:
+        ValueError: It has another number of values.
+    """
+    values = np.ravel(given).astype(np.float64)
+    if len(values) not in (1, len(names)):
+        raise ValueError(
+            f"{setting} has {len(values)} values; it should have one, or {len(names)} for "
+            f"{', '.join(names)}"
+        )
+    return np.broadcast_to(values, len(names)).copy()
+
+
 def _check_drives(model: mujoco.MjModel, design: Design) -> None:
     """Refuse actuators that are no velocity servos, and an optical centre away from the camera."""
     place = f"the robot's model {design.name}"
@@ -182,9 +208,16 @@ class Robot:
         self.slowest, self.fastest = rates.T
         stops = self.lower + STOP_MARGIN, self.upper - STOP_MARGIN
         self._limited = limited
-        self._freedom = len(joints) > ALL_WAYS
+        self._freedom = len(joints) > ALL_WAYS and not design.inversion.exact
         self._middles = np.where(limited, model.jnt_range[joints].mean(axis=1), 0.0)
-        self._bounds = [bound.tolist() for bound in (*stops, self.slowest, self.fastest)]
+        most = design.drives.acceleration
+        self._accelerates = most is not None
+        self._most = each_joint("robot.acceleration", inf if most is None else most, self.names)
+        bounds = *stops, self.slowest, self.fastest, self._most
+        self._bounds = [bound.tolist() for bound in bounds]
+        self._carries = (joints[:, None] <= joints).astype(np.float64)
+        """1 where a joint (rows) moves another, or is the same: a chain's are numbered from its
+        base on."""
         self._jacobians = np.zeros((2, 3, model.nv))
         self._ahead = mujoco.MjData(model)
 
@@ -240,33 +273,37 @@ class Robot:
         return -adjoint(self._eye_to_hand.T_world_camera.inverse() @ self.hand(data)) @ J
 
     def rates(
-        self, data: mujoco.MjData, twist: Array, hold: float = 0.0
+        self, data: mujoco.MjData, twist: Array, hold: float = 0.0, before: Array | None = None
     ) -> tuple[Array, Array, bool]:
         """Joint rates (n,) for a camera twist (6,), the twist (6,) that they make, and whether a
-        limit made the whole motion slower.
+        limit changed it.
 
-        One factor slows all joints, so that a saturated camera still moves in the direction asked
-        for.
+        A saturated camera still moves in the direction asked for, where its accelerations allow it:
+        a programme decides where joints have such limits, or there are more than six; otherwise
+        one factor slows all.
 
         Args:
             data: Where the joints are.
             twist: What is asked for.
-            hold: How long the rates hold [s], for drives that are exact.
+            hold: How long the rates hold [s], for drives that are exact, and for accelerations.
+            before: The rates (n,) that these follow; by default any.
         """
         J = self.jacobian(data)
         exact = self._exact(data, twist, hold) if self._inversion.exact and hold else None
-        wanted = damped_inverse(J, self._inversion) @ twist if exact is None else exact
-        if self._freedom and exact is None:
-            centred = wanted + self._centring(data, J)
-            if self._slowed(data, centred) == 1.0:
-                return centred, J @ centred, False
-            within = self._within_limits(data, J, twist, centred)
-            made = J @ within
-            if np.abs(made - J @ wanted).max() < EXACT:
-                return within, made, False
-        factor = self._slowed(data, wanted)
-        slowed = wanted * factor
-        return slowed, J @ slowed, factor < 1.0
+        inverse = damped_inverse(J, self._inversion)
+        wanted = inverse @ twist if exact is None else exact
+        liked = wanted + self._spare(data, J, inverse) if self._freedom else wanted
+        box = self._box(data, hold, before)
+        # What is not a number passes: the loop then names the part that it came from.
+        pairs = zip(liked.tolist(), box, strict=True)
+        if not any(rate < low or rate > high for rate, (low, high) in pairs):
+            return liked, J @ liked, False
+        if self._freedom or self._accelerates:
+            rates = _programme(J, wanted, liked, box)
+            made = J @ rates
+            return rates, made, bool(np.abs(made - J @ wanted).max() >= EXACT)
+        slowed = wanted * _slowed(wanted, box)
+        return slowed, J @ slowed, True
 
     def driven(self, rates: Array, hold: float) -> Array:
         """Return the rates (n,) of joints that are driven at these for a time [s]: the same."""
@@ -281,47 +318,56 @@ class Robot:
         there = self.converge(ahead, q, self.eye(ahead) @ exp_se3(twist * hold))
         return (self.joints(ahead) - q) / hold if there else None
 
-    def _slowed(self, data: mujoco.MjData, wanted: Array) -> float:
-        """The factor on all rates with which no joint is too fast."""
-        factor = 1.0
+    def _box(
+        self, data: mujoco.MjData, hold: float, before: Array | None
+    ) -> list[tuple[float, float]]:
+        """The least and the largest rate of each joint."""
+        box: list[tuple[float, float]] = []
         # A few joints: Python is faster here than arrays.
-        joints = zip(wanted.tolist(), data.qpos[self.qpos].tolist(), *self._bounds, strict=True)
-        for rate, q, lower, upper, slowest, fastest in joints:
-            room, most = (upper - q, fastest) if rate > 0 else (q - lower, -slowest)
-            most = min(most, STOP_GAIN * max(room, 0.0))
-            if abs(rate) > most:
-                factor = min(factor, most / abs(rate))
-        return factor
+        joints = zip(data.qpos[self.qpos].tolist(), *self._bounds, strict=True)
+        for q, lower, upper, slowest, fastest, most in joints:
+            low = max(slowest, -_stopping(q - lower, most))
+            box.append((low, min(fastest, _stopping(upper - q, most))))
+        if before is None or not self._accelerates:
+            return box
+        change = self._most * hold
+        # A joint that cannot brake in time for its limit keeps its acceleration.
+        low, high = np.clip(np.transpose(box), before - change, before + change).tolist()
+        return list(zip(low, high, strict=True))
 
-    def _within_limits(self, data: mujoco.MjData, J: Array, twist: Array, liked: Array) -> Array:
-        """Return the rates (n,) inside the limits of all joints whose camera twist is nearest to
-        the one asked for, and of those the ones nearest to some rates that are liked.
-
-        A quadratic programme, solved by DAQP (Arnstrom, Bemporad and Axehill, A dual active-set
-        solver for embedded quadratic programming using recursive LDL^T updates, IEEE TAC 2022).
-        """
-        low, high, slowest, fastest = map(np.array, self._bounds)
-        q = data.qpos[self.qpos]
-        upper = np.minimum(fastest, STOP_GAIN * np.maximum(high - q, 0.0))
-        lower = np.maximum(slowest, -STOP_GAIN * np.maximum(q - low, 0.0))
-        n = len(q)
-        H = J.T @ J + SECOND_TASK * np.eye(n)
-        f = -(J.T @ twist + SECOND_TASK * liked)
-        none = np.zeros((0, n))
-        limits = np.clip(upper, -UNLIMITED, UNLIMITED), np.clip(lower, -UNLIMITED, UNLIMITED)
-        found, _, _, _ = daqp.solve(H, f, none, *limits, np.zeros(n, np.intc))
-        return found
-
-    def _centring(self, data: mujoco.MjData, J: Array) -> Array:
-        """Rates (n,) towards the middles between the limits that do not move the camera.
+    def _spare(self, data: mujoco.MjData, J: Array, inverse: Array) -> Array:
+        """Rates (n,) towards the middles between the limits, and away from singular poses, that do
+        not move the camera.
 
         After Liegeois 1977 (Automatic supervisory control of the configuration and behavior of
-        multibody mechanisms, IEEE Trans. SMC 7): the gradient of the squared distances from the
-        middles, projected into the null space of the Jacobian.
+        multibody mechanisms, IEEE Trans. SMC 7): the gradients of the squared distances from the
+        middles and of the manipulability, projected into the null space of the Jacobian.
         """
         away = np.where(self._limited, data.qpos[self.qpos] - self._middles, 0.0)
         free = -self._inversion.centring * away
+        if self._inversion.manipulability:
+            free += self._inversion.manipulability * self.manipulability_gradient(J, inverse)
         return free - np.linalg.pinv(J) @ (J @ free)
+
+    def manipulability_gradient(self, J: Array, inverse: Array) -> Array:
+        """The gradient (n,) of log sqrt(det(J J^T)) (Yoshikawa 1985) by the joints, finite in
+        singular poses.
+
+        It is the trace of J+ dJ/dq_i. With v_j and w_j the columns of J (Haviland and Corke 2023,
+        Manipulator Differential Kinematics, part 2, in the axes of the camera):
+        dv_j/dq_i = w_i x v_j and dw_j/dq_i = w_i x w_j where i moves j, else w_j x v_i and zero.
+
+        Args:
+            J: The Jacobian (6, n).
+            inverse: Its damped inverse (n, 6).
+        """
+        # A target in the hand moves against the camera that sees it.
+        sign = 1.0 if self._eye_to_hand is None else -1.0
+        v, w = np.hsplit(sign * J.T, 2)
+        v_row, w_row = np.hsplit(sign * inverse, 2)
+        moved = self._carries @ (_cross(v, v_row) + _cross(w, w_row))
+        others = (1.0 - self._carries) @ _cross(v_row, w)
+        return np.sum(w * moved + v * others, axis=1)
 
     def converge(
         self, data: mujoco.MjData, begin: Sequence[float] | Array, T_world_camera: Pose
@@ -383,3 +429,57 @@ class Robot:
         """
         rotation = data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO
         return Pose(rotation, data.site_xpos[self._site].copy())
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Products (n, 3) of rows; `np.cross` takes ten times as long."""
+    return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
+
+
+def _stopping(room: float, acceleration: float) -> float:
+    """The largest rate towards a joint limit that is so far away.
+
+    It falls exponentially near the limit, and before that by half the acceleration: the other half
+    is for what the drive lags behind.
+    """
+    room = max(room, 0.0)
+    if room <= acceleration / (2 * STOP_GAIN**2):
+        return STOP_GAIN * room
+    return sqrt(acceleration * (room - acceleration / (4 * STOP_GAIN**2)))
+
+
+def _slowed(wanted: Array, box: list[tuple[float, float]]) -> float:
+    """The factor on all rates with which no joint is too fast."""
+    factor = 1.0
+    for rate, (low, high) in zip(wanted.tolist(), box, strict=True):
+        most = high if rate > 0 else -low
+        if abs(rate) > most:
+            factor = min(factor, most / abs(rate))
+    return factor
+
+
+def _programme(J: Array, wanted: Array, liked: Array, box: list[tuple[float, float]]) -> Array:
+    """Return the rates q' (n,) inside a box whose camera twist is nearest to k v, with 0 <= k <= 1
+    as large as it goes, and of those the ones nearest to rates that are liked.
+
+    v is the twist of some wanted rates. The quadratic programme in q' and k |v| is solved by DAQP
+    (Arnstrom, Bemporad and Axehill, A dual active-set solver for embedded quadratic programming
+    using recursive LDL^T updates, IEEE TAC 2022).
+
+    Args:
+        J: The Jacobian (6, n).
+        wanted: The rates (n,) that make the twist.
+        liked: The rates (n,) that are liked.
+        box: The least and the largest rate of each joint; it may exclude a joint that stands.
+    """
+    twist = J @ wanted
+    length = float(np.linalg.norm(twist))
+    A = np.column_stack([J, twist / -(length or 1.0)])
+    H = A.T @ A + SECOND_TASK * np.eye(len(liked) + 1)
+    f = -SECOND_TASK * np.append(liked, length)
+    f[-1] -= WHOLE
+    lower, upper = np.clip([*box, (0.0, length)], -UNLIMITED, UNLIMITED).T.copy()
+    none = np.zeros((0, len(f)))
+    found, _, _, _ = daqp.solve(H, f, none, upper, lower, np.zeros(len(f), np.intc))
+    # The solver keeps a bound to 1e-6 only.
+    return found.clip(lower, upper)[:-1]

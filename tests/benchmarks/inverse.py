@@ -1,48 +1,51 @@
-"""What a tick of a seven-joint arm pays at a joint's limit: `python tests/benchmarks/inverse.py`.
+"""What a tick of a seven-joint arm costs: `python tests/benchmarks/inverse.py`.
 
-The way from a camera twist to joint rates, away from every limit and with one joint at its limit, where a quadratic
-programme decides; and the programme alone, which is what such a tick pays more. Ways take turns; medians [ms].
+The way from a camera twist to joint rates, without and with the manipulability, and with accelerations, where a
+quadratic programme decides. Ways take turns; medians [ms].
 """
 
 import sys
+from dataclasses import replace
 from statistics import median
 from time import perf_counter
 
+import mujoco
 import numpy as np
 
-from servo.loop.episode import Episode
-from servo.scenario.load import load
+from sim.camera.camera import CameraConfig
+from sim.kinematics.robot import Robot
+from sim.models.assembly import build_model
+from sim.robots import mjcf
+from sim.targets import car
 
 TIMES = 3000
-ROOM = 0.002
-"""How far the joint is from where it has to stop [rad]."""
-
-
-def timed(call, *given) -> float:
-    began = perf_counter()
-    call(*given)
-    return 1e3 * (perf_counter() - began)
+TICK = 1 / 120
+BENT = [0.3, 0.6, 0.4, 1.2, 0.5, 0.8, 0.2]
 
 
 def main():
-    with Episode(load("arm7_line", [])) as episode:
-        next(iter(episode))
-        robot, data = episode.world.robot, episode.world.data
-        free = robot.joints(data)
-        at_limit = free.copy()
-        joint = int(np.argmin(robot.upper - free))
-        at_limit[joint] = robot._bounds[1][joint] - ROOM
-        rng = np.random.default_rng(0)
-        found = {"away from limits": [], "at a limit": [], "the programme alone": []}
-        for _ in range(TIMES):
-            twist = rng.normal(size=6) * [0.1, 0.1, 0.1, 0.2, 0.2, 0.2]
-            for name, q in (("away from limits", free), ("at a limit", at_limit)):
-                data.qpos[robot.qpos] = q
-                robot.refresh(data)
-                found[name].append(timed(robot.rates, data, twist))
-            J = robot.jacobian(data)
-            liked = np.linalg.pinv(J) @ twist
-            found["the programme alone"].append(timed(robot._within_limits, data, J, twist, liked))
+    rng = np.random.default_rng(0)
+    whole = mjcf.Config().build(rng)
+    plain = replace(whole, inversion=replace(whole.inversion, manipulability=0.0))
+    slow = mjcf.Config(acceleration=3.0)
+    designs = {
+        "towards the middle": plain,
+        "with manipulability": whole,
+        "with accelerations": replace(plain, drives=slow),
+        "with both": replace(whole, drives=slow),
+    }
+    model = build_model(480.0, CameraConfig(), whole, car.Config().build(rng))
+    data = mujoco.MjData(model)
+    robots = {name: Robot(model, design) for name, design in designs.items()}
+    data.qpos[robots["with both"].qpos] = BENT
+    robots["with both"].refresh(data)
+    found = {name: [] for name in robots}
+    for _ in range(TIMES):
+        twist = rng.normal(size=6) * [0.1, 0.1, 0.1, 0.2, 0.2, 0.2]
+        for name, robot in robots.items():
+            began = perf_counter()
+            robot.rates(data, twist, TICK, np.zeros(len(BENT)))
+            found[name].append(1e3 * (perf_counter() - began))
     for name, times in found.items():
         sys.stdout.write(f"{name:20s} {median(times):.3f}, 95 %: {np.percentile(times, 95):.3f}\n")
 
