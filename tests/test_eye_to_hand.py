@@ -1,5 +1,6 @@
 """A camera that stands, and a robot that holds the target: against ViSP's eye-to-hand equations."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -111,6 +112,14 @@ def test_the_closed_loop_beside_a_leader_is_that_of_visp(kind):
             assert np.linalg.norm(off.translation) < 1.5e-3
             episode.move(step)
     assert (max(fed) > 0.02) == (kind == "kalman_cv")
+
+
+def test_a_goal_beside_a_leader_is_tilted_as_the_leader_is():
+    *_, end = measured_run(load("hand_follow", ["run.duration=4.0"]))[0]
+    facing = replace(end, scene=replace(end.scene, led=False)).goal_corners
+    assert np.degrees(np.arccos(end.goal_sight.pose.rotation[2, 2])) > 10
+    assert np.abs(end.goal_corners - end.truth.corners).max() < 1.0
+    assert np.abs(facing - end.truth.corners).max() > 2.0
 
 
 def test_a_filter_ends_the_lag_behind_a_leader():

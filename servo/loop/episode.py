@@ -221,6 +221,7 @@ class Episode:
             self.loop.features_of_truth,
             world.period,
             world.model,
+            scenario.leader.id is not None,
         )
         offset = 1e-3 * scenario.believed.clock_offset_ms
         schedule = Schedule(scenario.run, world.period, world.ticks, offset, steered)
