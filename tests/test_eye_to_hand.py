@@ -178,6 +178,12 @@ def test_a_wrong_place_of_the_camera_bends_the_way_and_leaves_the_end_right():
     assert summary.measures["end_position_mm"] < 2.0
 
 
+def test_a_goal_beside_the_optical_axis_is_reached():
+    _, summary = measured_run(load("hand_tag", ["goal.x=-80", "goal.y=-30"]))
+    assert summary.outcome.name == "CONVERGED"
+    assert summary.measures["end_position_mm"] < 0.5
+
+
 def test_each_start_is_found_from_everywhere():
     """Without a home, by the search; the same pose as from the home."""
     with Episode(load("hand_tag", ["robot.home=[]", "tracker.kind=truth"]), Dark) as episode:
