@@ -1,4 +1,4 @@
-"""Puts what moves by itself where it is at a time: target, board, second target, lights."""
+"""Puts what moves by itself where it is at a time: target, board, second target, leader, lights."""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache, reduce
@@ -8,7 +8,8 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from sim.models.assembly import SECOND, SPOT, TARGET
+from sim.leader import Leader
+from sim.models.assembly import LEADER, SECOND, SPOT, TARGET
 from sim.models.quaternion import quaternion_of
 from sim.types import Effect, Pose
 
@@ -49,16 +50,25 @@ class Stage:
         motion: Motion,
         disturbances: Sequence[Disturbance],
         held: Callable[[], Pose] | None = None,
+        leader: Leader | None = None,
     ) -> None:
-        """Find the bodies; `held` gives the pose of a target that the robot moves."""
+        """Find the bodies; `held` gives the pose of a target that the robot moves: the motion is
+        then the leader's.
+        """
         self._model = model
         self._at = lru_cache(maxsize=4)(motion.at)  # the last two frames' are asked for again
         self._held = held
+        self._leader = leader
         self._disturbances = tuple(disturbances)
         self._has_second = any(SECOND in d.props for d in disturbances)
         self._mocap = {
             name: int(model.body(name).mocapid[0])
-            for name in (TARGET, BOARD, *([SECOND] if self._has_second else []))
+            for name in (
+                TARGET,
+                BOARD,
+                *([SECOND] if self._has_second else []),
+                *([LEADER] if leader else []),
+            )
         }
         self._lamp = model.light(LAMP).id
         self._spot = model.light(SPOT).id
@@ -73,10 +83,16 @@ class Stage:
         """T_world_target at a time [s]; of a target that the robot holds, that of now."""
         return self._at(time) if self._held is None else self._held()
 
+    def goal(self, time: float) -> Pose | None:
+        """T_world_target at a time [s] where it shall be beside a leader; None without one."""
+        return None if self._leader is None else self._at(time) @ self._leader.T_moved_goal
+
     def place(self, data: mujoco.MjData, time: float, eye: Pose) -> None:
         """Put everything where it is at a time [s], for a camera that is at `eye`."""
         target = self.target(time)
         self._put(data, TARGET, target)
+        if self._leader is not None:
+            self._put(data, LEADER, self._at(time) @ self._leader.T_moved_leader)
         if not self._disturbances:
             return
         effect = self.effect(time)

@@ -20,6 +20,7 @@ from sim.geometry import log_se3
 from sim.kinematics.inverse_kinematics import Reach, reach
 from sim.kinematics.model import mount_pose
 from sim.kinematics.robot import CAMERA, Design, EyeToHand, Robot
+from sim.leader import LeaderConfig
 from sim.miscalibration import RIGHT, BelievedConfig, as_believed
 from sim.models.assembly import TARGET, build_model
 from sim.models.quaternion import quaternion_of
@@ -65,6 +66,7 @@ class WorldParts:
     believed: BelievedConfig = RIGHT
     config: WorldConfig = field(default_factory=WorldConfig)
     surroundings: Surroundings = field(default_factory=Surroundings)
+    leader: LeaderConfig = field(default_factory=LeaderConfig)
 
 
 class Unstable(RuntimeError):
@@ -78,8 +80,10 @@ class Moment:
     picture: Callable[[], Frame]
     """Waits for the picture."""
     truth: Truth
+    goal: Truth | None
+    """The truth if the target were where it shall be beside a leader; None without one."""
     target_before: Pose
-    """T_world_target one frame interval ago."""
+    """T_world_target one frame interval ago, as `World.target_at` has it."""
     posture: Posture
     """The robot's posture, exact."""
     believed: Posture
@@ -125,8 +129,9 @@ class World:
         self.period = 1.0 / camera.rate
         self._hold = self._drive_steps / rates.physics
         props = [prop for d in parts.disturbances for prop in d.props]
+        leader = parts.leader.leads(parts.target.outline)
         self.model = build_model(
-            rates.physics, camera, robot, parts.target, props, parts.surroundings
+            rates.physics, camera, robot, parts.target, props, parts.surroundings, leader
         )
         self.data = mujoco.MjData(self.model)
         stands = robot.eye_to_hand
@@ -141,7 +146,7 @@ class World:
         self._eye = self.model.camera(CAMERA).id
         self.outline = parts.target.outline
         self.outline_found = parts.target.found
-        self._stage = Stage(self.model, parts.motion, parts.disturbances, self._held)
+        self._stage = Stage(self.model, parts.motion, parts.disturbances, self._held, leader)
         self._visibility = config.visibility
         self._lens = Lens(self.camera)
         make = renderer or renderer_of(camera.renderer)
@@ -298,6 +303,7 @@ class World:
         return Moment(
             picture,
             self.truth(),
+            self.goal(),
             self.target_before(),
             posture,
             self.believed(posture),
@@ -311,13 +317,29 @@ class World:
         target = self._stage.target(self.data.time)
         return placement.truth(self.camera, self.outline, self._eye_at, target, visible)
 
+    def goal(self) -> Truth | None:
+        """Return the truth if the target were where it shall be beside a leader; None without
+        one.
+        """
+        goal = self._stage.goal(self.data.time)
+        if goal is None:
+            return None
+        return placement.truth(self.camera, self.outline, self._eye_at, goal)
+
     def target_before(self) -> Pose:
-        """T_world_target one frame interval ago."""
+        """T_world_target one frame interval ago, as `target_at` has it."""
         return self.target_at(self.data.time - self.period)
 
     def target_at(self, time: float) -> Pose:
-        """T_world_target at a time [s]."""
-        return self._stage.target(time)
+        """T_world_target at a time [s].
+
+        Of a target that the robot holds, as its own motion counts only what moves its goal: it is
+        where it would have to be now for the error that the goal of that time gives it.
+        """
+        target = self._stage.target(time)
+        now = self._stage.goal(self.data.time)
+        then = self._stage.goal(time)
+        return target if now is None or then is None else now @ then.inverse() @ target
 
     @property
     def moving(self) -> tuple[str, ...]:

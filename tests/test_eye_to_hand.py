@@ -1,5 +1,6 @@
 """A camera that stands, and a robot that holds the target: against ViSP's eye-to-hand equations."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +10,9 @@ from dark import Dark
 from servo.loop.episode import Episode, measured_run
 from servo.mistake import Mistake
 from servo.scenario.load import load
+from servo.types import Mode
 from sim.geometry import log_se3
+from tracking.types import Status
 
 STEP = 1e-6
 EXACT = (
@@ -20,6 +23,13 @@ EXACT = (
     "run.latency=0",
     "controller.gain=1.5",
     "run.duration=5.0",
+)
+
+BESIDE = (
+    "features.kind=points",
+    "controller={gain = 1.5}",
+    "run.latency=0",
+    "run.duration=2.0",
 )
 
 
@@ -76,6 +86,74 @@ def test_the_closed_loop_is_that_of_visp():
     assert len(s) == 4
 
 
+@pytest.mark.parametrize("kind", ["none", "kalman_cv"])
+def test_the_closed_loop_beside_a_leader_is_that_of_visp(kind):
+    """The same with s* of the free tag in each picture, and what a filter tells of its change:
+    q' = -(-L V J)+ (gain e + de/dt), in each step.
+    """
+    scenario = load("hand_follow", [*BESIDE, f"estimator.kind={kind}"])
+    fed = []
+    with Episode(scenario) as episode:
+        robot, data = episode.world.robot, episode.world.data
+        for _ in range(episode.frames):
+            step = episode.look()
+            VJ = by_differences(robot, data, step.truth.T_world_camera)
+            seen = episode.running.decision.sight
+            goal = episode.running.goal_sight
+            if step.frame.index:  # the tracker has not seen the first picture's corners
+                depths = seen.points[:, 2]
+                L = np.concatenate([rows(*p, Z) for p, Z in zip(seen.corners, depths, strict=True)])
+                e = (seen.corners - goal.corners).ravel()
+                motion = step.prediction.motion
+                rates = -np.linalg.pinv(-L @ VJ) @ (1.5 * e + motion)
+                np.testing.assert_allclose(-VJ @ rates, step.command.twist, atol=1e-6)
+                fed.append(np.abs(motion).max())
+            off = goal.pose.inverse() @ step.goal_sight.pose  # what the camera measures is near it
+            assert np.linalg.norm(off.translation) < 1.5e-3
+            episode.move(step)
+    assert (max(fed) > 0.02) == (kind == "kalman_cv")
+
+
+def test_a_goal_beside_a_leader_is_tilted_as_the_leader_is():
+    *_, end = measured_run(load("hand_follow", ["run.duration=4.0"]))[0]
+    facing = replace(end, scene=replace(end.scene, led=False)).goal_corners
+    assert np.degrees(np.arccos(end.goal_sight.pose.rotation[2, 2])) > 10
+    assert np.abs(end.goal_corners - end.truth.corners).max() < 1.0
+    assert np.abs(facing - end.truth.corners).max() > 2.0
+
+
+def test_a_filter_ends_the_lag_behind_a_leader():
+    """Without one it is f v / (Z gain); a filter of de/dt knows no difference between a target that
+    drives and a goal that does.
+    """
+    drives = ["motion.kind=line", "motion.x=-0.3", "motion.speed=0.04", "run.duration=5.0"]
+    drives += ["leader.on=[0.0, 0.0, 0.58, 80.0, 0.0, 0.0]", "measure.after=3.0"]
+    lag = {}
+    for kind in ("none", "kalman_cv", "true"):
+        steps, summary = measured_run(load("hand_follow", [*drives, f"estimator.kind={kind}"]))
+        lag[kind] = summary.measures["servo_rms_px"]
+    depth = steps[-1].goal_sight.pose.translation[2]
+    theory = steps[0].scene.camera.focal * 0.04 / (depth * 3.0)
+    assert lag["none"] == pytest.approx(theory, rel=0.01)
+    assert lag["kalman_cv"] < lag["none"] / 100
+    assert lag["true"] < lag["none"] / 100
+    moved = steps[-1].target_motion_true  # the goal goes to the right, so the error to the left
+    assert moved[0] == pytest.approx(-0.04 / depth, rel=0.01)
+    np.testing.assert_allclose(moved[1:], 0.0, atol=1e-9)
+
+
+def test_where_the_leader_is_not_seen_the_loop_goes_on_as_it_expects():
+    """The leader leaves the picture; its tag in the hand is still seen."""
+    leaves = ["motion.kind=sine", "motion.x=-0.25", "motion.amplitude=-0.3", "run.duration=1.0"]
+    steps, _ = measured_run(
+        load("hand_follow", [*leaves, "leader.on=[0.0, 0.0, 0.58, 80.0, 0.0, 0.0]"])
+    )
+    assert {s.estimate.status for s in steps} == {Status.LOCKED}
+    assert steps[15].command.mode is Mode.SERVOING
+    assert steps[-1].command.mode is Mode.COASTING
+    assert steps[-1].command.twist[0] > 0.1  # the camera, seen from the tag, goes to the right
+
+
 def test_what_the_hand_holds_moves_with_it_and_not_by_itself():
     steps, summary = measured_run(load("hand_plate", [*EXACT, "run.duration=1.0"]))
     first, last = steps[0], steps[-1]
@@ -98,6 +176,12 @@ def test_a_wrong_place_of_the_camera_bends_the_way_and_leaves_the_end_right():
     apart = np.linalg.norm(ways[0] - ways[1], axis=1)
     assert apart.max() > 0.015
     assert summary.measures["end_position_mm"] < 2.0
+
+
+def test_a_goal_beside_the_optical_axis_is_reached():
+    _, summary = measured_run(load("hand_tag", ["goal.x=-80", "goal.y=-30"]))
+    assert summary.outcome.name == "CONVERGED"
+    assert summary.measures["end_position_mm"] < 0.5
 
 
 def test_each_start_is_found_from_everywhere():
@@ -128,6 +212,43 @@ def test_a_motion_of_a_held_target_is_refused_at_once():
     assert str(refused.value) == (
         "hand_tag: motion: the robot holds the target, so nothing else moves it"
     )
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        (
+            ["camera.mounted=robot", "camera.pose=[0, -1, 0.8, -100, 0, 0]"],
+            'leader: it leads a target that the robot holds, so camera.mounted = "world"',
+        ),
+        (["goal.x=3"], "goal: it is beside the leader, so leave [goal] out"),
+        (["target.id=1"], "leader.id: 1 is the target's own tag; choose another one"),
+    ],
+)
+def test_a_leader_leads_what_is_held_and_nothing_else_does(changes, sentence):
+    with pytest.raises(Mistake) as refused:
+        load("hand_follow", changes)
+    assert str(refused.value) == f"hand_follow: {sentence}"
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        (
+            ["motion.frequency=0", "leader.on=[-0.12, 0.0, 0.28, -100.0, 0.0, 0.0]"],
+            "leader: no tag 1 is seen in the first picture",
+        ),
+        (
+            ["features.kind=photometric", "controller.feed_forward=[]"],
+            "leader.id: pixels are compared with one picture, taken at the first goal, so this "
+            "goal cannot move",
+        ),
+    ],
+)
+def test_a_leader_that_cannot_be_followed(changes, sentence):
+    with pytest.raises(Mistake) as refused:
+        Episode(load("hand_follow", changes))
+    assert str(refused.value) == f"hand_follow: {sentence}"
 
 
 def test_a_pose_is_of_a_camera_in_the_world():

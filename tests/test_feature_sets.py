@@ -143,7 +143,7 @@ def test_a_law_that_feeds_forward_what_the_set_does_not_have_is_refused(centroid
         (
             "photometric",
             ["goal.depth_to=0.7"],
-            "photometric: goal.depth_to: pixels are compared with one picture, taken at goal.depth, so "
+            "photometric: goal.depth_to: pixels are compared with one picture, taken at the first goal, so "
             "this goal cannot move",
         ),
         (

@@ -19,10 +19,12 @@ from servo.loop.settings import Setup, StartConfig, stream
 from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Schedule, Timeline, mean_twist
 from servo.mistake import Mistake
+from servo.sight.exact import sight_of
 from servo.types import Sight
 from sim.camera.renderer import MakeRenderer, Unseen
 from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
+from sim.placement import object_frame
 from sim.surroundings import Surroundings
 from sim.types import Array, Frame, Image, Pose, Truth
 from sim.world import Moment, Unstable, World, WorldParts
@@ -134,11 +136,11 @@ class Episode:
         sensor, encoders, depth = (stream(s.run.seed, name) for name in names)
         around = Surroundings(s.ground, s.clutter, s.light, stream(s.run.seed, "clutter"))
         parts = WorldParts(
-            robot, target, motion, disturbances, s.camera, s.believed, s.world, around
+            robot, target, motion, disturbances, s.camera, s.believed, s.world, around, s.leader
         )
         features = Part("features", s.features).build(target.outline)
         seen |= getattr(s.tracker, "needs_pictures", True)
-        seen |= s.world.visibility or s.camera.depth
+        seen |= s.world.visibility or s.camera.depth or s.leader.id is not None
         seen |= any(getattr(each, "uses_pictures", False) for each in (features, s.controller))
         with self._refusals():
             return World(parts, sensor, encoders, renderer if seen else Unseen, depth)
@@ -182,9 +184,14 @@ class Episode:
         if start.pose is not None:
             turn = exp_so3(np.radians(start.pose[3:]))
             return self.world.start_facing(Pose(turn, np.array(start.pose[:3])))
-        pixel = self.goal.pixel + (start.x, start.y)
-        theta = self.goal.theta + radians(start.angle_deg)
-        depth = self.scenario.goal.depth / start.scale
+        first = self.world.goal()
+        goal, theta, _ = self._aim(0.0, first)
+        depth = self.scenario.goal.depth
+        if first is not None:
+            depth = float(self._goal_sight(0.0, first).pose.translation[2])
+        pixel = goal + (start.x, start.y)
+        theta = theta + radians(start.angle_deg)
+        depth = depth / start.scale
         tilt = radians(start.tilt_deg), radians(start.tilt_towards_deg)
         return self.world.start(pixel, theta, depth, *tilt)
 
@@ -214,6 +221,7 @@ class Episode:
             self.loop.features_of_truth,
             world.period,
             world.model,
+            scenario.leader.id is not None,
         )
         offset = 1e-3 * scenario.believed.clock_offset_ms
         schedule = Schedule(scenario.run, world.period, world.ticks, offset, steered)
@@ -228,8 +236,20 @@ class Episode:
         camera = before @ truth.T_world_target.inverse() @ truth.T_world_camera
         return self._scene.true_motion(camera, before, after, self.running.goal_sight, end - begin)
 
-    def _goal_sight(self, time: float) -> Sight:
+    def _aim(self, time: float, goal: Truth | None) -> tuple[Array, float, float]:
+        """Return pixel (2,), angle [rad] and size [px/m] at which the target shall be seen at a
+        time [s]; beside a leader, where `goal` is.
+        """
+        if goal is not None:
+            return goal.centre, goal.theta, goal.size
+        return self.goal.pixel, self.goal.theta, self.goal.size(time)
+
+    def _goal_sight(self, time: float, goal: Truth | None) -> Sight:
         """Return how the target shall be seen, by the true camera."""
+        if goal is not None:
+            outline = self.world.outline
+            seen = goal.T_world_camera.inverse() @ goal.T_world_target
+            return sight_of(seen @ object_frame(outline), outline)
         believed = self.running.goal_sight
         if self.world.camera_believed is self.world.camera:
             return believed
@@ -254,6 +274,7 @@ class Episode:
         began = perf_counter()
         now = self._moment or self.world.moment()
         frame = now.picture()
+        goal, theta, size = self._aim(frame.time, now.goal)
         self._moment = self._next_moment(frame.index)
         rendering = perf_counter() - began
         self._truths[frame.index] = now.truth
@@ -265,10 +286,10 @@ class Episode:
             frame=frame,
             truth=now.truth,
             target_before=now.target_before,
-            goal=self.goal.pixel,
-            goal_theta=self.goal.theta,
-            goal_size=self.goal.size(frame.time),
-            goal_sight=self._goal_sight(frame.time),
+            goal=goal,
+            goal_theta=theta,
+            goal_size=size,
+            goal_sight=self._goal_sight(frame.time, now.goal),
             estimate=latest.decision.estimate,
             truth_estimated=self._truths[latest.picture],
             picture=latest.picture,

@@ -24,6 +24,7 @@ from servo.loop.posture_record import elapsed
 from servo.loop.settings import Setup, stream
 from servo.parts import Controller, Estimator, FeatureSet, Forgets, NeedsTruth, Task
 from servo.sight.estimate_to_sight import EstimateToSight
+from servo.sight.leader_sight import LeaderSight
 from servo.types import CameraImage, Command, Sight
 from sim.types import Array, Camera, Frame, Image, Posture, Truth
 from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
@@ -134,6 +135,12 @@ class Loop:
         true = true or camera
         pictured = camera if scenario.believed.goal == "computed" else true
         seen = true if scenario.believed.goal == "pose" else camera
+        self.moving_goal = ""
+        """The setting with which the goal moves; else nothing."""
+        if scenario.goal.depth_to is not None:
+            self.moving_goal = "goal.depth_to"
+        if scenario.leader.id is not None:
+            self.moving_goal = "leader.id"
         self.goal = Goal(scenario.goal, outline, pictured, seen, scenario.believed.depth_factor)
         """How the target shall be seen."""
 
@@ -221,7 +228,13 @@ class Running:
         features = loop.features
         loop.estimator.start(features)
         self._difference = Difference(features)
-        self.goal_sight = self._goal_sight(0.0)
+        self._leader = None
+        if scenario.leader.id is not None:
+            self._leader = LeaderSight(scenario.leader, loop.camera)
+        first = self._goal_sight(frame, 0.0)
+        if first is None:
+            raise ValueError(f"leader: no tag {scenario.leader.id} is seen in the first picture")
+        self.goal_sight = first
         """How the target shall be seen now."""
         self._scales = features.scales(features.values(self.goal_sight))
         unknown = np.full(len(features.names), np.nan)
@@ -256,10 +269,10 @@ class Running:
                 "estimator: the true motion of features made of pixels is not known; choose "
                 "another one, such as none"
             )
-        if loop.uses_pictures and loop.scenario.goal.depth_to is not None:
+        if loop.uses_pictures and loop.moving_goal:
             raise ValueError(
-                "goal.depth_to: pixels are compared with one picture, taken at goal.depth, so this "
-                "goal cannot move"
+                f"{loop.moving_goal}: pixels are compared with one picture, taken at the first "
+                "goal, so this goal cannot move"
             )
         if loop.needs_truth is not None and self._true_motion is None:
             raise ValueError(NO_TRUTH)
@@ -348,10 +361,14 @@ class Running:
                 acts = frame.time + loop.scenario.run.frames_late(self._period) * self._period
             motion = self._true_motion(frame.index, acts, acts + observation.interval)
             loop.needs_truth.give(motion / self._scales)
-        if loop.scenario.goal.depth_to is not None:
-            self.goal_sight = self._goal_sight(frame.time)
-            loop.controller.aim(self.goal_sight)
-        sight = self._sight(frame, observation.estimate, posture)
+        goal = self.goal_sight
+        if loop.moving_goal:
+            goal = self._goal_sight(frame, frame.time)
+            if goal is not None:
+                self.goal_sight = goal
+                loop.controller.aim(goal)
+        # Where the leader is not seen the error is not known, as where the target is not.
+        sight = None if goal is None else self._sight(frame, observation.estimate, posture)
         if frame.fresh and sight is None and loop.forgets is not None:
             loop.forgets.forget()
         command = observation.command or loop.controller.command(
@@ -371,7 +388,11 @@ class Running:
         picture = CameraImage(frame.image, self._loop.camera)
         return replace(goal, picture=picture, goal=goal)
 
-    def _goal_sight(self, time: float) -> Sight:
+    def _goal_sight(self, frame: Frame, time: float) -> Sight | None:
+        """Return the goal of a picture at a time [s]; None where its leader is not seen."""
+        if self._leader is not None:
+            pose = self._leader.goal(frame.image)
+            return None if pose is None else self._to_sight.at(pose)
         sight = self._loop.goal.sight(time)
         return sight if self._goal_picture is None else replace(sight, picture=self._goal_picture)
 

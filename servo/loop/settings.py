@@ -13,6 +13,7 @@ from servo.sight.estimate_to_sight import SightConfig
 from sim.camera.camera import CameraConfig
 from sim.kinds import PartConfig, kind_of
 from sim.kinematics.robot import Design
+from sim.leader import LeaderConfig
 from sim.miscalibration import BelievedConfig
 from sim.models.target import Target
 from sim.ranges import LONGEST, Degrees, Interval, Place, Time
@@ -173,6 +174,7 @@ class Setup:
     world: WorldConfig
     camera: CameraConfig
     goal: GoalConfig
+    leader: LeaderConfig
     start: StartConfig
     region: RegionConfig
     sight: SightConfig
@@ -191,10 +193,24 @@ class Setup:
     disturbances: tuple[PartConfig[Disturbance], ...]
 
     def __post_init__(self) -> None:
-        if self.camera.mounted == "world" and kind_of(self.motion) != "still":
-            raise Mistake(
-                f"{self.name}: motion: the robot holds the target, so nothing else moves it"
-            )
+        refusal = self._refusal()
+        if refusal:
+            raise Mistake(f"{self.name}: {refusal}")
+
+    def _refusal(self) -> str:
+        """Return why the parts of a camera that stands do not go together; else nothing."""
+        stands = self.camera.mounted == "world"
+        number = self.leader.id
+        if number is None:
+            moves = stands and kind_of(self.motion) != "still"
+            return "motion: the robot holds the target, so nothing else moves it" if moves else ""
+        if not stands:
+            return 'leader: it leads a target that the robot holds, so camera.mounted = "world"'
+        if self.goal != GoalConfig():
+            return "goal: it is beside the leader, so leave [goal] out"
+        if getattr(self.target, "id", None) == number:
+            return f"leader.id: {number} is the target's own tag; choose another one"
+        return ""
 
     @property
     def frames(self) -> int:

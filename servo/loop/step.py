@@ -51,6 +51,8 @@ class Scene:
     """Frame interval [s]."""
     room: MjModel
     """The world's model, for whoever draws it."""
+    led: bool = False
+    """Whether the goal is beside a leader, in any pose; else the target faces the camera there."""
 
     def true_sight(self, T_world_camera: Pose, T_world_target: Pose, goal: Sight) -> Sight:
         """Return what is seen of the target, exact."""
@@ -166,6 +168,8 @@ class Step:
     @property
     def goal_corners(self) -> Array:
         """Goal of the corners (4, 2) of the reference rectangle [px]."""
+        if self.scene.led:
+            return self.scene.camera.project(self.goal_sight.points)
         x, y = self.goal.tolist()
         scale = self.goal_size / self.scene.first_size
         return self.region.corners(State(x, y, self.goal_theta, scale))

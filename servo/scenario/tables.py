@@ -14,6 +14,7 @@ from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.sight.estimate_to_sight import SightConfig
 from sim.camera.camera import CameraConfig
 from sim.kinds import UnknownKind
+from sim.leader import LeaderConfig
 from sim.miscalibration import BelievedConfig
 from sim.surroundings import ClutterConfig, GroundConfig, LightConfig
 from sim.world import WorldConfig
@@ -23,6 +24,7 @@ SECTIONS: dict[str, type[Any]] = {
     "world": WorldConfig,
     "camera": CameraConfig,
     "goal": GoalConfig,
+    "leader": LeaderConfig,
     "start": StartConfig,
     "region": RegionConfig,
     "sight": SightConfig,

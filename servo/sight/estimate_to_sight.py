@@ -113,6 +113,10 @@ class EstimateToSight:
         plane = plane_of_size(m, self._root_area, FACING)
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=corners))
 
+    def at(self, pose: Pose) -> Sight:
+        """Return the sight to reach where it is a pose, T_camera_object."""
+        return self._with_depth_factor(sight_of(pose, self._outline))
+
     def _see_corners(
         self, corners: Array, posture: Posture, goal: Sight | None, depth: DepthPicture | None
     ) -> Sight | None:

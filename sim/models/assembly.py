@@ -10,6 +10,7 @@ import numpy as np
 
 from sim.camera.camera import FOVY, CameraConfig
 from sim.kinematics.robot import CAMERA, Design
+from sim.leader import Leader
 from sim.models.model_files import compiled
 from sim.models.quaternion import quaternion_of
 from sim.models.target import Target
@@ -19,7 +20,8 @@ from sim.types import Array
 ROBOT = "robot"
 TARGET = "target"
 SECOND = "second_target"
-"""Names in the scene: the robot's begin with "robot/"; the targets are bodies of these names."""
+LEADER = "leader"
+"""Names in the scene: the robot's begin with "robot/"; the others are bodies of these names."""
 SPOT = "spot"
 """The prop of a light that is not the same everywhere: MuJoCo lights corners and blends between
 them, so the table needs more of them."""
@@ -50,6 +52,7 @@ def build_model(
     target: Target,
     props: Iterable[str] = (),
     surroundings: Surroundings | None = None,
+    leader: Leader | None = None,
 ) -> mujoco.MjModel:
     """The room with the robot and the target in it, compiled for a camera.
 
@@ -60,6 +63,7 @@ def build_model(
         target: What is followed.
         props: What the disturbances need: "second_target", "spot".
         surroundings: Ground, clutter and light; by default as they are in the room's model.
+        leader: The tag that the target shall stay beside.
     """
     wanted = set(props)
     with resources.as_file(resources.files("scenes")) as folder:
@@ -71,6 +75,8 @@ def build_model(
         models = {TARGET: target.spec.copy()}
         if SECOND in wanted:
             models[SECOND] = target.spec.copy()
+        if leader is not None:
+            models[LEADER] = leader.tag.spec.copy()
         for name, model in models.items():
             body = room.worldbody.add_body(name=name, mocap=True)
             room.attach(model, prefix=f"{name}/", frame=body.add_frame())

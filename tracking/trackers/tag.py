@@ -106,6 +106,20 @@ class Tag:
         self._state = state_of(corners, self._region, expected)
         return Estimate(self._state, unknown_covariance(), 0.0, Status.LOCKED, corners=corners)
 
+    def find(self, image: Image, number: int, seen: Array | None) -> Array | None:
+        """Return the corners (4, 2) of the tag with a number [px], from the top left one of its
+        picture clockwise; None where it is not seen.
+
+        Args:
+            image: The picture.
+            number: Number of the tag.
+            seen: Its corners in the picture before, around which it is searched first.
+        """
+        grey = _grey(image)
+        found = None if seen is None else self._nearest(grey, seen.mean(axis=0), number, seen)
+        found = found or self._nearest(grey, np.zeros(2), number)
+        return None if found is None else found[1]
+
     def _nearest(
         self, grey: Grey, place: Array, number: int | None, around: Array | None = None
     ) -> tuple[int, Array] | None:

@@ -1,0 +1,59 @@
+"""A free tag before a camera in the room, moved by `[motion]`; the held target stays beside it."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from sim.camera.camera import Pose6
+from sim.kinematics.model import mount_pose
+from sim.models.target import Target
+from sim.placement import object_frame
+from sim.ranges import Length
+from sim.targets import tag
+from sim.types import Array, Pose
+
+UPRIGHT = (0.0, 0.0, 0.4, 80.0, 0.0, 0.0)
+BESIDE = (0.2, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Where the tag is on what moves, facing a camera at `sim.camera.camera.STANDS`, and where the held
+target shall be, to the right of the tag; chosen by hand."""
+
+
+@dataclass(frozen=True, slots=True)
+class LeaderConfig:
+    """The leader, and where the held target shall be."""
+
+    id: Annotated[int, Ge(0), Le(586)] | None = None
+    """Number of its tag in the family AprilTag 36h11; by default there is no leader."""
+    size: Length = 0.12
+    """Side of the tag's black square [m]."""
+    on: Pose6 = UPRIGHT
+    """The tag on what `[motion]` moves: x, y, z [m], roll, pitch, yaw [deg] about fixed axes; with
+    zeros it lies on the table, its nose ahead."""
+    beside: Pose6 = BESIDE
+    """Where the held target shall be, seen from the tag: x along the tag's nose, y to the right of
+    it as its viewer sees it, z away from the viewer [m], roll, pitch, yaw [deg]; zeros for the
+    angles: as the tag is turned."""
+
+    def leads(self, outline: Array) -> "Leader | None":
+        """Return the leader of a target with a rectangle's corners (4, 3); None where there is
+        none.
+        """
+        if self.id is None:
+            return None
+        target = tag.Config(self.id, self.size).build(np.random.default_rng(0))
+        on = mount_pose(self.on)
+        goal = on @ object_frame(target.outline) @ mount_pose(self.beside)
+        return Leader(target, on, goal @ object_frame(outline).inverse())
+
+
+@dataclass(frozen=True, slots=True)
+class Leader:
+    """A leader before it is put into the room."""
+
+    tag: Target
+    T_moved_leader: Pose
+    """On what the motion moves."""
+    T_moved_goal: Pose
+    """Where the held target shall be."""
