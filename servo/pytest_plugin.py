@@ -6,9 +6,13 @@ import tomllib
 from argparse import ArgumentTypeError
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
+
+if TYPE_CHECKING:
+    from servo.scenario.load import Scenario
+    from servo.study.run import Record
 
 OPTION = "--servobench"
 SEEDS = "--servobench-seeds"
@@ -32,39 +36,56 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     if not parent.config.getoption(OPTION) or file_path.suffix != ".toml":
         return None
     try:
-        bounds = tomllib.loads(file_path.read_text("utf-8")).get("expect")
+        bounds: Any = tomllib.loads(file_path.read_text("utf-8")).get("expect")
     except (tomllib.TOMLDecodeError, UnicodeDecodeError):
         bounds = True  # its test says what is wrong
-    return ScenarioFile.from_parent(parent, path=file_path) if bounds else None
+    if not bounds:
+        return None
+    file = ScenarioFile.from_parent(parent, path=file_path)
+    file.drawn = isinstance(bounds, dict) and "drawn" in bounds
+    return file
 
 
 class ScenarioFile(pytest.File):
-    """A scenario file; a test for each seed."""
+    """A scenario file; a test for each seed, and one for the share of those that have drawn."""
 
-    def collect(self) -> Iterator[ScenarioTest]:
+    drawn: bool
+
+    def collect(self) -> Iterator[ScenarioTest | ShareTest]:
+        self.ends: dict[int, tuple[Scenario, Record]] = {}
         count: Any = self.config.getoption(SEEDS)
         for seed in range(count):
             test = ScenarioTest.from_parent(self, name=f"{self.path.stem}[{seed}]")
             test.seed = seed
             yield test
+        if self.drawn and count > 1:
+            yield ShareTest.from_parent(self, name=f"{self.path.stem}[drawn]")
 
-
-class ScenarioTest(pytest.Item):
-    """A run of a scenario, which must keep its bounds."""
-
-    seed: int
-
-    def runtest(self) -> None:
+    def end_of(self, seed: int) -> tuple[Scenario, Record]:
+        """Return the scenario of a seed and the record of its run, which is done once."""
         from servo.output.formats import command_line
         from servo.scenario.load import load
         from servo.study.bounds import check_expect
         from servo.study.run import Job
         from servo.study.scenario_run import LoadedScenario
 
-        scenario = load(str(self.path), seed=self.seed)
-        check_expect(scenario)
-        command = command_line("run", str(self.path), seed=self.seed)
-        record = Job(0, LoadedScenario(scenario), self.seed, command=command).run(Path())
+        if seed not in self.ends:
+            scenario = load(str(self.path), seed=seed)
+            check_expect(scenario)
+            command = command_line("run", str(self.path), seed=seed)
+            job = Job(0, LoadedScenario(scenario), seed, command=command)
+            self.ends[seed] = scenario, job.run(Path())
+        return self.ends[seed]
+
+
+class ScenarioTest(pytest.Item):
+    """A run of a scenario, which must keep its bounds."""
+
+    parent: ScenarioFile
+    seed: int
+
+    def runtest(self) -> None:
+        _, record = self.parent.end_of(self.seed)
         if record.missed:
             raise MissedBounds("\n".join(f"missed: {m}" for m in record.missed))
 
@@ -76,6 +97,34 @@ class ScenarioTest(pytest.Item):
         if not isinstance(excinfo.value, (MissedBounds, Mistake)):
             return str(super().repr_failure(excinfo, style))
         again = command_line("run", str(self.path), seed=self.seed)
+        return f"{excinfo.value}\n  again: {again}"
+
+    def reportinfo(self) -> tuple[Path, None, str]:
+        return self.path, None, self.name
+
+
+class ShareTest(pytest.Item):
+    """The runs of the seeds that have drawn, of which enough must end as expected."""
+
+    parent: ScenarioFile
+
+    def runtest(self) -> None:
+        from servo.study.bounds import DrawnShare
+
+        count: Any = self.config.getoption(SEEDS)
+        ends = [self.parent.end_of(seed) for seed in range(count)]
+        share = DrawnShare.of([(scenario, record.success) for scenario, record in ends])
+        if share is not None and share.missed:
+            raise MissedBounds(f"missed: {share}")
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> str:
+        """The sentence, and the command that repeats the runs."""
+        from servo.output.formats import command_line
+
+        if not isinstance(excinfo.value, MissedBounds):
+            return str(super().repr_failure(excinfo, style))
+        count: Any = self.config.getoption(SEEDS)
+        again = command_line("check", str(self.path), seeds=count)
         return f"{excinfo.value}\n  again: {again}"
 
     def reportinfo(self) -> tuple[Path, None, str]:

@@ -38,7 +38,7 @@ from servo.report.words import Table, shown
 from servo.scenario import arguments
 from servo.scenario.load import Scenario, load
 from servo.study import parse
-from servo.study.bounds import MissedBound, check_expect
+from servo.study.bounds import MissedBound, check_expect, unjudged
 from servo.study.execute import Workers, complete
 from servo.study.plan import Study
 from servo.study.record_file import rows_of
@@ -201,7 +201,8 @@ class Run(Sequence[Step]):
         """Summary and the two plots."""
         missed = "; ".join(map(str, self.missed))
         verdict = f"missed: {missed}" if missed else "all bounds kept"
-        verdict = verdict if self.scenario.expect else self.scenario.unjudged or "no bounds"
+        verdict = verdict if self.scenario.expect else "no bounds"
+        verdict = unjudged(self.scenario, self.record.success) or verdict
         rows = [
             [name, shown(self.record.measures[name]), unit, meaning]
             for name, (unit, meaning) in MEANINGS.items()

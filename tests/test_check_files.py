@@ -51,6 +51,50 @@ def test_a_missed_bound_is_a_failure_with_its_command(tmp_path, capsys):
     capsys.readouterr()
 
 
+DRAWN = """[run]
+duration = 0.3
+[tracker]
+kind = "frozen"
+[vary]
+start.x = {{ choice = [0.0, 50.0] }}
+[expect]
+outcome = "CONVERGED"
+servo_rms_px = 0.5
+[expect.drawn]
+servo_rms_px = {bound}
+success_rate = {rate}
+"""
+"""Of seeds 3 to 6, the last two draw 50 px and end TIMED_OUT."""
+
+
+def test_some_drawn_seeds_may_end_otherwise(tmp_path, capsys):
+    path = tmp_path / "mine.toml"
+    path.write_text(DRAWN.format(bound=0.5, rate=0.5))
+    files = {"junit": tmp_path / "out.xml", "json": tmp_path / "out.json"}
+    assert check_scenarios([str(path)], [], 3, 4, 1, quiet=False, **files) == 0
+    out = capsys.readouterr().out
+    assert "mine: 2 of 4 drawn seeds ended as expected (expect.drawn.success_rate: 0.5)\n" in out
+    assert [line.split()[-3] for line in out.splitlines() if "TIMED_OUT" in line] == ["counted"] * 2
+    share = {"scenario": "mine", "ended": 2, "seeds": 4, "success_rate": 0.5}
+    assert json.loads(files["json"].read_text())["shares"] == [share]
+    case = ElementTree.parse(files["junit"]).getroot()[-1]
+    assert (case.get("name"), len(case)) == ("mine, drawn seeds", 0)
+
+
+def test_too_few_drawn_seeds_that_end_as_expected_miss_their_bound(tmp_path, capsys):
+    path = tmp_path / "mine.toml"
+    path.write_text(DRAWN.format(bound=-1, rate=0.75))
+    junit = tmp_path / "out.xml"
+    assert check_scenarios([str(path)], [], 3, 4, 1, quiet=True, junit=junit) == 1
+    sentence = "mine: 2 of 4 drawn seeds ended as expected (expect.drawn.success_rate: 0.75)"
+    err = capsys.readouterr().err
+    assert f"missed: {sentence}\n" in err
+    assert err.count(", expected at most -1 (expect.drawn)\n") == 2  # not of those that are counted
+    failure = ElementTree.parse(junit).getroot()[-1][0]
+    again = f"again: servobench check {path} --seed 3 --seeds 4"
+    assert (failure.get("message"), failure.text) == (sentence, again)
+
+
 def test_reading_many_scenarios_shows_progress(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(jobs, "FIRST", 0.0)
     monkeypatch.setattr(jobs, "EVERY", 0.0)
@@ -106,19 +150,22 @@ def test_scenario_files_are_tests_of_pytest(tmp_path):
         "bad": SHORT.format(bound=0.001),
         "wrong": SHORT.format(bound=1) + "[run.x]\n",
         "study": 'scenario = "line"\n',
+        "drawn": DRAWN.format(bound=1, rate=1),
     }.items():
         (tmp_path / f"{name}.toml").write_text(text)
     told = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "--servobench", "--servobench-seeds=2", "."],
+        [sys.executable, "-m", "pytest", "-q", "--servobench", "--servobench-seeds=6", "."],
         cwd=tmp_path,
         capture_output=True,
         text=True,
         check=False,
     )
     assert told.returncode == 1
-    assert "4 failed, 2 passed" in told.stdout
+    assert "13 failed, 12 passed" in told.stdout
     assert f"  again: servobench run {tmp_path / 'bad.toml'} --seed 1\n" in told.stdout
     assert "missed: servo_rms_px is " in told.stdout
+    assert "missed: drawn: 4 of 5 drawn seeds ended as expected" in told.stdout
+    assert f"  again: servobench check {tmp_path / 'drawn.toml'} --seeds 6\n" in told.stdout
     assert "wrong.toml: run: there is no key 'x'" in told.stdout
     assert "Traceback" not in told.stdout
 

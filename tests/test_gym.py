@@ -159,12 +159,14 @@ def test_options_change_one_run():
         "start.x",
         "start.y",
         "start.angle_deg",
+        "start.scale",
         "motion.x",
+        "motion.speed",
         "motion.length",
     }
     assert 40 <= told["drawn"]["start.x"] <= 41
     assert env.reset(seed=3, options={"scenario": "line", "vary": {}})[1]["drawn"] == {}
-    assert abs(env.reset(seed=3)[1]["drawn"]["start.x"]) <= 8
+    assert abs(env.reset(seed=3)[1]["drawn"]["start.x"]) <= 60
     with pytest.raises(Mistake, match=r"^options: observations would have another shape; "):
         made(observation="picture").reset(options={"camera": {"width": 160}})
 

@@ -256,6 +256,82 @@ def test_a_mistake_in_the_bounds_of_other_trackers_is_one_sentence(mine, change,
     assert str(told.value) == sentence
 
 
+DRAWN = (
+    JUDGED
+    + """
+[expect.tracker.frozen.drawn]
+servo_rms_px = 20.0
+
+[expect.drawn]
+servo_rms_px = 4.0
+settle_s = 2.0
+success_rate = 0.9
+
+[vary]
+start.y = { uniform = [1.0, 2.0] }
+"""
+)
+
+
+def test_seeds_that_draw_have_bounds_of_their_own(mine):
+    mine.write_text(DRAWN)
+    written = {"outcome": "TIMED_OUT", "servo_rms_px": 2.0}
+    drawn = {"outcome": "TIMED_OUT", "servo_rms_px": 4.0, "settle_s": 2.0}
+    assert (judged().expect, judged().success_rate) == (written, None)
+    assert judged("vary={}", seed=3).expect == written
+    assert (judged(seed=3).expect, judged(seed=3).success_rate) == (drawn, 0.9)
+    check_expect(judged(seed=3))
+
+
+def test_a_bound_that_is_set_holds_for_seeds_that_draw_too(mine):
+    mine.write_text(DRAWN)
+    assert judged("expect.servo_rms_px=1.5", seed=3).expect["servo_rms_px"] == 1.5
+    assert judged("expect.drawn.servo_rms_px=1.5", seed=3).expect["servo_rms_px"] == 1.5
+    assert judged("expect.drawn.servo_rms_px=1.5").expect["servo_rms_px"] == 2.0
+    assert judged("expect={}", seed=3).expect == {}
+
+
+def test_other_trackers_have_bounds_of_drawn_seeds_too(mine):
+    mine.write_text(DRAWN)
+    frozen = judged("tracker.kind=frozen", seed=3)
+    assert (frozen.expect, frozen.success_rate) == ({"servo_rms_px": 20.0}, None)
+    assert frozen.table["expect"] == {"servo_rms_px": 9.0, "drawn": {"servo_rms_px": 20.0}}
+    assert judged("tracker.kind=frozen").expect == {"servo_rms_px": 9.0}
+    set_here = judged("tracker.kind=frozen", "expect.drawn.settle_s=5", seed=3)
+    assert set_here.expect == {"servo_rms_px": 20.0, "settle_s": 5}
+    assert judged("tracker.kind=pf_ssd", seed=3).expect == {}
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ("expect.drawn=3", "--set expect.drawn=3: expect.drawn should be a table of bounds, not 3"),
+        (
+            "expect.tracker.frozen.drawn=3",
+            "--set expect.tracker.frozen.drawn=3: "
+            "expect.tracker.frozen.drawn should be a table of bounds, not 3",
+        ),
+        (
+            "expect.drawn.settle=3",
+            "mine: expect.drawn: there is no key 'settle'; did you mean 'settle_s'?",
+        ),
+        (
+            "expect.drawn.success_rate=2",
+            "mine: expect.drawn.success_rate = 2: a share is from 0 to 1",
+        ),
+        (
+            "expect.drawn.settle_s=soon",
+            "mine: expect.drawn.settle_s = 'soon': a bound is a finite number",
+        ),
+    ],
+)
+def test_a_mistake_in_the_bounds_of_drawn_seeds_is_one_sentence(mine, change, sentence):
+    mine.write_text(DRAWN)
+    with pytest.raises(Mistake) as told:
+        check_expect(judged(change))
+    assert str(told.value) == sentence
+
+
 def test_a_study_judges_each_tracker_by_its_own_bounds(mine):
     (mine.parent / "study.toml").write_text(
         '# x\n# Y.\nscenario = "mine.toml"\nseeds = 1\n[set]\nrun.duration = 0.1\n'

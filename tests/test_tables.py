@@ -307,7 +307,7 @@ def test_a_section_is_listed_with_all_its_settings(section, printed):
     at = head.index("default"), head.index("meaning")
     names = [row[: at[0]].strip() for row in rows]
     config = SECTIONS.get(section)
-    known = {"expect": ["outcome", *MEANINGS, "tracker"], "sweep": KEYS}.get(section)
+    known = {"expect": ["outcome", *MEANINGS, "drawn", "tracker"], "sweep": KEYS}.get(section)
     fields = dataclasses.fields(config) if config else ()
     assert [n for n in names if n] == [f"{section}.{n}" for n in known or [f.name for f in fields]]
     assert all(row[at[1] :].strip() for row in rows)

@@ -69,29 +69,17 @@ def test_trackers_get_the_same_draws():
     assert one == other != {}
 
 
+START = {"start.x", "start.y", "start.angle_deg", "start.scale"}
+WAY = {"motion.x", "motion.y", "motion.heading_deg", "motion.speed"}
+
+
 @pytest.mark.parametrize(
     ("change", "left"),
     [
-        (
-            "start.x=3.0",
-            {"start.y", "start.angle_deg", "motion.y", "motion.heading_deg", "motion.speed"},
-        ),
-        ("motion.kind=sine", {"start.x", "start.y", "start.angle_deg"}),
-        (
-            "motion.kind=line",
-            {
-                "start.x",
-                "start.y",
-                "start.angle_deg",
-                "motion.y",
-                "motion.heading_deg",
-                "motion.speed",
-            },
-        ),
-        (
-            "vary.start={ x = { uniform = [1, 1] } }",
-            {"start.x", "motion.y", "motion.heading_deg", "motion.speed"},
-        ),
+        ("start.x=3.0", START - {"start.x"} | WAY),
+        ("motion.kind=sine", START),
+        ("motion.kind=line", START | WAY),
+        ("vary.start={ x = { uniform = [1, 1] } }", {"start.x"} | WAY),
     ],
 )
 def test_what_is_set_is_not_drawn(change, left):

@@ -1,7 +1,8 @@
 """The command `servobench check`: test scenarios against their bounds, also for other programs."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 from typing import Any, ClassVar
 from xml.etree import ElementTree
@@ -18,7 +19,9 @@ from servo.output.versions import versions
 from servo.report.words import Badge, Cell, Table
 from servo.scenario import catalogue
 from servo.scenario import load as scenarios
+from servo.scenario.load import Scenario
 from servo.scenario.toml import assignment
+from servo.study.bounds import DrawnShare, unjudged
 from servo.study.execute import Workers, check_number, execute
 from servo.study.run import ClusterLost, Failure, Job, Record
 from servo.study.scenario_run import LoadedScenario
@@ -40,6 +43,8 @@ class CheckFile(Made):
     runs: list[dict[str, Any]]
     """One for each run: scenario, seed, the command that repeats it, seconds of wall-clock time,
     outcome, measures, the bounds that were missed, and in `failed` why there is no outcome."""
+    shares: list[DrawnShare] = field(default_factory=list[DrawnShare])
+    """How many drawn seeds ended as expected, of each scenario where some may end otherwise."""
 
 
 def _described(job: Job, end: Record | Failure) -> dict[str, Any]:
@@ -101,14 +106,31 @@ def check_scenarios(
         plain(console, f"check: {len(jobs):,} runs")
     ends = _carry_out(jobs, workers, console)
     again = command_line("check", *names, set=list(changes), seed=seed, seeds=count)
-    _write([_described(*one) for one in ends], junit, json, again)
     records = [(job, end) for job, end in ends if isinstance(end, Record)]
+    shares = _shares(records, count)
+    _write([_described(*one) for one in ends], junit, json, again, shares)
     if records:
         print_table(console, _table(records))
     errors = Console(stderr=True)
+    for share in shares:
+        plain(errors if share.missed else console, f"{'missed: ' * share.missed}{share}")
     for _, record in records:
         print_missed(errors, record)
-    return max(_print_failures(ends), any(record.missed for _, record in records))
+    missed = any(record.missed for _, record in records) or any(s.missed for s in shares)
+    return max(_print_failures(ends), missed)
+
+
+def _shares(records: Sequence[tuple[Job, Record]], count: int) -> list[DrawnShare]:
+    """Return the shares of drawn seeds that are judged; each scenario has `count` runs."""
+    shares: list[DrawnShare | None] = []
+    for _, runs in groupby(records, lambda run: run[0].number // count):
+        shares.append(DrawnShare.of([(_scenario(job), end.success) for job, end in runs]))
+    return [share for share in shares if share is not None]
+
+
+def _scenario(job: Job) -> Scenario:
+    assert isinstance(job.subject, LoadedScenario)
+    return job.subject.scenario
 
 
 def _refused(name: str, seed: int, command: str, mistake: Mistake) -> dict[str, Any]:
@@ -117,10 +139,17 @@ def _refused(name: str, seed: int, command: str, mistake: Mistake) -> dict[str, 
     return run | {"measures": {}, "missed": [], "failed": str(mistake)}
 
 
-def _write(runs: list[dict[str, Any]], junit: Path | None, json: Path | None, command: str) -> None:
+def _write(
+    runs: list[dict[str, Any]],
+    junit: Path | None,
+    json: Path | None,
+    command: str,
+    shares: Sequence[DrawnShare] = (),
+) -> None:
+    found = CheckFile(command=command, versions=versions(), runs=runs, shares=list(shares))
     texts = {
-        junit: _junit(runs),
-        json: CheckFile(command=command, versions=versions(), runs=runs).text(),
+        junit: _junit(runs, shares, command),
+        json: found.text(),
     }
     for path, text in texts.items():
         if path is not None:
@@ -170,9 +199,10 @@ def _print_failures(ends: Sequence[End]) -> int:
 def _table(records: Sequence[tuple[Job, Record]]) -> Table:
     cells: list[list[Cell]] = []
     for job, record in records:
-        assert isinstance(job.subject, LoadedScenario)
-        bounds = len(job.subject.scenario.expect)
+        scenario = _scenario(job)
+        bounds = len(scenario.expect)
         kept = f"{bounds - len(record.missed)} of {bounds}"
+        verdict = Badge.of(not record.missed, kept) if bounds else "none"
         cells.append(
             [
                 record.subject,
@@ -181,7 +211,7 @@ def _table(records: Sequence[tuple[Job, Record]]) -> Table:
                 f"{record.measures['servo_rms_px']:.2f}",
                 f"{record.measures['servo_peak_px']:.1f}",
                 f"{record.measures['tracking_rms_px']:.2f}",
-                Badge.of(not record.missed, kept) if bounds else "none",
+                "counted" if bounds and unjudged(scenario, record.success) else verdict,
                 f"{record.seconds:.1f} s",
             ]
         )
@@ -202,9 +232,10 @@ def _check_place(path: Path | None, suffix: str) -> None:
         raise Mistake(f"{path}: this should be a file to write, in a folder that is there")
 
 
-def _junit(runs: list[dict[str, Any]]) -> str:
-    """A test case for each run: what was missed, with the command that repeats it."""
-    suite = ElementTree.Element("testsuite", name="servobench check", tests=str(len(runs)))
+def _junit(runs: list[dict[str, Any]], shares: Sequence[DrawnShare], command: str) -> str:
+    """A test case for each run and share: what was missed, and the command that repeats it."""
+    tests = str(len(runs) + len(shares))
+    suite = ElementTree.Element("testsuite", name="servobench check", tests=tests)
     for run in runs:
         case = ElementTree.SubElement(
             suite,
@@ -218,6 +249,14 @@ def _junit(runs: list[dict[str, Any]]) -> str:
             tag = "error" if run["failed"] else "failure"
             found = ElementTree.SubElement(case, tag, message=one_line(message))
             found.text = one_line(f"again: {run['command']}")
+    for share in shares:
+        name = one_line(share.scenario)
+        case = ElementTree.SubElement(
+            suite, "testcase", classname=f"servobench.{name}", name=f"{name}, drawn seeds"
+        )
+        if share.missed:
+            found = ElementTree.SubElement(case, "failure", message=one_line(str(share)))
+            found.text = one_line(f"again: {command}")
     for plural, tag in (("failures", "failure"), ("errors", "error")):
         suite.set(plural, str(len(suite.findall(f"testcase/{tag}"))))
     suite.set("time", f"{sum(run['seconds'] for run in runs):.3f}")

@@ -31,7 +31,7 @@ from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from servo.study.bounds import check_expect
+from servo.study.bounds import check_expect, unjudged
 from servo.study.run import Job, Record
 from servo.study.run_report import RunReport
 from servo.study.scenario_run import LoadedScenario, record_of
@@ -97,8 +97,8 @@ def run_scenario(
     job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
     record = record_of(job, scenario, steps)
     _print_record(console, scenario, record)
-    if scenario.unjudged:
-        plain(console, scenario.unjudged)
+    if why := unjudged(scenario, record.success):
+        plain(console, why)
     console.print(_stage_line(steps, writing))
     paths = output.finish(steps, RunReport.of(record, scenario, steps[0].scene))
     for path in paths:

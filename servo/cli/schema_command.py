@@ -16,14 +16,15 @@ from pydantic_core import core_schema
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import LAWS
+from servo.scenario.expected import SUCCESS_RATE
 from servo.scenario.fill import STRICT, form
 from servo.scenario.tables import SECTIONS
 from servo.study import parse
 from servo.study.axes import COUNTS, ENDS, MOST_VALUES
-from servo.study.bounds import SUCCESS_RATE
 from sim.kinds import Kinds, UnknownKind
 
 Schema = dict[str, Any]
+SHARE: Schema = {"type": "number", "minimum": 0, "maximum": 1}
 
 
 def text() -> str:
@@ -36,7 +37,10 @@ def expect_schema() -> Schema:
     """Schema of the table of bounds: any measure, and the outcome."""
     ends = list(Outcome.__members__)
     outcome = {"enum": ends, "description": f"How the run has to end: {', '.join(ends)}."}
-    bounds = {"outcome": outcome} | _bounds()
+    one = {"outcome": outcome} | _bounds()
+    about = "Bounds that replace these where a seed has drawn settings."
+    share = SHARE | {"description": "The least share of drawn seeds that end so; others may not."}
+    bounds = one | {"drawn": table({SUCCESS_RATE: share} | one, about)}
     others = {
         "description": 'The same of another tracker, by its kind; "*": all without a table.',
         "type": "object",
@@ -59,7 +63,7 @@ def vary_schema() -> Schema:
 
 def sweep_schema() -> Schema:
     """Schema of the table of a study of this scenario."""
-    share = {"type": "number", "minimum": 0, "maximum": 1, "description": "Share of good runs."}
+    share = SHARE | {"description": "Share of good runs."}
     seed = {"type": "integer", "minimum": 0}
     most = {"maximum": parse.MOST_RUNS}
     name = {"type": "string"}

@@ -15,7 +15,7 @@ from servo.scenario import arguments, keywords, toml
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import AS_WRITTEN, Draw, draws_of, flat
-from servo.scenario.expected import Expected, tracker_of
+from servo.scenario.expected import SUCCESS_RATE, Expected, tracker_of
 from servo.scenario.fill import WrongSetting, fill, fill_plugin
 from servo.scenario.keywords import Change
 from servo.scenario.named_files import read
@@ -38,11 +38,13 @@ class Scenario(Setup):
     table: Table = field(repr=False)
     """The TOML table it was parsed from, overrides and the camera's calibration included."""
     expect: dict[str, float | str]
-    """Bounds on measures by name, and `outcome`, that its tracker has to keep."""
+    """Bounds on measures by name, and `outcome`, that its tracker has to keep with this seed."""
     bounds: Expected
     """The bounds of all trackers."""
     drawn: Table = field(default_factory=dict)
     """The settings that were drawn for this seed, and their values."""
+    success_rate: float | None = None
+    """The share of drawn seeds that have to end as expected; None: each of them."""
 
     @property
     def unjudged(self) -> str:
@@ -170,10 +172,21 @@ def parse(
         raise Mistake(sentence) from error.__cause__
     bounds = Expected.read(table, table if written is None else written, where("expect"))
     _check_frames(values["run"], values["camera"].rate, where("run.duration", "camera.rate"))
-    expect = bounds.of(tracker_of(table))
-    if tracker_of(table) != bounds.own:
-        table = table | {"expect": expect}
-    return Scenario(name=name, table=table, expect=expect, bounds=bounds, drawn=drawn, **values)
+    kind = tracker_of(table)
+    if kind != bounds.own:
+        made = {f"expect.{name}": bound for name, bound in bounds.made_for(kind).items()}
+        table = with_settings(table | {"expect": {}}, made, place)
+    expect = bounds.of(kind, drawn=bool(drawn))
+    rate = expect.pop(SUCCESS_RATE, None)
+    return Scenario(
+        name=name,
+        table=table,
+        expect=expect,
+        bounds=bounds,
+        drawn=drawn,
+        success_rate=rate,
+        **values,
+    )
 
 
 def _filled(key: str, table: Table, own: Mapping[str, Any]) -> Any:

@@ -9,13 +9,12 @@ import numpy as np
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.mistake import Mistake, unknown
 from servo.scenario.catalogue import PLUGINS
-from servo.scenario.expected import ANY
+from servo.scenario.expected import ANY, DRAWN, SUCCESS_RATE, tracker_of
 from servo.scenario.load import Scenario
 from servo.scenario.toml import is_number
 from tracking.files.json_text import number
 
-SUCCESS_RATE = "success_rate"
-"""The only bound from below: the share of runs that succeed."""
+COUNTED = "No verdict: some drawn seeds may end otherwise (expect.drawn.success_rate)."
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,13 +25,19 @@ class MissedBound:
     found: float | str | None
     """None where there is no finite value."""
     bound: float | str
+    drawn: bool = False
+    """The bound is one of [expect.drawn]."""
 
     def __str__(self) -> str:
         found = "not finite" if self.found is None else self.found
         found = f"{found:.3g}" if isinstance(found, float) else found
-        if isinstance(self.bound, str):
-            return f"{self.name} is {found}, expected {self.bound}"
-        return f"{self.name} is {found}, expected at most {self.bound:g}"
+        most = self.bound if isinstance(self.bound, str) else f"at most {self.bound:g}"
+        return f"{self.name} is {found}, expected {most}{' (expect.drawn)' if self.drawn else ''}"
+
+
+def unjudged(scenario: Scenario, success: bool) -> str:
+    """Return a sentence where a run has no verdict of its own; else nothing."""
+    return scenario.unjudged if success or scenario.success_rate is None else COUNTED
 
 
 def is_kept(value: float | None, bound: float) -> bool:
@@ -41,7 +46,10 @@ def is_kept(value: float | None, bound: float) -> bool:
 
 
 def missed_bounds(
-    outcome: str, measures: Mapping[str, float | None], expect: Mapping[str, float | str]
+    outcome: str,
+    measures: Mapping[str, float | None],
+    expect: Mapping[str, float | str],
+    as_written: Mapping[str, float | str] | None = None,
 ) -> tuple[MissedBound, ...]:
     """Return the bounds that a run does not keep.
 
@@ -49,15 +57,51 @@ def missed_bounds(
         outcome: Name of the run's outcome.
         measures: Its measures by name.
         expect: Upper bounds by measure, and the expected `outcome`.
+        as_written: The bounds of a seed that draws nothing, if others are given.
     """
     found: list[MissedBound] = []
+    written = expect if as_written is None else as_written
     for name, bound in expect.items():
+        drawn = bound != written.get(name)
         if isinstance(bound, str):
             if outcome != bound:
-                found.append(MissedBound(name, outcome, bound))
+                found.append(MissedBound(name, outcome, bound, drawn))
         elif not is_kept(value := measures[name], bound):
-            found.append(MissedBound(name, None if value is None else number(value), bound))
+            value = None if value is None else number(value)
+            found.append(MissedBound(name, value, bound, drawn))
     return tuple(found)
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnShare:
+    """How many drawn seeds of a scenario ended as expected."""
+
+    scenario: str
+    ended: int
+    seeds: int
+    success_rate: float
+    """The least share."""
+
+    @property
+    def missed(self) -> bool:
+        """Whether too few ended so. How many have to is rounded down: of ten, or of one alone, one
+        may end otherwise where nine tenths have to end as expected.
+        """
+        return self.ended < int(self.success_rate * self.seeds)
+
+    def __str__(self) -> str:
+        found = f"{self.ended} of {self.seeds} drawn seeds ended as expected"
+        return f"{self.scenario}: {found} (expect.drawn.success_rate: {self.success_rate:g})"
+
+    @staticmethod
+    def of(runs: Sequence[tuple[Scenario, bool]]) -> "DrawnShare | None":
+        """Return the share of a scenario's runs, each with its success; None if none is counted."""
+        counted = [(s, success) for s, success in runs if s.success_rate is not None]
+        if not counted:
+            return None
+        scenario, ended = counted[0][0], sum(success for _, success in counted)
+        assert scenario.success_rate is not None
+        return DrawnShare(scenario.name, ended, len(counted), scenario.success_rate)
 
 
 def missed_by_cells(
@@ -112,17 +156,21 @@ def check_expect(scenario: Scenario) -> None:
         if kind not in (*known, ANY) and ":" not in kind:
             raise Mistake(f"{place}.tracker: {unknown(kind, known, 'tracker')}")
         _check_bounds(expect, f"{place}.tracker.{kind}")
-    _check_bounds(scenario.bounds.expect | scenario.expect, place)
+    made = scenario.bounds.made_for(tracker_of(scenario.table))
+    _check_bounds(scenario.bounds.expect | made, place)
 
 
 def _check_bounds(expect: dict[str, Any], place: str) -> None:
-    for name, bound in expect.items():
-        if name == "outcome":
+    for key, bound in expect.items():
+        name = key.removeprefix(DRAWN)
+        if key == f"{DRAWN}{SUCCESS_RATE}":
+            if not is_number(bound) or not 0 <= bound <= 1:
+                raise Mistake(f"{place}.{key} = {bound!r}: a share is from 0 to 1")
+        elif name == "outcome":
             if not isinstance(bound, str) or bound not in Outcome.__members__:
-                raise Mistake(
-                    f"{place}.outcome = {bound!r}: one of {', '.join(Outcome.__members__)}"
-                )
+                raise Mistake(f"{place}.{key} = {bound!r}: one of {', '.join(Outcome.__members__)}")
         elif name not in MEANINGS:
-            raise Mistake(f"{place}: {unknown(name, (*MEANINGS, 'outcome'))}")
+            at = place if key == name else f"{place}.{DRAWN[:-1]}"
+            raise Mistake(f"{at}: {unknown(name, (*MEANINGS, 'outcome'))}")
         elif not is_number(bound):
-            raise Mistake(f"{place}.{name} = {bound!r}: a bound is a finite number")
+            raise Mistake(f"{place}.{key} = {bound!r}: a bound is a finite number")

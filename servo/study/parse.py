@@ -12,6 +12,7 @@ from servo.loop.run_measures import MEANINGS
 from servo.mistake import Mistake, check_known
 from servo.scenario.catalogue import sentence, shipped
 from servo.scenario.draws import Value
+from servo.scenario.expected import SUCCESS_RATE
 from servo.scenario.load import parse as parse_scenario
 from servo.scenario.named_files import digests, found_beside, named_in, path_of, read
 from servo.scenario.toml import assignment, is_number
@@ -25,7 +26,7 @@ from servo.study.axes import (
     flat,
     named_of,
 )
-from servo.study.bounds import SUCCESS_RATE, check_expect
+from servo.study.bounds import check_expect
 from servo.study.plan import Study
 from servo.study.scenario_run import StudiedScenario
 

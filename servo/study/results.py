@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from servo.loop.run_measures import MEANINGS, TIMED
-from servo.study.bounds import SUCCESS_RATE
+from servo.scenario.expected import SUCCESS_RATE
 from servo.study.plan import Study
 from servo.study.run import SCENARIO, Row
 from servo.study.scenario_run import MEASURED, TIMES, TRACK_MS

@@ -7,7 +7,7 @@ from servo.loop.run_measures import MEANINGS
 from servo.loop.step import Scene
 from servo.output.formats import Made, Number
 from servo.scenario.load import Scenario
-from servo.study.bounds import MissedBound
+from servo.study.bounds import MissedBound, unjudged
 from servo.study.run import Record
 from sim.models.target import dimensions
 from tracking.files.json_text import as_json, number
@@ -45,11 +45,12 @@ class RunReport(Made):
     rates: dict[str, Number] = field(default_factory=dict)
     """Rates that the run used [Hz], where the camera's rate left those asked for no whole steps."""
     unjudged: str = ""
-    """Why there is no verdict, where the bounds are made for another tracker."""
+    """Why there is no verdict: the bounds are made for another tracker, or for many seeds."""
 
     @staticmethod
     def of(record: Record, scenario: Scenario, scene: Scene) -> "RunReport":
         """The report of a run."""
+        why = unjudged(scenario, record.success)
         settings = scenario.settings()
         if "outline" in settings["target"]:  # by default it is measured on the model
             settings["target"] |= {"outline": dimensions(scene.outline)}
@@ -61,7 +62,7 @@ class RunReport(Made):
             outcome=record.outcome,
             measures={name: number(record.measures[name]) for name in MEANINGS},
             units={name: unit for name, (unit, _) in MEANINGS.items()},
-            expect=scenario.expect,
+            expect={} if why else scenario.expect,
             missed=list(record.missed),
             features=dict(zip(scene.features.names, scene.features.units, strict=True)),
             feed_forward=list(scene.features.feed_forward),
@@ -69,5 +70,5 @@ class RunReport(Made):
             table=as_json(scenario.table),
             repeats=record.repeats,
             rates=scenario.rates_changed,
-            unjudged=scenario.unjudged,
+            unjudged=why,
         )

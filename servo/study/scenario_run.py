@@ -20,11 +20,12 @@ from servo.mistake import Mistake
 from servo.output.formats import command_line
 from servo.scenario import load as scenarios
 from servo.scenario.draws import Value
+from servo.scenario.expected import tracker_of
 from servo.scenario.load import Scenario, Table
 from servo.scenario.named_files import digest_of
 from servo.scenario.toml import assignment, put
 from servo.study.axes import SCENARIO, Named
-from servo.study.bounds import check_expect, missed_bounds
+from servo.study.bounds import check_expect, missed_bounds, unjudged
 from servo.study.run import Job, Record
 from sim.kinds import UnknownKind
 from tracking.drawing.contact_sheet import page, tile
@@ -166,6 +167,9 @@ def record_of(
     """
     summary = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
     expected = scenario.expect.get("outcome") or scenario.bounds.success or Outcome.CONVERGED.name
+    success = summary.outcome.name == expected
+    as_written = scenario.bounds.of(tracker_of(scenario.table))
+    missed = missed_bounds(summary.outcome.name, summary.measures, scenario.expect, as_written)
     track_ms = 1e3 * float(np.median([s.seconds.track for s in timed(steps)]))
     return Record(
         number=job.number,
@@ -174,9 +178,9 @@ def record_of(
         settings=job.settings,
         command=job.command,
         outcome=summary.outcome.name,
-        success=summary.outcome.name == expected,
+        success=success,
         measures=summary.measures | {TRACK_MS: track_ms},
-        missed=missed_bounds(summary.outcome.name, summary.measures, scenario.expect),
+        missed=() if unjudged(scenario, success) else missed,
         repeats=scenario.run.repeats,
         series=_series(steps),
         sheet=sheet,
