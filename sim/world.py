@@ -149,9 +149,7 @@ class World:
         self._stage = Stage(self.model, parts.motion, parts.disturbances, self._held, leader)
         self._visibility = config.visibility
         self._lens = Lens(self.camera)
-        make = renderer or renderer_of(camera.renderer)
-        if camera.supersample > 1:
-            make = partial(Supersampled, make, camera.supersample)
+        make = _supersampled(renderer or renderer_of(camera.renderer), camera.supersample)
         self._renderer = make(self.model, CAMERA, self._lens.view)
         bands = exposures(camera, steps)
         self._sensor = Sensor(camera, self._lens, rng, bands)
@@ -372,6 +370,11 @@ class World:
             for a in (True, False)
         )
         return seen / alone if alone else 0.0
+
+
+def _supersampled(make: MakeRenderer, factor: int) -> MakeRenderer:
+    """What makes renderers whose pixels are means of so many squared."""
+    return partial(Supersampled, make, factor) if factor > 1 else make
 
 
 def _put_camera(model: mujoco.MjModel, T_world_camera: Pose) -> None:

@@ -115,7 +115,7 @@ def test_the_closed_loop_beside_a_leader_is_that_of_visp(kind):
 
 
 def test_a_goal_beside_a_leader_is_tilted_as_the_leader_is():
-    *_, end = measured_run(load("hand_follow", ["run.duration=4.0"]))[0]
+    *_, end = measured_run(load("hand_follow", ["run.duration=4.0", "motion.tilt_deg=20"]))[0]
     facing = replace(end, scene=replace(end.scene, led=False)).goal_corners
     assert np.degrees(np.arccos(end.goal_sight.pose.rotation[2, 2])) > 10
     assert np.abs(end.goal_corners - end.truth.corners).max() < 1.0

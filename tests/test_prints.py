@@ -73,6 +73,7 @@ def test_the_doctor_says_this(console, monkeypatch, approved, capsys):
     assert doctor_command.FINE not in lines(console)
 
 
+@pytest.mark.newest
 def test_the_report_of_a_run_is_printed_so(console, approved):
     scenario = load("reversal", ["expect.servo_rms_px=0.1"], 4)
     measures = {name: 0.37 * (k + 1) for k, name in enumerate(MEANINGS)}
@@ -96,6 +97,7 @@ def test_the_report_of_a_run_is_printed_so(console, approved):
     approved("prints/run", lines(console))
 
 
+@pytest.mark.newest
 def test_a_claim_is_printed_so(console, approved):
     rule = Rule("error [px]", "as printed", "2 worlds", "1 px", "95 % interval", "below [1] px")
     claim = Claim("P0-1a", "[this] is better", rule, lambda _: [], lambda *_: None)

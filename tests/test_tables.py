@@ -148,6 +148,7 @@ class Kept:
         return self.folder / name
 
 
+@pytest.mark.newest
 def test_a_study_prints_and_writes_these_tables(printed, approved, capfd, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(

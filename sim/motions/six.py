@@ -15,37 +15,41 @@ WAVES = 2
 SLOWEST = 0.4
 """Lowest frequency of a sine, over the highest."""
 MIDDLE = np.array([0.0, 0.0, 0.3])
-WAY = 0.1
-RISE = 0.1
-TURN_DEG = 30.0
-TILT_DEG = 20.0
-"""Where the motion begins, level [m], and the farthest from there: along x and y [m], up and down
-[m], about the vertical [deg], and from level in any direction [deg]. Chosen by hand on `six_dof`,
-so that the target stays in sight of a camera a metre above the table."""
+"""Where the motion begins, level [m]. This and how far it goes by default were chosen by hand on
+`six_dof`, so that the target stays in sight of a camera a metre above the table."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """The speed of the motion."""
+    """How fast and how far it moves."""
 
     frequency: Annotated[float, Ge(0), Le(100)] = 0.2
     """Highest frequency [Hz]."""
+    way: Annotated[float, Ge(0), Le(5)] = 0.1
+    """Farthest from where it begins, along x and along y [m]."""
+    rise: Annotated[float, Ge(0), Le(0.3)] = 0.1
+    """Farthest up and down [m]."""
+    turn_deg: Annotated[float, Ge(0), Le(180)] = 30.0
+    """Farthest about the vertical [deg]."""
+    tilt_deg: Annotated[float, Ge(0), Le(90)] = 20.0
+    """Farthest from level, in any direction [deg]."""
 
     def build(self, rng: np.random.Generator) -> "Six":
         """Return the motion; its frequencies and directions come from the generator."""
         frequencies = self.frequency * rng.uniform(SLOWEST, 1.0, (WAVES, 6))
-        return Six(frequencies, rng.choice((-1.0, 1.0), 6))
+        # Two tilts at once, of the same size, are sqrt(2) as large.
+        tilt = radians(self.tilt_deg) / sqrt(2)
+        largest = np.array([self.way, self.way, self.rise, tilt, tilt, radians(self.turn_deg)])
+        return Six(frequencies, largest * rng.choice((-1.0, 1.0), 6))
 
 
 @final
 class Six:
     """Each coordinate is the mean of sines that begin at zero."""
 
-    def __init__(self, frequencies: Array, senses: Array) -> None:
+    def __init__(self, frequencies: Array, largest: Array) -> None:
         self._frequencies = frequencies
-        # Two tilts at once, of the same size, are sqrt(2) as large.
-        tilt = radians(TILT_DEG) / sqrt(2)
-        self._largest = senses * (WAY, WAY, RISE, tilt, tilt, radians(TURN_DEG))
+        self._largest = largest
 
     def at(self, time: float) -> Pose:
         """T_world_target at a time [s]."""
