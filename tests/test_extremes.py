@@ -42,10 +42,13 @@ EVERYTHING = {
     "search_after": 0.04,
 }
 """Settings of the controller with which all others matter."""
+FOLLOWS = ("camera", "robot", "target", "leader", "motion", "tracker", "features")
+"""What of the scenario `hand_follow` makes the settings of a leader matter."""
 EARLY = {"start": 0.05, "duration": 0.1}
 """Settings of a disturbance with which it acts within a short run."""
 REFUSED = (
     "the robot cannot bring the camera",
+    "the robot cannot bring the target",
     "most of it outside the image",
     "both sides must be at least 4 px",
     "no part of the twist move",
@@ -79,6 +82,8 @@ REFUSED = (
     "and file go together",
     "pose and held are of a camera",
     "the robot holds the target",
+    "in the first picture",
+    "is the target's own tag",
     "need depth = true",
     "needs a depth picture",
 )
@@ -132,6 +137,9 @@ def settings_of(config, begin=""):
 def base(place, kind):
     """A short scenario with a kind in its place, in which its settings matter."""
     table = toml.decode(SHORT, "short")
+    if place == "leader":
+        follows = s.load("hand_follow").table
+        table = {"run": table["run"]} | {name: follows[name] for name in FOLLOWS}
     if place in LISTS:
         names = {f.name for f in dataclasses.fields(LISTS[place].config_of(kind))}
         table[place] = [{"kind": kind} | {k: v for k, v in EARLY.items() if k in names}]
