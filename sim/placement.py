@@ -115,6 +115,17 @@ def object_frame(outline: Array) -> Pose:
     return Pose(DOWN, outline.mean(axis=0))
 
 
+def check_above_table(T_world_camera: Pose) -> None:
+    """Refuse a camera in the table.
+
+    Raises:
+        ValueError: It would be there; the sentence says how deep.
+    """
+    height = float(T_world_camera.translation[2])
+    if height <= 0:
+        raise ValueError(f"the camera would be {-height:.2f} m below the table's top")
+
+
 def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> None:
     """Refuse a camera that cannot see a target's reference rectangle.
 
@@ -122,9 +133,6 @@ def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> N
         ValueError: It cannot; the sentence says why.
     """
     T_camera_target = T_world_camera.inverse() @ T_world_target
-    height = float(T_world_camera.translation[2])
-    if height <= 0:
-        raise ValueError(f"the camera would be {-height:.2f} m below the table's top")
     if T_camera_target.apply(outline)[:, 2].min() <= 0:
         raise ValueError("part of the target would be behind the camera")
     if T_camera_target.inverse().translation[2] <= outline[0, 2]:

@@ -208,6 +208,8 @@ class World:
 
     def _go(self, T_world_camera: Pose) -> Reach:
         target = self._target_seen()
+        if self._held is None:  # else the pose is seen from the target
+            placement.check_above_table(T_world_camera)
         placement.check_sight(self.outline, T_world_camera, target)
         point = target.apply(self.outline.mean(axis=0))
         reached = reach(self.robot, self.data, T_world_camera, point)

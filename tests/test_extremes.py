@@ -84,6 +84,7 @@ REFUSED = (
     "the robot holds the target",
     "in the first picture",
     "is the target's own tag",
+    "would be behind the camera",
     "need depth = true",
     "needs a depth picture",
 )
