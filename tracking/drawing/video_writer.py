@@ -5,10 +5,12 @@ that a film is playable even if the program is killed; in the end it becomes an 
 """
 
 import os
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 
 import av
+from av.error import FFmpegError
 from av.video.frame import PictureType
 from av.video.reformatter import ColorRange, Colorspace
 
@@ -91,4 +93,5 @@ class VideoWriter:
         # FFmpeg still writes an end; PyAV 15 crashes where it cannot, some time later.
         with Path(os.devnull).open("wb") as nowhere:
             os.dup2(nowhere.fileno(), self._file.fileno())
-        self.close()
+        with self._file, suppress(OSError, FFmpegError):  # told before
+            self._container.close()
