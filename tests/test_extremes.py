@@ -221,26 +221,31 @@ def test_a_short_run_ends_normally_at_the_limits_of_every_setting(place, kind, c
     run_short(place, kind, changes)
 
 
+LONG = (
+    "particles",
+    "density",
+    "layers",
+    "climb",
+    "steps",
+    "duration",
+    "width",
+    "height",
+    "physics_rate",
+    "rate",
+)
+"""Settings at whose ends a run takes long."""
+
+
+def drawn_settings(config):
+    """The settings of a kind that have ends or choices, and do not make a run long."""
+    return [
+        (name, values) for _, name, values in settings_of(config) if values and name not in LONG
+    ]
+
+
 def anything(config, at):
     """Any few settings of a kind, each at one of its ends or choices."""
-    every = [
-        (f"{at}.{name}", values)
-        for _, name, values in settings_of(config)
-        if values
-        and name
-        not in (
-            "particles",
-            "density",
-            "layers",
-            "climb",
-            "steps",
-            "duration",
-            "width",
-            "height",
-            "physics_rate",
-            "rate",
-        )
-    ]
+    every = [(f"{at}.{name}", values) for name, values in drawn_settings(config)]
     few = st.lists(st.sampled_from(every), max_size=6, unique_by=lambda one: one[0])
     return few.flatmap(
         lambda chosen: st.fixed_dictionaries(
@@ -250,7 +255,7 @@ def anything(config, at):
 
 
 PLACES = ("controller", "estimator", "motion", "robot", "goal", "tracker")
-LOOP = [k for k in KINDS if k[0] in PLACES and next(settings_of(k[2]), None)]
+LOOP = [k for k in KINDS if k[0] in PLACES and drawn_settings(k[2])]
 
 
 @settings(max_examples=30)

@@ -226,7 +226,8 @@ def test_few_pictures_are_read_before_the_first_one_is_given():
         in_time.append(given.wait(3))
 
     with served(parts()) as address:
-        assert next(iter(source_of(address, 30.0))).image.shape == (100, 160, 3)
+        pictures = iter(source_of(address, 30.0))  # kept: it is read until all parts were sent
+        assert next(pictures).image.shape == (100, 160, 3)
         given.set()
     assert in_time == [True]
 
