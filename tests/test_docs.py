@@ -13,7 +13,9 @@ import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from nbclient.exceptions import CellExecutionError
 
+import servo
 from servo.cli import docs_command
 from servo.cli.main import app
 from servo.mistake import Mistake
@@ -144,6 +146,17 @@ def test_a_notebook_has_a_cell_for_each_block():
     assert kinds == ["markdown", "code", "code", "code", "markdown", "code", "code", "markdown"]
 
 
+@pytest.mark.processes
+def test_a_notebook_that_was_run_has_what_its_cells_print(tmp_path):
+    page = "# Title\n\n```sh\nservobench --version\n```\n\n```python\nprint(1 + 1)\n```\n\nEnd.\n"
+    made = runpy.run_path(str(ROOT / "servo" / "docs" / "notebooks.py"))
+    cells = json.loads(made["with_outputs"](made["notebook"](page)))["cells"]
+    printed = ["".join(o["text"]) for c in cells if "outputs" in c for o in c["outputs"]]
+    assert printed == [f"servobench {servo.__version__}\n", "2\n"]
+    with pytest.raises(CellExecutionError, match="ZeroDivisionError"):
+        made["with_outputs"](made["notebook"]("# Title\n\n```python\n1 / 0\n```\n"))
+
+
 def test_the_commands_of_a_notebook_need_no_path():
     page = "# Title\n\nThen:\n\n```sh\nservobench --version\npython -c 'print(1)'\n```\n\nEnd.\n"
     notebook = runpy.run_path(str(ROOT / "servo" / "docs" / "notebooks.py"))["notebook"]
@@ -169,6 +182,15 @@ def test_the_missing_extra_is_named(monkeypatch, tmp_path):
         docs_command.build(tmp_path)
 
 
+def test_the_missing_kernel_of_the_tutorials_is_named(monkeypatch, tmp_path):
+    monkeypatch.setattr(docs_command, "find_spec", lambda name: None)
+    with pytest.raises(
+        Mistake,
+        match=r"^docs --run needs the extra 'test', .*: pip install 'servobench\[test\]'$",
+    ):
+        docs_command.build(tmp_path, run=True)
+
+
 def test_an_installed_package_has_no_manuals(monkeypatch, tmp_path):
     monkeypatch.setattr(docs_command, "ROOT", tmp_path)
     with pytest.raises(Mistake, match=r"^docs needs a checkout of servobench"):
@@ -181,7 +203,7 @@ def test_an_installed_package_has_no_manuals(monkeypatch, tmp_path):
 def test_the_page_is_opened_unless_that_is_not_wanted(monkeypatch, options, opened):
     shown, given = [], []
     monkeypatch.setattr(
-        docs_command, "build", lambda out, still: given.append(out) or Path("/a/index.html")
+        docs_command, "build", lambda out, still, run: given.append(out) or Path("/a/index.html")
     )
     monkeypatch.setattr(webbrowser, "open", shown.append)
     assert CliRunner().invoke(app, ["docs", *options]).output == "/a/index.html\n"

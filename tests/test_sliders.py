@@ -5,8 +5,6 @@ import pytest
 import servo
 from servo.mistake import Mistake
 
-widgets = pytest.importorskip("ipywidgets", reason="the extra notebook is not installed")
-
 
 def test_numbers_words_and_flags_have_their_widgets():
     keys = ("controller.gain", "controller.matrix", "camera.width", "controller.kind", "start.x")

@@ -1,5 +1,6 @@
 """What `servobench docs` does: build the documentation's pages from a checkout."""
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import servo
@@ -7,18 +8,24 @@ from servo.mistake import Mistake
 
 ROOT = Path(servo.__file__).parents[1]
 EXTRA = "docs needs the extra 'docs': pip install 'servobench[docs]'"
+KERNEL = (
+    "docs --run needs the extra 'test', for all that the tutorials import: "
+    "pip install 'servobench[test]'"
+)
 CHECKOUT = "docs needs a checkout of servobench: this is an installed package, without the manuals"
 
 
-def build(out: Path, *, still: bool = False) -> Path:
+def build(out: Path, *, still: bool = False, run: bool = False) -> Path:
     """Build what is missing or has changed; return the first page.
 
     Args:
         out: The folder to write.
         still: Whether the gallery's pictures need not move, which takes a minute less.
+        run: Whether to run the tutorials, for notebooks with outputs.
 
     Raises:
-        Mistake: There are no manuals here, Sphinx is missing, or a page has a wrong link.
+        Mistake: There are no manuals here, Sphinx or a kernel for notebooks is missing, a page has
+            a wrong link, or a tutorial that runs ends with an error.
     """
     if not (ROOT / "CONTRIBUTING.md").is_file():
         raise Mistake(CHECKOUT)
@@ -26,8 +33,11 @@ def build(out: Path, *, still: bool = False) -> Path:
         from sphinx.cmd.build import build_main
     except ImportError:
         raise Mistake(EXTRA) from None
+    if run and not all(find_spec(name) for name in ("nbclient", "ipykernel")):
+        raise Mistake(KERNEL)
     options = ["-q", "--fail-on-warning", "--keep-going", "-c", str(ROOT / "servo" / "docs")]
     options += ["-D", "gallery_seconds=0"] * still
+    options += ["-D", "run_tutorials=1"] * run
     if build_main([*options, str(ROOT), str(out)]):
         raise Mistake("the documentation has mistakes, which Sphinx names above")
     return out / "index.html"

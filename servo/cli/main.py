@@ -421,7 +421,10 @@ def doctor() -> None:
 @opt.out_option("runs/docs")
 @click.option("--no-open", is_flag=True, help="Only build the pages.")
 @click.option("--still", is_flag=True, help="Draw a gallery that does not move, which is faster.")
-def docs(out: Path | None, no_open: bool, still: bool) -> None:
+@click.option(
+    "--run", is_flag=True, help="Run the tutorials too, whose notebooks then have outputs: 15 min."
+)
+def docs(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
     """Open the documentation in a browser; build it first."""
     check_machine()
     import webbrowser
@@ -432,7 +435,7 @@ def docs(out: Path | None, no_open: bool, still: bool) -> None:
     from servo.cli.terminal import waiting
 
     with waiting(Console(stderr=True), "Building the pages; the first time takes two minutes"):
-        page = build(out or Path("runs/docs"), still=still).resolve()
+        page = build(out or Path("runs/docs"), still=still, run=run).resolve()
     click.echo(page)
     if not no_open:
         webbrowser.open(page.as_uri())

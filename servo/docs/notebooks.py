@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -23,7 +24,12 @@ import sys
 
 os.environ["PYTHON"] = sys.executable  # the commands below run with this kernel's Python"""
 """A kernel may have neither the command nor its Python on PATH."""
-BEGIN = "Run this in an empty folder; it needs `pip install 'servobench[notebook]'`."
+BEGIN = (
+    "Run this in an empty folder; it needs `pip install 'servobench[notebook]'` and the packages "
+    "that it names."
+)
+LONGEST = 1800
+"""Time that a cell may take [s]; the longest of the tutorials trains for some minutes."""
 KERNEL = {"name": "python3", "display_name": "Python 3", "language": "python"}
 
 
@@ -44,6 +50,22 @@ def notebook(page: str) -> str:
         "cells": numbered,
     }
     return json.dumps(whole, indent=1)
+
+
+def with_outputs(text: str) -> str:
+    """Run a notebook in an empty folder; return it with what its cells print and draw.
+
+    Raises:
+        nbclient.exceptions.CellExecutionError: A cell ended with an error.
+    """
+    import nbformat
+    from nbclient import NotebookClient
+
+    whole = nbformat.reads(text, as_version=4)
+    with TemporaryDirectory() as folder:
+        place = {"metadata": {"path": folder}}
+        NotebookClient(whole, timeout=LONGEST, resources=place).execute()
+    return nbformat.writes(whole)
 
 
 def _cells(page: str) -> Iterator[dict[str, Any]]:

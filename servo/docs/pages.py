@@ -8,8 +8,9 @@ from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 import cv2
-from notebooks import notebook
+from notebooks import notebook, with_outputs
 from sphinx.util.display import status_iterator
+from sphinx.util.logging import getLogger
 
 import servo
 from servo.bench.benchmark import NAMES
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
     from sim.types import Image
 
+logger = getLogger(__name__)
 PAGES = ["servo/docs/gallery", "servo/docs/measures", "servo/docs/settings"]
 WIDTH = 240
 """Of a picture in the gallery [px]."""
@@ -44,6 +46,7 @@ QUALITY = 55
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the pages with Sphinx."""
     app.add_config_value("gallery_seconds", SECONDS, "", int)
+    app.add_config_value("run_tutorials", False, "env", bool)
     app.connect("env-get-outdated", lambda *_: PAGES)  # the code may have changed
     app.connect("source-read", _complete)
     app.connect("build-finished", _finish)
@@ -66,7 +69,7 @@ def _complete(app: Sphinx, page: str, source: list[str]) -> None:
         )
     path = PurePosixPath(page)
     if path.parent.name == "tutorials" and path.name != "README":
-        source[0] = _with_notebook(source[0], path.name, app.outdir / "notebooks")
+        source[0] = _with_notebook(app, source[0], path.name)
 
 
 def _settings() -> str:
@@ -118,10 +121,17 @@ def _gallery(folder: Path, seconds: float) -> str:
     return text + "</div>\n\n## Studies\n" + _table(("study", "question"), rows)
 
 
-def _with_notebook(page: str, name: str, folder: Path) -> str:
+def _with_notebook(app: Sphinx, page: str, name: str) -> str:
     """Write a tutorial's notebook; return the page with a link to it below its title."""
+    folder = app.outdir / "notebooks"
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{name}.ipynb").write_text(notebook(page), encoding="utf-8")
+    text = notebook(page)
+    if app.config.run_tutorials:
+        try:
+            text = with_outputs(text)
+        except Exception as error:  # whatever a cell does; a warning ends the build
+            logger.warning("the notebook of %s: %s", name, error)
+    (folder / f"{name}.ipynb").write_text(text, encoding="utf-8")
     title, _, rest = page.partition("\n\n")
     link = f'<a href="../../notebooks/{name}.ipynb" download>Download this page as a notebook</a>'
     return f"{title}\n\n{link}\n\n{rest}"
