@@ -278,29 +278,71 @@ def test_a_video_of_noise_ends(tmp_path):
     assert images[0] is None
 
 
-def test_a_video_that_says_how_to_turn_it_is_turned_as_opencv_does(tmp_path):
-    """Telephones store a portrait lying on its side, with a matrix that turns it by 90 degrees."""
-    upright, turned = (struct.pack(">9i", *rows) for rows in (
-        (1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30),
-        (0, 1 << 16, 0, -(1 << 16), 0, 0, 0, 0, 1 << 30),
-    ))  # fmt: skip
+ONE = 1 << 16
+SHOWN = {
+    "as it is": ((ONE, 0, 0, ONE), lambda image: image),
+    "turned by 90": ((0, ONE, -ONE, 0), lambda image: np.rot90(image, -1)),
+    "turned by 180": ((-ONE, 0, 0, -ONE), lambda image: np.rot90(image, 2)),
+    "turned by 270": ((0, -ONE, ONE, 0), np.rot90),
+    "mirrored": ((-ONE, 0, 0, ONE), lambda image: image[:, ::-1]),
+    "upside down": ((ONE, 0, 0, -ONE), lambda image: image[::-1]),
+    "columns as rows": ((0, ONE, ONE, 0), lambda image: image.swapaxes(0, 1)),
+    "both": ((0, -ONE, -ONE, 0), lambda image: np.rot90(image, 2).swapaxes(0, 1)),
+}
+"""Display matrices (a, b, c, d), and what they do to a picture."""
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_a_video_that_says_how_it_is_shown_is_turned_and_mirrored(tmp_path, name):
+    """Telephones store a portrait lying on its side, and what looks at its owner mirrored."""
+    (a, b, c, d), shown = SHOWN[name]
+    upright = struct.pack(">9i", ONE, 0, 0, 0, ONE, 0, 0, 0, 1 << 30)
     data = io.BytesIO()
     with av.open(data, mode="w", format="mp4") as container:
         stream = container.add_stream("mpeg4", rate=Fraction(25))
         stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
         corner = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-        corner[:16, :16] = 255
+        corner[:16, :32] = 255
         container.mux(stream.encode(av.VideoFrame.from_ndarray(corner, format="rgb24")))
         container.mux(stream.encode(None))
     content = data.getvalue()
     at = content.index(b"tkhd")
     path = tmp_path / "film.mp4"
-    path.write_bytes(content[:at] + content[at:].replace(upright, turned, 1))
+    stated = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 1 << 30)
+    path.write_bytes(content[:at] + content[at:].replace(upright, stated, 1))
     (picture,) = Video.of(path)
-    _, opencvs = cv2.VideoCapture(str(path)).read()
-    assert picture.image.shape == (WIDTH, HEIGHT, 3)
-    np.testing.assert_allclose(picture.image, opencvs[..., ::-1], atol=8)
-    assert picture.image[8, -8].min() > 200
+    assert picture.image.shape == shown(corner).shape
+    assert np.abs(picture.image.astype(int) - shown(corner)).mean() < 8  # as MPEG-4 smears
+    if "turned" in name:
+        _, opencvs = cv2.VideoCapture(str(path)).read()
+        np.testing.assert_allclose(picture.image, opencvs[..., ::-1], atol=8)
+
+
+@pytest.mark.parametrize("step", [20, 2])  # by 20 each frame stands alone, by 2 it needs the last
+def test_a_video_that_was_trimmed_without_encoding_has_the_frames_that_are_shown(tmp_path, step):
+    """Its edit list leaves frames out, which the ones after them need."""
+    data, frames = io.BytesIO(), 12
+    with av.open(data, mode="w", format="mp4") as container:
+        stream = container.add_stream("mpeg4", rate=Fraction(25))
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        for k in range(frames):
+            grey = np.full((HEIGHT, WIDTH, 3), step * k, np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(grey, format="rgb24")))
+        container.mux(stream.encode(None))
+        scale = stream.time_base.denominator
+    content = data.getvalue()
+    at = content.index(b"elst") + len("elst") + 12  # version, number of entries, length
+    path = tmp_path / "film.mp4"
+    path.write_bytes(content[:at] + struct.pack(">i", 5 * scale // 25) + content[at + 4 :])
+    video = Video.of(path)
+    pictures = list(video)
+    assert (video.count, video.end) == (frames - 5, None)
+    assert [p.time for p in pictures] == pytest.approx(
+        [k / 25 for k in range(frames - 5)], abs=1e-4
+    )
+    assert [p.image.mean() for p in pictures] == pytest.approx(
+        [step * k for k in range(5, frames)], abs=4
+    )
 
 
 def test_a_video_has_the_times_that_it_states(tmp_path):

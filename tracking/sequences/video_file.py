@@ -18,6 +18,7 @@ import av.logging
 import numpy as np
 from av.container import InputContainer
 from av.error import FFmpegError
+from av.sidedata.sidedata import SideData, Type
 from av.stream import Disposition
 from av.video.stream import VideoStream
 
@@ -33,6 +34,8 @@ GIVEN_UP = 100
 """Most frames in a row that cannot be decoded; after one more, the video ends."""
 FORMATS = "mov,mp4,matroska,webm,avi,mpegts,mpeg,flv,ogg,asf,gif,yuv4mpegpipe"
 """FFmpeg's names of the accepted formats."""
+MP4 = "mov,mp4,m4a,3gp,3g2,mj2"
+"""FFmpeg's name of MP4 and its relatives."""
 KNOWN = "MP4, MOV, Matroska, WebM, AVI, MPEG-TS, MPEG-PS, FLV, Ogg, ASF, GIF, Y4M"
 COVER = Disposition.attached_pic
 LENGTH = re.compile(r"(\d+):(\d+):(\d+\.?\d*)")
@@ -150,9 +153,11 @@ def _described(path: Path, container: InputContainer, file: BinaryIO) -> Video:
         "gif": tail.endswith(b";"),
         "ogg": _is_last_page(tail[tail.rfind(b"OggS") :]),
         "yuv4mpegpipe": size == end,
-        "mov,mp4,m4a,3gp,3g2,mj2": size == _end_of_boxes(file, size),
+        MP4: size == _end_of_boxes(file, size),
     }
     is_cut = is_cut or not is_whole.get(container.format.name, True)
+    if stream.frames and container.format.name == MP4 and not is_cut:
+        count = _shown(container, stream)
     return Video(path, rate, count, is_cut)
 
 
@@ -194,15 +199,28 @@ def decoded(container: InputContainer, stream: VideoStream) -> Iterator[Decoded]
 
 
 def _rgb(frame: av.VideoFrame) -> Image | None:
-    """Return a frame with the rotation that its file states; None if it cannot be decoded."""
+    """Return a frame as its file says that it is shown; None if it cannot be decoded."""
     try:
         check_size(frame.width, frame.height)
-        image = np.rot90(frame.to_ndarray(format="rgb24"), round(frame.rotation / 90))
+        image = _as_shown(frame.to_ndarray(format="rgb24"), frame.side_data.get(Type.DISPLAYMATRIX))
     except (ValueError, FFmpegError):
         return None
     image = np.ascontiguousarray(image, np.uint8)
     image.setflags(write=False)
     return image
+
+
+def _as_shown(image: Image, matrix: SideData | None) -> Image:
+    """Return an image turned by quarter turns and mirrored as a display matrix says.
+
+    It takes a pixel (x, y) to (a x + c y, b x + d y); a telephone writes it.
+    """
+    if matrix is None:
+        return image
+    a, b, _, c, d, *_ = np.frombuffer(bytes(matrix), np.int32).tolist()
+    if abs(a) + abs(d) < abs(b) + abs(c):
+        image, a, d = image.swapaxes(0, 1), c, b
+    return image[:: -1 if d < 0 else 1, :: -1 if a < 0 else 1]
 
 
 @contextmanager
@@ -251,6 +269,15 @@ def only_video(container: InputContainer) -> VideoStream:
         raise ValueError("no frame of this video can be decoded")
     check_size(stream.width, stream.height, "first frame: the picture")
     return stream
+
+
+def _shown(container: InputContainer, stream: VideoStream) -> int:
+    """Return the number of frames that an MP4 shows: one that was trimmed without encoding has an
+    edit list, and keeps frames that only others need.
+    """
+    index = getattr(stream, "index_entries", None)  # PyAV before 16 has none
+    frames = (p for p in container.demux(stream) if p.size) if index is None else index
+    return sum(not frame.is_discard for frame in frames)
 
 
 def _counted(container: InputContainer, stream: VideoStream) -> tuple[int, int, bool]:
