@@ -135,6 +135,12 @@ def test_a_law_that_feeds_forward_what_the_set_does_not_have_is_refused(centroid
             "none of them is known",
         ),
         (
+            "turn_180_pose",
+            ["tracker.kind=kams", "features.error=cMo"],
+            "features 'pose': the tracker follows no angle nor size of this target, without which "
+            "none of them is known",
+        ),
+        (
             "photometric",
             ["estimator.kind=true"],
             "photometric: estimator: the true motion of features made of pixels is not known; choose "

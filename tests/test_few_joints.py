@@ -121,3 +121,18 @@ def test_a_start_that_no_posture_takes_is_told():
         assert episode.begun.distance > 0.5
     with Episode(load("still")) as episode:
         assert not remarks(episode)
+
+
+def test_a_tilt_that_no_tracker_reports_is_told_and_is_not_converged():
+    changes = ["tracker.kind=truth", "start.tilt_deg=40", "run.duration=6"]
+    scenario = load("turn_90_points", changes)
+    with Episode(scenario) as episode:
+        assert remarks(episode) == [
+            "The tracker truth reports no corners: the tilt of the start is neither seen nor "
+            "servoed; with tracker.corners = true it is"
+        ]
+    assert measured_run(scenario)[1].outcome is Outcome.TIMED_OUT
+    seen = load("turn_90_points", [*changes, "tracker.corners=true"])
+    with Episode(seen) as episode:
+        assert not remarks(episode)
+    assert measured_run(seen)[1].outcome is Outcome.CONVERGED

@@ -25,7 +25,7 @@ from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
 from servo.loop.run_measures import MEANINGS, Outcome, timed
 from servo.loop.settings import DOES_NOT_REPEAT
-from servo.loop.step import Step
+from servo.loop.step import DOF, Step
 from servo.output.formats import command_line
 from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
@@ -36,14 +36,18 @@ from servo.study.run import Job, Record
 from servo.study.run_report import RunReport
 from servo.study.scenario_run import LoadedScenario, record_of
 from sim.camera import gl
+from sim.kinds import kind_of
 from sim.kinematics.inverse_kinematics import Reach
 from sim.models.target import dimensions
 from sim.types import Array
 from tracking.advice import advice
+from tracking.trackers import KINDS
 
 if TYPE_CHECKING:
     from servo.ros2.server import Server
 
+OF_CORNERS = ("tag", "homography")
+"""Trackers of ours that report corners, and with them the target's tilt."""
 START_NEAR = 1e-3
 START_TURNED = radians(1.0)
 """A start pose that is missed by less [m, rad] counts as taken."""
@@ -161,8 +165,27 @@ def remarks(episode: Episode) -> list[str]:
         _outline_line(episode.world.outline) if episode.world.outline_found else "",
         _start_line(episode.begun),
         advice(episode.scenario.tracker, first.image, region, state),
+        _tilt_line(episode),
     ]
     return [line for line in lines if line]
+
+
+def _tilt_line(episode: Episode) -> str:
+    """Return a sentence about a tilt that no feature can see; else nothing."""
+    scenario = episode.scenario
+    tracker = kind_of(scenario.tracker)
+    ours = type(scenario.tracker).__module__.startswith(f"{KINDS.folder}.")
+    if not ours or tracker in OF_CORNERS or getattr(scenario.tracker, "corners", False):
+        return ""
+    goal = episode.loop.goal.sight(0.0)
+    is_tilted = scenario.start.tilt_deg > degrees(START_TURNED) and not episode.loop.uses_pictures
+    if not is_tilted or len(episode.loop.features.values(goal)) < DOF:
+        return ""
+    instead = "tracker.corners = true" if tracker == "truth" else " and ".join(OF_CORNERS)
+    return (
+        f"The tracker {tracker} reports no corners: the tilt of the start is neither seen nor "
+        f"servoed; with {instead} it is"
+    )
 
 
 def _start_line(begun: Reach) -> str:

@@ -24,15 +24,16 @@ CONVERGED_PX = 10.0
 """Largest servo error in that part that still counts as holding the target."""
 CONVERGED_RAD = np.radians(20.0)
 CONVERGED_SCALE = 0.25
-"""The same of angle and size, where the features servo them: `six_motion` lags by up to 14 deg, and
-`bad_init` keeps the fifth by which its region is too large."""
+"""The same of angle and tilt, and of size, where the features servo them: `six_motion` lags by up
+to 14 deg, and `bad_init` keeps the fifth by which its region is too large."""
 
 
 class Outcome(Enum):
     """How a run ended; each member carries its sentence."""
 
     CONVERGED = (
-        "The target is at its goal in the picture, with angle and size where these are servoed."
+        "The target is at its goal in the picture, with angle, size and tilt where these are "
+        "servoed."
     )
     TIMED_OUT = "The run ended before the camera was at the goal."
     TARGET_LOST = "The tracker lost the target."
@@ -238,13 +239,14 @@ def _outcome(steps: Sequence[Step]) -> Outcome:
 
 
 def _held(step: Step) -> bool:
-    """Return whether centre, angle and size are near the goal, as far as they are servoed."""
+    """Return whether centre, angle, size and tilt are near the goal, as far as they are servoed."""
     if step.servo_error > CONVERGED_PX:
         return False
     angle, size = step.servoed
     turned = angle and abs(_servo_angles([step])[0]) > CONVERGED_RAD
     grown = size and abs(step.truth.size / step.goal_size - 1) > CONVERGED_SCALE
-    return not (turned or grown)
+    tilted = step.tilt_off > CONVERGED_RAD and step.servoes_tilt
+    return not (turned or grown or tilted)
 
 
 def _servo_angles(steps: Sequence[Step]) -> Array:

@@ -13,6 +13,7 @@ from sim.placement import object_frame
 from sim.types import Array, Camera, Frame, Pose, Posture, Truth
 from tracking.types import Estimate, Region, State, Status
 
+DOF = 6
 HALF_TURN = Pose.planar(0.0, 0.0, np.pi)
 ROUNDING = 1e-6
 """Errors of features below it are rounding: those of a half turn are of the size of the target."""
@@ -230,6 +231,25 @@ class Step:
         needed = [(known(goal) & ~known(sight) & by_joints).any() for sight in without]
         angle, size = (follows & needed).tolist()
         return angle, size
+
+    @property
+    def servoes_tilt(self) -> bool:
+        """Whether the features determine all six degrees of freedom, and the joints have them."""
+        trace = self.command.trace
+        if trace is not None and trace.servoed is not None and not trace.servoed.all():
+            return False
+        goal = self.goal_sight
+        if goal.picture is not None:
+            return True  # pixels are servoed
+        return int(np.linalg.matrix_rank(self.scene.features.matrix(goal))) == DOF
+
+    @property
+    def tilt_off(self) -> float:
+        """True angle between the target's normal as the camera sees it and as it should see it
+        [rad].
+        """
+        seen = self.T_object_camera.rotation[2] @ self.goal_sight.pose.rotation[:, 2]
+        return float(np.arccos(np.clip(seen, -1, 1)))
 
     @property
     def tells_front_from_back(self) -> bool:
