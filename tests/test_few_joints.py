@@ -10,6 +10,7 @@ from servo.cli.run_command import remarks
 from servo.controllers._inverse import Inverse, servoed_by
 from servo.features.moments import Config as Moments
 from servo.loop.episode import Episode, measured_run
+from servo.loop.run_measures import Outcome
 from servo.scenario.load import load
 
 SCENES = Path(__file__).parents[1] / "scenes"
