@@ -7,6 +7,7 @@ from tracking.statistics.comparisons import (
     difference_of_shares,
     holm,
     mean_of,
+    mean_percent,
 )
 
 # The five z of Naeem, Pridmore and Mills, table 1, decode to these counts over 36 sequences.
@@ -87,7 +88,7 @@ def test_intervals_of_means_cover_as_often_as_they_say(name, units):
 def test_intervals_of_shares_cover_on_average_over_the_true_share(units):
     rng = np.random.default_rng(units)
     true = rng.uniform(0.05, 0.95, TRIALS)
-    found = [mean_of((rng.random(units) < share) * 1.0) for share in true]
+    found = [mean_of((rng.random(units) < share) * 1.0, least=0.0, most=1.0) for share in true]
     covered = [i.low <= share <= i.high for i, share in zip(found, true, strict=True)]
     assert 0.93 <= np.mean(covered) <= 0.97
 
@@ -128,12 +129,25 @@ def test_no_interval_reaches_beyond_what_a_score_can_be():
     ],
 )
 def test_what_has_no_spread_has_this_interval(scores, low, high):
-    found = mean_of(np.array(scores))
+    share = len(scores) > 1 and set(scores) <= {0.0, 1.0}
+    found = mean_of(np.array(scores), **({"least": 0.0, "most": 1.0} if share else {}))
     assert found.units == len(scores)
     assert found.known == np.isfinite(low)
     np.testing.assert_allclose([found.low, found.high], [low, high], atol=1e-6)
     with pytest.raises(ValueError, match="an interval needs at least one score"):
         mean_of(np.zeros(0))
+
+
+def test_a_measure_that_happens_to_be_0_or_1_is_no_share():
+    assert mean_of(np.array([0.0, 0.0, 0.0]), least=0.0) == Interval(0.0, 0.0, 0.0, 3)
+    seconds = mean_of(np.array([0.0, 1.0, 1.0, 0.0]), least=0.0)
+    assert seconds.high == pytest.approx(0.5 + 3.182446 * (1 / 3) ** 0.5 / 2)  # Student's t
+
+
+def test_a_percentage_of_frames_has_wilsons_interval_in_percent():
+    none, some = mean_percent(np.zeros(3)), mean_percent(np.array([0.0, 1.0, 1.0]))
+    assert (none.low, none.high) == (0.0, pytest.approx(56.1497, abs=1e-3))
+    assert 0 < some.low < some.value < some.high < 100
 
 
 def test_equal_shares_are_no_proof_that_all_are_so():

@@ -12,10 +12,12 @@ from servo.bench.contestant import FROZEN, NULL, PERFECT
 from servo.bench.row import Row
 from servo.mistake import Mistake
 from sim.types import Array
-from tracking.statistics.comparisons import Interval, holm, mean_of
+from tracking.statistics.comparisons import Interval, holm, in_percent, mean_of
 
 SURE = 0.05
 """Contestants whose difference has a smaller p-value, after Holm, have different ranks."""
+SHARE = (0.0, 1.0)
+"""Bounds of a share."""
 HALF = 0.5
 """A tracker is fast enough while half of the worlds are held."""
 FEWEST_CONTESTANTS = 3
@@ -95,13 +97,14 @@ def standings(rows: Sequence[Row]) -> list[Standing]:
     compared = {row.contestant: row for row in rows if row.contestant not in (NULL, PERFECT)}
     points = {name: points_of(row, *ends) for name, row in compared.items()}
     order = sorted(points, key=lambda name: -float(np.mean(list(points[name].values()))))
+    bounds = () if PERFECT in by_name else SHARE  # what is better than `perfect` has more than 100
     better = _better(points, order)
     after = [*order[1:], *order[-1:]]
     return [
         Standing(
             row=compared[name],
-            score=_percent(mean_of(np.array(list(points[name].values())) / 100)),
-            held=mean_of(np.array([float(w.held) for w in compared[name].worlds.values()])),
+            score=in_percent(mean_of(np.array(list(points[name].values())) / 100, *bounds)),
+            held=mean_of(np.array([float(w.held) for w in compared[name].worlds.values()]), *SHARE),
             first=1 + sum((other, name) in better for other in order),
             last=len(order) - sum((name, other) in better for other in order),
             beats_next=_improvement(points[name], points[following]),
@@ -119,10 +122,6 @@ def _slowest(row: Row, frozen: Row | None) -> float | None:
             break
         longest = float(ms)
     return longest
-
-
-def _percent(share: Interval) -> Interval:
-    return Interval(100 * share.value, 100 * share.low, 100 * share.high, share.units)
 
 
 def _better(

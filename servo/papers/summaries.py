@@ -1,7 +1,6 @@
 """Summaries of a claim's runs: means, differences and ratios of groups, in words and figures."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 from servo.study.run import Record
 from sim.types import Array
 from tracking.drawing import figures
-from tracking.statistics.comparisons import Interval, difference_of_shares, mean_of
+from tracking.statistics.comparisons import Interval, difference_of_shares, in_percent, mean_of
 
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#4b5563", "#0e7490")
 BLACK = "#111111"
@@ -48,21 +47,17 @@ def difference(first: Sequence[Record], second: Sequence[Record], measure: str) 
 
 def completed(records: Sequence[Record]) -> Interval:
     """Return the share of sequences on which the target was never lost [%]."""
-    return _percent(mean_of(column(records, "completed")))
+    return in_percent(mean_of(column(records, "completed"), least=0.0, most=1.0))
 
 
 def completed_more(first: Sequence[Record], second: Sequence[Record]) -> Interval:
     """Return how many more the first completes than the second on the same sequences [%]."""
-    return _percent(difference_of_shares(column(first, "completed"), column(second, "completed")))
+    return in_percent(difference_of_shares(column(first, "completed"), column(second, "completed")))
 
 
 def mean_percent(shares: Array) -> Interval:
     """Return the mean of shares (n,), each of one unit [%]."""
     return mean_of(100 * shares, least=0.0, most=100.0)
-
-
-def _percent(share: Interval) -> Interval:
-    return replace(share, value=100 * share.value, low=100 * share.low, high=100 * share.high)
 
 
 def ratio(first: Array, second: Array) -> Interval:

@@ -9,7 +9,7 @@ from servo.loop.run_measures import MEANINGS, Outcome
 from servo.loop.settings import DOES_NOT_REPEAT
 from servo.report import page, study_paths, study_time
 from servo.report.page import Block, Fact, Figure, PageImage, Section
-from servo.report.study_data import SUCCESS, Row, StudyResults, load, median, missing
+from servo.report.study_data import SUCCESS, Row, StudyResults, load, median, missing, values
 from servo.report.words import (
     NOTHING,
     Badge,
@@ -144,13 +144,19 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
     return Block("What was varied, and what held", text, broken[:MOST_LISTED], [table])
 
 
+def _median_words(rows: list[Row], name: str) -> str:
+    """Return the median of a measure, and of how many runs where that is not all."""
+    found = len(values(rows, name))
+    return shown(median(rows, name)) + f" ({found} of {len(rows)})" * (0 < found < len(rows))
+
+
 def _compared(study: StudyResults, columns: Sequence[str]) -> list[Block]:
     groups = study.groups(study.compared)
     outcomes = [o for o in Outcome.__members__ if any(r["outcome"] == o for r in study.rows)]
     rows: list[list[Cell]] = []
     for name, group in groups.items():
         ended = [sum(r["outcome"] == o for r in group) for o in outcomes]
-        medians = [shown(median(group, m)) for m in columns]
+        medians = [_median_words(group, m) for m in columns]
         units = study.units(group)
         rate = units.mean(SUCCESS)
         over = counted(rate, units.name)
@@ -163,7 +169,10 @@ def _compared(study: StudyResults, columns: Sequence[str]) -> list[Block]:
         *outcomes,
         *columns,
     )
-    note = f"{UNITS} Outcomes are counts of runs, measures are medians over runs."
+    note = (
+        f"{UNITS} Outcomes are counts of runs, measures are medians over runs; '(2 of 9)': over "
+        "those that have the measure, as settle_s over the runs that settled."
+    )
     tables = [Table(head, rows[: page.MOST_ROWS], note=note)]
     compared = study.plan.compare if study.plan.compare in study.axes else None
     pairs = comparisons(compared, list(study.axes), study.rows, drawn=bool(study.plan.draws))

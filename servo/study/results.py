@@ -18,11 +18,28 @@ from servo.study.run import SCENARIO, Row
 from servo.study.scenario_run import MEASURED, TIMES, TRACK_MS
 from sim.types import Array
 from tracking.files.csv_text import csv_text
-from tracking.statistics.comparisons import Interval, McNemar, cells, holm, mean_of, titles
+from tracking.statistics.comparisons import (
+    Interval,
+    McNemar,
+    cells,
+    holm,
+    mean_of,
+    mean_percent,
+    titles,
+)
 
 SUCCESS = "success"
 SIGNED = ("detour_m",)
 """Measures that may be below 0."""
+SHARES = (
+    "not_held_pct",
+    "out_of_view_pct",
+    "saturated_pct",
+    "unseen_pct",
+    "lost_pct",
+    "skipped_pct",
+)
+"""Measures that are a share of the frames [%]."""
 UNTIMED = tuple(name for name in MEANINGS if name not in TIMES)
 SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", TRACK_MS)
 """Measures of a table in which nothing differs."""
@@ -66,6 +83,8 @@ class Units:
         scores = [found.mean() for rows in self.rows.values() if len(found := values(rows, name))]
         if not scores:
             return None
+        if name in SHARES:
+            return mean_percent(np.array(scores) / 100)
         least = -np.inf if name in SIGNED else 0.0
         return mean_of(np.array(scores), least=least, most=1.0 if name == SUCCESS else np.inf)
 

@@ -1,7 +1,7 @@
 """Statistics of comparisons: McNemar's test, intervals of means, and Holm's correction."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Annotated
 
@@ -81,7 +81,7 @@ class Interval:
 def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Interval:
     """Return the mean of the scores (n,) of n independent units, with its 95 % interval.
 
-    Scores that are all 0 or 1, or equal between such bounds, are a share: Wilson's interval.
+    Scores between the bounds 0 and 1 that are all 0 or 1, or equal, are a share: Wilson's interval.
     Others: Student's t with its skewness removed by the cubic transformation of Hall (On the
     removal of skewness by transformation, 1992, with a = 1/3, b = 1/6). One score, or one that is
     not finite, has no interval; other equal scores have one without width. It covers 93 to 97 %
@@ -104,7 +104,7 @@ def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Inte
         return Interval(mean, np.nan, np.nan, count)
     deviation = float(scores.std(ddof=1))
     equal = np.ptp(scores) == 0 or deviation == 0
-    if np.isin(scores, (0.0, 1.0)).all() or (equal and (least, most) == (0, 1)):
+    if (least, most) == (0, 1) and (equal or np.isin(scores, (0.0, 1.0)).all()):
         return _share(mean, count)
     if equal:
         return Interval(mean, mean, mean, count)
@@ -114,6 +114,16 @@ def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Inte
     reach = float(stdtrit(count - 1, BELOW) / np.sqrt(count))
     low, high = (mean - deviation * _unskewed(t, skewness, count) for t in (reach, -reach))
     return Interval(mean, max(low, least), min(high, most), count)
+
+
+def mean_percent(shares: Array) -> Interval:
+    """Return the mean of shares (n,), each of one unit, with its interval [%]."""
+    return in_percent(mean_of(shares, least=0.0, most=1.0))
+
+
+def in_percent(share: Interval) -> Interval:
+    """Return a share's interval [%]."""
+    return replace(share, value=100 * share.value, low=100 * share.low, high=100 * share.high)
 
 
 def difference_of_shares(first: Array, second: Array) -> Interval:
