@@ -1,4 +1,8 @@
-"""A plugin of pytest: `pytest --servobench scenes/` makes each scenario file with bounds a test."""
+"""A plugin of pytest: `pytest --servobench scenes/` makes each scenario file with bounds a test.
+
+pytest loads it in every repository, also where a folder hides one of our packages. So it is
+installed as a module of its own, `servobench_pytest`, and imports ours in tests only.
+"""
 
 from __future__ import annotations
 
@@ -91,6 +95,8 @@ class ScenarioTest(pytest.Item):
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> str:
         """The sentence, and the command that repeats the run."""
+        if isinstance(excinfo.value, ImportError):  # one of our packages is hidden
+            return str(excinfo.value)
         from servo.mistake import Mistake
         from servo.output.formats import command_line
 

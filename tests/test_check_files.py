@@ -2,15 +2,18 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
+from itertools import islice
 from xml.etree import ElementTree
 
 import pytest
 
-from servo.cli import jobs
+from servo.cli import check_command, jobs
 from servo.cli.check_command import check_scenarios
 from servo.mistake import Mistake
+from servo.study.execute import execute
 
 SHORT = """[run]
 duration = 0.3
@@ -194,3 +197,52 @@ def test_a_scenario_that_cannot_be_read_is_an_error_in_the_files(tmp_path):
     assert "duration" in suite[0].find("error").get("message")
     (run,) = json.loads(files["json"].read_text())["runs"]
     assert "duration" in run["failed"]
+
+
+def test_the_plugin_runs_where_folders_hide_our_packages(tmp_path):
+    """pytest loads a plugin in every repository, also in those that have nothing to do with it."""
+    (tmp_path / "test_own.py").write_text("def test_own():\n    import sim, servo\n")
+    (tmp_path / "own.toml").write_text('[expect]\noutcome = "CONVERGED"\n')
+    for name in ("sim", "servo"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text("")
+    ended = pytest_in(tmp_path, "test_own.py")
+    assert ended.returncode == 0, ended.stdout
+    shutil.rmtree(tmp_path / "servo")
+    ended = pytest_in(tmp_path, "--servobench", "own.toml")
+    assert ended.returncode == 1
+    hidden = tmp_path / "sim"
+    assert f"{hidden} hides servobench's package 'sim': rename this folder" in ended.stdout
+
+
+def pytest_in(folder, *words):
+    command = [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_a_run_without_bounds_is_skipped_and_told(tmp_path, capfd):
+    scenario = tmp_path / "own.toml"
+    scenario.write_text('[run]\nduration = 0.1\n\n[expect]\noutcome = "TIMED_OUT"\n')
+    xml, found = tmp_path / "own.xml", tmp_path / "own.json"
+    changes = ["tracker.kind=frozen"]
+    assert check_scenarios([str(scenario)], changes, 0, 1, 1, False, junit=xml, json=found) == 0
+    why = "No verdict: the bounds are made for pf_ssd, and there are none for frozen."
+    assert capfd.readouterr().err == f"1 of 1 runs (own): {why}\n"
+    suite = ElementTree.parse(xml).getroot()
+    assert (suite.get("skipped"), suite.get("failures")) == ("1", "0")
+    assert suite.find("testcase/skipped").get("message") == why
+    assert json.loads(found.read_text())["runs"][0]["unjudged"] == why
+
+
+def test_a_check_that_is_stopped_leaves_what_had_ended(tmp_path, monkeypatch):
+    def stop(jobs, pool):
+        yield from islice(execute(jobs, pool), 1)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(check_command, "execute", stop)
+    xml = tmp_path / "own.xml"
+    with pytest.raises(KeyboardInterrupt):
+        check_scenarios(["still"], ["run.duration=0.1", "expect={}"], 0, 2, 1, True, junit=xml)
+    ended, stopped = ElementTree.parse(xml).getroot().findall("testcase")
+    assert ended.find("error") is None
+    assert stopped.find("error").get("message") == "the check was stopped before this run ended"

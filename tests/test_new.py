@@ -7,6 +7,7 @@ import sys
 import pytest
 import yaml
 
+import servo
 from servo import testing
 from servo.cli.main import PARTS
 from servo.cli.new_command import SECTIONS, new
@@ -103,6 +104,7 @@ def test_a_repository_of_scenarios_has_a_workflow_that_keeps_the_compiled_loops(
     names = sorted(str(path.relative_to(tmp_path / "mine")) for path in files)
     assert names == [
         ".github/workflows/scenes.yml",
+        ".gitignore",
         "README.md",
         "requirements.txt",
         "scenarios/my_scenes.toml",  # a folder "scenes" would hide the package of a checkout
@@ -112,12 +114,16 @@ def test_a_repository_of_scenarios_has_a_workflow_that_keeps_the_compiled_loops(
     assert workflow["jobs"]["scenes"]["env"] == {"NUMBA_CACHE_DIR": ".numba"}
     assert steps[2]["with"] == {
         "path": ".numba",
-        "key": "numba-${{ runner.os }}-${{ hashFiles('requirements.txt') }}",
+        "key": "numba-3.12-${{ runner.os }}-${{ hashFiles('requirements.txt') }}",
     }
     assert "servobench check scenarios/*.toml" in steps[5]["run"]
     found = simulate(tmp_path / "mine" / "scenarios" / "my_scenes.toml")
     assert found.outcome == Outcome.CONVERGED
     assert not found.missed
+    mine = simulate(tmp_path / "mine" / "scenarios" / "my_scenes.toml", ["tracker.kind=frozen"])
+    assert any(missed.startswith("outcome is ") for missed in map(str, mine.missed))
+    pinned = (tmp_path / "mine" / "requirements.txt").read_text().splitlines()[1]
+    assert pinned == f"servobench=={servo.__version__}"
 
 
 def test_the_command_names_each_part():

@@ -30,6 +30,8 @@ from tracking.files import atomic
 from tracking.files.json_text import number
 
 End = tuple[Job, Record | Failure]
+NO_BOUNDS = "No verdict: this scenario has no bounds."
+UNFINISHED = "the check was stopped before this run ended"
 TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
 
 
@@ -42,7 +44,8 @@ class CheckFile(Made):
 
     runs: list[dict[str, Any]]
     """One for each run: scenario, seed, the command that repeats it, seconds of wall-clock time,
-    outcome, measures, the bounds that were missed, and in `failed` why there is no outcome."""
+    outcome, measures, the bounds that were missed, in `failed` why there is no outcome, and in
+    `unjudged` why there is no verdict."""
     shares: list[DrawnShare] = field(default_factory=list[DrawnShare])
     """How many drawn seeds ended as expected, of each scenario where some may end otherwise."""
 
@@ -59,7 +62,13 @@ def _described(job: Job, end: Record | Failure) -> dict[str, Any]:
         "measures": {name: number(found[name]) for name in MEANINGS if name in found},
         "missed": [] if failed else list(end.missed),
         "failed": end.reason if failed else "",
+        "unjudged": "" if failed else _unjudged(_scenario(job), end),
     }
+
+
+def _unjudged(scenario: Scenario, record: Record) -> str:
+    """Return why a run has no verdict; nothing where it has one."""
+    return unjudged(scenario, record.success) or NO_BOUNDS * (not scenario.expect)
 
 
 def check_scenarios(
@@ -104,20 +113,36 @@ def check_scenarios(
         return print_estimate(jobs, workers, console)
     if len(jobs) > 1:
         plain(console, f"check: {len(jobs):,} runs")
-    ends = _carry_out(jobs, workers, console)
     again = command_line("check", *names, set=list(changes), seed=seed, seeds=count)
+    done: dict[int, End] = {}
+    try:
+        _carry_out(jobs, workers, console, done)
+    except KeyboardInterrupt:
+        _write([_described(*done.get(j.number, _stopped(j))) for j in jobs], junit, json, again)
+        raise
+    ends = [done[job.number] for job in jobs]
     records = [(job, end) for job, end in ends if isinstance(end, Record)]
     shares = _shares(records, count)
     _write([_described(*one) for one in ends], junit, json, again, shares)
     if records:
-        print_table(console, _table(records))
+        print_table(console, _table(ends))
     errors = Console(stderr=True)
     for share in shares:
         plain(errors if share.missed else console, f"{'missed: ' * share.missed}{share}")
     for _, record in records:
         print_missed(errors, record)
+    _print_unjudged(errors, records)
     missed = any(record.missed for _, record in records) or any(s.missed for s in shares)
     return max(_print_failures(ends), missed)
+
+
+def _print_unjudged(errors: Console, records: Sequence[tuple[Job, Record]]) -> None:
+    """Say how many runs have no verdict because there are no bounds for them."""
+    without = [job for job, _ in records if not _scenario(job).expect]
+    if without:
+        names = ", ".join(dict.fromkeys(job.subject.name for job in without))
+        why = _scenario(without[0]).unjudged or NO_BOUNDS
+        plain(errors, f"{len(without)} of {len(records)} runs ({names}): {why}")
 
 
 def _shares(records: Sequence[tuple[Job, Record]], count: int) -> list[DrawnShare]:
@@ -136,7 +161,7 @@ def _scenario(job: Job) -> Scenario:
 def _refused(name: str, seed: int, command: str, mistake: Mistake) -> dict[str, Any]:
     """Return what stands in the files for a scenario that cannot be read: no run began."""
     run = {"scenario": name, "seed": seed, "command": command, "seconds": 0.0, "outcome": ""}
-    return run | {"measures": {}, "missed": [], "failed": str(mistake)}
+    return run | {"measures": {}, "missed": [], "failed": str(mistake), "unjudged": ""}
 
 
 def _write(
@@ -165,9 +190,12 @@ def _check_changes(changes: Sequence[str]) -> None:
             raise Mistake(f"--set {item}: a check gives the seeds; use --seed and --seeds")
 
 
-def _carry_out(jobs: Sequence[Job], workers: int, console: Console) -> list[End]:
-    """Do all runs; how they ended, in the order of the table."""
-    ends: dict[int, End] = {}
+def _stopped(job: Job) -> End:
+    return job, Failure(UNFINISHED)
+
+
+def _carry_out(jobs: Sequence[Job], workers: int, console: Console, ends: dict[int, End]) -> None:
+    """Do all runs, and put how each ended under its job's number."""
     pool = Workers(min(workers, len(jobs)))
     with pool, progress(console, "check", len(jobs)) as ended:
         try:
@@ -176,7 +204,6 @@ def _carry_out(jobs: Sequence[Job], workers: int, console: Console) -> list[End]
                 ended(f"{job.subject.name}, seed {job.seed}")
         except ClusterLost as error:
             raise Refused(f"{error}; the check has no result") from None
-    return [ends[job.number] for job in jobs]
 
 
 def _print_failures(ends: Sequence[End]) -> int:
@@ -196,10 +223,14 @@ def _print_failures(ends: Sequence[End]) -> int:
     return max((2 if end.mistake else 1 for _, end in failed), default=0)
 
 
-def _table(records: Sequence[tuple[Job, Record]]) -> Table:
+def _table(ends: Sequence[End]) -> Table:
     cells: list[list[Cell]] = []
-    for job, record in records:
+    for job, record in ends:
         scenario = _scenario(job)
+        if isinstance(record, Failure):
+            failed = Badge.of(False, "failed")
+            cells.append([job.subject.name, str(job.seed), failed, "", "", "", "", ""])
+            continue
         bounds = len(scenario.expect)
         kept = f"{bounds - len(record.missed)} of {bounds}"
         verdict = Badge.of(not record.missed, kept) if bounds else "none"
@@ -245,7 +276,9 @@ def _junit(runs: list[dict[str, Any]], shares: Sequence[DrawnShare], command: st
             time=f"{run['seconds']:.3f}",
         )
         message = run["failed"] or "; ".join(map(str, run["missed"]))
-        if message:
+        if run["unjudged"]:
+            ElementTree.SubElement(case, "skipped", message=one_line(run["unjudged"]))
+        elif message:
             tag = "error" if run["failed"] else "failure"
             found = ElementTree.SubElement(case, tag, message=one_line(message))
             found.text = one_line(f"again: {run['command']}")
@@ -257,7 +290,7 @@ def _junit(runs: list[dict[str, Any]], shares: Sequence[DrawnShare], command: st
         if share.missed:
             found = ElementTree.SubElement(case, "failure", message=one_line(str(share)))
             found.text = one_line(f"again: {command}")
-    for plural, tag in (("failures", "failure"), ("errors", "error")):
+    for plural, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
         suite.set(plural, str(len(suite.findall(f"testcase/{tag}"))))
     suite.set("time", f"{sum(run['seconds'] for run in runs):.3f}")
     ElementTree.indent(suite)

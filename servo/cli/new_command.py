@@ -11,6 +11,7 @@ from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
 
+import servo
 from servo.mistake import Mistake, writing
 from servo.scenario.catalogue import PLUGINS
 from tracking.files import atomic
@@ -26,6 +27,7 @@ SCENARIOS = "scenarios"
 SCENES = {
     "scenarios.md.jinja": "README.md",
     "requirements.txt.jinja": "requirements.txt",
+    "gitignore.jinja": ".gitignore",
     "scenes.yml.jinja": ".github/workflows/scenes.yml",
     "scenario.toml.jinja": "scenarios/{kind}.toml",
 }
@@ -78,6 +80,7 @@ def _files(part: str, kind: str) -> dict[str, str]:
         "module": kind,
         "package": kind.replace("_", "-"),
         "name": "".join(word.capitalize() for word in kind.split("_")),
+        "version": servo.__version__,
         "scenario": {"law": "still", "motion": "circle"}.get(part, "line"),
     }
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)

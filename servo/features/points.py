@@ -39,7 +39,7 @@ class PointFeatures(OfCorners):
 
     def values(self, sight: Sight) -> Array:
         """Return s (8,)."""
-        return corners_of(sight).ravel()
+        return corners_of(sight).flatten()  # a copy: a law may change it in place
 
     def matrix(self, sight: Sight) -> Array:
         """Return L (8, 6), with the depth of each corner."""
