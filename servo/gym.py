@@ -34,7 +34,7 @@ from servo.scenario.keywords import own_parts
 from servo.scenario.load import parse
 from servo.scenario.toml import with_settings
 from servo.types import DOF
-from sim.types import Array
+from sim.types import Array, Pose
 from tracking.types import Status
 
 try:
@@ -52,6 +52,7 @@ LARGEST_FEATURE = 10.0
 and a network should not see one that exploded."""
 LAST_SEED = 2**31
 """A seed that is drawn is below this."""
+SEED = "the seed of a run is given as reset(seed=...)"
 LEVEL_DOF = [0, 1, 2, 5]
 """Parts of the twist of a law that does not say which it moves: vx, vy, vz, wz."""
 
@@ -92,6 +93,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         """
         one_of(observation, "observation", OBSERVATIONS)
         one_of(action, "action", ACTIONS)
+        one_of(goal_picture, "goal_picture", (False, True))
         one_of(render_mode, "render_mode", (None, *self.metadata["render_modes"]))
         if render_mode == "human" and not has_display():
             raise Mistake("render_mode='human': there is no display here; use 'rgb_array'")
@@ -101,6 +103,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self._residual = action == "residual"
         self._given = scenario, texts(overrides), settings
         self._base = load(*self._given[:2], **settings)
+        if self._base.run.seed != load(scenario).run.seed:
+            raise Mistake(f"{scenario}: {SEED}")
+        self._frames = self._base.frames
         outline = self._base.target.build(np.random.default_rng(0)).outline
         self._features = len(self._base.features.build(outline).names)
         self._moves = self._law_moves() if dof is None else each_once(dof, "dof", DOF)
@@ -109,6 +114,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             raise Mistake(f"reach: expected speeds from 0 on, got {reach!r}")
         modes = [m for m in self.metadata["render_modes"] if m != "human" or has_display()]
         self.metadata = {"render_modes": modes, "render_fps": round(self._base.camera.rate)}
+        self._error = np.zeros(self._features)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._moves),), np.float32)
         self._episode: Episode | None = None
         self._kept: dict[str, tuple[Any, Any]] = {}
@@ -116,6 +122,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self.observation_space = self._space()
 
     def _law_moves(self) -> list[int]:
+        if getattr(self._base.controller, "uses_pictures", False):
+            return list(range(len(DOF)))
         moves = getattr(self._base.controller, "moves", None)
         six = self._features >= len(DOF)
         return LEVEL_DOF if moves is None else np.flatnonzero(moves(six=six)).tolist()
@@ -145,15 +153,19 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         drawn = int(self.np_random.integers(1, LAST_SEED)) if seed is None else seed
         scenario = self._scenario(drawn, options or {})
         if scenario.run.seed != drawn:
-            raise Mistake("options: the seed of a run is given as reset(seed=...)")
-        self._end()  # only now: a run goes on where what shall follow it is refused
-        self._episode = Episode(
+            raise Mistake(f"options: {SEED}")
+        episode = Episode(
             scenario,
             steered=True,
             seen=self._observation != "features" or self.render_mode is not None,
             shows_goal=self._goal_picture,
             kept=self._kept,
         )
+        self._end()  # only now: a run goes on where what shall follow it is refused
+        self._episode = episode
+        self._frames = episode.frames
+        self.metadata["render_fps"] = round(scenario.camera.rate)
+        self._error = np.zeros(self._features)
         self._action = np.zeros(len(self._moves))
         step = self._look()
         seen = self._observed(step)
@@ -207,8 +219,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
     @property
     def frames(self) -> int:
-        """Number of pictures of a run; a step less is made."""
-        return self._base.frames
+        """Number of pictures of this run, or the next; a step less is made."""
+        return self._frames
 
     def _look(self) -> Step:
         assert self._episode is not None
@@ -238,6 +250,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             "status": step.estimate.status.name,
             "twist": step.command.twist,
             "joints": step.joints,
+            "T_object_camera": _matrix(step.T_object_camera),
+            "T_object_goal": _matrix(step.goal_sight.pose.inverse()),
         }
 
     def _observed(self, step: Step) -> Any:
@@ -248,9 +262,10 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         picture = step.frame.image
         if self._observation == "picture":
             return picture
-        scales = 1.0 if step.command.trace is None else step.command.trace.scales
+        trace = step.command.trace
+        scales = 1.0 if trace is None else trace.scales
         parts = (
-            step.error / scales,
+            self._errors(step),
             step.prediction.motion / scales,
             step.twist_measured,
             self._action,
@@ -262,6 +277,31 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             .astype(np.float32)
         )
         return own if self._observation == "features" else {"features": own, "picture": picture}
+
+    def _errors(self, step: Step) -> Array:
+        """Return the errors (k,) over their scales, as they were seen last: also of a law that has
+        no features of its own, as a policy or one that moves nothing.
+        """
+        trace = step.command.trace
+        if trace is not None:
+            return trace.error / trace.scales
+        assert self._episode is not None
+        sight = self._episode.sight
+        if sight is not None:
+            features = step.scene.features
+            goal = features.values(step.goal_sight)
+            self._error = features.error(features.values(sight), goal) / features.scales(goal)
+        return self._error
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy or another process gets.
+
+        Raises:
+            Mistake: A run has begun, which is not copied.
+        """
+        if self._episode is not None:
+            raise Mistake("an environment can be copied or pickled before its first reset")
+        return vars(self)
 
     def render(self) -> Any:
         """Return the picture of now with truth (white), goal (red) and estimate, in mode
@@ -287,6 +327,11 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 def _distances(step: Step) -> Array:
     """Return the distances (4,) of the target's true corners from their goals [px]."""
     return np.hypot(*(step.truth.corners - step.goal_corners).T)
+
+
+def _matrix(pose: Pose) -> Array:
+    """Return a pose as a homogeneous matrix (4, 4)."""
+    return np.vstack([np.column_stack([pose.rotation, pose.translation]), [0.0, 0.0, 0.0, 1.0]])
 
 
 def environment_id(scenario: str) -> str:

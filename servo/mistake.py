@@ -31,8 +31,8 @@ class Mistake(ValueError):
     What it quotes may be anything, so line breaks and control characters are written out.
     """
 
-    def __init__(self, sentence: str) -> None:
-        super().__init__(one_line(sentence))
+    def __init__(self, sentence: object) -> None:
+        super().__init__(one_line(str(sentence)))  # a vector environment gives it a Mistake
 
     def _render_traceback_(self) -> list[str]:
         """What a notebook shows: the sentence, and where it has a cause, the cause's traceback."""

@@ -67,7 +67,14 @@ def test_both_ways_to_render_pass_gymnasiums_check(monkeypatch):
     assert env.unwrapped.metadata["render_fps"] == 30
 
 
-@pytest.mark.parametrize("changes", [[], ["run.latency=2", "controller.acceleration=1.0"]])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        [],
+        ["run.latency=2", "controller.acceleration=1.0"],
+        ["run.latency=3", "estimator.kind=error_kalman"],
+    ],
+)
 def test_no_residual_is_the_run_of_the_command(changes):
     """Also of a law that remembers its commands; the seed is the scenario's, with its draws."""
     env = made(overrides=[*SHORT, *changes])
@@ -76,10 +83,39 @@ def test_no_residual_is_the_run_of_the_command(changes):
     assert len(steps) == 12
     assert given[0][2]["drawn"] == servo.load("reversal", seed=5).drawn
     expected = [s.servo_error for s in steps]
-    assert [told["servo_error_px"] for _, _, told in given] == pytest.approx(expected, abs=1e-9)
+    assert [told["servo_error_px"] for _, _, told in given] == expected
+    assert all(
+        (t["twist"] == s.command.twist).all() for (_, _, t), s in zip(given, steps, strict=True)
+    )
     errors = np.array([seen[:4] for seen, _, _ in given])
     scales = steps[0].command.trace.scales
     assert errors == pytest.approx(np.array([s.error / scales for s in steps]), abs=1e-6)
+
+
+@pytest.mark.parametrize("controller", ["hold", "broyden"])
+def test_errors_are_observed_also_where_the_law_has_none_of_its_own(controller):
+    changes = ["tracker.kind=truth", "features.kind=points", "run.duration=0.2"]
+    known, other = (
+        made(overrides=[*changes, f"controller.kind={k}"]) for k in ("ibvs", controller)
+    )
+    expected, _ = known.reset(seed=4)
+    observed, _ = other.reset(seed=4)
+    assert np.abs(expected[:8]).max() > 0.01
+    assert observed[:8] == pytest.approx(expected[:8], abs=1e-6)
+
+
+def test_frames_and_rate_are_those_of_the_run():
+    env = made().unwrapped
+    assert env.frames == 12
+    env.reset(options={"duration": 2.0, "camera": {"rate": 10}})
+    assert (env.frames, env.metadata["render_fps"]) == (20, 10)
+
+
+def test_the_pose_is_told_and_its_goal():
+    _, told = made(scenario="still", vary={}).reset(seed=0)
+    assert told["T_object_goal"][:3, 3] == pytest.approx([0, 0, -1], abs=1e-9)
+    away = np.linalg.norm(told["T_object_camera"][:3, 3] - told["T_object_goal"][:3, 3])
+    assert 0.01 < away < 0.5
 
 
 def test_an_action_moves_the_camera_after_the_delay():

@@ -1,5 +1,7 @@
 """Wrong choices and options of the environment of Gymnasium; and which library it loads first."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,8 @@ def made(**settings):
             {"dof": ["vx", "vx"]},
             "dof = ['vx', 'vx']: expected a list of some of vx, vy, vz, wx, wy, wz, each once",
         ),
+        ({"scenario": "line", "seed": 3}, "line: the seed of a run is given as reset(seed=...)"),
+        ({"goal_picture": "yes"}, "there is no goal_picture 'yes'; there is False, True"),
         ({"scenario": None}, "a scenario is given by its name or its file, not by NoneType"),
         ({"overrides": None}, "None: expected a list of changes, such as ['run.duration=5']"),
     ],
@@ -103,3 +107,23 @@ def test_tritons_library_is_loaded_before_mesas(monkeypatch, tmp_path):
     monkeypatch.setattr(gl, "_has_device", lambda: bool(loaded.append("driver")) or True)
     gl.backend()
     assert loaded == [f"{tmp_path}/triton/_C/libtriton.so", "libEGL.so.1", "libGL.so.1", "driver"]
+
+
+def test_a_mistake_can_be_made_of_one_as_a_vector_environment_does():
+    assert str(Mistake(Mistake("this is wrong"))) == "this is wrong"
+
+
+def test_an_environment_that_runs_is_not_copied():
+    env = made().unwrapped
+    assert pickle.loads(pickle.dumps(env)).frames == env.frames
+    env.reset(seed=0)
+    with pytest.raises(Mistake, match=r"^an environment can be copied or pickled before its first"):
+        pickle.dumps(env)
+
+
+def test_a_start_that_cannot_be_reached_leaves_the_run_as_it_was():
+    env = made(scenario="arm_line", overrides=SHORT).unwrapped
+    env.reset(seed=0)
+    with pytest.raises(Mistake, match="cannot bring the camera where this picture is taken"):
+        env.reset(seed=0, options={"start": {"x": 300, "y": 200}, "goal": {"depth": 1.5}})
+    env.step(np.zeros(env.action_space.shape))

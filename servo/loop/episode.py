@@ -306,6 +306,11 @@ class Episode:
             seconds=Seconds(rendering, *timeline.seconds, 0.0),
         )
 
+    @property
+    def sight(self) -> Sight | None:
+        """The target as it was seen when the law decided last; None where it was not."""
+        return self._timeline.latest.decision.sight
+
     def _next_moment(self, index: int) -> Moment | None:
         """Begin the picture after this one while the loop works on this one, if no command of this
         one acts before that: the world is then one frame interval ahead of the loop.

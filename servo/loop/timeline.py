@@ -91,8 +91,9 @@ class Timeline:
         self._rng = rng
         run = schedule.run
         on_time = run.tracker_ms == 0 and run.jitter_ms == 0 and schedule.clock_offset == 0
+        self._by_frames = on_time and run.latency_ms is None
         # Then each posture of the robot already belongs to its picture and to one command.
-        self._plain = on_time and run.latency_ms is None and not schedule.steered
+        self._plain = self._by_frames and not schedule.steered
         self._record = PostureRecord(schedule.period, schedule.clock_offset)
         self._now = 0.0
         """Time of the last picture [s]."""
@@ -114,7 +115,9 @@ class Timeline:
         """Wall-clock time of tracker and law in the last frame interval [s]."""
         self._asked = np.zeros(6)
         """Mean twist (6,) asked for since the last picture."""
-        self._commands: list[tuple[float, Array]] = [(0.0, np.zeros(6))]
+        # A frame each, as a law counts them.
+        first = range(max(1, run.latency) if self._by_frames else 1)
+        self._commands = [(frame * schedule.period, np.zeros(6)) for frame in first]
         """When each command begins to act [s], and its twist (6,), in order."""
 
     def advance(self, frame: Frame, posture: Posture) -> None:
@@ -230,4 +233,7 @@ class Timeline:
         starts = [max(at, begin) for at, _ in self._commands]
         stops = [*starts[1:], end]
         pieces = zip(self._commands, starts, stops, strict=True)
-        return tuple((c[1], min(b, end) - a) for c, a, b in pieces if min(b, end) - a > SAME)
+        found = tuple((c[1], min(b, end) - a) for c, a, b in pieces if min(b, end) - a > SAME)
+        if self._by_frames:  # each acts for a frame, but for the rounding of times
+            return tuple((twist, self._schedule.period) for twist, _ in found)
+        return found
