@@ -4,6 +4,7 @@ import json
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
+import gymnasium
 import h5py
 import numpy as np
 import pytest
@@ -48,6 +49,21 @@ def test_demonstrations_are_what_the_law_did(tutorial):
         assert demo.attrs["num_samples"] == 14
         at_goal = next(servo.run(servo.load(folder / "imitate.toml", vary={}))).frame.image
         np.testing.assert_array_equal(demo["goal_picture"], at_goal)
+
+
+def test_the_environment_of_a_recording_replays_it(tutorial):
+    folder, _ = tutorial
+    with h5py.File(folder / "demos.hdf5") as file:
+        told = json.loads(file["data"].attrs["env_args"])
+        demo = file["data/demo_1"]
+        env = gymnasium.make(f"servo.gym:{told['env_name']}", **told["env_kwargs"])
+        picture, _ = env.reset(seed=4)
+        for action, seen, reward in zip(
+            demo["actions"], demo["obs/picture"], demo["rewards"], strict=True
+        ):
+            np.testing.assert_array_equal(picture, seen)
+            picture, got, *_ = env.step(action)
+            assert got == pytest.approx(reward, abs=1e-9)
 
 
 def test_the_network_fits_what_it_learns_from_and_stands_still_at_the_goal(tutorial):
