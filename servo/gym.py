@@ -211,7 +211,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         step = self._look()
         lost = self._is_lost(step)
         over = step.frame.index >= self._episode.frames - 1
-        reward = 1.0 / (1.0 + float(_distances(step).mean()) / CONVERGED_PX)
+        reward = 1.0 / (1.0 + float(step.corner_errors.mean()) / CONVERGED_PX)
         seen = self._observed(step)
         if lost or over:
             self._end()
@@ -237,7 +237,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return bool(step.estimate.status is Status.LOST or not inside)
 
     def _info(self, step: Step) -> dict[str, Any]:
-        distances = _distances(step).tolist()
+        distances = step.corner_errors.tolist()
         distance = float(np.mean(distances))
         depth = {} if step.frame.depth is None else {"depth": step.frame.depth}
         return depth | {
@@ -322,11 +322,6 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         if self._window is not None:
             self._window.close()
             self._window = None
-
-
-def _distances(step: Step) -> Array:
-    """Return the distances (4,) of the target's true corners from their goals [px]."""
-    return np.hypot(*(step.truth.corners - step.goal_corners).T)
 
 
 def _matrix(pose: Pose) -> Array:

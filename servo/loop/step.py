@@ -176,6 +176,11 @@ class Step:
         return self.region.corners(State(x, y, self.goal_theta, scale))
 
     @property
+    def corner_errors(self) -> Array:
+        """Distances (4,) of the target's true corners from their goals [px]."""
+        return np.hypot(*(self.truth.corners - self.goal_corners).T)
+
+    @property
     def T_object_camera(self) -> Pose:
         """True pose of the camera, seen from the target as `Sight.pose` describes it."""
         T_world_object = self.truth.T_world_target @ object_frame(self.scene.outline)

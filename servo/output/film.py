@@ -21,13 +21,14 @@ PANEL = (616, 462)
 """Two of them, with the margins, are 1280 px wide; the film is 720 px high."""
 PANEL_OF_TWO = (448, 336)
 """The same where two runs are beside each other, with each room below its camera."""
-LONGEST = 54
+LONGEST = 46
 """Letters of a caption that fit above a picture there, beside its status."""
 TITLE_OF_TWO = "Estimate green, goal red, truth white"
 MARKS = "estimate green, goal red, truth and ways of its corners white"
 CAPTIONS = (f"Camera: {MARKS}", "The room, and beside the camera")
 CURVES = {
     "true centre to goal": colours.CURVES[0],
+    "true corners to theirs, mean": colours.CURVES[2],
     "estimated to true centre": colours.CURVES[1],
 }
 FRUSTUM = 0.25
@@ -35,7 +36,9 @@ FRUSTUM = 0.25
 FOLLOWING = 3
 """Times smaller than the picture of the room is the view that follows the camera."""
 BESIDE = np.array([0.6, -1.1, 0.45])
-"""Where it is taken from, seen from the middle between camera and target [m]."""
+"""Where it is taken from, seen from the middle between camera and target [m]; farther away where
+these are more than 1 m apart.
+"""
 BORDER = 2
 WHITE = 255
 """Width [px] and brightness of the lines around it."""
@@ -84,8 +87,11 @@ class RunViews:
     def _draw_room(self, step: Step) -> Image:
         """The room, with the following view in its lower right corner."""
         camera = step.truth.T_world_camera.translation
-        middle = (camera + step.truth.T_world_target.translation) / 2
-        self._beside.look(middle + BESIDE, middle)
+        target = step.truth.T_world_target.translation
+        middle = (camera + target) / 2
+        self._beside.look(
+            middle + BESIDE * max(1.0, float(np.linalg.norm(camera - target))), middle
+        )
         room = self._draw_lines(self._room, step)
         inset = self._draw_lines(self._beside, step)
         height, width = inset.shape[:2]
@@ -130,7 +136,7 @@ class RunFilm:
             film = FilmPage(self._to, rate, self._title, CAPTIONS, PANEL, chart)
             self._opened = film, RunViews(step.scene.camera, step.scene.room, PANEL)
         film, views = self._opened
-        errors = step.servo_error, step.tracking_error
+        errors = step.servo_error, float(step.corner_errors.mean()), step.tracking_error
         note = f"error {step.servo_error:.1f} px"
         film.add(step.frame.time, views.draw(step), errors, [step.estimate.status.name], note)
 
@@ -203,7 +209,7 @@ def write_film_of_two(
     end = max(episode.scenario.run.duration for episode in episodes)
     captions = [_shortened(f"{number}: {name}") for number, name in enumerate(names, 1)]
     curves = {"run 1": colours.CURVES[0], "run 2": colours.CURVES[1]}
-    chart = Chart(curves, "error [px]", end)
+    chart = Chart(curves, "corners off [px]", end)
     width, height = PANEL_OF_TWO
     film = FilmPage(path, rates[0], TITLE_OF_TWO, captions, (width, 2 * height), chart)
     views = [RunViews(world.camera, world.model, PANEL_OF_TWO) for world in worlds]
@@ -212,7 +218,7 @@ def write_film_of_two(
         for pair in zip_longest(*episodes):
             steps = tuple(new or last for new, last in zip_longest(pair, steps))
             pictures = [np.vstack(view.draw(step)) for view, step in zip(views, steps, strict=True)]
-            errors = [step.servo_error for step in steps]
+            errors = [float(step.corner_errors.mean()) for step in steps]
             note = "error " + " and ".join(f"{error:.1f} px" for error in errors)
             statuses = [step.estimate.status.name for step in steps]
             film.add(max(step.frame.time for step in steps), pictures, errors, statuses, note)
@@ -227,7 +233,7 @@ def _shortened(caption: str) -> str:
     """Return a caption without its middle where it is too long: what differs often comes last.
 
     >>> _shortened("2: reversal --set run.duration=4.0 --set estimator.kind=none")
-    '2: reversal --set run.durat…0 --set estimator.kind=none'
+    '2: reversal --set run.d…set estimator.kind=none'
     """
     if len(caption) <= LONGEST:
         return caption
