@@ -130,7 +130,9 @@ def test_a_notebook_has_a_cell_for_each_block():
     notebook = runpy.run_path(str(ROOT / "servo" / "docs" / "notebooks.py"))["notebook"]
     cells = json.loads(notebook(page))["cells"]
     first, *others = [cell["source"] for cell in cells]
-    assert first.startswith("# Title\n\nRun this in an empty folder; it needs `pip install")
+    assert first.startswith(
+        "# Title\n\nRun this in an empty folder; it needs servobench with the extra"
+    )
     assert first.endswith("Text with a link.\n\n```toml\nshown = 1\n```\n\nSave as\n`sub/a.py`:")
     assert others == [
         'import os\nimport sys\n\nos.environ["PYTHON"] = sys.executable  '

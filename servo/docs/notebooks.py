@@ -25,8 +25,8 @@ import sys
 os.environ["PYTHON"] = sys.executable  # the commands below run with this kernel's Python"""
 """A kernel may have neither the command nor its Python on PATH."""
 BEGIN = (
-    "Run this in an empty folder; it needs `pip install 'servobench[notebook]'` and the packages "
-    "that it names."
+    "Run this in an empty folder; it needs servobench with the extra `notebook` (in a checkout: "
+    "`pip install '.[notebook]'`) and the packages that it names."
 )
 LONGEST = 1800
 """Time that a cell may take [s]; the longest of the tutorials trains for some minutes."""

@@ -138,7 +138,10 @@ def _survival(groups: dict[str, list[Series]], where: str, note: str) -> Figure 
     if not drawn:
         return None
     share = Scale("share of runs", 0, 1.02)
-    note = f"Runs that were never off the target after the first second. {note}"
+    note = (
+        "Runs whose estimate was never off the target after the first second: this is the "
+        f"tracker's error, not the camera's. {note}"
+    )
     return curves(f"Still on target{where}", Scale("time [s]"), share, drawn, note=note)
 
 
