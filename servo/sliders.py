@@ -50,7 +50,9 @@ def explore(scenario: str | Path, *keys: str) -> Any:
         raise Mistake(f"explore: {MISSING}")
     loaded = load(scenario)
     values = flat(loaded.settings(), "settings")
-    whole = {change.key: key for key in keys for change in of_keywords({key: 0}, SECTIONS, values)}
+    whole = {
+        change.key: key for key in keys for change in of_keywords({key: 0}, [*SECTIONS], [*values])
+    }
     check_known(list(whole), values, "explore", "setting")
     widgets: Any = import_module("ipywidgets")
     display: Any = import_module("IPython.display")

@@ -1,6 +1,10 @@
 """The command `servobench doctor`: report renderer, versions and speed of this machine."""
 
 import platform
+from base64 import urlsafe_b64encode
+from hashlib import sha256
+from importlib.metadata import files
+from pathlib import Path
 from statistics import median
 
 from rich.console import Console
@@ -18,6 +22,7 @@ from tracking.wrapped.cv2_tracker import running
 
 WAITS = "run.latency=0"
 """With this a run waits for each picture, and makes none meanwhile."""
+AGAIN = "install servobench again, in an environment of its own"
 FINE = "All is well. To begin with: servobench run reversal"
 
 
@@ -38,7 +43,7 @@ def examine() -> int:
         **versions(),
     }
     print_table(console, Table(("what", "found"), list(rows.items()), words=range(2)))
-    found = _broken()
+    found = _broken() + _overwritten()
     if sentence := clash():
         found.append(f"{sentence}; OpenCV {running()} is used")
     for sentence in found:
@@ -46,6 +51,18 @@ def examine() -> int:
     if not found:
         plain(console, FINE)
     return bool(found)
+
+
+def _overwritten() -> list[str]:
+    """Return which of our packages another distribution has overwritten with its own."""
+    found: list[str] = []
+    for file in files("servobench") or []:
+        place = Path(str(file.locate()))
+        if file.name == "__init__.py" and file.hash is not None and place.is_file():
+            digest = sha256(place.read_bytes()).digest()
+            if urlsafe_b64encode(digest).decode().rstrip("=") != file.hash.value:
+                found.append(f"{place}: another package has written over this file: {AGAIN}")
+    return found
 
 
 def _broken() -> list[str]:

@@ -73,12 +73,13 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
     """
     printed = printed or Printed()
     measures = None if printed.measures is None else measures_of(printed.measures)
-    sections = [_section(folder, measures) for folder in folders]
     path = out or (folders[0] / PAGE if folders[0].is_dir() else Path(f"{folders[0]}.html"))
     _check_out(path, *PAGES)
-    files: dict[Path, str | bytes] = {path: render(sections)}
     if printed.latex is not None:
         _check_out(printed.latex, ".tex")
+    sections = [_section(folder, measures) for folder in folders]
+    files: dict[Path, str | bytes] = {path: render(sections)}
+    if printed.latex is not None:
         files[printed.latex] = latex(sections)
     paths = list(files)
     if printed.figures is not None:
