@@ -297,8 +297,14 @@ def _report(
         end="" if end is None else end.sentence,
         start=next((s.picture.stamp / SECOND for s in seen if s.picture.stamp is not None), None),
         dropped=0 if end is None else end.dropped,
+        notes=_notes(seen),
     )
     return report.write(folder)
+
+
+def _notes(seen: list[Shot]) -> list[str]:
+    """The sentences about the pictures, each once."""
+    return list(dict.fromkeys(shot.picture.note for shot in seen if shot.picture.note))
 
 
 def print_track(
@@ -337,5 +343,7 @@ def _print_oddities(seen: list[Shot], end: End | None) -> None:
             f"{len(blind)} of {len(seen)} pictures cannot be read, the first is "
             f"{blind[0].name} ({blind[0].reason}); their rows are LOST"
         )
+    for note in _notes(seen):
+        complain(note)
     if end is not None:
         complain(end.sentence)

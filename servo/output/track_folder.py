@@ -3,7 +3,7 @@
 import io
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -128,4 +128,6 @@ class TrackReport(Made):
     start: Number | None = None
     """Stamp of the first picture [s], as its bag or video states it; exact in track.csv."""
     dropped: int = 0
-    """Pictures of a stream that the tracker never saw, because it was slower."""
+    """Pictures of a stream that the tracker never saw, because they came faster."""
+    notes: list[str] = field(default_factory=list[str])
+    """Sentences about the pictures, such as the bits that they use."""

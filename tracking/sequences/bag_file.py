@@ -18,6 +18,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, BinaryIO
 
 from sim.files import reading
+from sim.files.bit_depth import BitDepth
 from tracking.sequences.image_message import (
     KINDS,
     NANO,
@@ -119,6 +120,7 @@ class Bag:
     def __iter__(self) -> Iterator[Picture]:
         topic = self._topic
         times = Times(self.rate)
+        depth = BitDepth()
         index = 0
         self.end = None
         try:
@@ -129,10 +131,10 @@ class Bag:
                     if len(data) > LARGEST_UNPACKED:
                         raise _Refused(f"{name} has over {LARGEST_UNPACKED:,} bytes")
                     try:
-                        stated, image = picture_of(decode, data)
+                        stated, image = picture_of(decode, data, depth)
                         stamp = recorded if stated is None else stated
                         time = times.since_first(stamp // SECOND + NANO * (stamp % SECOND))
-                        picture = Picture(name, time, image, stamp=stamp)
+                        picture = Picture(name, time, image, stamp=stamp, note=depth.note)
                     except ValueError as error:
                         picture = Picture(name, times.since_first(None), None, str(error))
                     yield picture

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from sim.files import reading
+from sim.files.bit_depth import BitDepth
 from sim.files.picture_file import SUFFIXES, read_image
 from sim.types import Image
 
@@ -38,6 +39,8 @@ class Picture:
     stamp: int | None = None
     """The source's own stamp [ns]: of a bag, as a rule since 1970; of a video, as its file states
     it; None where there is none."""
+    note: str = ""
+    """A sentence about the source that is known from here on, to be said once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,10 +130,12 @@ class Folder:
         return len(self.files)
 
     def __iter__(self) -> Iterator[Picture]:
+        depth = BitDepth()
         for index, file in enumerate(self.files):
             time = index / self.rate
             try:
-                yield Picture(file.name, time, read_image(file))
+                image = read_image(file, depth)
+                yield Picture(file.name, time, image, note=depth.note)
             except ValueError as error:
                 yield Picture(file.name, time, None, str(error).removeprefix(f"{file}: "))
 

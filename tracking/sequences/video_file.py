@@ -23,6 +23,7 @@ from av.stream import Disposition
 from av.video.stream import VideoStream
 
 from sim.files import reading
+from sim.files.bit_depth import DEEP, BitDepth
 from sim.files.picture_file import check_size
 from sim.types import Image
 from tracking.sequences.sources import SECOND, End, Picture, Times
@@ -38,6 +39,8 @@ MP4 = "mov,mp4,m4a,3gp,3g2,mj2"
 """FFmpeg's name of MP4 and its relatives."""
 KNOWN = "MP4, MOV, Matroska, WebM, AVI, MPEG-TS, MPEG-PS, FLV, Ogg, ASF, GIF, Y4M"
 COVER = Disposition.attached_pic
+DEEP_FORMATS = re.compile(r"(?P<grey>gray16|ya16)|rgb48|bgr48|rgba64|bgra64|gbrp16|gbrap16")
+"""Names of FFmpeg's formats of grey or RGB with 16 bits, without the order of the bytes."""
 LENGTH = re.compile(r"(\d+):(\d+):(\d+\.?\d*)")
 LAST_SHOWN = 1.0
 """Longest time that the last frame of a whole video is shown [s]."""
@@ -65,6 +68,8 @@ class Decoded:
     """None if it cannot be decoded."""
     damaged: bool = False
     """True if FFmpeg has filled in parts of it."""
+    note: str = ""
+    """As of `Picture`."""
 
 
 @dataclass(slots=True)
@@ -116,7 +121,7 @@ class Video:
                 damaged += frame.damaged or bool(printed)
                 stated = None if frame.stamp is None else round(frame.stamp * SECOND)
                 time = times.since_first(frame.stamp)
-                yield Picture(f"frame {index}", time, frame.image, stamp=stated)
+                yield Picture(f"frame {index}", time, frame.image, stamp=stated, note=frame.note)
                 printed.clear()  # also what a film that is written meanwhile has printed
                 index += 1
         damaged += bool(printed)
@@ -189,25 +194,42 @@ def decoded(container: InputContainer, stream: VideoStream) -> Iterator[Decoded]
     Raises:
         FFmpegError, OSError: It breaks off.
     """
+    depth = BitDepth()
     for packet in container.demux(stream):
         try:
             frames = packet.decode()
         except (FFmpegError, OSError):
             yield Decoded(None, None)
             continue
-        yield from (Decoded(frame.time, _rgb(frame), frame.is_corrupt) for frame in frames)
+        for frame in frames:
+            image = _rgb(frame, depth)
+            yield Decoded(frame.time, image, frame.is_corrupt, depth.note)
 
 
-def _rgb(frame: av.VideoFrame) -> Image | None:
+def _rgb(frame: av.VideoFrame, depth: BitDepth) -> Image | None:
     """Return a frame as its file says that it is shown; None if it cannot be decoded."""
     try:
         check_size(frame.width, frame.height)
-        image = _as_shown(frame.to_ndarray(format="rgb24"), frame.side_data.get(Type.DISPLAYMATRIX))
+        image = _as_shown(_eight_bits(frame, depth), frame.side_data.get(Type.DISPLAYMATRIX))
     except (ValueError, FFmpegError):
         return None
     image = np.ascontiguousarray(image, np.uint8)
     image.setflags(write=False)
     return image
+
+
+def _eight_bits(frame: av.VideoFrame, depth: BitDepth) -> Image:
+    """Return a frame as RGB (H, W, 3), without the bits that its camera does not use.
+
+    A format of 10 or 12 bits states which are used. So does YUV, whose black and white are fixed.
+    """
+    deep = DEEP_FORMATS.match(frame.format.name)
+    if deep is not None and depth.used != DEEP:
+        pixels = frame.to_ndarray(format="gray16le" if deep["grey"] else "rgb48le")
+        if not depth.uses_all(pixels):
+            image = depth.reduced(pixels)
+            return np.repeat(image[..., None], 3, axis=2) if deep["grey"] else image
+    return frame.to_ndarray(format="rgb24")
 
 
 def _as_shown(image: Image, matrix: SideData | None) -> Image:
