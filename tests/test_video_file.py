@@ -14,7 +14,6 @@ from tracked import image
 
 from sim.files import picture_file
 from tracking.sequences.sequence import source_of
-from tracking.sequences.sources import End
 from tracking.sequences.video_file import GIVEN_UP, Video
 
 FRAMES = 20
@@ -264,7 +263,34 @@ def test_a_file_that_breaks_off_before_the_end_it_states_says_so(tmp_path, form)
     video = Video.of(path)
     assert 1 < len(list(video)) == video.count < FRAMES
     sentence = f"{path}: {video.count} pictures, then this video breaks off"
-    assert video.end == End(sentence, lost=True)
+    assert (video.end.sentence, video.end.lost) == (sentence, True)
+
+
+def test_a_cut_video_whose_index_is_in_front_counts_what_can_be_decoded(tmp_path):
+    """The last picture before the cut is there in part; the one in the middle is damaged."""
+    path = tmp_path / "film.mp4"
+    with av.open(str(path), mode="w", options={"movflags": "faststart"}) as container:
+        stream = container.add_stream("libx264", rate=25, options={"tune": "zerolatency", "g": "1"})
+        stream.width, stream.height, stream.pix_fmt = 160, 100, "yuv420p"
+        for k in range(FRAMES):
+            picture = np.ascontiguousarray(image(k)[..., ::-1])
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        container.mux(stream.encode(None))
+    content = bytearray(path.read_bytes())
+    with av.open(io.BytesIO(content)) as container:
+        places = [(p.pos, p.size) for p in container.demux(video=0) if p.size]
+    at, size = places[5]
+    content[at : at + size] = bytes(size)
+    path.write_bytes(content[: places[12][0] + 9])
+    video = Video.of(path)
+    pictures = list(video)
+    there = [p for p in pictures if p.image is not None]
+    start = there[0].stamp
+    assert [p.time for p in there] == pytest.approx([1e-9 * (p.stamp - start) for p in there])
+    assert pictures[5].image is None
+    assert pictures[5].time == pytest.approx(5 / 25)
+    assert video.end.sentence == f"{path}: {len(there)} pictures, then this video breaks off"
+    assert (len(there), len(pictures)) == (11, FRAMES)
 
 
 def test_a_video_of_noise_ends(tmp_path):

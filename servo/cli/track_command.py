@@ -297,6 +297,7 @@ def _report(
         end="" if end is None else end.sentence,
         start=next((s.picture.stamp / SECOND for s in seen if s.picture.stamp is not None), None),
         dropped=0 if end is None else end.dropped,
+        damaged=0 if end is None else end.damaged,
         notes=_notes(seen),
     )
     return report.write(folder)

@@ -129,5 +129,7 @@ class TrackReport(Made):
     """Stamp of the first picture [s], as its bag or video states it; exact in track.csv."""
     dropped: int = 0
     """Pictures of a stream that the tracker never saw, because they came faster."""
+    damaged: int = 0
+    """Pictures that are damaged; of a stream also those that cannot be decoded."""
     notes: list[str] = field(default_factory=list[str])
     """Sentences about the pictures, such as the bits that they use."""

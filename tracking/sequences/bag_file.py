@@ -26,7 +26,7 @@ from tracking.sequences.image_message import (
     picture_of,
     plain_kind,
 )
-from tracking.sequences.sources import RATE, SECOND, End, Picture, Times
+from tracking.sequences.sources import RATE, SECOND, End, Picture, timed
 
 if TYPE_CHECKING:
     from mcap.records import Channel, McapRecord, Message, Schema
@@ -118,8 +118,11 @@ class Bag:
         self.rate = (self.count - 1) / span if self.count > 1 and span > 0 else RATE
 
     def __iter__(self) -> Iterator[Picture]:
+        return timed(self._messages(), self.rate)
+
+    def _messages(self) -> Iterator[tuple[float | None, Picture]]:
+        """Give the stamp [s] of each picture, and the picture without its time."""
         topic = self._topic
-        times = Times(self.rate)
         depth = BitDepth()
         index = 0
         self.end = None
@@ -132,12 +135,12 @@ class Bag:
                         raise _Refused(f"{name} has over {LARGEST_UNPACKED:,} bytes")
                     try:
                         stated, image = picture_of(decode, data, depth)
-                        stamp = recorded if stated is None else stated
-                        time = times.since_first(stamp // SECOND + NANO * (stamp % SECOND))
-                        picture = Picture(name, time, image, stamp=stamp, note=depth.note)
                     except ValueError as error:
-                        picture = Picture(name, times.since_first(None), None, str(error))
-                    yield picture
+                        yield None, Picture(name, 0.0, None, str(error))
+                    else:
+                        stamp = recorded if stated is None else stated
+                        picture = Picture(name, 0.0, image, stamp=stamp, note=depth.note)
+                        yield stamp // SECOND + NANO * (stamp % SECOND), picture
                     index += 1
         except ValueError as error:
             if index == 0:

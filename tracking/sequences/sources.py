@@ -1,8 +1,9 @@
 """Sources of pictures: pictures with times, a rate, and an end; folders, and painted ones."""
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Protocol
 
@@ -41,6 +42,8 @@ class Picture:
     it; None where there is none."""
     note: str = ""
     """A sentence about the source that is known from here on, to be said once."""
+    came: datetime | None = None
+    """When it came, by this machine's clock, if the source is live."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +52,11 @@ class End:
 
     sentence: str
     lost: bool = False
-    """True if pictures are missing at the end: a stream that broke off, a damaged file."""
+    """True if pictures are missing or damaged: a stream that broke off, a damaged file."""
     dropped: int = 0
-    """Pictures of a stream that the tracker never saw, because it was slower."""
+    """Pictures of a stream that the tracker never saw, because they came faster."""
+    damaged: int = 0
+    """Pictures that are damaged; of a stream also those that cannot be decoded."""
 
 
 class Source(Protocol):
@@ -103,6 +108,30 @@ class Times:
             self._stamp = stamp
         self._last = time
         return time
+
+
+def timed(pictures: Iterable[tuple[float | None, Picture]], rate: float) -> Iterator[Picture]:
+    """Give pictures their times by their stamps [s].
+
+    Those that cannot be decoded and have no stamp wait for the next one, and lie evenly before it;
+    where no picture with a stamp follows, they come at the rate.
+    """
+    times = Times(rate)
+    waiting: list[Picture] = []
+    last = math.nan
+    for stamp, picture in pictures:
+        if stamp is None and picture.image is None and not math.isnan(last):
+            waiting.append(picture)
+            continue
+        time = times.since_first(stamp)
+        step = (time - last) / (len(waiting) + 1)
+        for k, blind in enumerate(waiting, 1):
+            yield replace(blind, time=last + k * step)
+        waiting.clear()
+        yield replace(picture, time=time)
+        last = time
+    for blind in waiting:
+        yield replace(blind, time=times.since_first(None))
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from sim.files import reading
 from sim.files.bit_depth import DEEP, BitDepth
 from sim.files.picture_file import check_size
 from sim.types import Image
-from tracking.sequences.sources import SECOND, End, Picture, Times
+from tracking.sequences.sources import SECOND, End, Picture, timed
 
 SLOWEST = 0.01
 FASTEST = 10_000.0
@@ -90,7 +90,7 @@ class Video:
         Raises:
             ValueError: It cannot be read, or is not one video.
         """
-        with reading.opened(path, "video") as file, _printed() as printed:
+        with reading.opened(path, "video") as file, printed_by_ffmpeg() as printed:
             try:
                 with _container(file) as container:
                     video = _described(path, container, file)
@@ -106,35 +106,41 @@ class Video:
 
     def __iter__(self) -> Iterator[Picture]:
         """Give all frames; those that are missing at the end of a truncated file have no image."""
-        times = Times(self.rate)
-        index = failures = damaged = 0
+        return timed(self._frames(), self.rate)
+
+    def _frames(self) -> Iterator[tuple[float | None, Picture]]:
+        """Give the stamp [s] of each frame, and the frame without its time."""
+        index = failures = damaged = there = 0
+        self.end = None
         with (
             reading.opened(self.path, "video") as file,
             _container(file) as container,
             suppress(FFmpegError, OSError),
-            _printed(av.logging.ERROR) as printed,
+            printed_by_ffmpeg(av.logging.ERROR) as printed,
         ):
             for frame in decoded(container, only_video(container)):
                 failures = failures + 1 if frame.image is None else 0
                 if failures > GIVEN_UP:
                     break
+                there += frame.image is not None
                 damaged += frame.damaged or bool(printed)
-                stated = None if frame.stamp is None else round(frame.stamp * SECOND)
-                time = times.since_first(frame.stamp)
-                yield Picture(f"frame {index}", time, frame.image, stamp=stated, note=frame.note)
+                stamp = None if frame.stamp is None else round(frame.stamp * SECOND)
+                name = f"frame {index}"
+                yield frame.stamp, Picture(name, 0.0, frame.image, stamp=stamp, note=frame.note)
                 printed.clear()  # also what a film that is written meanwhile has printed
                 index += 1
         damaged += bool(printed)
+        sentence = ""
         if self.is_cut:
-            sentence = f"{self.path}: {index} pictures, then this video breaks off"
-            self.end = End(sentence, lost=True)
+            sentence = f"{there} pictures, then this video breaks off"
         elif index < self.count:
-            sentence = f"{self.path}: {index} of {self.count} pictures can be decoded"
-            self.end = End(sentence, lost=True)
+            sentence = f"{there} of {self.count} pictures can be decoded"
         elif damaged:
-            self.end = End(f"{self.path}: {damaged} of {index} pictures are damaged", lost=True)
+            sentence = f"{damaged} of {index} pictures are damaged"
+        if sentence:
+            self.end = End(f"{self.path}: {sentence}", lost=True, damaged=damaged)
         for missing in range(index, min(self.count, index + GIVEN_UP - failures)):
-            yield Picture(f"frame {missing}", times.since_first(None), None)
+            yield None, Picture(f"frame {missing}", 0.0, None)
 
 
 def _described(path: Path, container: InputContainer, file: BinaryIO) -> Video:
@@ -225,11 +231,12 @@ def _eight_bits(frame: av.VideoFrame, depth: BitDepth) -> Image:
     """
     deep = DEEP_FORMATS.match(frame.format.name)
     if deep is not None and depth.used != DEEP:
-        pixels = frame.to_ndarray(format="gray16le" if deep["grey"] else "rgb48le")
+        form = "gray16le" if deep["grey"] else "rgb48le"
+        pixels = np.asarray(frame.to_ndarray(format=form), np.uint16)
         if not depth.uses_all(pixels):
             image = depth.reduced(pixels)
             return np.repeat(image[..., None], 3, axis=2) if deep["grey"] else image
-    return frame.to_ndarray(format="rgb24")
+    return np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
 
 
 def _as_shown(image: Image, matrix: SideData | None) -> Image:
@@ -246,7 +253,7 @@ def _as_shown(image: Image, matrix: SideData | None) -> Image:
 
 
 @contextmanager
-def _printed(lowest: int = av.logging.WARNING) -> Generator[list[tuple[int, str, str]]]:
+def printed_by_ffmpeg(lowest: int = av.logging.WARNING) -> Generator[list[tuple[int, str, str]]]:
     """Collect what FFmpeg prints from a level on, and does not return: level, name, text."""
     level = av.logging.get_level()
     skips = av.logging.get_skip_repeated()
