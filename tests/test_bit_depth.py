@@ -40,7 +40,7 @@ def test_the_bits_in_use_are_the_fewest_that_hold_the_largest_value(largest, use
     assert not depth.reduced(np.zeros_like(picture)).any()
     assert depth.used is None  # black decides nothing
     np.testing.assert_array_equal(depth.reduced(picture), picture >> (used - 8))
-    assert (depth.used, bool(depth.note)) == (used, used < 16)
+    assert (depth.used, bool(depth.notes)) == (used, used < 16)
 
 
 def test_brighter_pictures_are_clipped_and_darker_ones_keep_their_values():
@@ -48,7 +48,7 @@ def test_brighter_pictures_are_clipped_and_darker_ones_keep_their_values():
     depth.reduced(deep(3000))
     later = np.array([[16, 4095, 4096, 65535]], np.uint16)
     assert depth.reduced(later).tolist() == [[1, 255, 255, 255]]
-    assert depth.note == NOTE
+    assert depth.notes == (NOTE,)
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_a_folder_is_read_by_the_bits_of_its_first_deep_picture(tmp_path, suffix
     np.testing.assert_array_equal(a.image, np.dstack([eight] * 3))
     np.testing.assert_array_equal(b.image, first[..., ::-1] >> 4)
     np.testing.assert_array_equal(c.image, np.dstack([np.minimum(brighter >> 4, 255)] * 3))
-    assert [p.note for p in (a, b, c)] == ["", NOTE, NOTE]
+    assert [p.notes for p in (a, b, c)] == [(), (NOTE,), (NOTE,)]
     alone = read_image(tmp_path / f"c{suffix}")  # it stands alone, and has 14 bits
     np.testing.assert_array_equal(alone[..., 0], brighter >> 6)
 
@@ -106,7 +106,7 @@ def test_a_bag_of_12_bits_is_read_by_them(tmp_path, big):
     first, later = source_of(str(bags.write(tmp_path / "log.mcap", {"/eye": both})), 30.0)
     np.testing.assert_array_equal(first.image[..., 1], grey[0] >> 4)
     np.testing.assert_array_equal(later.image[..., 1], np.minimum(grey[1] >> 4, 255))
-    assert first.note == NOTE
+    assert first.notes == (NOTE,)
 
 
 @pytest.mark.parametrize(
@@ -132,8 +132,8 @@ def test_a_video_of_16_bits_is_read_by_those_in_use(tmp_path, stored, given, lar
     (found,) = Video.of(path)
     expected = picture >> shift
     expected = expected if expected.ndim == 3 else np.dstack([expected] * 3)
-    np.testing.assert_allclose(found.image, expected, atol=0 if found.note else 1)
-    assert bool(found.note) == (stored != "gray10le" and shift < 8)
+    np.testing.assert_allclose(found.image, expected, atol=0 if found.notes else 1)
+    assert bool(found.notes) == (stored != "gray10le" and shift < 8)
 
 
 def test_a_trax_client_s_pictures_are_read_by_the_bits_of_the_first():

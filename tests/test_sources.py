@@ -31,6 +31,30 @@ def test_a_folder_is_read_in_order_whatever_its_pictures_are(tmp_path):
         colour.image[0, 0] = 0
 
 
+@pytest.mark.parametrize(
+    ("names", "many", "first"),
+    [
+        (["IMG_9", "IMG_10", "IMG_11", "IMG_15", "IMG_16", "IMG_18"], 4, "IMG_11.png"),
+        (["a2_00", "a2_10", "a2_20", "a2_40"], 1, "a2_20.png"),  # every tenth picture
+        (["IMG_9", "IMG_10", "IMG_11"], 0, ""),
+        (["1000033", "1000068", "1000100", "1000140"], 0, ""),  # stamps
+        (["a1", "b4", "c9"], 0, ""),
+        (["1_1", "1_2", "2_7", "2_8"], 0, ""),
+        (["x"], 0, ""),
+    ],
+)
+def test_numbers_that_names_leave_out_are_said(tmp_path, names, many, first):
+    for name in names:
+        cv2.imwrite(str(tmp_path / f"{name}.png"), RED)
+    pictures = list(Folder.of(tmp_path, rate=10.0))
+    assert [p.time for p in pictures] == pytest.approx([0.1 * k for k in range(len(names))])
+    sentence = (
+        f"the numbers in the names leave out {many} pictures, the first after {first}; the times "
+        "do not: each picture is one period later than the one before"
+    )
+    assert {p.notes for p in pictures} == {(sentence,) if many else ()}
+
+
 @pytest.mark.parametrize("shape", [(4, 5), (4, 5, 1), (4, 5, 3), (4, 5, 4)])
 def test_every_number_of_channels_becomes_rgb(shape):
     assert rgb(np.full(shape, 7, np.uint8)).tolist() == np.full((4, 5, 3), 7).tolist()

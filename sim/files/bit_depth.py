@@ -19,7 +19,7 @@ class BitDepth:
 
     used: int | None = None
     """None until there was such a picture."""
-    note: str = ""
+    notes: tuple[str, ...] = ()
     """A sentence for the user, if fewer than 16 bits are used."""
 
     def uses_all(self, deep: NDArray[np.uint16]) -> bool:
@@ -28,9 +28,9 @@ class BitDepth:
         if self.used is None and largest > 0:
             self.used = next(bits for bits in USED if largest < 1 << bits)
             if self.used < DEEP:
-                self.note = (
+                self.notes = (
                     f"the pictures have 16 bits, of which {self.used} are used: the largest value "
-                    f"of the first is {largest}; later ones are clipped at {(1 << self.used) - 1}"
+                    f"of the first is {largest}; later ones are clipped at {(1 << self.used) - 1}",
                 )
         return self.used == DEEP
 

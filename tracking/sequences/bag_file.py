@@ -139,7 +139,7 @@ class Bag:
                         yield None, Picture(name, 0.0, None, str(error))
                     else:
                         stamp = recorded if stated is None else stated
-                        picture = Picture(name, 0.0, image, stamp=stamp, note=depth.note)
+                        picture = Picture(name, 0.0, image, stamp=stamp, notes=depth.notes)
                         yield stamp // SECOND + NANO * (stamp % SECOND), picture
                     index += 1
         except ValueError as error:

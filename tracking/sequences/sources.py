@@ -1,7 +1,10 @@
 """Sources of pictures: pictures with times, a rate, and an end; folders, and painted ones."""
 
+import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -21,6 +24,7 @@ SET_FORWARD = 86_400.0
 """A clock that goes back or forward so far was set [s]; chosen by hand."""
 CLOSE = 1e-4
 """Least time between two pictures [s], which keeps their order; chosen by hand."""
+NUMBER = re.compile(r"\d+", re.ASCII)
 REPEATED = 0.5
 """Longest time between two pictures of the same stamp [s]; chosen by hand."""
 
@@ -40,8 +44,8 @@ class Picture:
     stamp: int | None = None
     """The source's own stamp [ns]: of a bag, as a rule since 1970; of a video, as its file states
     it; None where there is none."""
-    note: str = ""
-    """A sentence about the source that is known from here on, to be said once."""
+    notes: tuple[str, ...] = ()
+    """Sentences about the source that are known by now, each to be said once."""
     came: datetime | None = None
     """When it came, by this machine's clock, if the source is live."""
 
@@ -160,13 +164,39 @@ class Folder:
 
     def __iter__(self) -> Iterator[Picture]:
         depth = BitDepth()
+        gaps = _gaps(self.files)
         for index, file in enumerate(self.files):
             time = index / self.rate
             try:
                 image = read_image(file, depth)
-                yield Picture(file.name, time, image, note=depth.note)
+                yield Picture(file.name, time, image, notes=(*gaps, *depth.notes))
             except ValueError as error:
                 yield Picture(file.name, time, None, str(error).removeprefix(f"{file}: "))
+
+
+def _gaps(files: Sequence[Path]) -> list[str]:
+    """Return a sentence about the numbers that names leave out, if they leave out any.
+
+    There is none where the names differ in more than one number, or where most steps differ, as
+    those of stamps do.
+    """
+    if len({tuple(NUMBER.split(file.stem)) for file in files}) > 1:
+        return []
+    columns = zip(*(map(int, NUMBER.findall(file.stem)) for file in files), strict=True)
+    counting = [column for column in columns if len(set(column)) > 1]
+    if len(counting) != 1:
+        return []
+    steps = [after - before for before, after in itertools.pairwise(counting[0])]
+    ((usual, times),) = Counter(steps).most_common(1)
+    places = [place for place, step in enumerate(steps) if step > usual]
+    if not places or usual <= 0 or 2 * times <= len(steps):
+        return []
+    many = sum(steps[place] // usual - 1 for place in places)
+    first = places[0]
+    return [
+        f"the numbers in the names leave out {many} pictures, the first after {files[first].name}; "
+        "the times do not: each picture is one period later than the one before"
+    ]
 
 
 @dataclass(frozen=True, slots=True)

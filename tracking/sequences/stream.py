@@ -109,7 +109,7 @@ class LiveSource:
     def end(self) -> End | None:
         """The end, and the number of dropped pictures."""
         odd = {
-            "were dropped, because the tracker was slower": self._dropped,
+            "were dropped, because they came too fast": self._dropped,
             "are damaged": self._damaged,
         }
         parts = [f"{count} of them {what}" for what, count in odd.items() if count]
@@ -136,7 +136,7 @@ class LiveSource:
                     f"frame {item.index}",
                     times.since_first(item.frame.stamp),
                     item.frame.image,
-                    note=item.frame.note,
+                    notes=item.frame.notes,
                     came=item.came,
                 )
             if not self._given:

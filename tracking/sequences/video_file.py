@@ -5,6 +5,7 @@ could make it open more files. It gets an open file without a name, so that it r
 and no numbered series.
 """
 
+import math
 import os
 import re
 from collections.abc import Generator, Iterator
@@ -18,7 +19,7 @@ import av.logging
 import numpy as np
 from av.container import InputContainer
 from av.error import FFmpegError
-from av.sidedata.sidedata import SideData, Type
+from av.sidedata.sidedata import Type
 from av.stream import Disposition
 from av.video.stream import VideoStream
 
@@ -38,6 +39,8 @@ FORMATS = "mov,mp4,matroska,webm,avi,mpegts,mpeg,flv,ogg,asf,gif,yuv4mpegpipe"
 MP4 = "mov,mp4,m4a,3gp,3g2,mj2"
 """FFmpeg's name of MP4 and its relatives."""
 KNOWN = "MP4, MOV, Matroska, WebM, AVI, MPEG-TS, MPEG-PS, FLV, Ogg, ASF, GIF, Y4M"
+QUARTER = 0.01
+"""Largest ratio of the small and the large entries of a display matrix of quarter turns."""
 COVER = Disposition.attached_pic
 DEEP_FORMATS = re.compile(r"(?P<grey>gray16|ya16)|rgb48|bgr48|rgba64|bgra64|gbrp16|gbrap16")
 """Names of FFmpeg's formats of grey or RGB with 16 bits, without the order of the bytes."""
@@ -54,6 +57,8 @@ LAST_PAGE = 4
 """Flag of the last page of a stream in Ogg."""
 BOX_HEAD = 8
 """Length of a box's own length and name in MP4 [bytes]."""
+NO_INDEX = "moov atom not found"
+"""What FFmpeg prints where an MP4 has no index."""
 PREMATURE = "File ended prematurely"
 """What FFmpeg prints, and does not return, where a Matroska file is cut."""
 
@@ -68,8 +73,8 @@ class Decoded:
     """None if it cannot be decoded."""
     damaged: bool = False
     """True if FFmpeg has filled in parts of it."""
-    note: str = ""
-    """As of `Picture`."""
+    notes: tuple[str, ...] = ()
+    """As those of `Picture`."""
 
 
 @dataclass(slots=True)
@@ -98,6 +103,10 @@ class Video:
                 return replace(video, is_cut=video.is_cut or is_cut)
             except FFmpegError:
                 reason = f"this is not a video that can be read; known formats are {KNOWN}"
+                file.seek(0)
+                has_pictures = b"mdat" in file.read(PAGE)
+                if has_pictures and any(NO_INDEX in text for _, _, text in printed):
+                    reason = "the index of this MP4 is missing, as in a recording that was cut off"
             except OSError as error:
                 reason = f"cannot read this video: {error.strerror}"
             except ValueError as error:
@@ -126,7 +135,7 @@ class Video:
                 damaged += frame.damaged or bool(printed)
                 stamp = None if frame.stamp is None else round(frame.stamp * SECOND)
                 name = f"frame {index}"
-                yield frame.stamp, Picture(name, 0.0, frame.image, stamp=stamp, note=frame.note)
+                yield frame.stamp, Picture(name, 0.0, frame.image, stamp=stamp, notes=frame.notes)
                 printed.clear()  # also what a film that is written meanwhile has printed
                 index += 1
         damaged += bool(printed)
@@ -209,14 +218,15 @@ def decoded(container: InputContainer, stream: VideoStream) -> Iterator[Decoded]
             continue
         for frame in frames:
             image = _rgb(frame, depth)
-            yield Decoded(frame.time, image, frame.is_corrupt, depth.note)
+            notes = (*_turns(frame), *depth.notes)
+            yield Decoded(frame.time, image, frame.is_corrupt, notes)
 
 
 def _rgb(frame: av.VideoFrame, depth: BitDepth) -> Image | None:
     """Return a frame as its file says that it is shown; None if it cannot be decoded."""
     try:
         check_size(frame.width, frame.height)
-        image = _as_shown(_eight_bits(frame, depth), frame.side_data.get(Type.DISPLAYMATRIX))
+        image = _as_shown(_eight_bits(frame, depth), _display_matrix(frame))
     except (ValueError, FFmpegError):
         return None
     image = np.ascontiguousarray(image, np.uint8)
@@ -239,17 +249,36 @@ def _eight_bits(frame: av.VideoFrame, depth: BitDepth) -> Image:
     return np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
 
 
-def _as_shown(image: Image, matrix: SideData | None) -> Image:
-    """Return an image turned by quarter turns and mirrored as a display matrix says.
+def _display_matrix(frame: av.VideoFrame) -> tuple[int, int, int, int]:
+    """Return (a, b, c, d), by which a frame is shown: a telephone writes it.
 
-    It takes a pixel (x, y) to (a x + c y, b x + d y); a telephone writes it.
+    It takes a pixel (x, y) to (a x + c y, b x + d y).
     """
+    matrix = frame.side_data.get(Type.DISPLAYMATRIX)
     if matrix is None:
-        return image
+        return 1, 0, 0, 1
     a, b, _, c, d, *_ = np.frombuffer(bytes(matrix), np.int32).tolist()
+    return a, b, c, d
+
+
+def _as_shown(image: Image, matrix: tuple[int, int, int, int]) -> Image:
+    """Return an image turned by quarter turns and mirrored as a display matrix says."""
+    a, b, c, d = matrix
     if abs(a) + abs(d) < abs(b) + abs(c):
         image, a, d = image.swapaxes(0, 1), c, b
     return image[:: -1 if d < 0 else 1, :: -1 if a < 0 else 1]
+
+
+def _turns(frame: av.VideoFrame) -> list[str]:
+    """Return a sentence about a display matrix that is not of quarter turns, if there is one."""
+    a, b, c, d = _display_matrix(frame)
+    straight, crossed = abs(a) + abs(d), abs(b) + abs(c)
+    if min(straight, crossed) <= QUARTER * max(straight, crossed):
+        return []
+    return [
+        f"this video says that it is shown turned by {math.degrees(math.atan2(b, a)):.0f} degrees; "
+        "its pictures are turned to the nearest quarter turn only"
+    ]
 
 
 @contextmanager
