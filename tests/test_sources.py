@@ -7,6 +7,7 @@ import pytest
 from servo.mistake import Mistake
 from servo.study import suites
 from sim.files.picture_file import rgb
+from tracking.exported import Got10kTracker
 from tracking.sequences.sequence import read_all, read_folder, source_of
 from tracking.sequences.sources import Folder
 from tracking.sequences.video_file import Video
@@ -111,14 +112,21 @@ def test_otb_and_vot_layouts_are_found(tmp_path):
         assert (sequence.start.x, sequence.start.y) == (20, 15)
 
 
-def test_got_10k_s_layout_is_found(tmp_path):
-    others = {"absence.label": ["0", "0", "0"], "meta_info.ini": ["[METAINFO]"]}
-    boxes = ["10.0000,10.0000,20.0000,10.0000"] * 3
-    layout(tmp_path / "GOT-10k_Val_000001", "", 3, {"groundtruth.txt": boxes, **others})
+@pytest.mark.parametrize("label", ["meta_info.ini", "absence.label"])
+def test_got_10k_s_layout_is_found_and_its_boxes_count_from_1(tmp_path, label):
+    """Its toolkit hands them to trackers as they are, so `Got10kTracker` gets the same numbers."""
+    boxes = ["11.0000,11.0000,20.0000,10.0000"] * 3
+    files = {"groundtruth.txt": boxes, label: ["0", "0", "0"]}
+    layout(tmp_path / "GOT-10k_Val_000001", "", 3, files)
     (tmp_path / "list.txt").write_text("GOT-10k_Val_000001\n")
     (sequence,) = read_all(tmp_path, 30.0)
     assert (sequence.name, sequence.source.count) == ("GOT-10k_Val_000001", 3)
     assert (sequence.start.x, sequence.start.y) == (20, 15)
+    tracker = Got10kTracker("frozen")
+    tracker.init(np.zeros((100, 160, 3), np.uint8), (11.0, 11.0, 20.0, 10.0))
+    found = tracker._follower.region.corners(sequence.start)
+    np.testing.assert_allclose(found, sequence.truth[0])
+    assert tracker.update(np.zeros((100, 160, 3), np.uint8)).tolist() == [11.0, 11.0, 20.0, 10.0]
 
 
 def test_a_sequence_that_begins_without_its_target_is_refused(tmp_path):
