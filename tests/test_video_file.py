@@ -346,8 +346,8 @@ def test_a_video_that_is_turned_by_less_than_a_quarter_says_so(tmp_path):
     (picture,) = Video.of(path)
     assert picture.image.shape == corner.shape
     assert picture.notes == (
-        "this video says that it is shown turned by 30 degrees; its pictures are turned to the "
-        "nearest quarter turn only",
+        "this video says that it is shown turned by 30 degrees clockwise; its pictures are turned "
+        "to the nearest quarter turn only",
     )
 
 

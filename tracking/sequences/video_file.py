@@ -275,9 +275,11 @@ def _turns(frame: av.VideoFrame) -> list[str]:
     straight, crossed = abs(a) + abs(d), abs(b) + abs(c)
     if min(straight, crossed) <= QUARTER * max(straight, crossed):
         return []
+    angle = math.degrees(math.atan2(b, a))  # y goes down
+    sense = "clockwise" if angle > 0 else "counterclockwise"
     return [
-        f"this video says that it is shown turned by {math.degrees(math.atan2(b, a)):.0f} degrees; "
-        "its pictures are turned to the nearest quarter turn only"
+        f"this video says that it is shown turned by {abs(angle):.0f} degrees {sense}; its "
+        "pictures are turned to the nearest quarter turn only"
     ]
 
 
