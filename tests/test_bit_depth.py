@@ -119,6 +119,7 @@ def test_a_bag_of_12_bits_is_read_by_them(tmp_path, big):
         ("gray10le", "gray10le", 900, 2),  # such a format states its bits
     ],
 )
+@pytest.mark.newest
 def test_a_video_of_16_bits_is_read_by_those_in_use(tmp_path, stored, given, largest, shift):
     picture = deep(largest, (24, 40, 3) if given == "rgb48le" else (24, 40))
     data = io.BytesIO()

@@ -272,6 +272,7 @@ def test_a_file_that_breaks_off_before_the_end_it_states_says_so(tmp_path, form)
     assert (video.end.sentence, video.end.lost) == (sentence, True)
 
 
+@pytest.mark.newest
 def test_a_cut_video_whose_index_is_in_front_counts_what_can_be_decoded(tmp_path):
     """The last picture before the cut is there in part; the one in the middle is damaged."""
     path = tmp_path / "film.mp4"
