@@ -63,7 +63,7 @@ def test_yuv_is_read_in_both_orders(tmp_path, encoding):
 
 
 @pytest.mark.parametrize("big", [0, 1])
-def test_of_sixteen_bits_the_high_byte_is_read(tmp_path, big):
+def test_of_sixteen_bits_that_are_all_used_the_high_byte_is_read(tmp_path, big):
     grey = np.full((HEIGHT, WIDTH), 77 * 256 + 200, ">u2" if big else "<u2")
 
     def make(store):

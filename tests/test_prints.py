@@ -120,7 +120,8 @@ def shot(k, status=Status.LOCKED, size=(64, 48)):
 def test_a_track_is_printed_so(console, monkeypatch, approved):
     region = Region(10.0, 6.0)
     sizes = [(64, 48), (64, 48), None, (64, 48), (80, 48), None, (64, 48)]
-    seen = [shot(k, Status.LOST if k > 4 else Status.LOCKED, size) for k, size in enumerate(sizes)]
+    statuses = [*3 * [Status.LOCKED], *2 * [Status.UNSURE], *2 * [Status.LOST]]
+    seen = [shot(k, statuses[k], size) for k, size in enumerate(sizes)]
     truth = np.stack([region.corners(State(20.0 + 1.5 * k, 16.0)) for k in range(7)])
     compared = Comparison.of(Track.of(seen, region), truth)
     monkeypatch.setattr(terminal, "Console", lambda **_: console)

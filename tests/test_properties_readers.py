@@ -219,7 +219,7 @@ def test_any_name_of_a_file_is_one_or_a_sentence(folder, name):
     read(suites.suite, f"{folder}/none/{name}.toml", error=Mistake)
 
 
-TRACK = (",".join(track_file.HEADER) + "\n" + ",".join("1" * 20) + "\n").encode()
+TRACK = (",".join(track_file.HEADER) + "\n" + ",".join("1" * 21) + "\n").encode()
 
 
 @settings(max_examples=150)

@@ -7,6 +7,7 @@ import pytest
 from servo.mistake import Mistake
 from servo.study import suites
 from sim.files.picture_file import rgb
+from tracking.exported import Got10kTracker
 from tracking.sequences.sequence import read_all, read_folder, source_of
 from tracking.sequences.sources import Folder
 from tracking.sequences.video_file import Video
@@ -29,6 +30,30 @@ def test_a_folder_is_read_in_order_whatever_its_pictures_are(tmp_path):
     assert [picture.image for picture in broken] == [None, None]
     with pytest.raises(ValueError):
         colour.image[0, 0] = 0
+
+
+@pytest.mark.parametrize(
+    ("names", "many", "first"),
+    [
+        (["IMG_9", "IMG_10", "IMG_11", "IMG_15", "IMG_16", "IMG_18"], 4, "IMG_11.png"),
+        (["a2_00", "a2_10", "a2_20", "a2_40"], 1, "a2_20.png"),  # every tenth picture
+        (["IMG_9", "IMG_10", "IMG_11"], 0, ""),
+        (["1000033", "1000068", "1000100", "1000140"], 0, ""),  # stamps
+        (["a1", "b4", "c9"], 0, ""),
+        (["1_1", "1_2", "2_7", "2_8"], 0, ""),
+        (["x"], 0, ""),
+    ],
+)
+def test_numbers_that_names_leave_out_are_said(tmp_path, names, many, first):
+    for name in names:
+        cv2.imwrite(str(tmp_path / f"{name}.png"), RED)
+    pictures = list(Folder.of(tmp_path, rate=10.0))
+    assert [p.time for p in pictures] == pytest.approx([0.1 * k for k in range(len(names))])
+    sentence = (
+        f"the numbers in the names leave out {many} pictures, the first after {first}; the times "
+        "do not: each picture is one period later than the one before"
+    )
+    assert {p.notes for p in pictures} == {(sentence,) if many else ()}
 
 
 @pytest.mark.parametrize("shape", [(4, 5), (4, 5, 1), (4, 5, 3), (4, 5, 4)])
@@ -87,14 +112,21 @@ def test_otb_and_vot_layouts_are_found(tmp_path):
         assert (sequence.start.x, sequence.start.y) == (20, 15)
 
 
-def test_got_10k_s_layout_is_found(tmp_path):
-    others = {"absence.label": ["0", "0", "0"], "meta_info.ini": ["[METAINFO]"]}
-    boxes = ["10.0000,10.0000,20.0000,10.0000"] * 3
-    layout(tmp_path / "GOT-10k_Val_000001", "", 3, {"groundtruth.txt": boxes, **others})
+@pytest.mark.parametrize("label", ["meta_info.ini", "absence.label"])
+def test_got_10k_s_layout_is_found_and_its_boxes_count_from_1(tmp_path, label):
+    """Its toolkit hands them to trackers as they are, so `Got10kTracker` gets the same numbers."""
+    boxes = ["11.0000,11.0000,20.0000,10.0000"] * 3
+    files = {"groundtruth.txt": boxes, label: ["0", "0", "0"]}
+    layout(tmp_path / "GOT-10k_Val_000001", "", 3, files)
     (tmp_path / "list.txt").write_text("GOT-10k_Val_000001\n")
     (sequence,) = read_all(tmp_path, 30.0)
     assert (sequence.name, sequence.source.count) == ("GOT-10k_Val_000001", 3)
     assert (sequence.start.x, sequence.start.y) == (20, 15)
+    tracker = Got10kTracker("frozen")
+    tracker.init(np.zeros((100, 160, 3), np.uint8), (11.0, 11.0, 20.0, 10.0))
+    found = tracker._follower.region.corners(sequence.start)
+    np.testing.assert_allclose(found, sequence.truth[0])
+    assert tracker.update(np.zeros((100, 160, 3), np.uint8)).tolist() == [11.0, 11.0, 20.0, 10.0]
 
 
 def test_a_sequence_that_begins_without_its_target_is_refused(tmp_path):

@@ -2,20 +2,23 @@
 
 import itertools
 import json
+import re
 import threading
 import time
 from contextlib import nullcontext
+from datetime import UTC, datetime, timedelta
 
 import cv2
 import numpy as np
 import pytest
 from serving import film, served
-from tracked import REGION, call, rows_of
+from tracked import REGION, call, image, rows_of
 
 from tracking.sequences import stream
 from tracking.sequences.sequence import source_of
-from tracking.sequences.sources import End, Times
+from tracking.sequences.sources import End, Picture, Times, timed
 from tracking.sequences.stream import Feed, LiveSource
+from tracking.sequences.video_file import Decoded
 from tracking.trackers import frozen
 
 IMAGE = np.zeros((20, 30, 3), np.uint8)
@@ -29,11 +32,12 @@ def test_the_newest_picture_wins_and_the_dropped_are_counted():
     go, done = threading.Event(), threading.Event()
 
     def pictures():
-        yield 10.0, IMAGE
+        yield Decoded(None, None)  # of a picture that was sent earlier
+        yield Decoded(10.0, IMAGE)
         go.wait(9)
-        yield None, None  # cannot be decoded
+        yield Decoded(None, None)
         for k in range(1, 6):
-            yield 10.0 + 0.1 * k, IMAGE
+            yield Decoded(10.0 + 0.1 * k, IMAGE, damaged=k > 3)
         done.set()
 
     source = LiveSource("eye", lambda: nullcontext(Feed(pictures(), 10.0)))
@@ -47,14 +51,16 @@ def test_the_newest_picture_wins_and_the_dropped_are_counted():
     assert [p.time for p in (first, *rest)] == pytest.approx([0.0, 0.5])
     assert source.rate == 10.0
     assert source.end == End(
-        "eye: 6 pictures, then it ended; 4 of them were dropped, because the tracker was slower",
-        lost=False,
+        "eye: 6 pictures, then it ended; 4 of them were dropped, because they came too fast; "
+        "2 of them are damaged; 1 more cannot be decoded",
+        lost=True,
         dropped=4,
+        damaged=3,
     )
 
 
 def test_a_recording_on_a_server_waits_and_a_reader_that_stops_ends_the_thread():
-    feed = Feed(((k / 10, IMAGE) for k in range(50)), 10.0, waits=True)
+    feed = Feed((Decoded(k / 10, IMAGE) for k in range(50)), 10.0, waits=True)
     source = LiveSource("eye", lambda: nullcontext(feed))
     before = threading.active_count()
     found = iter(source)
@@ -78,6 +84,24 @@ def test_a_recording_on_a_server_waits_and_a_reader_that_stops_ends_the_thread()
 def test_times_increase_whatever_the_stamps_are(stamps, expected):
     times = Times(10.0)
     assert [times.since_first(stamp) for stamp in stamps] == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "expected"),
+    [
+        ([5.0, 5.1, None, 5.15, 5.25], [0.0, 0.1, 0.125, 0.15, 0.25]),
+        ([5.0, None, None, 5.6, None, None], [0.0, 0.2, 0.4, 0.6, 0.7, 0.8]),
+        ([None, None, 5.0, 5.05], [0.0, 0.05, 0.1, 0.15]),
+    ],
+)
+def test_pictures_that_cannot_be_decoded_leave_the_times_of_the_others(stamps, expected):
+    there = [
+        (stamp, Picture(str(k), 0.0, None if stamp is None else IMAGE))
+        for k, stamp in enumerate(stamps)
+    ]
+    found = list(timed(there, 10.0))
+    assert [p.name for p in found] == [str(k) for k in range(len(stamps))]
+    assert [p.time for p in found] == pytest.approx(expected)
 
 
 class Camera:
@@ -127,7 +151,7 @@ def test_a_tracker_is_warmed_up_before_a_stream_is_opened(monkeypatch, capfd, tm
 
     def opened():
         events.append("opened")
-        return nullcontext(Feed(((k / 10, IMAGE) for k in range(3)), 10.0, waits=True))
+        return nullcontext(Feed((Decoded(k / 10, IMAGE) for k in range(3)), 10.0, waits=True))
 
     for method in ("start", "update"):
         usual = getattr(frozen.Frozen, method)
@@ -160,6 +184,7 @@ def test_a_stream_is_tracked_by_a_slow_tracker(monkeypatch, capfd, tmp_path, par
 
     monkeypatch.setattr(frozen.Frozen, "update", slow)
     monkeypatch.chdir(tmp_path)
+    before = datetime.now(UTC) - timedelta(milliseconds=1)
     with served(parts, gap=0.04, rtsp=rtsp) as address:
         code, _, err = call(
             monkeypatch,
@@ -178,10 +203,15 @@ def test_a_stream_is_tracked_by_a_slow_tracker(monkeypatch, capfd, tmp_path, par
     assert code == 0
     assert err == f"servobench: {report['end']}\n"
     total = len(rows) + report["dropped"]
-    assert report["end"] == (
-        f"{address}: {total} pictures, then it ended; {report['dropped']} of them were dropped, "
-        "because the tracker was slower"
+    assert re.fullmatch(
+        rf"{address}: {total} pictures, then it ended; {report['dropped']} of them were dropped, "
+        r"because they came too fast; a picture took 2\d\d ms in the tracker and \d+ ms in what is "
+        "written and shown",
+        report["end"],
     )
+    came = datetime.fromisoformat(report["began"])
+    assert came.tzinfo is UTC
+    assert before <= came <= datetime.now(UTC)
     assert 0 < report["dropped"] < total <= 60
     times = np.array([float(row["time"]) for row in rows])
     np.testing.assert_allclose(25 * times, np.round(25 * times), atol=1e-3)
@@ -232,12 +262,30 @@ def test_few_pictures_are_read_before_the_first_one_is_given():
     assert in_time == [True]
 
 
+def motion_jpeg(picture, part=1.0):
+    """A picture as an HTTP camera sends it, or the first part of one."""
+    jpeg = cv2.imencode(".jpg", picture)[1].tobytes()
+    jpeg = jpeg[: round(part * len(jpeg))]
+    head = b"--eye\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % len(jpeg)
+    return head + jpeg + b"\r\n"
+
+
+def test_damaged_pictures_of_a_stream_are_counted(monkeypatch, capfd, tmp_path):
+    parts = [motion_jpeg(image(0), 0.5 if k % 10 == 5 else 1.0) for k in range(30)]
+    monkeypatch.chdir(tmp_path)
+    words = ("--region", REGION, "--tracker", "frozen", "-q", "--out", "out")
+    with served(parts, gap=0.03) as address:
+        code, _, err = call(monkeypatch, capfd, address, *words)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert (code, report["damaged"]) == (1, 3)
+    assert err.startswith(f"servobench: {address}: 30 pictures, then it ")
+    assert "; 3 of them are damaged" in err
+
+
 def test_pictures_without_stamps_have_the_times_at_which_they_come(monkeypatch):
     clock = itertools.count()
     monkeypatch.setattr(stream, "time", type("Clock", (), {"monotonic": lambda: next(clock)}))
-    jpeg = cv2.imencode(".jpg", IMAGE)[1].tobytes()
-    head = b"--eye\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % len(jpeg)
-    with served(9 * [head + jpeg + b"\r\n"], gap=0.15) as address:
+    with served(9 * [motion_jpeg(IMAGE)], gap=0.15) as address:
         found = [(int(p.name.removeprefix("frame ")), p.time) for p in source_of(address, 30.0)]
     first = found[0][0]  # on a busy machine, pictures before it were replaced by newer ones
     assert found[-1][0] == 8 > first

@@ -4,12 +4,13 @@ import json
 
 import cv2
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from tracked import FRAMES, REGION, call, image, pictures, rows_of
 
 from servo.cli.track_command import region_of
 from servo.output.recording.view import recording_in
-from tracking.evaluation.track_file import HEADER, read
+from tracking.evaluation.track_file import HEADER, TrackFile, read
 
 
 @pytest.fixture
@@ -24,7 +25,7 @@ def test_a_track_has_the_agreed_header_and_a_row_for_every_picture(monkeypatch, 
     first = (folder / "out" / "track.csv").read_text().splitlines()[0]
     assert first == (
         "frame,time,x,y,theta,scale,width,height,x1,y1,x2,y2,x3,y3,x4,y4,confidence,status,"
-        "milliseconds,stamp"
+        "milliseconds,stamp,name"
     )
     found = rows_of(folder / "out" / "track.csv")
     assert [int(row["frame"]) for row in found] == list(range(FRAMES))
@@ -199,7 +200,43 @@ def test_a_mistake_is_one_sentence_and_leaves_nothing(monkeypatch, capfd, folder
 def test_what_is_no_track_is_refused(tmp_path):
     (tmp_path / "t.csv").write_text("a,b\n1,2\n")
     with pytest.raises(
-        ValueError, match="format 2, which this version reads: its columns are a, b"
+        ValueError, match="format 3, which this version reads: its columns are a, b"
     ):
         read(tmp_path / "t.csv")
-    assert len(HEADER) == 20
+    assert len(HEADER) == 21
+
+
+@pytest.mark.parametrize("moment", ["before", "after"])
+def test_a_stopped_track_reports_the_rows_that_it_wrote(monkeypatch, capfd, folder, moment):
+    """The signal comes before or after the fourth row is written, as while a film is."""
+    usual = TrackFile.add
+
+    def add(self, shot):
+        if shot.index == 3 and moment == "before":
+            raise KeyboardInterrupt
+        usual(self, shot)
+        if shot.index == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(TrackFile, "add", add)
+    words = ("in", "--region", REGION, "--tracker", "frozen", "--out", "out")
+    code, out, _ = call(monkeypatch, capfd, *words)
+    count = 3 if moment == "before" else 4
+    assert code == 130
+    assert len(rows_of(folder / "out" / "track.csv")) == count
+    assert pq.read_table(folder / "out" / "track.parquet").num_rows == count
+    assert json.loads((folder / "out" / "report.json").read_text())["frames"] == count
+    assert f"{count} frames, {count - 1} UNSURE, 0 LOST" in out
+
+
+def test_unsure_pictures_are_counted(monkeypatch, capfd, folder):
+    """The target is gone from the third picture on, for less than a second."""
+    for k in range(2, FRAMES):
+        cv2.imwrite(str(folder / "in" / f"{k:03}.png"), np.full((100, 160, 3), 128, np.uint8))
+    words = ("in", "--region", REGION, "--tracker", "pf_ssd", "--rate", "8", "--out", "out")
+    code, out, _ = call(monkeypatch, capfd, *words)
+    report = json.loads((folder / "out" / "report.json").read_text())
+    rows = [row["status"] for row in rows_of(folder / "out" / "track.csv")]
+    assert rows == [*2 * ["LOCKED"], *6 * ["UNSURE"]]
+    assert (code, report["unsure"], report["lost"]) == (0, 6, 0)
+    assert f"{FRAMES} frames, 6 UNSURE, 0 LOST" in out

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from tracked import rows_of
 
 from servo.mistake import Refused
 from servo.output.track_folder import TrackFolder
 from tracking.evaluation.track import Shot
-from tracking.evaluation.track_file import HEADER
+from tracking.evaluation.track_file import HEADER, read
 from tracking.sequences.sources import Picture
 from tracking.types import Estimate, Region, State, Status
 
@@ -51,6 +52,18 @@ def tracked(folder, extras, count=3):
     files.close()
     assert len((folder / "track.csv").read_text().splitlines()) == 1 + count
     return files
+
+
+def test_rows_have_the_names_of_the_pictures_whatever_these_are(tmp_path):
+    names = ["IMG_7.png", 'a, "b"\n.png', "\udcfd.png", "NA", "7"]
+    files = TrackFolder(tmp_path, Region(10.0, 6.0), recording=False)
+    for k, name in enumerate(names):
+        files.add(replace(shot(k), picture=Picture(name, k / 30, None)), None)
+    files.close()
+    names[2] = r"\udcfd.png"
+    assert [row["name"] for row in rows_of(tmp_path / "track.csv")] == names
+    assert pq.read_table(tmp_path / "track.parquet")["name"].to_pylist() == names
+    assert len(read(tmp_path / "track.csv").states) == files.count == 5
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def raw(size, pixels):
 
 
 def test_grey_pictures_become_rgb():
-    grey = np.arange(6, dtype=np.uint8).reshape(2, 3)
+    grey = np.arange(250, 256, dtype=np.uint8).reshape(2, 3)
     expected = np.dstack([grey] * 3)
     np.testing.assert_array_equal(messages.picture_in(raw("3;2;gray8", grey)), expected)
     deep = grey.astype("<u2") * 256 + 7

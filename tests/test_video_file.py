@@ -14,7 +14,6 @@ from tracked import image
 
 from sim.files import picture_file
 from tracking.sequences.sequence import source_of
-from tracking.sequences.sources import End
 from tracking.sequences.video_file import GIVEN_UP, Video
 
 FRAMES = 20
@@ -92,7 +91,6 @@ NOT_VIDEOS = {
     "empty": b"",
     "noise": b"\x01\x80\xff" * 99,
     "jpg": cv2.imencode(".jpg", np.zeros((40, 40, 3), np.uint8))[1].tobytes(),
-    "half": film()[: len(film()) // 2],
     "box": b"\0\0\0\x18ftyp" + b"\0" * 99,
     "G": b"G" + b"\x01\x80" * 99,
 }
@@ -105,6 +103,13 @@ def test_what_is_no_video_is_named_and_opens_nothing_else(tmp_path, capfd, name)
     path = tmp_path / "film.mp4"
     path.write_bytes(NOT_VIDEOS[name])
     assert refusal(path) == REFUSAL
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_mp4_that_was_cut_off_before_its_index_was_written_says_so(tmp_path, capfd):
+    path = tmp_path / "film.mp4"
+    path.write_bytes(film()[: len(film()) // 2])
+    assert refusal(path) == "the index of this MP4 is missing, as in a recording that was cut off"
     assert capfd.readouterr() == ("", "")
 
 
@@ -264,7 +269,35 @@ def test_a_file_that_breaks_off_before_the_end_it_states_says_so(tmp_path, form)
     video = Video.of(path)
     assert 1 < len(list(video)) == video.count < FRAMES
     sentence = f"{path}: {video.count} pictures, then this video breaks off"
-    assert video.end == End(sentence, lost=True)
+    assert (video.end.sentence, video.end.lost) == (sentence, True)
+
+
+@pytest.mark.newest
+def test_a_cut_video_whose_index_is_in_front_counts_what_can_be_decoded(tmp_path):
+    """The last picture before the cut is there in part; the one in the middle is damaged."""
+    path = tmp_path / "film.mp4"
+    with av.open(str(path), mode="w", options={"movflags": "faststart"}) as container:
+        stream = container.add_stream("libx264", rate=25, options={"tune": "zerolatency", "g": "1"})
+        stream.width, stream.height, stream.pix_fmt = 160, 100, "yuv420p"
+        for k in range(FRAMES):
+            picture = np.ascontiguousarray(image(k)[..., ::-1])
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        container.mux(stream.encode(None))
+    content = bytearray(path.read_bytes())
+    with av.open(io.BytesIO(content)) as container:
+        places = [(p.pos, p.size) for p in container.demux(video=0) if p.size]
+    at, size = places[5]
+    content[at : at + size] = bytes(size)
+    path.write_bytes(content[: places[12][0] + 9])
+    video = Video.of(path)
+    pictures = list(video)
+    there = [p for p in pictures if p.image is not None]
+    start = there[0].stamp
+    assert [p.time for p in there] == pytest.approx([1e-9 * (p.stamp - start) for p in there])
+    assert pictures[5].image is None
+    assert pictures[5].time == pytest.approx(5 / 25)
+    assert video.end.sentence == f"{path}: {len(there)} pictures, then this video breaks off"
+    assert (len(there), len(pictures)) == (11, FRAMES)
 
 
 def test_a_video_of_noise_ends(tmp_path):
@@ -296,6 +329,32 @@ SHOWN = {
 def test_a_video_that_says_how_it_is_shown_is_turned_and_mirrored(tmp_path, name):
     """Telephones store a portrait lying on its side, and what looks at its owner mirrored."""
     (a, b, c, d), shown = SHOWN[name]
+    path = tmp_path / "film.mp4"
+    corner = shown_by(path, (a, b, c, d))
+    (picture,) = Video.of(path)
+    assert picture.notes == ()
+    assert picture.image.shape == shown(corner).shape
+    assert np.abs(picture.image.astype(int) - shown(corner)).mean() < 8  # as MPEG-4 smears
+    if "turned" in name:
+        _, opencvs = cv2.VideoCapture(str(path)).read()
+        np.testing.assert_allclose(picture.image, opencvs[..., ::-1], atol=8)
+
+
+def test_a_video_that_is_turned_by_less_than_a_quarter_says_so(tmp_path):
+    c, s = round(ONE * np.cos(np.radians(30))), round(ONE * np.sin(np.radians(30)))
+    path = tmp_path / "film.mp4"
+    corner = shown_by(path, (c, s, -s, c))
+    (picture,) = Video.of(path)
+    assert picture.image.shape == corner.shape
+    assert picture.notes == (
+        "this video says that it is shown turned by 30 degrees clockwise; its pictures are turned "
+        "to the nearest quarter turn only",
+    )
+
+
+def shown_by(path, matrix):
+    """Write a video of one picture with a display matrix; the picture."""
+    a, b, c, d = matrix
     upright = struct.pack(">9i", ONE, 0, 0, 0, ONE, 0, 0, 0, 1 << 30)
     data = io.BytesIO()
     with av.open(data, mode="w", format="mp4") as container:
@@ -307,15 +366,9 @@ def test_a_video_that_says_how_it_is_shown_is_turned_and_mirrored(tmp_path, name
         container.mux(stream.encode(None))
     content = data.getvalue()
     at = content.index(b"tkhd")
-    path = tmp_path / "film.mp4"
     stated = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 1 << 30)
     path.write_bytes(content[:at] + content[at:].replace(upright, stated, 1))
-    (picture,) = Video.of(path)
-    assert picture.image.shape == shown(corner).shape
-    assert np.abs(picture.image.astype(int) - shown(corner)).mean() < 8  # as MPEG-4 smears
-    if "turned" in name:
-        _, opencvs = cv2.VideoCapture(str(path)).read()
-        np.testing.assert_allclose(picture.image, opencvs[..., ::-1], atol=8)
+    return corner
 
 
 @pytest.mark.parametrize("step", [20, 2])  # by 20 each frame stands alone, by 2 it needs the last

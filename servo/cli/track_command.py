@@ -134,15 +134,16 @@ def run(request: TrackRequest) -> int:
         raise with_traceback(error, folder) from None
     if truth is not None and seen:
         comparison = Comparison.of(Track.of(seen, region), truth)
-    report = _report(request, folder, settings, seen, comparison, source.end)
-    print_track(console, f"{kind} on {name}", seen, comparison, source.end)
+    end = _with_reason(source.end, seen, files.seconds)
+    report = _report(request, folder, settings, seen, comparison, end)
+    print_track(console, f"{kind} on {name}", seen, comparison, end)
     for path in (*files.paths, report):
         plain(console, f"  {path}")
     if code == 0:
         linger(viewer, console)
     if files.refused is not None:
         raise files.refused
-    is_lost = source.end is not None and source.end.lost
+    is_lost = end is not None and end.lost
     return code or (REFUSED if is_lost or any(shot.blind for shot in seen) else 0)
 
 
@@ -263,15 +264,34 @@ def _write(
             task = bar.add_task(escape(request.tracker), total=count, note=COMPILING)
             for shot in shots:
                 true = None if truth is None or shot.index >= len(truth) else truth[shot.index]
+                seen.append(shot.without_picture())  # first: a signal may come while it is written
                 files.add(shot, true)
-                seen.append(shot.without_picture())
                 bar.update(task, advance=1, note=shot.estimate.status.name)
     except KeyboardInterrupt as cause:
         plain(Console(stderr=True), STOPPED)
         code = exit_code(cause)
     finally:
         files.close()
-    return seen, code
+    return seen[: files.count], code
+
+
+def _with_reason(end: End | None, seen: list[Shot], writing: float) -> End | None:
+    """Return the end of a source; where pictures were dropped, with what took the time.
+
+    Args:
+        end: The end.
+        seen: All shots.
+        writing: Time that writing and showing them took [s].
+    """
+    if end is None or not end.dropped:
+        return end
+    tracking = sum(shot.seconds for shot in seen)
+    took = [1e3 * seconds / max(len(seen), 1) for seconds in (tracking, writing)]
+    sentence = (
+        f"{end.sentence}; a picture took {took[0]:.0f} ms in the tracker and {took[1]:.0f} ms in "
+        "what is written and shown"
+    )
+    return replace(end, sentence=sentence)
 
 
 def _report(
@@ -283,6 +303,7 @@ def _report(
     end: End | None,
 ) -> Path:
     measures = {} if comparison is None else measure_all(comparison)
+    came = next((shot.picture.came for shot in seen), None)
     report = TrackReport(
         command=request.command,
         versions=versions(),
@@ -291,22 +312,36 @@ def _report(
         seed=request.seed,
         frames=len(seen),
         undecodable=[shot.picture.name for shot in seen if shot.blind],
-        lost=sum(shot.estimate.status is Status.LOST for shot in seen),
+        lost=_count(seen, Status.LOST),
+        unsure=_count(seen, Status.UNSURE),
         measures={name: number(value) for name, value in measures.items()},
         units={m.name: m.unit for m in MEASURES},
         end="" if end is None else end.sentence,
         start=next((s.picture.stamp / SECOND for s in seen if s.picture.stamp is not None), None),
+        began="" if came is None else came.isoformat(timespec="milliseconds"),
         dropped=0 if end is None else end.dropped,
+        damaged=0 if end is None else end.damaged,
+        notes=_notes(seen),
     )
     return report.write(folder)
+
+
+def _notes(seen: list[Shot]) -> list[str]:
+    """The sentences about the pictures, each once."""
+    return list(dict.fromkeys(note for shot in seen for note in shot.picture.notes))
+
+
+def _count(seen: list[Shot], status: Status) -> int:
+    return sum(shot.estimate.status is status for shot in seen)
 
 
 def print_track(
     console: Console, what: str, seen: list[Shot], comparison: Comparison | None, end: End | None
 ) -> None:
     """Print what was tracked, its measures where there is a truth, and what was odd."""
-    lost = sum(shot.estimate.status is Status.LOST for shot in seen)
-    console.print(f"[bold]{escape(what)}[/]: {len(seen)} frames, {lost} LOST")
+    unsure = _count(seen, Status.UNSURE)
+    lost = _count(seen, Status.LOST)
+    console.print(f"[bold]{escape(what)}[/]: {len(seen)} frames, {unsure} UNSURE, {lost} LOST")
     if comparison is not None:
         _print_measures(console, comparison)
     _print_oddities(seen, end)
@@ -337,5 +372,7 @@ def _print_oddities(seen: list[Shot], end: End | None) -> None:
             f"{len(blind)} of {len(seen)} pictures cannot be read, the first is "
             f"{blind[0].name} ({blind[0].reason}); their rows are LOST"
         )
+    for note in _notes(seen):
+        complain(note)
     if end is not None:
         complain(end.sentence)

@@ -2,8 +2,9 @@
 
 import io
 import shutil
+import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -51,6 +52,10 @@ class TrackFolder:
         Raises:
             OSError: A file cannot be written.
         """
+        self.count = 0
+        """Rows in the files, known when they are closed."""
+        self.seconds = 0.0
+        """Time that writing and showing the shots has taken [s]."""
         self._folder = folder
         self._rows = TrackFile(folder / TRACK, region)
         self._sinks = Sinks(more or {})
@@ -74,10 +79,12 @@ class TrackFolder:
         Raises:
             OSError: The row cannot be written.
         """
+        began = time.monotonic()
         self._rows.add(shot)
         if self._sinks and self._nearly_full():
             self._sinks.end("the disk is full")
         self._sinks.add(shot, truth)
+        self.seconds += time.monotonic() - began
 
     def close(self) -> None:
         """Finish all files, and write the rows as Parquet.
@@ -87,7 +94,9 @@ class TrackFolder:
         """
         try:
             self._rows.close()
-            atomic.write(self._folder, TABLE, _parquet(self._folder / TRACK))
+            rows = _rows(self._folder / TRACK)
+            self.count = rows.num_rows
+            atomic.write(self._folder, TABLE, _parquet(rows))
         finally:
             self._sinks.close()
 
@@ -95,11 +104,17 @@ class TrackFolder:
         return shutil.disk_usage(self._folder).free < SPARE
 
 
-def _parquet(rows: Path) -> bytes:
-    """Return the rows of a track's CSV file as a Parquet table."""
-    columns = csv.ConvertOptions(column_types={"stamp": STAMP})
+def _rows(file: Path) -> pa.Table:
+    """Return the rows of a track's CSV file; a picture's name may hold any character."""
+    types = csv.ConvertOptions(column_types={"stamp": STAMP, "name": pa.string()})
+    lines = csv.ParseOptions(newlines_in_values=True)
+    return csv.read_csv(file, parse_options=lines, convert_options=types)
+
+
+def _parquet(rows: pa.Table) -> bytes:
+    """Return rows as the content of a Parquet file."""
     file = io.BytesIO()
-    pq.write_table(csv.read_csv(rows, convert_options=columns), file)
+    pq.write_table(rows, file)
     return file.getvalue()
 
 
@@ -119,6 +134,8 @@ class TrackReport(Made):
     """Names of the pictures that could not be read."""
     lost: int
     """Number of frames with status LOST."""
+    unsure: int = 0
+    """Number of frames with status UNSURE."""
     measures: dict[str, Number | None]
     """Values of the measures by name, None if not finite; empty without a truth."""
     units: dict[str, str]
@@ -127,5 +144,11 @@ class TrackReport(Made):
     """The end of the source, where it is worth a sentence: a lost stream, a damaged bag."""
     start: Number | None = None
     """Stamp of the first picture [s], as its bag or video states it; exact in track.csv."""
+    began: str = ""
+    """When the first picture of a live source came, by this machine's clock (ISO 8601, UTC)."""
     dropped: int = 0
-    """Pictures of a stream that the tracker never saw, because it was slower."""
+    """Pictures of a stream that the tracker never saw, because they came faster."""
+    damaged: int = 0
+    """Pictures that are damaged; of a stream also those that cannot be decoded."""
+    notes: list[str] = field(default_factory=list[str])
+    """Sentences about the pictures, such as the bits that they use."""

@@ -27,6 +27,7 @@ from servo.ros2.node import Node, first
 from servo.scenario.calibration import MIDDLE, MODELS
 from servo.scenario.load import Scenario
 from sim.camera.distortion import COEFFICIENTS, Distortion
+from sim.files.bit_depth import BitDepth
 from sim.geometry import log_se3
 from sim.types import Array, DepthPicture, Frame, Pose, Posture
 from tracking.sequences.image_message import picture_of
@@ -61,6 +62,7 @@ class Camera:
         self._depths = node.reader(depth, Image, KEPT_DEPTHS) if depth else None
         self._depth_topic = depth or ""
         self._topic = info
+        self._bits = BitDepth()
         self._count = 0
         self._last = -math.inf
 
@@ -92,7 +94,7 @@ class Camera:
                 return None  # a simulation that waits shows its first picture again
             self._last = stamp
             self._count += 1
-            _, image = picture_of(lambda _, found=message: found, b"")
+            _, image = picture_of(lambda _, found=message: found, b"", self._bits)
             return Frame(image, stamp, self._count - 1, depth=self._depth(stamp))
         return None
 

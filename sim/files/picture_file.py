@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from sim.files import reading
+from sim.files.bit_depth import DEEP, BitDepth
 from sim.stderr import silent_libraries
 from sim.types import LARGEST_PICTURE, Image
 
@@ -15,34 +16,54 @@ LARGEST_FILE = 1_000_000_000
 """Largest picture file [bytes]."""
 
 
-def read_image(file: Path) -> Image:
+def read_image(file: Path, depth: BitDepth | None = None) -> Image:
     """Return a picture of any depth and number of channels as RGB (H, W, 3), read-only.
+
+    Args:
+        file: The picture.
+        depth: That of the source it belongs to; without, the picture stands alone.
 
     Raises:
         ValueError: It cannot be read or decoded, or is too large.
     """
     data = reading.content(file, "picture", LARGEST_FILE)
     try:
-        return decoded(data)
+        return decoded(data, depth)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
 
 
-def decoded(data: bytes) -> Image:
+def decoded(data: bytes, depth: BitDepth | None = None) -> Image:
     """Return the picture in a file's content, as `read_image` does.
+
+    Raises:
+        ValueError: It cannot be decoded, or is too large.
+    """
+    depth = depth or BitDepth()
+    as_eight = cv2.IMREAD_COLOR
+    image = _read(data, as_eight if depth.used == DEEP else as_eight | cv2.IMREAD_ANYDEPTH)
+    if image.dtype == np.uint16 and not depth.uses_all(image):
+        image = depth.reduced(image)
+    elif image.dtype != np.uint8:  # OpenCV's own 8 bits: those of a TIFF file are rounded
+        image = _read(data, as_eight)
+    return rgb(image)
+
+
+def _read(data: bytes, flags: int) -> np.ndarray:
+    """Return a picture in OpenCV's convention.
 
     Raises:
         ValueError: It cannot be decoded, or is too large.
     """
     with silent_libraries():
         try:
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
         except cv2.error:  # it is empty, or has more pixels than OpenCV reads
             image = None
     if image is None:
         raise ValueError(f"this picture cannot be decoded; known formats are {FORMATS}")
     check_size(*image.shape[1::-1])
-    return rgb(image)
+    return image
 
 
 def check_size(width: int, height: int, what: str = "the picture") -> None:

@@ -12,7 +12,7 @@ from tracking.evaluation.track import Shot, Track
 from tracking.files import atomic
 from tracking.types import Region
 
-FORMAT = 2
+FORMAT = 3
 """Number of the track's format, which its header identifies; it increases with each change."""
 HEADER = (
     "frame",
@@ -35,6 +35,7 @@ HEADER = (
     "status",
     "milliseconds",
     "stamp",
+    "name",
 )
 CORNERS = slice(HEADER.index("x1"), HEADER.index("y4") + 1)
 DIGITS = 9
@@ -48,7 +49,9 @@ class TrackFile:
     def __init__(self, path: Path, region: Region) -> None:
         self._path = path
         self._region = region
-        self._file = io.TextIOWrapper(atomic.new_file(path), encoding="utf-8", newline="")
+        self._file = io.TextIOWrapper(
+            atomic.new_file(path), "utf-8", errors="backslashreplace", newline=""
+        )  # names of files may be no text
         self._writer = csv.writer(self._file, lineterminator="\n")
         self._writer.writerow(HEADER)
 
@@ -76,6 +79,7 @@ class TrackFile:
             shot.estimate.status.name,
             f"{1e3 * shot.seconds:.3f}",
             stamp_text(shot.picture.stamp),
+            shot.picture.name,
         ]
         with atomic.naming(self._path):
             self._writer.writerow(row)

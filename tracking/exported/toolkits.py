@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from sim.files.bit_depth import BitDepth
 from sim.files.picture_file import read_image, rgb
 from sim.types import Array, Frame, Image
 from tracking import create
@@ -142,8 +143,9 @@ class Got10kTracker:
         """
         found = np.zeros((len(img_files), 4))
         seconds = np.zeros(len(img_files))
+        depth = BitDepth()
         for i, file in enumerate(img_files):
-            image = read_image(Path(file))
+            image = read_image(Path(file), depth)
             began = time.perf_counter()
             if i == 0:
                 self.init(image, box)
@@ -187,9 +189,10 @@ def run_vot(
     follower = Follower(kind, seed, rate, settings)
     scored = len(inspect.signature(handle.report).parameters) > 1
     region = np.array(points or box, dtype=float).ravel()
-    follower.start(read_image(Path(path)), region, turned=True)
+    depth = BitDepth()
+    follower.start(read_image(Path(path), depth), region, turned=True)
     while path := handle.frame():
-        found, rect = follower.update(read_image(Path(path)))
+        found, rect = follower.update(read_image(Path(path), depth))
         if points is None:
             answer = type(given)(*rect)
         else:

@@ -9,6 +9,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from sim.files.bit_depth import BitDepth
 from sim.installed import plain
 from sim.types import Array
 from tracking.exported.toolkits import Follower
@@ -69,6 +70,7 @@ def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Ite
     yield Message("hello", named=ABOUT | {"trax.name": kind})
     given: Array | None = None  # a region, until its first picture comes
     region: Array | None = None
+    depth = BitDepth()
     for message in filter(None, map(message_in, requests)):
         match (message.type, *message.arguments):
             case ("quit", *_):
@@ -85,7 +87,7 @@ def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Ite
                     f"the client sent {message.line().strip()[:60]!r}, but one region is expected, "
                     "then its pictures"
                 )
-        image = picture_in(picture)
+        image = picture_in(picture, depth)
         if given is not None:
             region = given
             given = None

@@ -18,6 +18,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, BinaryIO
 
 from sim.files import reading
+from sim.files.bit_depth import BitDepth
 from tracking.sequences.image_message import (
     KINDS,
     NANO,
@@ -25,7 +26,7 @@ from tracking.sequences.image_message import (
     picture_of,
     plain_kind,
 )
-from tracking.sequences.sources import RATE, SECOND, End, Picture, Times
+from tracking.sequences.sources import RATE, SECOND, End, Picture, timed
 
 if TYPE_CHECKING:
     from mcap.records import Channel, McapRecord, Message, Schema
@@ -117,8 +118,12 @@ class Bag:
         self.rate = (self.count - 1) / span if self.count > 1 and span > 0 else RATE
 
     def __iter__(self) -> Iterator[Picture]:
+        return timed(self._messages(), self.rate)
+
+    def _messages(self) -> Iterator[tuple[float | None, Picture]]:
+        """Give the stamp [s] of each picture, and the picture without its time."""
         topic = self._topic
-        times = Times(self.rate)
+        depth = BitDepth()
         index = 0
         self.end = None
         try:
@@ -129,13 +134,13 @@ class Bag:
                     if len(data) > LARGEST_UNPACKED:
                         raise _Refused(f"{name} has over {LARGEST_UNPACKED:,} bytes")
                     try:
-                        stated, image = picture_of(decode, data)
-                        stamp = recorded if stated is None else stated
-                        time = times.since_first(stamp // SECOND + NANO * (stamp % SECOND))
-                        picture = Picture(name, time, image, stamp=stamp)
+                        stated, image = picture_of(decode, data, depth)
                     except ValueError as error:
-                        picture = Picture(name, times.since_first(None), None, str(error))
-                    yield picture
+                        yield None, Picture(name, 0.0, None, str(error))
+                    else:
+                        stamp = recorded if stated is None else stated
+                        picture = Picture(name, 0.0, image, stamp=stamp, notes=depth.notes)
+                        yield stamp // SECOND + NANO * (stamp % SECOND), picture
                     index += 1
         except ValueError as error:
             if index == 0:

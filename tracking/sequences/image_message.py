@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
+from sim.files.bit_depth import BitDepth
 from sim.files.picture_file import check_size, decoded
 from sim.types import Image
 from tracking.sequences.sources import SECOND
@@ -35,7 +36,7 @@ CODES = {
 }  # fmt: skip
 """Bytes a pixel of each encoding, and OpenCV's conversion to RGB."""
 DEEP = "mono16"
-"""Two bytes a pixel, of which the high one is read, as of 16-bit PNG files and videos."""
+"""Two bytes a pixel, of which a camera may use fewer bits."""
 NANO = 1e-9
 Decoder = Callable[[bytes], Any]
 """Turns the bytes of a message into an object with its fields."""
@@ -74,8 +75,15 @@ def decoder_of(kind: str, serialization: str, schema: Schema | None = None) -> D
     return lambda data: store.deserialize_cdr(data, name)
 
 
-def picture_of(decode: Decoder, data: bytes) -> tuple[int | None, Image]:
+def picture_of(
+    decode: Decoder, data: bytes, depth: BitDepth | None = None
+) -> tuple[int | None, Image]:
     """Return the stamp [ns] of a message, None where it is not set, and its picture (H, W, 3), RGB.
+
+    Args:
+        decode: Decodes the message.
+        data: Its bytes.
+        depth: That of the topic; without, the picture stands alone.
 
     Raises:
         ValueError: The message is cut off, of an unknown encoding, or cannot be decoded.
@@ -89,11 +97,11 @@ def picture_of(decode: Decoder, data: bytes) -> tuple[int | None, Image]:
     else:
         stamp = message.timestamp.seconds * SECOND + message.timestamp.nanos
     if hasattr(message, "encoding"):
-        return stamp or None, _raw(message)
-    return stamp or None, decoded(bytes(message.data))
+        return stamp or None, _raw(message, depth or BitDepth())
+    return stamp or None, decoded(bytes(message.data), depth)
 
 
-def _raw(message: Any) -> Image:
+def _raw(message: Any, depth: BitDepth) -> Image:
     """Return the picture of a raw message, whose rows have `message.step` bytes."""
     encoding = message.encoding
     width = message.width
@@ -113,7 +121,7 @@ def _raw(message: Any) -> Image:
     pixels = np.ascontiguousarray(rows).reshape(height, width, size)
     if encoding == DEEP:
         big_endian = bool(getattr(message, "is_bigendian", False))
-        pixels = np.ascontiguousarray(pixels[..., 0 if big_endian else 1])
+        pixels = depth.reduced(pixels.view(">u2" if big_endian else "<u2")[..., 0])
     try:
         image = pixels if code is None else cv2.cvtColor(pixels, code).astype(np.uint8, copy=False)
     except cv2.error:

@@ -1,12 +1,17 @@
 """Sources of pictures: pictures with times, a rate, and an end; folders, and painted ones."""
 
+import itertools
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Protocol
 
 from sim.files import reading
+from sim.files.bit_depth import BitDepth
 from sim.files.picture_file import SUFFIXES, read_image
 from sim.types import Image
 
@@ -19,6 +24,7 @@ SET_FORWARD = 86_400.0
 """A clock that goes back or forward so far was set [s]; chosen by hand."""
 CLOSE = 1e-4
 """Least time between two pictures [s], which keeps their order; chosen by hand."""
+NUMBER = re.compile(r"\d+", re.ASCII)
 REPEATED = 0.5
 """Longest time between two pictures of the same stamp [s]; chosen by hand."""
 
@@ -38,6 +44,10 @@ class Picture:
     stamp: int | None = None
     """The source's own stamp [ns]: of a bag, as a rule since 1970; of a video, as its file states
     it; None where there is none."""
+    notes: tuple[str, ...] = ()
+    """Sentences about the source that are known by now, each to be said once."""
+    came: datetime | None = None
+    """When it came, by this machine's clock, if the source is live."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +56,11 @@ class End:
 
     sentence: str
     lost: bool = False
-    """True if pictures are missing at the end: a stream that broke off, a damaged file."""
+    """True if pictures are missing or damaged: a stream that broke off, a damaged file."""
     dropped: int = 0
-    """Pictures of a stream that the tracker never saw, because it was slower."""
+    """Pictures of a stream that the tracker never saw, because they came faster."""
+    damaged: int = 0
+    """Pictures that are damaged; of a stream also those that cannot be decoded."""
 
 
 class Source(Protocol):
@@ -102,6 +114,30 @@ class Times:
         return time
 
 
+def timed(pictures: Iterable[tuple[float | None, Picture]], rate: float) -> Iterator[Picture]:
+    """Give pictures their times by their stamps [s].
+
+    Those that cannot be decoded and have no stamp wait for the next one, and lie evenly before it;
+    where no picture with a stamp follows, they come at the rate.
+    """
+    times = Times(rate)
+    waiting: list[Picture] = []
+    last = math.nan
+    for stamp, picture in pictures:
+        if stamp is None and picture.image is None and not math.isnan(last):
+            waiting.append(picture)
+            continue
+        time = times.since_first(stamp)
+        step = (time - last) / (len(waiting) + 1)
+        for k, blind in enumerate(waiting, 1):
+            yield replace(blind, time=last + k * step)
+        waiting.clear()
+        yield replace(picture, time=time)
+        last = time
+    for blind in waiting:
+        yield replace(blind, time=times.since_first(None))
+
+
 @dataclass(frozen=True, slots=True)
 class Folder:
     """Image files sorted by name, with numbers in names sorted by value."""
@@ -127,12 +163,40 @@ class Folder:
         return len(self.files)
 
     def __iter__(self) -> Iterator[Picture]:
+        depth = BitDepth()
+        gaps = _gaps(self.files)
         for index, file in enumerate(self.files):
             time = index / self.rate
             try:
-                yield Picture(file.name, time, read_image(file))
+                image = read_image(file, depth)
+                yield Picture(file.name, time, image, notes=(*gaps, *depth.notes))
             except ValueError as error:
                 yield Picture(file.name, time, None, str(error).removeprefix(f"{file}: "))
+
+
+def _gaps(files: Sequence[Path]) -> list[str]:
+    """Return a sentence about the numbers that names leave out, if they leave out any.
+
+    There is none where the names differ in more than one number, or where most steps differ, as
+    those of stamps do.
+    """
+    if len({tuple(NUMBER.split(file.stem)) for file in files}) > 1:
+        return []
+    columns = zip(*(map(int, NUMBER.findall(file.stem)) for file in files), strict=True)
+    counting = [column for column in columns if len(set(column)) > 1]
+    if len(counting) != 1:
+        return []
+    steps = [after - before for before, after in itertools.pairwise(counting[0])]
+    ((usual, times),) = Counter(steps).most_common(1)
+    places = [place for place, step in enumerate(steps) if step > usual]
+    if not places or usual <= 0 or 2 * times <= len(steps):
+        return []
+    many = sum(steps[place] // usual - 1 for place in places)
+    first = places[0]
+    return [
+        f"the numbers in the names leave out {many} pictures, the first after {files[first].name}; "
+        "the times do not: each picture is one period later than the one before"
+    ]
 
 
 @dataclass(frozen=True, slots=True)

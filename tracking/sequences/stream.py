@@ -9,25 +9,29 @@ import re
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from queue import Empty, Full, Queue
 
 import av
+import av.logging
 import cv2
 from av.container import InputContainer
 from av.error import ExitError, FFmpegError
+from av.video.stream import VideoStream
 
 from sim.files.picture_file import rgb
 from sim.stderr import silent_libraries
-from sim.types import Image
 from tracking.sequences.sources import RATE, End, Picture, Times
 from tracking.sequences.video_file import (
     FASTEST,
     FORMATS,
     SLOWEST,
+    Decoded,
     decoded,
     only_video,
+    printed_by_ffmpeg,
 )
 
 ADDRESS = re.compile(r"(rtsps?|https?|tcp|udp)://", re.IGNORECASE)
@@ -54,8 +58,6 @@ UNSTAMPED = ("mpjpeg", "mjpeg", "jpeg_pipe", "h264", "hevc")
 """Formats without stamps, for which FFmpeg counts at 25 Hz; a picture's arrival is its time."""
 WAKE = 0.1
 """Time after which a waiting thread checks that the other one goes on [s]: short for Ctrl-C."""
-Stamped = tuple[float | None, Image | None]
-Item = tuple[int, float | None, Image]
 
 
 class SourceLost(Exception):
@@ -66,11 +68,20 @@ class SourceLost(Exception):
 class Feed:
     """An open camera or stream."""
 
-    pictures: Iterator[Stamped]
-    """Stamps [s] and pictures, None where one cannot be decoded; raises SourceLost."""
+    pictures: Iterator[Decoded]
+    """Raises SourceLost."""
     rate: float = RATE
     waits: bool = False
     """True for a recording on a server, which waits for the tracker; nothing is dropped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """A picture in the queue: its number, when it came."""
+
+    index: int
+    came: datetime
+    frame: Decoded
 
 
 class LiveSource:
@@ -90,21 +101,28 @@ class LiveSource:
         self._opened = opened
         self._queue: Queue[Item] = Queue(maxsize=1)
         self._stop = threading.Event()
-        self._given = self._dropped = 0
+        self._given = self._dropped = self._damaged = self._failed = 0
         self._over = False
         self._broken = ""
 
     @property
     def end(self) -> End | None:
         """The end, and the number of dropped pictures."""
+        odd = {
+            "were dropped, because they came too fast": self._dropped,
+            "are damaged": self._damaged,
+        }
+        parts = [f"{count} of them {what}" for what, count in odd.items() if count]
+        parts += [f"{self._failed} more cannot be decoded"] if self._failed else []
         many = f"{self.name}: {self._given + self._dropped} pictures"
-        slow = f"{self._dropped} of them were dropped, because the tracker was slower"
-        slow = f"; {slow}" if self._dropped else ""
+        then = ", then it ended" if self._over else ""
         if self._broken:
-            return End(f"{many}, then it was lost: {self._broken}{slow}", True, self._dropped)
-        if self._over:
-            return End(f"{many}, then it ended{slow}", False, self._dropped)
-        return End(f"{many}{slow}", False, self._dropped) if slow else None
+            then = f", then it was lost: {self._broken}"
+        if not (then or parts):
+            return None
+        damaged = self._damaged + self._failed
+        sentence = "; ".join([many + then, *parts])
+        return End(sentence, bool(self._broken or damaged), self._dropped, damaged)
 
     def __iter__(self) -> Iterator[Picture]:
         reader = threading.Thread(target=self._read, daemon=True)
@@ -112,10 +130,15 @@ class LiveSource:
         try:
             times = None
             while (item := self._next(reader)) is not None:
-                index, stamp, image = item
                 times = times or Times(self.rate)
                 self._given += 1
-                yield Picture(f"frame {index}", times.since_first(stamp), image)
+                yield Picture(
+                    f"frame {item.index}",
+                    times.since_first(item.frame.stamp),
+                    item.frame.image,
+                    notes=item.frame.notes,
+                    came=item.came,
+                )
             if not self._given:
                 reason = self._broken or "there are no pictures in it"
                 raise ValueError(f"{self.name}: {reason}")
@@ -136,10 +159,13 @@ class LiveSource:
         try:
             with self._opened() as feed:
                 self.rate = feed.rate
-                for stamp, image in feed.pictures:
-                    if image is not None:
-                        self._put((index, stamp, image), wait=feed.waits)
+                for frame in feed.pictures:
+                    if frame.image is not None:
+                        self._damaged += frame.damaged
+                        self._put(Item(index, datetime.now(UTC), frame), wait=feed.waits)
                         index += 1
+                    elif index:  # before the first picture are parts of one that was sent earlier
+                        self._failed += 1
                     if self._stop.is_set():
                         return
         except SourceLost as error:
@@ -198,14 +224,23 @@ def _stream(address: str) -> Generator[Feed]:
         rate = float(video.average_rate or video.guessed_rate or 0)
         recording = scheme.startswith("http") and container.duration is not None
         rate = rate if SLOWEST <= rate <= FASTEST else RATE
-        yield Feed(_pictures(container, video), rate, waits=recording)
+        with closing(_pictures(container, video)) as pictures:
+            yield Feed(pictures, rate, waits=recording)
 
 
-def _pictures(container: InputContainer, video: av.VideoStream) -> Iterator[Stamped]:
+def _pictures(container: InputContainer, video: VideoStream) -> Generator[Decoded]:
     is_stamped = container.format.name not in UNSTAMPED
+    printers = {video.codec_context.name, container.format.name}  # not those of a film meanwhile
+    began = False
     try:
-        for frame in decoded(container, video):
-            yield frame.stamp if is_stamped else time.monotonic(), frame.image
+        with printed_by_ffmpeg(av.logging.ERROR) as printed:
+            for frame in decoded(container, video):
+                damaged = frame.damaged or any(name in printers for _, name, _ in printed)
+                printed.clear()
+                stamp = frame.stamp if is_stamped else time.monotonic()
+                # What was printed before the first picture is of one whose beginning was missed.
+                yield replace(frame, stamp=stamp, damaged=began and damaged)
+                began = began or frame.image is not None
     except (FFmpegError, OSError) as error:
         raise SourceLost(_reason(error)) from None
 
@@ -232,9 +267,9 @@ def _camera(number: int) -> Generator[Feed]:
         capture.release()
 
 
-def _captured(capture: cv2.VideoCapture) -> Iterator[tuple[float, Image]]:
+def _captured(capture: cv2.VideoCapture) -> Iterator[Decoded]:
     while True:
         more, image = capture.read()
         if not more:
             raise SourceLost("it gives no more pictures")
-        yield time.monotonic(), rgb(image)
+        yield Decoded(time.monotonic(), rgb(image))

@@ -1,7 +1,7 @@
 """Truth files in the formats of OTB, VOT, TLD and CSV, as corners of the target.
 
-All coordinates become continuous pixels from the image's top left corner. OTB counts pixels from 1,
-so that its box 1,1,w,h starts at the corner; VOT, TLD and CSV count from 0.
+All coordinates become continuous pixels from the image's top left corner. OTB and GOT-10k count
+pixels from 1, so that their box 1,1,w,h starts at the corner; VOT, TLD and CSV count from 0.
 """
 
 import csv
@@ -18,6 +18,8 @@ from tracking.types import FARTHEST
 
 OTB_NAME = re.compile(r"groundtruth_rect.*\.txt$")
 VOT_NAME = re.compile(r"groundtruth.*\.txt$")
+GOT10K_FILES = ("meta_info.ini", "absence.label", "cover.label", "cut_by_image.label")
+"""Files that GOT-10k has beside its groundtruth.txt, by which it differs from VOT."""
 TLD_NAMES = ("gt.txt", "init.txt")
 HEADER = re.compile(r"\s*[A-Za-z_]\w*\s*,")
 CORNERS = [f"{axis}{i}" for i in range(1, 5) for axis in "xy"]
@@ -42,7 +44,7 @@ class Format(Enum):
     """Meaning of the numbers of a line."""
 
     AUTO = "decided by the file's name and header, refused if they do not decide"
-    OTB = "x,y,w,h, pixels counted from 1"
+    OTB = "x,y,w,h, pixels counted from 1; also GOT-10k's"
     VOT = "x,y,w,h, or the x,y of four corners, pixels counted from 0"
     TLD = "x1,y1,x2,y2: top left and bottom right corner, pixels counted from 0"
     CSV = "columns named by a header"
@@ -77,9 +79,9 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
 
     Args:
         path: The file.
-        form: The format. AUTO means CSV for a file with a header, OTB for groundtruth_rect*.txt,
-            VOT for groundtruth*.txt, TLD for gt.txt and init.txt; a file of another name is read as
-            VOT, unless its lines of four numbers could also be TLD.
+        form: The format. AUTO means CSV for a file with a header, OTB for groundtruth_rect*.txt and
+            in GOT-10k's layout, VOT for other groundtruth*.txt, TLD for gt.txt and init.txt; a file
+            of another name is read as VOT, unless its lines of four numbers could also be TLD.
         count: Number of pictures, if it is known: a truth of many more lines is not parsed.
 
     Raises:
@@ -107,7 +109,9 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
 
 
 def _format_of(path: Path, rows: list[Array]) -> Format:
-    if OTB_NAME.match(path.name):
+    # GOT-10k's authors: "all coordinate values are 1-based" (github.com/got-10k/toolkit, issue 6).
+    is_got10k = any((path.parent / name).exists() for name in GOT10K_FILES)
+    if OTB_NAME.match(path.name) or (is_got10k and VOT_NAME.match(path.name)):
         return Format.OTB
     if VOT_NAME.match(path.name) or not all(len(row) == BOX for row in rows):
         return Format.VOT

@@ -5,6 +5,7 @@ could make it open more files. It gets an open file without a name, so that it r
 and no numbered series.
 """
 
+import math
 import os
 import re
 from collections.abc import Generator, Iterator
@@ -18,14 +19,15 @@ import av.logging
 import numpy as np
 from av.container import InputContainer
 from av.error import FFmpegError
-from av.sidedata.sidedata import SideData, Type
+from av.sidedata.sidedata import Type
 from av.stream import Disposition
 from av.video.stream import VideoStream
 
 from sim.files import reading
+from sim.files.bit_depth import DEEP, BitDepth
 from sim.files.picture_file import check_size
 from sim.types import Image
-from tracking.sequences.sources import SECOND, End, Picture, Times
+from tracking.sequences.sources import SECOND, End, Picture, timed
 
 SLOWEST = 0.01
 FASTEST = 10_000.0
@@ -37,7 +39,11 @@ FORMATS = "mov,mp4,matroska,webm,avi,mpegts,mpeg,flv,ogg,asf,gif,yuv4mpegpipe"
 MP4 = "mov,mp4,m4a,3gp,3g2,mj2"
 """FFmpeg's name of MP4 and its relatives."""
 KNOWN = "MP4, MOV, Matroska, WebM, AVI, MPEG-TS, MPEG-PS, FLV, Ogg, ASF, GIF, Y4M"
+QUARTER = 0.01
+"""Largest ratio of the small and the large entries of a display matrix of quarter turns."""
 COVER = Disposition.attached_pic
+DEEP_FORMATS = re.compile(r"(?P<grey>gray16|ya16)|rgb48|bgr48|rgba64|bgra64|gbrp16|gbrap16")
+"""Names of FFmpeg's formats of grey or RGB with 16 bits, without the order of the bytes."""
 LENGTH = re.compile(r"(\d+):(\d+):(\d+\.?\d*)")
 LAST_SHOWN = 1.0
 """Longest time that the last frame of a whole video is shown [s]."""
@@ -51,6 +57,8 @@ LAST_PAGE = 4
 """Flag of the last page of a stream in Ogg."""
 BOX_HEAD = 8
 """Length of a box's own length and name in MP4 [bytes]."""
+NO_INDEX = "moov atom not found"
+"""What FFmpeg prints where an MP4 has no index."""
 PREMATURE = "File ended prematurely"
 """What FFmpeg prints, and does not return, where a Matroska file is cut."""
 
@@ -65,6 +73,8 @@ class Decoded:
     """None if it cannot be decoded."""
     damaged: bool = False
     """True if FFmpeg has filled in parts of it."""
+    notes: tuple[str, ...] = ()
+    """As those of `Picture`."""
 
 
 @dataclass(slots=True)
@@ -85,7 +95,7 @@ class Video:
         Raises:
             ValueError: It cannot be read, or is not one video.
         """
-        with reading.opened(path, "video") as file, _printed() as printed:
+        with reading.opened(path, "video") as file, printed_by_ffmpeg() as printed:
             try:
                 with _container(file) as container:
                     video = _described(path, container, file)
@@ -93,6 +103,10 @@ class Video:
                 return replace(video, is_cut=video.is_cut or is_cut)
             except FFmpegError:
                 reason = f"this is not a video that can be read; known formats are {KNOWN}"
+                file.seek(0)
+                has_pictures = b"mdat" in file.read(PAGE)
+                if has_pictures and any(NO_INDEX in text for _, _, text in printed):
+                    reason = "the index of this MP4 is missing, as in a recording that was cut off"
             except OSError as error:
                 reason = f"cannot read this video: {error.strerror}"
             except ValueError as error:
@@ -101,35 +115,41 @@ class Video:
 
     def __iter__(self) -> Iterator[Picture]:
         """Give all frames; those that are missing at the end of a truncated file have no image."""
-        times = Times(self.rate)
-        index = failures = damaged = 0
+        return timed(self._frames(), self.rate)
+
+    def _frames(self) -> Iterator[tuple[float | None, Picture]]:
+        """Give the stamp [s] of each frame, and the frame without its time."""
+        index = failures = damaged = there = 0
+        self.end = None
         with (
             reading.opened(self.path, "video") as file,
             _container(file) as container,
             suppress(FFmpegError, OSError),
-            _printed(av.logging.ERROR) as printed,
+            printed_by_ffmpeg(av.logging.ERROR) as printed,
         ):
             for frame in decoded(container, only_video(container)):
                 failures = failures + 1 if frame.image is None else 0
                 if failures > GIVEN_UP:
                     break
+                there += frame.image is not None
                 damaged += frame.damaged or bool(printed)
-                stated = None if frame.stamp is None else round(frame.stamp * SECOND)
-                time = times.since_first(frame.stamp)
-                yield Picture(f"frame {index}", time, frame.image, stamp=stated)
+                stamp = None if frame.stamp is None else round(frame.stamp * SECOND)
+                name = f"frame {index}"
+                yield frame.stamp, Picture(name, 0.0, frame.image, stamp=stamp, notes=frame.notes)
                 printed.clear()  # also what a film that is written meanwhile has printed
                 index += 1
         damaged += bool(printed)
+        sentence = ""
         if self.is_cut:
-            sentence = f"{self.path}: {index} pictures, then this video breaks off"
-            self.end = End(sentence, lost=True)
+            sentence = f"{there} pictures, then this video breaks off"
         elif index < self.count:
-            sentence = f"{self.path}: {index} of {self.count} pictures can be decoded"
-            self.end = End(sentence, lost=True)
+            sentence = f"{there} of {self.count} pictures can be decoded"
         elif damaged:
-            self.end = End(f"{self.path}: {damaged} of {index} pictures are damaged", lost=True)
+            sentence = f"{damaged} of {index} pictures are damaged"
+        if sentence:
+            self.end = End(f"{self.path}: {sentence}", lost=True, damaged=damaged)
         for missing in range(index, min(self.count, index + GIVEN_UP - failures)):
-            yield Picture(f"frame {missing}", times.since_first(None), None)
+            yield None, Picture(f"frame {missing}", 0.0, None)
 
 
 def _described(path: Path, container: InputContainer, file: BinaryIO) -> Video:
@@ -189,20 +209,24 @@ def decoded(container: InputContainer, stream: VideoStream) -> Iterator[Decoded]
     Raises:
         FFmpegError, OSError: It breaks off.
     """
+    depth = BitDepth()
     for packet in container.demux(stream):
         try:
             frames = packet.decode()
         except (FFmpegError, OSError):
             yield Decoded(None, None)
             continue
-        yield from (Decoded(frame.time, _rgb(frame), frame.is_corrupt) for frame in frames)
+        for frame in frames:
+            image = _rgb(frame, depth)
+            notes = (*_turns(frame), *depth.notes)
+            yield Decoded(frame.time, image, frame.is_corrupt, notes)
 
 
-def _rgb(frame: av.VideoFrame) -> Image | None:
+def _rgb(frame: av.VideoFrame, depth: BitDepth) -> Image | None:
     """Return a frame as its file says that it is shown; None if it cannot be decoded."""
     try:
         check_size(frame.width, frame.height)
-        image = _as_shown(frame.to_ndarray(format="rgb24"), frame.side_data.get(Type.DISPLAYMATRIX))
+        image = _as_shown(_eight_bits(frame, depth), _display_matrix(frame))
     except (ValueError, FFmpegError):
         return None
     image = np.ascontiguousarray(image, np.uint8)
@@ -210,21 +234,57 @@ def _rgb(frame: av.VideoFrame) -> Image | None:
     return image
 
 
-def _as_shown(image: Image, matrix: SideData | None) -> Image:
-    """Return an image turned by quarter turns and mirrored as a display matrix says.
+def _eight_bits(frame: av.VideoFrame, depth: BitDepth) -> Image:
+    """Return a frame as RGB (H, W, 3), without the bits that its camera does not use.
 
-    It takes a pixel (x, y) to (a x + c y, b x + d y); a telephone writes it.
+    A format of 10 or 12 bits states which are used. So does YUV, whose black and white are fixed.
     """
+    deep = DEEP_FORMATS.match(frame.format.name)
+    if deep is not None and depth.used != DEEP:
+        form = "gray16le" if deep["grey"] else "rgb48le"
+        pixels = np.asarray(frame.to_ndarray(format=form), np.uint16)
+        if not depth.uses_all(pixels):
+            image = depth.reduced(pixels)
+            return np.repeat(image[..., None], 3, axis=2) if deep["grey"] else image
+    return np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
+
+
+def _display_matrix(frame: av.VideoFrame) -> tuple[int, int, int, int]:
+    """Return (a, b, c, d), by which a frame is shown: a telephone writes it.
+
+    It takes a pixel (x, y) to (a x + c y, b x + d y).
+    """
+    matrix = frame.side_data.get(Type.DISPLAYMATRIX)
     if matrix is None:
-        return image
+        return 1, 0, 0, 1
     a, b, _, c, d, *_ = np.frombuffer(bytes(matrix), np.int32).tolist()
+    return a, b, c, d
+
+
+def _as_shown(image: Image, matrix: tuple[int, int, int, int]) -> Image:
+    """Return an image turned by quarter turns and mirrored as a display matrix says."""
+    a, b, c, d = matrix
     if abs(a) + abs(d) < abs(b) + abs(c):
         image, a, d = image.swapaxes(0, 1), c, b
     return image[:: -1 if d < 0 else 1, :: -1 if a < 0 else 1]
 
 
+def _turns(frame: av.VideoFrame) -> list[str]:
+    """Return a sentence about a display matrix that is not of quarter turns, if there is one."""
+    a, b, c, d = _display_matrix(frame)
+    straight, crossed = abs(a) + abs(d), abs(b) + abs(c)
+    if min(straight, crossed) <= QUARTER * max(straight, crossed):
+        return []
+    angle = math.degrees(math.atan2(b, a))  # y goes down
+    sense = "clockwise" if angle > 0 else "counterclockwise"
+    return [
+        f"this video says that it is shown turned by {abs(angle):.0f} degrees {sense}; its "
+        "pictures are turned to the nearest quarter turn only"
+    ]
+
+
 @contextmanager
-def _printed(lowest: int = av.logging.WARNING) -> Generator[list[tuple[int, str, str]]]:
+def printed_by_ffmpeg(lowest: int = av.logging.WARNING) -> Generator[list[tuple[int, str, str]]]:
     """Collect what FFmpeg prints from a level on, and does not return: level, name, text."""
     level = av.logging.get_level()
     skips = av.logging.get_skip_repeated()

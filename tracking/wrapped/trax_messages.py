@@ -14,6 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from sim.files.bit_depth import BitDepth
 from sim.files.picture_file import check_size, decoded, read_image
 from sim.types import Array, Image
 
@@ -120,8 +121,12 @@ def picture_text(image: Image, formats: Sequence[str], file: Path) -> str:
     return f"file://{file}"
 
 
-def picture_in(text: str) -> Image:
+def picture_in(text: str, depth: BitDepth | None = None) -> Image:
     """Return the RGB picture in a message, or in the file that it names.
+
+    Args:
+        text: The argument of the message.
+        depth: That of all pictures of a server; without, the picture stands alone.
 
     Raises:
         ValueError: It cannot be read or decoded, or its data are not those of its size.
@@ -135,10 +140,11 @@ def picture_in(text: str) -> Image:
                 raise ValueError(f"there is no format '{kind}'; there is {', '.join(BYTES)}")
             pixels = np.frombuffer(base64.b64decode(data, validate=True), np.uint8)
             image = pixels.reshape(int(height), int(width), BYTES[kind])
-            # Of 16 bits, the last byte is the high one.
-            return image if kind == "rgb" else np.repeat(image[..., -1:], 3, axis=2)
+            if kind == "gray16":
+                image = (depth or BitDepth()).reduced(image.view("<u2"))
+            return image if kind == "rgb" else np.repeat(image, 3, axis=2)
         if scheme == "data":
-            return decoded(base64.b64decode(re.split("[;,]", rest)[-1], validate=True))
+            return decoded(base64.b64decode(re.split("[;,]", rest)[-1], validate=True), depth)
     except ValueError as error:
         raise ValueError(f"the picture {text[:40]!r}... cannot be decoded: {error}") from None
-    return read_image(Path(rest.removeprefix("//") if scheme == "file" else text))
+    return read_image(Path(rest.removeprefix("//") if scheme == "file" else text), depth)
