@@ -19,7 +19,6 @@ import av.logging
 import numpy as np
 from av.container import InputContainer
 from av.error import FFmpegError
-from av.sidedata.sidedata import Type
 from av.stream import Disposition
 from av.video.stream import VideoStream
 
@@ -254,7 +253,7 @@ def _display_matrix(frame: av.VideoFrame) -> tuple[int, int, int, int]:
 
     It takes a pixel (x, y) to (a x + c y, b x + d y).
     """
-    matrix = frame.side_data.get(Type.DISPLAYMATRIX)
+    matrix = frame.side_data.get("DISPLAYMATRIX")
     if matrix is None:
         return 1, 0, 0, 1
     a, b, _, c, d, *_ = np.frombuffer(bytes(matrix), np.int32).tolist()
