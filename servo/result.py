@@ -321,4 +321,4 @@ class Sweep:
     def _repr_html_(self) -> str:
         measures = moved(self._cells)
         rows = [cell_row(cell, measures) for cell in self._cells]
-        return notebook.html_table(Table((*self.study.keys, "units", "held", *measures), rows))
+        return notebook.html_table(Table((*self.study.keys, "units", "success", *measures), rows))

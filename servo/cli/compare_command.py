@@ -79,7 +79,14 @@ def run(request: CompareRequest) -> int:
     workers = Workers(request.workers, request.scheduler)
     dry = request.dry_run
     code = run_study(
-        study, request.command, workers, folder, console, dry_run=dry, measures=measures
+        study,
+        request.command,
+        workers,
+        folder,
+        console,
+        dry_run=dry,
+        measures=measures,
+        has_page=True,
     )
     if not dry:
         files = report_command.Printed(folder / "tables.tex", "pdf", request.measures)

@@ -76,8 +76,12 @@ def run_study(
     *,
     dry_run: bool = False,
     measures: Sequence[str] | None = None,
+    has_page: bool = False,
 ) -> int:
-    """Do the missing runs of a study in a folder; result and errors are those of `run`."""
+    """Do the missing runs of a study in a folder; result and errors are those of `run`.
+
+    Where it `has_page`, the caller writes the page, and no line says how to.
+    """
     folder = out or Path("runs") / f"sweep-{study.name}"
     if dry_run:
         return print_estimate(list(study.jobs()), workers.count, console, Store(folder))
@@ -87,6 +91,8 @@ def run_study(
         title = f"sweep {study.name}"
         failed = complete_jobs(jobs, store, workers, console, title, go_on(command, out))
         code = _sum_up(study, store, console, measures)
+        if store.done and not has_page:
+            plain(console, f"for a page, run: servobench report {shlex.quote(str(store.folder))}")
     return 1 if failed else code
 
 
@@ -112,7 +118,6 @@ def _sum_up(
             )
     for path in paths:
         plain(console, f"  {path}")
-    plain(console, f"for a page, run: servobench report {shlex.quote(str(store.folder))}")
     not_kept = missed_by_cells(grouped(study.keys, rows), study.expect)
     for line in not_kept:
         complain(line)
@@ -123,7 +128,7 @@ def _print_cells(console: Console, cells: Sequence[Cell], measures: Sequence[str
     keys = [key.replace(".", ".\n", 1) for key in cells[0].settings]
     titles = [name.replace("_", "_\n", 1) for name in measures]
     rows = [cell_row(cell, measures) for cell in cells[:MOST_SHOWN]]
-    print_table(console, Table((*keys, "units", "held", *titles), rows, range(len(keys))))
+    print_table(console, Table((*keys, "units", "success", *titles), rows, range(len(keys))))
     if len(cells) > MOST_SHOWN:
         console.print(f"... and {len(cells) - MOST_SHOWN} cells more, in cells.csv")
     plain(console, HELD)
