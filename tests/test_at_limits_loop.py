@@ -107,6 +107,8 @@ class Step:
     goal_theta: float = 0.0
     goal_size: float = 1.0
     tells_front_from_back: bool = False
+    servoes_pose: bool = False
+    rotation_error: float = 0.0
 
     @property
     def frame(self):
@@ -141,6 +143,9 @@ class Step:
         ([Step(size=1.25)], Outcome.CONVERGED),
         ([Step(size=0.7499)], Outcome.TIMED_OUT),
         ([Step(size=2.0, servoed=(True, False))], Outcome.CONVERGED),
+        ([Step(servoes_pose=True, rotation_error=0.349)], Outcome.CONVERGED),
+        ([Step(servoes_pose=True, rotation_error=0.3491)], Outcome.TIMED_OUT),
+        ([Step(rotation_error=2.0)], Outcome.CONVERGED),  # a tilt that nothing servoes
         ([Step(0.0, 99.0, (0.0, 0.0))], Outcome.TIMED_OUT),
         ([Step(0.0, 99.0, (40.0, 30.0))], Outcome.TIMED_OUT),
         ([Step(0.0, 99.0, (-0.1, 5.0))], Outcome.DIVERGED),

@@ -24,12 +24,9 @@ class WithRotation:
         return np.concatenate([values[:3], nearest_turn(values[3:], goal[3:])]) - goal
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return six flags: a similarity has no tilt, and without its angle there is no rotation.
-
-        Then nothing is known: a camera that is right but for half a turn has not arrived.
-        """
+        """Return six flags: a similarity has no tilt."""
         tilt = sight.tilt_known
-        return np.array([True, True, sight.size_known, tilt, tilt, True]) & sight.angle_known
+        return np.array([True, True, sight.size_known, tilt, tilt, sight.angle_known])
 
     def scales(self, goal: Array) -> Array:
         """Return ones (6,)."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from servo.features._rotation import SOLE_DOF, WithRotation, rotation_rows, theta_u
 from servo.types import Sight
@@ -52,6 +53,10 @@ class PoseFeatures(WithRotation):
         moved = sight.aim.pose @ sight.pose.inverse()
         t = moved.translation if self._camera_moves else sight.pose.translation
         return np.concatenate([t, theta_u(moved.rotation)])
+
+    def known(self, sight: Sight) -> NDArray[np.bool_]:
+        """Return six flags: without the angle there is no pose."""
+        return super().known(sight) & sight.angle_known
 
     def matrix(self, sight: Sight) -> Array:
         """Return L (6, 6)."""

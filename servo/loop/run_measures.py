@@ -245,8 +245,9 @@ def _held(step: Step) -> bool:
     angle, size = step.servoed
     turned = angle and abs(_servo_angles([step])[0]) > CONVERGED_RAD
     grown = size and abs(step.truth.size / step.goal_size - 1) > CONVERGED_SCALE
-    tilted = step.tilt_off > CONVERGED_RAD and step.servoes_tilt
-    return not (turned or grown or tilted)
+    if turned or grown:
+        return False
+    return step.rotation_error <= CONVERGED_RAD or not step.servoes_pose
 
 
 def _servo_angles(steps: Sequence[Step]) -> Array:

@@ -8,7 +8,7 @@ from mujoco import MjModel
 from servo.parts import FeatureSet
 from servo.sight.exact import sight_of
 from servo.types import Command, Prediction, Sight
-from sim.geometry import tilt
+from sim.geometry import angle_of, tilt
 from sim.placement import object_frame
 from sim.types import Array, Camera, Frame, Pose, Posture, Truth
 from tracking.types import Estimate, Region, State, Status
@@ -238,7 +238,7 @@ class Step:
         return angle, size
 
     @property
-    def servoes_tilt(self) -> bool:
+    def servoes_pose(self) -> bool:
         """Whether the features determine all six degrees of freedom, and the joints have them."""
         trace = self.command.trace
         if trace is not None and trace.servoed is not None and not trace.servoed.all():
@@ -249,12 +249,9 @@ class Step:
         return int(np.linalg.matrix_rank(self.scene.features.matrix(goal))) == DOF
 
     @property
-    def tilt_off(self) -> float:
-        """True angle between the target's normal as the camera sees it and as it should see it
-        [rad].
-        """
-        seen = self.T_object_camera.rotation[2] @ self.goal_sight.pose.rotation[:, 2]
-        return float(np.arccos(np.clip(seen, -1, 1)))
+    def rotation_error(self) -> float:
+        """Angle between the camera's true orientation and its goal [rad]."""
+        return angle_of(self.goal_sight.pose.rotation @ self.T_object_camera.rotation)
 
     @property
     def tells_front_from_back(self) -> bool:
