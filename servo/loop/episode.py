@@ -25,6 +25,7 @@ from sim.camera.renderer import MakeRenderer, Unseen
 from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
 from sim.placement import object_frame
+from sim.robots import mjcf
 from sim.surroundings import Surroundings
 from sim.types import Array, Frame, Image, Pose, Truth
 from sim.world import Moment, Unstable, World, WorldParts
@@ -46,6 +47,8 @@ class Passage:
 
 DRAW_NOTHING = ("sim.robots.", "sim.targets.")
 """Modules of parts that are the same in all runs."""
+HINT = "; try another robot.base, or a robot.home near a posture that gets there"
+"""What a user can do about a robot of theirs."""
 
 
 class Episode:
@@ -171,12 +174,15 @@ class Episode:
         return self.world.look().image
 
     def _place_camera(self, start: StartConfig) -> Reach:
-        with self._refusals("start: "):
+        seed = self.scenario.run.seed
+        drawn = f", seed {seed}" * (seed != 0)  # of seed 0 nothing is drawn
+        with self._refusals(f"start{drawn}: "):
             reach = self._start(start)
             if not reach:
                 what = "camera" if self.scenario.camera.mounted == "robot" else "target"
+                hint = HINT * isinstance(self.scenario.robot, mjcf.Config)
                 raise ValueError(
-                    f"the robot cannot bring the {what} where this picture is taken: {reach}"
+                    f"the robot cannot bring the {what} where this picture is taken: {reach}{hint}"
                 )
         return reach
 
