@@ -31,6 +31,9 @@ STOP_GAIN = 8.0
 """Largest rate towards a joint limit, per unit of room left [1/s]."""
 STOP_MARGIN = 0.01
 """Room that is kept before a joint limit [m or rad]."""
+NEAR_LIMIT = 0.1
+"""Share of the way from middle to limit that is near it: there the freedom of an arm of more than
+six joints moves the joint back; over as much before it, gradually. Chosen by hand."""
 STEPS = 200
 TOLERANCE = 1e-10
 DAMPING = 1e-3
@@ -83,7 +86,7 @@ class Inversion:
     manipulability: float = 1.0
     """With more than six joints: how fast they move along the gradient of the logarithm of the
     manipulability [rad^2/s or m^2/s], as far as this does not move the camera. More costs room to
-    the limits."""
+    the limits, down to `NEAR_LIMIT`."""
     exact: bool = False
     """Take the rates that bring the camera exactly to where the twist leads by the next update of
     the drives; otherwise those that the twist needs at the beginning are held until then."""
@@ -210,6 +213,7 @@ class Robot:
         self._limited = limited
         self._freedom = len(joints) > ALL_WAYS and not design.inversion.exact
         self._middles = np.where(limited, model.jnt_range[joints].mean(axis=1), 0.0)
+        self._halves = np.where(limited, np.ptp(model.jnt_range[joints], axis=1) / 2, np.inf)
         most = design.drives.acceleration
         self._accelerates = most is not None
         self._most = each_joint("robot.acceleration", inf if most is None else most, self.names)
@@ -341,12 +345,16 @@ class Robot:
 
         After Liegeois 1977 (Automatic supervisory control of the configuration and behavior of
         multibody mechanisms, IEEE Trans. SMC 7): the gradients of the squared distances from the
-        middles and of the manipulability, projected into the null space of the Jacobian.
+        middles and of the manipulability, projected into the null space of the Jacobian. Near a
+        limit only the joints that are near theirs count: what all like together would push one on,
+        but a projected gradient of its own distance cannot.
         """
         away = np.where(self._limited, data.qpos[self.qpos] - self._middles, 0.0)
+        inside = ((1.0 - NEAR_LIMIT - np.abs(away) / self._halves) / NEAR_LIMIT).clip(0.0, 1.0)
         free = -self._inversion.centring * away
         if self._inversion.manipulability:
             free += self._inversion.manipulability * self.manipulability_gradient(J, inverse)
+        free = inside.min() * free - self._inversion.centring * (1.0 - inside) * away
         return free - np.linalg.pinv(J) @ (J @ free)
 
     def manipulability_gradient(self, J: Array, inverse: Array) -> Array:
