@@ -101,12 +101,15 @@ class Step:
     servo_error: float = 0.0
     centre: tuple[float, float] = (5.0, 5.0)
     limited: bool = False
+    joint_limits: tuple[str, ...] = ()
     turned_deg: float = 0.0
     size: float = 1.0
     servoed: tuple[bool, bool] = (True, True)
     goal_theta: float = 0.0
     goal_size: float = 1.0
     tells_front_from_back: bool = False
+    tilt_off: float = 0.0
+    servoes_tilt: bool = False
 
     @property
     def frame(self):

@@ -148,7 +148,7 @@ def test_an_acceleration_that_excludes_the_direction_is_used_up_to_turn():
     before = np.array([0.4, 0.0, 0.0, 0.0, 0.0, 0.0])
     across = robot.jacobian(data)[:, 1]
     rates, _, limited = robot.rates(data, 0.5 * across, TICK, before)
-    assert limited
+    assert limited == ("x (acceleration)", "y (acceleration)")
     np.testing.assert_allclose(rates, [0.4 - 2 * TICK, 3 * TICK, 0, 0, 0, 0], atol=1e-6)
 
 

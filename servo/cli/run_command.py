@@ -199,7 +199,7 @@ def _start_line(begun: Reach) -> str:
 
 
 def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
-    outcome = f"{record.outcome}. {Outcome[record.outcome].value}"
+    outcome = f"{record.outcome}. {Outcome[record.outcome].sentence(record.limits)}"
     console.print(f"[bold]{escape(scenario.name)}[/], seed {record.seed}: {outcome}")
     rows: list[list[str]] = []
     for name, (_, meaning) in MEANINGS.items():

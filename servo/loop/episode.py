@@ -39,8 +39,8 @@ class Passage:
 
     twist: Array
     """Mean of the twists asked for (6,)."""
-    limited: bool
-    """Whether a limit of a joint made the camera slower."""
+    limits: tuple[str, ...]
+    """The joints whose limits made the camera slower."""
     seconds: float
     """Wall-clock time of the physics [s]."""
 
@@ -265,10 +265,10 @@ class Episode:
         """Let the world move on for a frame interval, with the twists that act in it (n, 6)."""
         began = perf_counter()
         try:
-            limited = self.world.step(twists)
+            limits = self.world.step(twists)
         except Unstable as error:
             raise Part("robot", self.scenario.robot).failed(str(error)) from error
-        self._passages.append(Passage(mean_twist(twists), limited, perf_counter() - began))
+        self._passages.append(Passage(mean_twist(twists), limits, perf_counter() - began))
 
     def __iter__(self) -> Iterator[Step]:
         for _ in range(self.frames):
@@ -309,6 +309,7 @@ class Episode:
             rates=now.rates,
             twist_acting=np.zeros(6),
             limited=False,
+            joint_limits=(),
             seconds=Seconds(rendering, *timeline.seconds, 0.0),
         )
 
@@ -340,7 +341,8 @@ class Episode:
             step,
             command=self._timeline.latest.decision.command,
             twist_acting=passed.twist,
-            limited=passed.limited,
+            limited=bool(passed.limits),
+            joint_limits=passed.limits,
             seconds=replace(step.seconds, physics=passed.seconds),
         )
 

@@ -278,9 +278,9 @@ class Robot:
 
     def rates(
         self, data: mujoco.MjData, twist: Array, hold: float = 0.0, before: Array | None = None
-    ) -> tuple[Array, Array, bool]:
-        """Joint rates (n,) for a camera twist (6,), the twist (6,) that they make, and whether a
-        limit changed it.
+    ) -> tuple[Array, Array, tuple[str, ...]]:
+        """Joint rates (n,) for a camera twist (6,), the twist (6,) that they make, and the joints
+        whose limits changed it, such as "elbow (range)".
 
         A saturated camera still moves in the direction asked for, where its accelerations allow it:
         a programme decides where joints have such limits, or there are more than six; otherwise
@@ -301,13 +301,16 @@ class Robot:
         # What is not a number passes: the loop then names the part that it came from.
         pairs = zip(liked.tolist(), box, strict=True)
         if not any(rate < low or rate > high for rate, (low, high) in pairs):
-            return liked, J @ liked, False
+            return liked, J @ liked, ()
         if self._freedom or self._accelerates:
             rates = _programme(J, wanted, liked, box)
             made = J @ rates
-            return rates, made, bool(np.abs(made - J @ wanted).max() >= EXACT)
+            if np.abs(made - J @ wanted).max() < EXACT:
+                return rates, made, ()
+            names = self._outside(data, wanted, box) or self._outside(data, liked, box)
+            return rates, made, names
         slowed = wanted * _slowed(wanted, box)
-        return slowed, J @ slowed, True
+        return slowed, J @ slowed, self._outside(data, wanted, box)
 
     def driven(self, rates: Array, hold: float) -> Array:
         """Return the rates (n,) of joints that are driven at these for a time [s]: the same."""
@@ -338,6 +341,27 @@ class Robot:
         # A joint that cannot brake in time for its limit keeps its acceleration.
         low, high = np.clip(np.transpose(box), before - change, before + change).tolist()
         return list(zip(low, high, strict=True))
+
+    def _outside(
+        self, data: mujoco.MjData, rates: Array, box: list[tuple[float, float]]
+    ) -> tuple[str, ...]:
+        """Return the joints that should be faster than allowed, each with what limits it: its
+        range, its speed or its acceleration.
+        """
+        found = list[str]()
+        joints = zip(self.names, rates.tolist(), box, strict=True)
+        free = self._box(data, 0.0, None)
+        for k, (name, rate, (low, high)) in enumerate(joints):
+            if low <= rate <= high:
+                continue
+            most, own, fastest = (
+                (high, free[k][1], self.fastest[k])
+                if rate > high
+                else (-low, -free[k][0], -self.slowest[k])
+            )
+            cause = "acceleration" if most != own else "range" if own < fastest else "speed"
+            found.append(f"{name} ({cause})")
+        return tuple(found)
 
     def _spare(self, data: mujoco.MjData, J: Array, inverse: Array) -> Array:
         """Rates (n,) towards the middles between the limits, and away from singular poses, that do
