@@ -145,7 +145,8 @@ def load(
     if server is None:
         scenario = scenarios.load(name, changes, seed)
     else:
-        scenario = scenarios.load(name, [*server.SETTINGS, *changes], seed, controller=server)
+        used = [c for c in changes if c.partition("=")[0].strip() not in server.UNUSED]
+        scenario = scenarios.load(name, [*server.SETTINGS, *used], seed, controller=server)
     check_expect(scenario)
     return scenario
 
