@@ -133,7 +133,7 @@ class BelievedRobot:
 
     def rates(
         self, data: mujoco.MjData, twist: Array, hold: float, before: Array
-    ) -> tuple[Array, Array, bool]:
+    ) -> tuple[Array, Array, tuple[str, ...]]:
         """As `Robot.rates`, for the believed camera."""
         self._read(data)
         return self._robot.rates(self._data, twist, hold, before)

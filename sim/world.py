@@ -223,15 +223,15 @@ class World:
         steps = self._moments[-1]
         return self.period / steps * np.arange(0.0, steps, self._drive_steps)
 
-    def step(self, twists: Array) -> bool:
-        """Move until the next frame; return True where a limit of a joint made the camera slower.
+    def step(self, twists: Array) -> tuple[str, ...]:
+        """Move until the next frame; return the joints whose limits made the camera slower.
 
         Args:
             twists: A camera twist (6,), or one for each of the `ticks` (n, 6).
         """
         before = self._eye_seen()
         each = np.broadcast_to(twists, (len(self.ticks), 6))
-        saturated = False
+        slowed_by = dict[str, None]()
         accepted = list[Array]()
         for k, until in pairwise(self._moments):
             if k in self._exposed_at:
@@ -239,8 +239,8 @@ class World:
                 self._pictures.append(self._renderer.begin(self.data))
             if k % self._drive_steps == 0:
                 twist = each[k // self._drive_steps]
-                rates, made, slowed = self._known.rates(self.data, twist, self._hold, self._rates)
-                saturated |= slowed
+                rates, made, limits = self._known.rates(self.data, twist, self._hold, self._rates)
+                slowed_by |= dict.fromkeys(limits)
                 accepted.append(made)
                 self._rates = rates
                 self.data.ctrl[:] = self._known.driven(rates, self._hold)
@@ -255,7 +255,7 @@ class World:
         self.data.time = self._frames * self.period
         self._eye_at = self._set_stage(self.data.time)
         self._mean_twist = log_se3(before.inverse() @ self._eye_seen()) / self.period
-        return saturated
+        return tuple(slowed_by)
 
     def posture(self) -> Posture:
         """The robot's posture as of now, exact."""

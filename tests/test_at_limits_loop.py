@@ -101,6 +101,7 @@ class Step:
     servo_error: float = 0.0
     centre: tuple[float, float] = (5.0, 5.0)
     limited: bool = False
+    joint_limits: tuple[str, ...] = ()
     turned_deg: float = 0.0
     size: float = 1.0
     servoed: tuple[bool, bool] = (True, True)

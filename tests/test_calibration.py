@@ -210,6 +210,11 @@ WRONG = {
         "[0.1, 0.2, 0.0, 0.0, 0.0, 0.1]",
         "cam.yaml: distortion_coefficients has 6 numbers; plumb_bob has 5",
     ),
+    "twelve coefficients, two of them zeros at the end": (
+        str(list(PLUMB_BOB)),
+        "[0.1, 0.2, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0]",
+        "cam.yaml: distortion_coefficients has 12 numbers; plumb_bob has 5",
+    ),
     "another model": (
         "plumb_bob",
         "kannala",

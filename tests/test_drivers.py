@@ -5,19 +5,20 @@ Those of ur_rtde 1.6.5 are its own docstrings', those of LeRobot 0.4.4 and 0.6.1
 
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tutorial_pages import saved_files
+from tutorial_pages import saved_files, script
 
 import servo
 from sim.geometry import exp_se3, exp_so3, log_se3
 from sim.types import Pose
 
 PAGE = Path(__file__).parents[1] / "servo" / "tutorials" / "drivers.md"
+ROBOT_PAGE = PAGE.with_name("a_real_robot.md").read_text()
 SCENARIO = servo.load("arm_line", ["camera.rate=30"])
 TWIST = np.array([0.05, -0.03, 0.02, 0.1, -0.2, 0.15])
 T_TCP_CAMERA = Pose(exp_so3(np.array([0.3, -0.2, 1.2])), np.array([0.04, -0.06, 0.09]))
@@ -158,6 +159,31 @@ def test_a_ur_arm_that_refuses_ends_the_program(ur, monkeypatch: pytest.MonkeyPa
         ur.go(TWIST)
     ur.close()
     assert Ur.calls[-4:] == ("speedStop", "stopScript", "disconnect", "disconnect")
+
+
+@pytest.mark.parametrize(
+    ("asked", "let_through"),
+    [
+        (np.full(6, np.nan), np.zeros(6)),
+        (np.array([np.inf, 0, 0, 0, 0, 0]), np.zeros(6)),
+        (np.array([4.0, 0, 0, 0, 0, 1.0]), np.array([0.4, 0, 0, 0, 0, 0.1])),
+    ],
+)
+def test_the_program_of_the_other_page_limits_what_a_driver_is_given(ur, asked, let_through):
+    """However the robot is swapped; what it was given before the last zeros is looked at."""
+    text = script(ROBOT_PAGE).split("CAMERA = ")[0]
+    program = {"servo": servo, "np": np, "Camera": object, "Robot": object, "NO_PICTURE": 0.01}
+    program |= {"FASTEST": 0.4, "FASTEST_TURN": 1.5}
+    exec(text[text.index("def limited(") :], program)
+    given = []
+    go = ur.go
+    ur.go = lambda twist: (given.append(twist), go(twist))
+    running = SimpleNamespace(step=lambda frame, posture: servo.Command(asked))
+    camera = SimpleNamespace(newest=lambda: None)
+    frame = servo.Frame(np.zeros((2, 2, 3), np.uint8), ur.clock(), 0)
+    assert program["drive"](running, camera, ur, frame) == "no picture for 0.01 s"
+    assert given == [pytest.approx(let_through), pytest.approx(np.zeros(6))]
+    assert np.isfinite(Ur.speed).all()
 
 
 class LeRobot:

@@ -12,7 +12,8 @@ from servo.loop.episode import Episode
 from servo.scenario.load import load
 from sim.camera.camera import CameraConfig
 from sim.geometry import exp_so3
-from sim.kinematics.robot import EyeToHand, Inversion, Robot
+from sim.kinematics.drives import random_joints
+from sim.kinematics.robot import NEAR_LIMIT, EyeToHand, Inversion, Robot
 from sim.models.assembly import build_model
 from sim.motions import still
 from sim.robots import gantry, mjcf
@@ -79,6 +80,22 @@ def test_a_redundant_arm_leaves_a_singular_pose_without_moving_the_camera():
     np.testing.assert_allclose(robot.eye(data).translation, eye.translation, atol=5e-3)
 
 
+@pytest.mark.parametrize("weight", [0.0, 1.0, 10.0])
+def test_no_self_motion_takes_a_joint_to_its_limit(weight):
+    """From ten postures, whatever the joints like together."""
+    robot, data = built(mjcf, inversion=Inversion(manipulability=weight))
+    low, high = np.nan_to_num([robot.lower, robot.upper], posinf=1e9, neginf=-1e9)
+    middles = (low + high) / 2
+    halves = (high - low) / 2
+    for begin in random_joints(robot.model, robot.ids, np.random.default_rng(1), 10):
+        q = begin
+        shares = []
+        for _ in range(300):
+            shares.append(np.max(np.abs(q - middles) / halves))
+            q = q + 0.01 * robot.rates(at(robot, data, q), np.zeros(6))[0]
+        assert max(shares) < max(shares[0], 1.0 - NEAR_LIMIT) + 1e-3
+
+
 def longest(J, twist, most):
     """The largest share of a twist that rates up to this make, by linear programming."""
     equal = np.column_stack([J, -twist])
@@ -131,7 +148,7 @@ def test_an_acceleration_that_excludes_the_direction_is_used_up_to_turn():
     before = np.array([0.4, 0.0, 0.0, 0.0, 0.0, 0.0])
     across = robot.jacobian(data)[:, 1]
     rates, _, limited = robot.rates(data, 0.5 * across, TICK, before)
-    assert limited
+    assert limited == ("x (acceleration)", "y (acceleration)")
     np.testing.assert_allclose(rates, [0.4 - 2 * TICK, 3 * TICK, 0, 0, 0, 0], atol=1e-6)
 
 

@@ -1,5 +1,7 @@
 """The loop without a world: pictures and postures from anywhere, the same twists."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -22,6 +24,45 @@ def test_it_asks_for_what_the_episode_asked_for():
         decision = running.decision
         assert decision.estimate.state == step.estimate.state
         np.testing.assert_array_equal(decision.motion_measured, step.motion_measured)
+
+
+@pytest.fixture(scope="module")
+def tagged():
+    """The twist for a tag that is given by a size over its own, an angle and a place off it."""
+    settings = ["tracker.kind=tag", "features.kind=hybrid", "start.angle_deg=12"]
+    scenario = load("tag_still", settings)
+    with Episode(scenario) as episode:
+        frame, posture, truth = (
+            episode.world.look(),
+            episode.world.posture(),
+            episode.world.truth(),
+        )
+        camera, outline = episode.world.camera, episode.world.outline
+
+    def twist(size=1.0, theta=truth.theta, shift=0.0, whole=1.0):
+        side = size * truth.size * np.sqrt(np.prod(np.ptp(outline[:, :2], axis=0)))
+        x, y = truth.centre
+        loop = Loop(scenario, camera, whole * outline)
+        running = loop.start(frame, Region(side, side), State(x + shift, y, theta))
+        for k in range(3):
+            command = running.step(replace(frame, time=k / 30, index=k), posture)
+        return command.twist
+
+    return twist
+
+
+@pytest.mark.parametrize(
+    "given", [{"theta": 0.0}, {"theta": 1.8}, {"size": 1.5}, {"shift": 20.0}, {"size": 0.6}]
+)
+def test_a_tag_says_itself_how_large_it_is_and_how_it_lies(tagged, given):
+    right = tagged()
+    np.testing.assert_allclose(tagged(**given), right, atol=2e-3)
+    assert right[5] > 0.15
+
+
+def test_of_another_outline_the_region_says_where_it_is_in_the_plane_of_the_tag(tagged):
+    """A plate with a margin around its tag."""
+    np.testing.assert_allclose(tagged(size=1.25, whole=1.25), tagged(), atol=0.01)
 
 
 def test_a_region_that_is_none_is_refused():

@@ -3,11 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
+from servo.cli import main
 from servo.loop.episode import Episode, measured_run
 from servo.loop.run_measures import MEANINGS, Outcome, summarise
 from servo.loop.settings import MeasureConfig
+from servo.report.run_section import section
 from servo.scenario.load import load
 from servo.study.bounds import missed_bounds
 from sim.geometry import exp_so3
@@ -163,8 +166,26 @@ def test_outcomes(steps):
     assert report(near).outcome is Outcome.CONVERGED
     assert report(far).outcome is Outcome.TIMED_OUT
     assert report(out).outcome is Outcome.DIVERGED
-    assert report([replace(s, limited=True) for s in far]).outcome is Outcome.LIMIT_HIT
+    limited = [replace(s, limited=True, joint_limits=("elbow (range)",)) for s in far]
+    assert report(limited).outcome is Outcome.LIMIT_HIT
+    assert report(limited).limits == ("elbow (range)",)
+    assert report(far).limits == ()
     assert report(with_status(near, Status.LOST, [119])).outcome is Outcome.TARGET_LOST
+
+
+def test_a_run_that_ends_at_a_limit_names_the_joint(tmp_path, capsys, monkeypatch):
+    """The gantry is to go higher than it can."""
+    far = ["goal.depth=2.2", "start.scale=1.8", "tracker.kind=truth", "run.duration=4"]
+    sets = [word for setting in far for word in ("--set", setting)]
+    words = ["servobench", "run", "still", "--no-rerun", "--out", str(tmp_path / "run"), *sets]
+    monkeypatch.setattr("sys.argv", words)
+    with pytest.raises(SystemExit):
+        main.main()
+    sentence = "A limit of the robot keeps the camera from the goal: z (range)."
+    assert f"seed 0: LIMIT_HIT. {sentence}" in " ".join(capsys.readouterr().out.split())
+    assert section(tmp_path / "run").lead == sentence
+    names = pq.read_table(tmp_path / "run" / "steps.parquet")["joint_limits"].to_pylist()
+    assert (names[0], names[-1]) == ("", "z (range)")
 
 
 def test_missed_bounds_say_what_was_found_and_expected(steps):

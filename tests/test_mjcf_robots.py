@@ -10,7 +10,7 @@ import mujoco_menagerie
 import numpy as np
 import pytest
 from mujoco_menagerie._cache import SENTINEL, Cache
-from robot_files import built, mjcf_arm, urdf_arm, write_stl
+from robot_files import built, mjcf_arm, tall_arm, urdf_arm, write_stl
 
 from servo.loop.episode import Episode, measured_run
 from servo.scenario.load import load
@@ -179,6 +179,19 @@ def test_the_other_joints_go_on_where_one_is_at_its_limit(seven):
 def test_a_start_pose_is_inside_the_limits_and_exact(seven):
     robot, _, data = built(model=str(seven), base=BASE)
     wanted = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.1, 0.05, 1.0]))
+    assert reach(robot, data, wanted)
+    q = robot.joints(data)
+    assert np.all((q > robot.lower) & (q < robot.upper))
+    np.testing.assert_allclose(robot.eye(data).translation, wanted.translation, atol=1e-9)
+    np.testing.assert_allclose(robot.eye(data).rotation, wanted.rotation, atol=1e-9)
+
+
+@pytest.mark.parametrize("height", [0.75, 0.8, 0.85, 0.95, 1.0])
+def test_a_start_pose_is_found_behind_the_limits(tmp_path, height):
+    """Quadratic programmes alone end at limits, at 0.80 and 0.85 m from all 40 postures."""
+    (tmp_path / "tall.xml").write_text(tall_arm())
+    robot, _, data = built(model=str(tmp_path / "tall.xml"), base=(0.0, 0.54, 0.68, -90.0))
+    wanted = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, height]))
     assert reach(robot, data, wanted)
     q = robot.joints(data)
     assert np.all((q > robot.lower) & (q < robot.upper))

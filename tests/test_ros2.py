@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import servo
+from servo.cli import run_command
 from servo.mistake import Mistake
 from sim.camera.distortion import Distortion
 
@@ -239,6 +240,14 @@ def test_a_domain_that_cannot_be_is_one_sentence(monkeypatch, domain):
     sentence = f"ROS 2: CycloneDDS cannot start with ROS_DOMAIN_ID='{domain}' (0 to 232) and CYCLONEDDS_URI=''"
     with pytest.raises(Mistake, match=f"^{re.escape(sentence)}$"):
         Node()
+
+
+@pytest.mark.parametrize("latency", ["latency_ms = 80", "latency = 2"])
+@pytest.mark.parametrize("changes", [[], ["run.latency_ms=40"], ["run.latency=3"]])
+def test_a_latency_is_not_used_where_twists_come_from_elsewhere(tmp_path, latency, changes):
+    (tmp_path / "mine.toml").write_text(f"[run]\n{latency}")
+    run = run_command.load(str(tmp_path / "mine.toml"), changes, None, server.Server()).run
+    assert (run.latency, run.latency_ms) == (0, None)
 
 
 def test_a_served_robot_takes_the_newest_twist_and_stops_without_one(monkeypatch):

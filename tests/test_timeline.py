@@ -287,6 +287,18 @@ def test_the_law_learns_how_long_the_first_of_its_pending_commands_still_acts():
     assert PendingCommands(0).coming(posture, T) == []
 
 
+@pytest.mark.parametrize(
+    "run", ["[run]\nlatency_ms = 80", "[vary]\nrun.latency_ms = { choice = [40, 80] }"]
+)
+def test_a_latency_that_is_set_takes_the_place_of_a_file_s_in_another_unit(tmp_path, run):
+    (tmp_path / "mine.toml").write_text(run)
+    for seed in (0, 3):
+        late = load(str(tmp_path / "mine.toml"), ["run.latency=2"], seed).run
+        assert (late.latency, late.latency_ms) == (2, None)
+    (tmp_path / "mine.toml").write_text("[run]\nlatency = 2")
+    assert load(str(tmp_path / "mine.toml"), ["run.latency_ms=80"]).run.latency_ms == 80
+
+
 @pytest.mark.parametrize("frames", [1, 2])  # also the default, where it is written
 def test_a_latency_in_frames_and_in_milliseconds_exclude_each_other(frames):
     with pytest.raises(Mistake, match=r"run: latency_ms takes the place of latency; leave latency"):

@@ -162,6 +162,19 @@ class NeedsTruth(Protocol):
         """Take where the target is; called before `start` and each `update`."""
 
 
+@runtime_checkable
+class SeesOutline(Protocol):
+    """A tracker that finds by itself where a target is that is nothing else than what it follows,
+    such as a tag.
+    """
+
+    def outline(self, frame: Frame, region: Region, state: State) -> tuple[Region, State]:
+        """Return the region, and where it is, that a target has in the first picture: as given
+        where that is right up to noise, or where nothing is found.
+        """
+        ...
+
+
 SMALLEST_SIDE = 4.0
 """A region with a shorter side [px] holds too little to be recognised by."""
 LEAST_INSIDE = 0.5

@@ -145,7 +145,8 @@ def load(
     if server is None:
         scenario = scenarios.load(name, changes, seed)
     else:
-        scenario = scenarios.load(name, [*server.SETTINGS, *changes], seed, controller=server)
+        used = [c for c in changes if c.partition("=")[0].strip() not in server.UNUSED]
+        scenario = scenarios.load(name, [*server.SETTINGS, *used], seed, controller=server)
     check_expect(scenario)
     return scenario
 
@@ -199,7 +200,7 @@ def _start_line(begun: Reach) -> str:
 
 
 def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
-    outcome = f"{record.outcome}. {Outcome[record.outcome].value}"
+    outcome = f"{record.outcome}. {Outcome[record.outcome].sentence(record.limits)}"
     console.print(f"[bold]{escape(scenario.name)}[/], seed {record.seed}: {outcome}")
     rows: list[list[str]] = []
     for name, (_, meaning) in MEANINGS.items():

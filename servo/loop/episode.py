@@ -25,6 +25,7 @@ from sim.camera.renderer import MakeRenderer, Unseen
 from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
 from sim.placement import object_frame
+from sim.robots import mjcf
 from sim.surroundings import Surroundings
 from sim.types import Array, Frame, Image, Pose, Truth
 from sim.world import Moment, Unstable, World, WorldParts
@@ -38,14 +39,16 @@ class Passage:
 
     twist: Array
     """Mean of the twists asked for (6,)."""
-    limited: bool
-    """Whether a limit of a joint made the camera slower."""
+    limits: tuple[str, ...]
+    """The joints whose limits made the camera slower."""
     seconds: float
     """Wall-clock time of the physics [s]."""
 
 
 DRAW_NOTHING = ("sim.robots.", "sim.targets.")
 """Modules of parts that are the same in all runs."""
+HINT = "; try another robot.base, or a robot.home near a posture that gets there"
+"""What a user can do about a robot of theirs."""
 
 
 class Episode:
@@ -171,12 +174,15 @@ class Episode:
         return self.world.look().image
 
     def _place_camera(self, start: StartConfig) -> Reach:
-        with self._refusals("start: "):
+        seed = self.scenario.run.seed
+        drawn = f", seed {seed}" * (seed != 0)  # of seed 0 nothing is drawn
+        with self._refusals(f"start{drawn}: "):
             reach = self._start(start)
             if not reach:
                 what = "camera" if self.scenario.camera.mounted == "robot" else "target"
+                hint = HINT * isinstance(self.scenario.robot, mjcf.Config)
                 raise ValueError(
-                    f"the robot cannot bring the {what} where this picture is taken: {reach}"
+                    f"the robot cannot bring the {what} where this picture is taken: {reach}{hint}"
                 )
         return reach
 
@@ -259,10 +265,10 @@ class Episode:
         """Let the world move on for a frame interval, with the twists that act in it (n, 6)."""
         began = perf_counter()
         try:
-            limited = self.world.step(twists)
+            limits = self.world.step(twists)
         except Unstable as error:
             raise Part("robot", self.scenario.robot).failed(str(error)) from error
-        self._passages.append(Passage(mean_twist(twists), limited, perf_counter() - began))
+        self._passages.append(Passage(mean_twist(twists), limits, perf_counter() - began))
 
     def __iter__(self) -> Iterator[Step]:
         for _ in range(self.frames):
@@ -303,6 +309,7 @@ class Episode:
             rates=now.rates,
             twist_acting=np.zeros(6),
             limited=False,
+            joint_limits=(),
             seconds=Seconds(rendering, *timeline.seconds, 0.0),
         )
 
@@ -339,7 +346,8 @@ class Episode:
             step,
             command=self._timeline.latest.decision.command,
             twist_acting=passed.twist,
-            limited=passed.limited,
+            limited=bool(passed.limits),
+            joint_limits=passed.limits,
             seconds=replace(step.seconds, physics=passed.seconds),
         )
 

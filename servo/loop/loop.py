@@ -26,10 +26,13 @@ from servo.parts import Controller, Estimator, FeatureSet, Forgets, NeedsTruth, 
 from servo.sight.estimate_to_sight import EstimateToSight
 from servo.sight.leader_sight import LeaderSight
 from servo.types import CameraImage, Command, Sight
+from sim.targets import tag
 from sim.types import Array, Camera, Frame, Image, Posture, Truth
-from tracking.types import Estimate, Region, State, Status, Tracker, unknown_covariance
+from tracking.types import Estimate, Region, SeesOutline, State, Status, Tracker, unknown_covariance
 from tracking.types import NeedsTruth as TrackerNeedsTruth
 
+SAME_SIZE = 0.01
+"""Sides that differ by less than this share of them are the same."""
 NO_TRUTH = (
     "this estimator needs the true motion of the target (true_motion), which only a simulation "
     "knows; with a real camera choose another one, such as kalman_cv"
@@ -121,6 +124,9 @@ class Loop:
             tracker.guarded(followed) if isinstance(followed, TrackerNeedsTruth) else None
         )
         """The tracker, if it must be given the true position of the target."""
+        self._sees_outline = None
+        if isinstance(followed, SeesOutline) and _is_tag(scenario, outline):
+            self._sees_outline = followed
         self.needs_truth: NeedsTruth | None = guarded if isinstance(estimates, NeedsTruth) else None
         """The estimator, if it must be given the target's true motion."""
         self.forgets: Forgets | None = guarded if isinstance(estimates, Forgets) else None
@@ -158,7 +164,8 @@ class Loop:
         Args:
             frame: The first picture.
             region: The target's rectangle in it.
-            state: Where that is.
+            state: Where that is. Where the scenario's target is a tag, the outline its black square
+                and the tracker "tag", the square counts that is seen near it.
             goal: The picture (H, W, 3) that the camera takes at the goal, for features made of
                 pixels and for policies.
             true_motion: The target's true motion, for an estimator that needs it; only a
@@ -173,6 +180,8 @@ class Loop:
             ValueError: The region is none, or a setting does not fit the features.
         """
         check_start(frame, self.camera, region, state)
+        if self._sees_outline is not None:
+            region, state = self._sees_outline.outline(frame, region, state)
         for draws, state_at_first in self._draws:
             draws.bit_generator.state = state_at_first  # each start gives the same numbers
         self.latest = lambda: None
@@ -181,6 +190,14 @@ class Loop:
         # collector finds a circle.
         self.latest = ref(running)
         return running
+
+
+def _is_tag(scenario: Setup, outline: Array) -> bool:
+    """Return whether the target's outline is the black square of the scenario's tag."""
+    target = scenario.target
+    return isinstance(target, tag.Config) and bool(
+        np.allclose(np.ptp(outline[:, :2], axis=0), target.size, rtol=SAME_SIZE)
+    )
 
 
 @final

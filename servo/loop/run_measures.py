@@ -37,8 +37,12 @@ class Outcome(Enum):
     )
     TIMED_OUT = "The run ended before the camera was at the goal."
     TARGET_LOST = "The tracker lost the target."
-    LIMIT_HIT = "A joint at its limit keeps the camera from the goal."
+    LIMIT_HIT = "A limit of the robot keeps the camera from the goal."
     DIVERGED = "The target has left the picture, and the tracker has not called it lost."
+
+    def sentence(self, limits: Sequence[str] = ()) -> str:
+        """Return how the run ended, with the joints whose limits were hit."""
+        return f"{self.value[:-1]}: {', '.join(limits)}." if limits else self.value
 
 
 MEANINGS = {
@@ -96,6 +100,8 @@ class Summary:
     outcome: Outcome
     measures: dict[str, float]
     """Values by name, in the order of `MEANINGS`; infinite where there is none."""
+    limits: tuple[str, ...] = ()
+    """The joints whose limits were hit in the end, where this is the outcome."""
 
 
 def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Summary:
@@ -138,7 +144,10 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
         **_path_measures(steps),
         "step_ms": 1e3 * float(np.median([s.seconds.total for s in timed(steps)])),
     }
-    return Summary(_outcome(steps), {name: float(values[name]) for name in MEANINGS})
+    outcome = _outcome(steps)
+    hit = [name for s in _final(steps) for name in s.joint_limits]
+    limits = tuple(dict.fromkeys(hit)) if outcome is Outcome.LIMIT_HIT else ()
+    return Summary(outcome, {name: float(values[name]) for name in MEANINGS}, limits)
 
 
 def _series(steps: Sequence[Step], of: Callable[[Step], float]) -> Array:

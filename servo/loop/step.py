@@ -126,6 +126,9 @@ class Step:
     """What the robot knew of itself at the time of the frame."""
     limited: bool
     """Whether a joint's limit or rate slows the motion until the next frame."""
+    joint_limits: tuple[str, ...]
+    """The joints that do, each with its limit, such as "elbow (range)", "elbow (speed)" or
+    "elbow (acceleration)"."""
     seconds: Seconds
 
     def __repr__(self) -> str:

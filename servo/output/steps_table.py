@@ -126,6 +126,12 @@ def quantities(
             TEXT,
         ),
         _single("joint_limited", "a joint slowed the motion", lambda s: s.limited, FLAG),
+        _single(
+            "joint_limits",
+            "joints that slowed it, each with its limit",
+            lambda s: ", ".join(s.joint_limits),
+            TEXT,
+        ),
         _single("visible", "fraction of target seen", lambda s: s.truth.visible),
         *(
             _single(TIMED + stage, f"wall-clock time: {stage}", attrgetter(f"seconds.{stage}"))

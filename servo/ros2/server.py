@@ -43,6 +43,8 @@ class Server:
 
     SETTINGS = ("tracker.kind=truth", "estimator.kind=none", "run.latency=0")
     """Of a run whose tracker and law are elsewhere."""
+    UNUSED = ("run.latency", "run.latency_ms")
+    """A twist acts when it comes."""
 
     def __init__(self) -> None:
         """Begin to listen."""

@@ -100,13 +100,14 @@ def _read(path: Path) -> Table:
             "lengths above zero"
         )
     model = _model(document, path, values)
+    written = len(values)
     while len(values) > COEFFICIENTS[model] and values[-1] == 0:
         values = values[:-1]
     if model == "plumb_bob" and len(values) == COEFFICIENTS[model] - 1:
         values = [*values, 0.0]  # without k3
     if len(values) != COEFFICIENTS[model]:
         raise Mistake(
-            f"{path}: distortion_coefficients has {len(values)} numbers; "
+            f"{path}: distortion_coefficients has {written} numbers; "
             f"{model} has {COEFFICIENTS[model]}"
         )
     found = {"size": size, "fx": K[0], "fy": K[4], "cx": K[2] + MIDDLE, "cy": K[5] + MIDDLE}

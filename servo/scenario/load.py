@@ -111,9 +111,16 @@ def load(
     return _loaded(name, changes, own)
 
 
+SAME_TIME = {"run.latency": "run.latency_ms", "run.latency_ms": "run.latency"}
+"""Settings that take each other's place."""
+
+
 def _loaded(name: str, changes: Sequence[Change], own: Mapping[str, Any]) -> Scenario:
     table, place = read(name)
     written = copy.deepcopy(table)
+    for change in changes:
+        if change.key in SAME_TIME:  # what the file has in another unit
+            toml.drop(table, SAME_TIME[change.key])
     for change in changes:
         toml.check({change.key: change.value}, change.place)
         put(table, *change)

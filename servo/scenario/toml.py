@@ -151,6 +151,15 @@ def with_settings(table: Table, settings: Table, place: str) -> Table:
     return changed
 
 
+def drop(table: Table, path: str) -> None:
+    """Remove a setting of one of the tables at a path such as "run.latency", and its draw."""
+    section, name = names_of(path)
+    at = table.get(section)
+    if isinstance(at, dict):
+        at.pop(name, None)
+    _forget(table, [section, name])
+
+
 def _forget(table: Table, keys: list[str]) -> None:
     """Remove the draw of a setting that is set now."""
     at = table.get("vary")

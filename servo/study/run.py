@@ -102,6 +102,8 @@ class Record:
     """Repeats the run alone."""
     outcome: str
     """Name of the outcome."""
+    limits: tuple[str, ...] = ()
+    """The joints whose limits were hit, where this is the outcome; not in a row."""
     success: bool
     """Whether it ended as expected."""
     measures: dict[str, float]

@@ -40,6 +40,8 @@ class RunReport(Made):
     """All settings of the run, including defaults and the target's rectangle."""
     table: dict[str, Any]
     """The scenario's TOML table, including changes."""
+    limits: list[str] = field(default_factory=list[str])
+    """The joints whose limits were hit, where this is the outcome."""
     repeats: bool = True
     """Whether the same command gives the same numbers."""
     rates: dict[str, Number] = field(default_factory=dict)
@@ -68,6 +70,7 @@ class RunReport(Made):
             feed_forward=list(scene.features.feed_forward),
             settings=as_json(settings),
             table=as_json(scenario.table),
+            limits=list(record.limits),
             repeats=record.repeats,
             rates=scenario.rates_changed,
             unjudged=why,

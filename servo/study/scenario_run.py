@@ -178,6 +178,7 @@ def record_of(
         settings=job.settings,
         command=job.command,
         outcome=summary.outcome.name,
+        limits=summary.limits,
         success=success,
         measures=summary.measures | {TRACK_MS: track_ms},
         missed=() if unjudged(scenario, success) else missed,

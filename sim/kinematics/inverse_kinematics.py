@@ -1,10 +1,12 @@
 """Joint positions with which the camera takes a pose: found from the robot's homes by a damped
-iteration, and else from many places by quadratic programs with the limits of the joints (mink).
+iteration, else from many places by quadratic programs with the limits of the joints (mink), and
+where these find none by least squares in a trust region from the same places.
 """
 
 import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from math import degrees
 from typing import Any
 
@@ -147,15 +149,15 @@ def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> bool:
     starts = [*robot.homes, *random_joints(robot.model, robot.ids, rng, RESTARTS)]
     found: list[tuple[float, Array]] = []
     nearest: tuple[float, Array] = np.inf, np.array(starts[0])
-    for start in starts:
-        left = _descend(robot, data, start, T_world_camera)
+    for walk, start in product((_descend, _fit), starts):
+        if len(found) == ENOUGH or (found and walk is _fit):
+            break
+        left = walk(robot, data, start, T_world_camera)
         q = data.qpos[robot.qpos].copy()
         if left < nearest[0]:
             nearest = left, q
         if left < NEAR and robot.converge(data, q, T_world_camera):
             found.append((comfort(robot, data), data.qpos[robot.qpos].copy()))
-        if len(found) == ENOUGH:
-            break
     _, data.qpos[robot.qpos] = max(found, key=lambda f: f[0]) if found else nearest
     robot.refresh(data)
     return bool(found)
@@ -191,6 +193,23 @@ def _descend(
         configuration.integrate_inplace(step, 1.0)
     data.qpos[robot.qpos] = configuration.q[robot.qpos]
     return left
+
+
+def _fit(robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_camera: Pose) -> float:
+    """Walk as `_descend` does, by least squares, which take longer and seldom end at a limit."""
+    from scipy.optimize import least_squares  # only now: it takes a second
+    from scipy.spatial.transform import Rotation
+
+    def left(q: Array) -> Array:
+        data.qpos[robot.qpos] = q
+        robot.refresh(data)
+        error = robot.eye(data).inverse() @ T_world_camera
+        return np.append(error.translation, Rotation.from_matrix(error.rotation).as_rotvec())
+
+    inside = np.clip(start, robot.lower, robot.upper)
+    bounds = robot.lower, robot.upper
+    best = least_squares(left, inside, bounds=bounds, max_nfev=SEARCH_STEPS).x
+    return float(np.linalg.norm(left(best)))
 
 
 def comfort(robot: Robot, data: mujoco.MjData) -> float:

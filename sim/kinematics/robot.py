@@ -31,6 +31,9 @@ STOP_GAIN = 8.0
 """Largest rate towards a joint limit, per unit of room left [1/s]."""
 STOP_MARGIN = 0.01
 """Room that is kept before a joint limit [m or rad]."""
+NEAR_LIMIT = 0.1
+"""Share of the way from middle to limit that is near it: there the freedom of an arm of more than
+six joints moves the joint back; over as much before it, gradually. Chosen by hand."""
 STEPS = 200
 TOLERANCE = 1e-10
 DAMPING = 1e-3
@@ -83,7 +86,7 @@ class Inversion:
     manipulability: float = 1.0
     """With more than six joints: how fast they move along the gradient of the logarithm of the
     manipulability [rad^2/s or m^2/s], as far as this does not move the camera. More costs room to
-    the limits."""
+    the limits, down to `NEAR_LIMIT`."""
     exact: bool = False
     """Take the rates that bring the camera exactly to where the twist leads by the next update of
     the drives; otherwise those that the twist needs at the beginning are held until then."""
@@ -210,6 +213,7 @@ class Robot:
         self._limited = limited
         self._freedom = len(joints) > ALL_WAYS and not design.inversion.exact
         self._middles = np.where(limited, model.jnt_range[joints].mean(axis=1), 0.0)
+        self._halves = np.where(limited, np.ptp(model.jnt_range[joints], axis=1) / 2, np.inf)
         most = design.drives.acceleration
         self._accelerates = most is not None
         self._most = each_joint("robot.acceleration", inf if most is None else most, self.names)
@@ -274,9 +278,9 @@ class Robot:
 
     def rates(
         self, data: mujoco.MjData, twist: Array, hold: float = 0.0, before: Array | None = None
-    ) -> tuple[Array, Array, bool]:
-        """Joint rates (n,) for a camera twist (6,), the twist (6,) that they make, and whether a
-        limit changed it.
+    ) -> tuple[Array, Array, tuple[str, ...]]:
+        """Joint rates (n,) for a camera twist (6,), the twist (6,) that they make, and the joints
+        whose limits changed it, such as "elbow (range)".
 
         A saturated camera still moves in the direction asked for, where its accelerations allow it:
         a programme decides where joints have such limits, or there are more than six; otherwise
@@ -297,13 +301,16 @@ class Robot:
         # What is not a number passes: the loop then names the part that it came from.
         pairs = zip(liked.tolist(), box, strict=True)
         if not any(rate < low or rate > high for rate, (low, high) in pairs):
-            return liked, J @ liked, False
+            return liked, J @ liked, ()
         if self._freedom or self._accelerates:
             rates = _programme(J, wanted, liked, box)
             made = J @ rates
-            return rates, made, bool(np.abs(made - J @ wanted).max() >= EXACT)
+            if np.abs(made - J @ wanted).max() < EXACT:
+                return rates, made, ()
+            names = self._outside(data, wanted, box) or self._outside(data, liked, box)
+            return rates, made, names
         slowed = wanted * _slowed(wanted, box)
-        return slowed, J @ slowed, True
+        return slowed, J @ slowed, self._outside(data, wanted, box)
 
     def driven(self, rates: Array, hold: float) -> Array:
         """Return the rates (n,) of joints that are driven at these for a time [s]: the same."""
@@ -335,18 +342,43 @@ class Robot:
         low, high = np.clip(np.transpose(box), before - change, before + change).tolist()
         return list(zip(low, high, strict=True))
 
+    def _outside(
+        self, data: mujoco.MjData, rates: Array, box: list[tuple[float, float]]
+    ) -> tuple[str, ...]:
+        """Return the joints that should be faster than allowed, each with what limits it: its
+        range, its speed or its acceleration.
+        """
+        found = list[str]()
+        joints = zip(self.names, rates.tolist(), box, strict=True)
+        free = self._box(data, 0.0, None)
+        for k, (name, rate, (low, high)) in enumerate(joints):
+            if low <= rate <= high:
+                continue
+            most, own, fastest = (
+                (high, free[k][1], self.fastest[k])
+                if rate > high
+                else (-low, -free[k][0], -self.slowest[k])
+            )
+            cause = "acceleration" if most != own else "range" if own < fastest else "speed"
+            found.append(f"{name} ({cause})")
+        return tuple(found)
+
     def _spare(self, data: mujoco.MjData, J: Array, inverse: Array) -> Array:
         """Rates (n,) towards the middles between the limits, and away from singular poses, that do
         not move the camera.
 
         After Liegeois 1977 (Automatic supervisory control of the configuration and behavior of
         multibody mechanisms, IEEE Trans. SMC 7): the gradients of the squared distances from the
-        middles and of the manipulability, projected into the null space of the Jacobian.
+        middles and of the manipulability, projected into the null space of the Jacobian. Near a
+        limit only the joints that are near theirs count: what all like together would push one on,
+        but a projected gradient of its own distance cannot.
         """
         away = np.where(self._limited, data.qpos[self.qpos] - self._middles, 0.0)
+        inside = ((1.0 - NEAR_LIMIT - np.abs(away) / self._halves) / NEAR_LIMIT).clip(0.0, 1.0)
         free = -self._inversion.centring * away
         if self._inversion.manipulability:
             free += self._inversion.manipulability * self.manipulability_gradient(J, inverse)
+        free = inside.min() * free - self._inversion.centring * (1.0 - inside) * away
         return free - np.linalg.pinv(J) @ (J @ free)
 
     def manipulability_gradient(self, J: Array, inverse: Array) -> Array:

@@ -73,6 +73,21 @@ def urdf_arm(effort: float = 150.0) -> str:
     return "\n".join(parts)
 
 
+def tall_arm() -> str:
+    """Six joints of 0.4 m arms on a base, whose limits are in the way of most searches."""
+    offsets = 0.2, 0.1, 0.4, 0.4, 0.08, 0.08
+    axes = "0 0 1", "0 1 0", "0 1 0", "0 1 0", "1 0 0", "0 0 1"
+    limits = 2.9, 2.2, 2.8, 2.8, 2.8, 3.1
+    body = '<site name="tool"/>'
+    for k, (offset, axis, limit) in reversed([*enumerate(zip(offsets, axes, limits, strict=True))]):
+        body = (
+            f'<body name="link{k + 1}" pos="0 0 {offset}"><joint name="j{k + 1}" axis="{axis}" '
+            f'range="-{limit} {limit}"/><geom type="sphere" size="0.03" mass="1"/>{body}</body>'
+        )
+    compiler = '<compiler angle="radian" autolimits="true"/>'
+    return f"<mujoco>{compiler}<worldbody>{body}</worldbody></mujoco>"
+
+
 def mjcf_arm(folder: Path) -> str:
     """Seven joints with position actuators, a mesh on each link, and a gripper of two fingers."""
     write_stl(folder / "link.stl")

@@ -84,7 +84,20 @@ class Tag:
         self._number, self._seen = found
         self._region = region
         self._state = state
-        self._rectangle = _in_plane(self._seen, region, state)
+        self._rectangle = _or_square(_in_plane(self._seen, region, state))
+
+    def outline(self, frame: Frame, region: Region, state: State) -> tuple[Region, State]:
+        """Return the black square of the tag nearest to a region, where it is not the region."""
+        check_region(frame, region, state)
+        found = self._nearest(_grey(frame.image), np.array([state.x, state.y]), None)
+        if found is None:
+            return region, state
+        corners = found[1]
+        if _near(_in_plane(corners, region, state), SQUARE):
+            return region, state
+        side = float(np.sqrt(area_of(corners)))
+        square = Region(side, side, corners)
+        return square, state_of(corners, square, state)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Find the tag near where it was, else anywhere."""
@@ -177,10 +190,20 @@ def _in_plane(seen: Array, region: Region, state: State) -> Array:
     half = np.sqrt(
         area_of(near) * np.array([region.width / region.height, region.height / region.width])
     )
-    found = centre + (SQUARE * half) @ np.array([ahead, (-ahead[1], ahead[0])])
+    return centre + (SQUARE * half) @ np.array([ahead, (-ahead[1], ahead[0])])
+
+
+def _or_square(found: Array) -> Array:
+    """Return the black square, from the corner that is the first of a rectangle (4, 2), where this
+    is the square up to noise; else the rectangle.
+    """
     turned = [np.roll(SQUARE, k, axis=0) for k in range(4)]
     square = min(turned, key=lambda corners: float(np.abs(corners - found).max()))
-    return square if np.abs(square - found).max() < ALIKE else found
+    return square if _near(found, square) else found
+
+
+def _near(found: Array, square: Array) -> bool:
+    return bool(np.abs(square - found).max() < ALIKE)
 
 
 def _fitted(grey: Grey, corners: Array) -> Array | None:

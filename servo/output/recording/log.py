@@ -103,7 +103,8 @@ class RerunLog:
         for event in events(self._before, step):
             self._rec.set_time("frame", sequence=step.frame.index)
             self._rec.set_time("sim_time", duration=step.frame.time)
-            names = {Event.SATURATED: step.command.limits, Event.LEAVING: step.command.violated}
+            limits = step.command.limits + step.joint_limits
+            names = {Event.SATURATED: limits, Event.LEAVING: step.command.violated}
             which = ", ".join(names.get(event, ()))
             text = f"{event.name}: {event.value}" + f" ({which})" * bool(which)
             self._rec.log("events", rr.TextLog(text, level=LEVELS.get(event, "INFO")))
