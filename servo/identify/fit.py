@@ -54,6 +54,8 @@ class Whole:
     """Time constant of all that follows [s]."""
     sum: Interval
     """Of both [s]: so far the motion is behind its command in a long ramp."""
+    apart: dict[str, Interval]
+    """This sum in each channel alone [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +86,7 @@ class Identified:
     """True where play behind the lag explains the log better than play before it."""
 
 
-def identify(log: Log, servos: Sequence[float]) -> Identified:
+def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
     """Estimate all that a log shows of its robot.
 
     Args:
@@ -96,21 +98,24 @@ def identify(log: Log, servos: Sequence[float]) -> Identified:
     fits = [_solved(_Model(channels, servos, is_behind=each)) for each in orders]
     fitted = min(fits, key=lambda fit: fit.model.misfit(fit.values))
     model = fitted.model
-    alone = _Model(channels, np.zeros(len(servos)), is_behind=model.is_behind)
-    start = fitted.values.copy()
-    start[1] += np.mean(servos)
-    whole = _solved(alone, start)
-    delay = fitted.interval(0)
-    lag = fitted.interval(1)
+    none = np.zeros(len(servos))
+    start = fitted.values + np.mean(servos) * (np.arange(len(fitted.values)) == 1)
+    whole = _solved(_Model(channels, none, is_behind=model.is_behind), start)
+    apart = _apart(fitted, channels, servos)
+    apart_whole = _apart(whole, channels, none)
+    delay = fitted.interval(0, others=apart)
+    lag = fitted.interval(1, others=apart)
+    # The simulated lag begins a step late, half of which the model has in its positions.
+    delays = [each.interval(0, 1, more=GRID / 2) for each in apart_whole]
     pairs = zip(channels, model.has_play, strict=True)
     return Identified(
         delay,
         lag,
-        # The simulated lag begins a step late, half of which the model has in its positions.
         Whole(
-            whole.interval(0, more=GRID / 2),
-            whole.interval(1),
-            whole.interval(0, 1, more=GRID / 2),
+            whole.interval(0, more=GRID / 2, others=apart_whole),
+            whole.interval(1, others=apart_whole),
+            whole.interval(0, 1, more=GRID / 2, others=apart_whole),
+            {c.name: each for c, each in zip(channels, delays, strict=True)},
         ),
         dict(zip((c.name for c in channels), model.gains(fitted.values), strict=True)),
         {c.name: fitted.interval(2 + k) for k, (c, has) in enumerate(pairs) if has},
@@ -122,7 +127,7 @@ def identify(log: Log, servos: Sequence[float]) -> Identified:
         _jitter(log.transport),
         float(np.min(log.transport, initial=np.inf)) if len(log.transport) else 0.0,
         model.positions(fitted.values),
-        servos,
+        list(servos),
         model.is_behind,
     )
 
@@ -201,19 +206,48 @@ class _Model:
 
 @dataclass(frozen=True, slots=True)
 class _Fitted:
+    """Parameters of a model, and how far they are known."""
+
     model: _Model
     values: Array
     """Delay, lag, and the play of each channel."""
     squares: Array
     """Squares and products of the halves of their intervals."""
 
-    def interval(self, *which: int, more: float = 0.0) -> Interval:
-        """The interval of a parameter, or of the sum of several, later by some time [s]."""
+    def interval(
+        self, *which: int, more: float = 0.0, others: Sequence["_Fitted"] = ()
+    ) -> Interval:
+        """The interval of a parameter, or of the sum of several.
+
+        Args:
+            which: Their places.
+            more: What is added [s].
+            others: Fits of parts of the log: where one shows another value, the interval reaches
+                so far.
+        """
         value = float(self.values[list(which)].sum()) + more
         # No half of an interval is less than what the grid leaves open, or the way in that time.
         resolution = GRID * float(np.array([1.0, 1.0, *self.model.rates])[which[0]])
         half = float(np.sqrt(self.squares[np.ix_(which, which)].sum())) + resolution
-        return Interval(value, max(0.0, value - half), value + half)
+        found = [each.interval(*which, more=more) for each in others]
+        reached = [round(each.value, 9) for each in found if not each.low <= value <= each.high]
+        low, high = min(reached, default=value), max(reached, default=value)
+        return Interval(value, max(0.0, min(value - half, low)), max(value + half, high))
+
+
+def _apart(
+    fitted: _Fitted, channels: Sequence[Channel], servos: Sequence[float] | Array
+) -> list[_Fitted]:
+    """Fit each of several channels alone."""
+    if len(channels) == 1:
+        return [fitted]
+    return [
+        _solved(
+            _Model([channel], [servo], is_behind=fitted.model.is_behind),
+            fitted.values[[0, 1, 2 + k]],
+        )
+        for k, (channel, servo) in enumerate(zip(channels, servos, strict=True))
+    ]
 
 
 def _solved(model: _Model, start: Array | None = None) -> _Fitted:
