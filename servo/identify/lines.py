@@ -20,6 +20,7 @@ NO_PLAY = (
     "# backlash: not known; it needs command_JOINT_m_s (or _rad_s) of a joint that reverses, and "
     "its positions behind the gear, joint_JOINT_m"
 )
+BEHIND = "# this play is behind the lag; a simulated one is before it"
 NO_NOISE = "# encoder_noise: not known; it needs encoder_JOINT_m of a joint that stands for a while"
 
 
@@ -49,6 +50,8 @@ def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequenc
     )
     lag += f" own servo, which adds {own.value * MILLI:.3g} ms"
     play = _each("backlash", found.play, joints) or [NO_PLAY]
+    if found.is_behind:
+        play.append(BEHIND)
     noise = _each("encoder_noise", found.noise, joints) or [NO_NOISE]
     gains = ", ".join(f"{name} {said(gain)}" for name, gain in found.gain.items())
     whole = found.whole
