@@ -165,6 +165,8 @@ def _lines(path: Path, data: bytes) -> tuple[pa.Table, str]:
         cut = f"line {number}, the last, was left out: it has no line end, so it may be cut"
         data = data[:whole]
     head = data.splitlines()[0] if data else b""
+    if b"\0" in data:
+        raise ValueError("these are no lines of text")
     if b"," not in head and re.search(rb"[;\t]", head):
         separator = "a semicolon" if b";" in head else "a tab"
         raise Mistake(
