@@ -1,11 +1,15 @@
 """From the log of a robot that is not simulated: its gain, units, names and play behind the lag."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from gear_log import gear_log
 
 from servo.cli.main import app
+from servo.identify.doubts import doubts
 from servo.identify.fit import identify
 from servo.identify.log import read
 from servo.mistake import Mistake
@@ -44,12 +48,30 @@ def test_the_whole_robot_is_said_as_a_user_measures_it_whatever_simulates_it(tmp
     assert done.output.splitlines()[:2] == [
         "# the whole robot as one delay, 45 (43 to 47) ms, and one lag, 30 (28 to 32) ms; together "
         "75 (73 to 77) ms",
-        "# gain from command to motion: x 1.000 (1.000 to 1.000); the simulated one is 1",
+        "# gain from command to motion: x 1.000 (1.000 to 1.000); simulated drives have 1, less "
+        "friction",
     ]
     assert "# x 0.000203 (0.000156 to 0.000249); not measured, so 0: y, z, yaw, pitch, roll" in (
         done.output
     )
     assert "\n# this play is behind the lag; a simulated one is before it\n" in done.output
+
+
+def test_intervals_reach_to_a_channel_that_differs_and_a_line_says_so(tmp_path):
+    gear_log(tmp_path / "x.csv", **{**SLIDE, "has_joint": False})
+    gear_log(tmp_path / "y.csv", **{**SLIDE, "has_joint": False, "joint": "y_m", "delay": 0.065})
+    x, y = (read(tmp_path / f"{name}.csv") for name in "xy")
+    log = replace(x, channels=[*x.channels, *y.channels])
+    found = identify(log, [1e-4, 1e-4])
+    assert covers(found.whole.delay, 0.045)
+    assert covers(found.whole.delay, 0.065)
+    assert covers(found.whole.sum, 0.075)
+    assert covers(found.whole.sum, 0.095)
+    [sentence] = doubts(log, found, {})
+    assert re.sub(r"[\d.]+", lambda number: f"{float(number[0]):.0f}", sentence) == (
+        "delay and lag together are 75 ms in x and 95 ms in y, each alone; no one delay and lag fit "
+        "both, and the intervals reach from one to the other"
+    )
 
 
 @pytest.mark.parametrize(

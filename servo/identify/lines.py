@@ -59,7 +59,7 @@ def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequenc
         *(f"# not to be trusted: {doubt}" for doubt in doubts),
         f"# the whole robot as one delay, {_said(whole.delay, MILLI)} ms, and one lag, "
         f"{_said(whole.lag, MILLI)} ms; together {_said(whole.sum, MILLI)} ms",
-        f"# gain from command to motion: {gains}; the simulated one is 1",
+        f"# gain from command to motion: {gains}; simulated drives have 1, less friction",
     ]
     return "\n".join([*head, "", "[run]", *run, "", "[robot]", lag, *play, *noise, ""])
 

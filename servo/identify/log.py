@@ -111,9 +111,9 @@ def read(path: Path) -> Log:
     for name, unit in (found.groups() for found in named):
         of = f"{name}_{unit}"
         used |= {f"command_{of}_s", f"joint_{of}", f"encoder_{of}", f"measured_{of}_s"}
-    for name in table.column_names:
-        if name in used - columns.keys() and not pa.types.is_null(table[name].type):
-            raise Mistake(f"{path}: {name} should have numbers; {_no_number(table[name])}")
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        if name in used - columns.keys() and not pa.types.is_null(column.type):
+            raise Mistake(f"{path}: {name} should have numbers; {_no_number(column)}")
     used |= set(PICTURES)
     time = columns.get("time_s", np.empty(0))
     if not (len(time) and np.isfinite(time).all() and np.all(np.diff(time) > 0)):
@@ -158,13 +158,13 @@ def _lines(path: Path, data: bytes) -> tuple[pa.Table, str]:
     so it is left out; a file system may fill up what was not written with zeros.
     """
     data = data.rstrip(b"\0")
-    whole = 1 + max(data.rfind(b"\n"), data.rfind(b"\r"))
+    whole = 1 + data.rfind(b"\n")
     cut = ""
     if 0 < whole < len(data):
-        number = 1 + len(data[:whole].splitlines())
+        number = 1 + data.count(b"\n")
         cut = f"line {number}, the last, was left out: it has no line end, so it may be cut"
         data = data[:whole]
-    head = data.splitlines()[0] if data else b""
+    head = io.BytesIO(data).readline()
     if b"\0" in data:
         raise ValueError("these are no lines of text")
     if b"," not in head and re.search(rb"[;\t]", head):
