@@ -222,17 +222,18 @@ class _Fitted:
         Args:
             which: Their places.
             more: What is added [s].
-            others: Fits of parts of the log: where one shows another value, the interval reaches
-                so far.
+            others: Fits of parts of the log: where one shows another value, the interval contains
+                that one's.
         """
         value = float(self.values[list(which)].sum()) + more
         # No half of an interval is less than what the grid leaves open, or the way in that time.
         resolution = GRID * float(np.array([1.0, 1.0, *self.model.rates])[which[0]])
         half = float(np.sqrt(self.squares[np.ix_(which, which)].sum())) + resolution
         found = [each.interval(*which, more=more) for each in others]
-        reached = [round(each.value, 9) for each in found if not each.low <= value <= each.high]
-        low, high = min(reached, default=value), max(reached, default=value)
-        return Interval(value, max(0.0, min(value - half, low)), max(value + half, high))
+        other = [each for each in found if not each.low <= value <= each.high]
+        low = min([value - half, *(each.low for each in other)])
+        high = max([value + half, *(each.high for each in other)])
+        return Interval(value, max(0.0, low), high)
 
 
 def _apart(
