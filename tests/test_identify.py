@@ -76,13 +76,17 @@ def test_what_a_log_has_in_vain_is_named_and_the_drives_own_servo_too(logged, tm
     pyarrow.csv.write_csv(table.rename_columns(names), tmp_path / "log.csv")
     done = run(tmp_path / "log.csv", "--out", tmp_path / "out")
     assert done.output.endswith("columns without a meaning here, or without numbers: joint_x\n")
-    value, low, high, whole = re.search(
-        r"delay ([\d.]+) \(([\d.]+) to ([\d.]+)\) ms before the drive \(with the time constant of the "
-        r"drive's own servo: ([\d.]+) ",
-        done.output,
-    ).groups()
-    assert float(low) < float(value) < float(high) < float(whole)
-    assert float(whole) - float(value) == pytest.approx(1e3 * np.mean(SERVOS), abs=0.2)
+    number = r"([\d.]+)"
+    [before] = re.findall(rf"# delay {number} .* before the drive", done.output)
+    [(after, own)] = re.findall(rf"lag_ms = {number} .*, which adds {number} ms", done.output)
+    [whole] = re.findall(
+        rf"one delay, {number} .* one lag, {number} .*; together {number} ", done.output
+    )
+    delay, lag, both = map(float, whole)
+    whole = float(before) + float(after) + float(own)
+    assert float(own) == pytest.approx(1e3 * np.mean(SERVOS), abs=0.15)
+    assert delay + lag == pytest.approx(both, abs=0.2)
+    assert both == pytest.approx(whole + 1e3 * GRID / 2, abs=2)
 
 
 def test_the_formats_of_logs_are_read_alike(logged, tmp_path):
@@ -111,7 +115,9 @@ def test_what_a_table_of_steps_cannot_show_is_said(ran, tmp_path):
     done = run(tmp_path / "steps.parquet", "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output
     kept = [line for line in done.output.splitlines() if line.startswith("# ")]
-    assert [line.partition(":")[0] for line in kept] == [
+    assert [re.split("[:,]", line)[0] for line in kept if not line.startswith("# not to")] == [
+        "# the whole robot as one delay",
+        "# gain from command to motion",
         "# jitter_ms",
         "# backlash",
         "# encoder_noise",

@@ -5,11 +5,12 @@ from pathlib import Path
 from rich.console import Console
 
 from servo.cli.terminal import plain
+from servo.identify.doubts import doubts
 from servo.identify.fit import Identified, identify
 from servo.identify.lines import lines, picture
-from servo.identify.log import Channel, Log, read
+from servo.identify.log import Channel, Log, listed, read
 from servo.loop.episode import Episode
-from servo.mistake import writing
+from servo.mistake import Mistake, writing
 from servo.output.run_folder import prepare
 from servo.scenario.load import load
 from servo.types import DOF
@@ -39,21 +40,46 @@ def run(path: Path, scenario: str, out: Path | None) -> int:
     for each in (text, *files):
         plain(console, str(each))
     if log.unused:
-        more = f" and {len(log.unused) - SHOWN} more" if len(log.unused) > SHOWN else ""
-        names = ", ".join(log.unused[:SHOWN])
-        plain(console, f"columns without a meaning here, or without numbers: {names}{more}")
+        names = listed(log.unused, SHOWN)
+        plain(console, f"columns without a meaning here, or without numbers: {names}")
+    if log.cut:
+        plain(console, log.cut)
     return 0
 
 
 def estimated(log: Log, scenario: str) -> tuple[Identified, str]:
-    """Return what a log shows, and the lines that make a scenario's robot like that one."""
+    """Return what a log shows, and the lines that make a scenario's robot like that one.
+
+    Raises:
+        Mistake: The scenario's robot has no such joints, or the log cannot be its.
+    """
     with Episode(load(scenario), seen=False) as episode:
         world = episode.world
+        _check_names(log, world, scenario)
         servos = [_servo(world, channel) for channel in log.channels]
         tick = float(world.ticks[1]) if len(world.ticks) > 1 else world.period
         joints = world.robot.names
+        fastest = dict(zip(joints, world.robot.fastest.tolist(), strict=True))
     found = identify(log, servos)
-    return found, lines(found, joints, tick)
+    return found, lines(found, joints, tick, doubts(log, found, fastest))
+
+
+def _check_names(log: Log, world: World, scenario: str) -> None:
+    units = dict(
+        zip((*world.robot.names, *DOF), (*world.robot.units, *"mmm", *3 * ["rad"]), strict=True)
+    )
+    for name, unit in log.asked:
+        if name not in units:
+            joints = ", ".join(world.robot.names)
+            parts = ", ".join(DOF)
+            raise Mistake(
+                f"the robot of '{scenario}' has no joint '{name}'; it has {joints}, and its "
+                f"camera's twist {parts} (--scenario names another robot)"
+            )
+        if unit != units[name]:
+            raise Mistake(
+                f"the robot of '{scenario}' moves '{name}' in {units[name]}, not in {unit}"
+            )
 
 
 def _servo(world: World, channel: Channel) -> float:
@@ -63,7 +89,5 @@ def _servo(world: World, channel: Channel) -> float:
     each = world.robot.servos()
     if channel.name in world.robot.names:
         return float(each[world.robot.names.index(channel.name)])
-    if channel.name in DOF:
-        weights: Array = world.posture().jacobian[DOF.index(channel.name)] ** 2
-        return float(weights @ each / weights.sum())
-    return float(each.mean())
+    weights: Array = world.posture().jacobian[DOF.index(channel.name)] ** 2
+    return float(weights @ each / weights.sum()) if weights.any() else float(each.mean())

@@ -1,7 +1,8 @@
 """Delay, lag, play and noise of a robot, each with an interval, from how it followed its commands.
 
 The model is the simulator's: the sum of the commands, later by the delay, passes the play of the
-gear, then the drive's lag, then the drive's own servo, which is known. What is linear (a channel's
+gear, then the drive's lag, then the drive's own servo, which is known. A real gear is behind motor
+and servo, so that order is fitted too, and the better one is taken. What is linear (a channel's
 drift, gain and friction) is solved for in each step (variable projection, Golub and Pereyra 1973);
 the rest by least squares. Intervals are those of a bootstrap over blocks of the log in its linear
 limit: residuals of neighbours are not independent, those of blocks are.
@@ -44,6 +45,20 @@ FEWEST = 3
 
 
 @dataclass(frozen=True, slots=True)
+class Whole:
+    """The robot as one delay and one lag, the drives' own servo in them."""
+
+    delay: Interval
+    """From a command's stamp to the first motion [s]."""
+    lag: Interval
+    """Time constant of all that follows [s]."""
+    sum: Interval
+    """Of both [s]: so far the motion is behind its command in a long ramp."""
+    apart: dict[str, Interval]
+    """This sum in each channel alone [s]."""
+
+
+@dataclass(frozen=True, slots=True)
 class Identified:
     """What a log shows; None where it does not."""
 
@@ -51,6 +66,10 @@ class Identified:
     """From a command's stamp to the moment when the drives take it over [s]."""
     lag: Interval
     """Time constant of the drives before their own servo [s]."""
+    whole: Whole
+    """Delay and lag as a user measures them."""
+    gain: dict[str, Interval]
+    """Motion of each channel over the motion asked for."""
     play: dict[str, Interval]
     """Play of each joint that was measured behind its gear and reversed [m, rad]."""
     noise: dict[str, Interval]
@@ -63,26 +82,187 @@ class Identified:
     """The modelled positions of each channel."""
     servos: Sequence[float]
     """Time constant of the drive's own servo in each channel, which delay and lag leave out [s]."""
+    is_behind: bool
+    """True where play behind the lag explains the log better than play before it."""
 
 
-def identify(log: Log, servos: Sequence[float]) -> Identified:
+def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
     """Estimate all that a log shows of its robot.
 
     Args:
         log: What was asked, and what moved.
         servos: Time constant of the drive's own servo in each of its channels [s].
     """
-    from scipy.optimize import least_squares  # takes a second
-    from scipy.stats import t as student
+    channels = log.channels
+    orders = [False, True] if _Model(channels, servos, is_behind=False).has_play.any() else [False]
+    fits = [_solved(_Model(channels, servos, is_behind=each)) for each in orders]
+    fitted = min(fits, key=lambda fit: fit.model.misfit(fit.values))
+    model = fitted.model
+    none = np.zeros(len(servos))
+    start = fitted.values + np.mean(servos) * (np.arange(len(fitted.values)) == 1)
+    whole = _solved(_Model(channels, none, is_behind=model.is_behind), start)
+    apart = _apart(fitted, channels, servos)
+    apart_whole = _apart(whole, channels, none)
+    delay = fitted.interval(0, others=apart)
+    lag = fitted.interval(1, others=apart)
+    # The simulated lag begins a step late, half of which the model has in its positions.
+    delays = [each.interval(0, 1, more=GRID / 2) for each in apart_whole]
+    pairs = zip(channels, model.has_play, strict=True)
+    return Identified(
+        delay,
+        lag,
+        Whole(
+            whole.interval(0, more=GRID / 2, others=apart_whole),
+            whole.interval(1, others=apart_whole),
+            whole.interval(0, 1, more=GRID / 2, others=apart_whole),
+            {c.name: each for c, each in zip(channels, delays, strict=True)},
+        ),
+        dict(zip((c.name for c in channels), model.gains(fitted.values), strict=True)),
+        {c.name: fitted.interval(2 + k) for k, (c, has) in enumerate(pairs) if has},
+        {
+            c.name: noise
+            for c in channels
+            if (noise := _noise(c, delay.value + SETTLED * lag.value))
+        },
+        _jitter(log.transport),
+        float(np.min(log.transport, initial=np.inf)) if len(log.transport) else 0.0,
+        model.positions(fitted.values),
+        list(servos),
+        model.is_behind,
+    )
 
-    model = _Model(log.channels, servos)
-    starts = [
-        (delay, lag, *(fraction * model.spans * model.has_play))
-        for delay in np.linspace(0.0, LONGEST / 2, 11)
-        for lag in (0.01, 0.06)
-        for fraction in (0.0, 0.05)
+
+class _Model:
+    """The motion of all channels as a function of delay, lag and the play of each."""
+
+    def __init__(
+        self, channels: Sequence[Channel], servos: Sequence[float] | Array, *, is_behind: bool
+    ) -> None:
+        self._channels = channels
+        self._servos = servos
+        self.is_behind = is_behind
+        """True where the play is behind the lags."""
+        self.spans = np.array([np.ptp(c.moved.values) for c in channels])
+        self.has_play = np.array([c.shows_play and _reverses(c.command) for c in channels])
+        begin = min(c.moved.times[0] for c in channels)
+        self.rates = [np.std(c.command.values) for c in channels]
+        self._blocks_of = [(c.moved.times - begin) // BLOCK for c in channels]
+        self._blocks = np.concatenate(self._blocks_of)
+        self._factor = _student(len(np.unique(self._blocks)))
+        self._scales = [np.std(c.moved.values) for c in channels]
+
+    def residuals(self, parameters: Array) -> Array:
+        """Positions less the modelled ones, over each channel's scale (n,)."""
+        pairs = zip(self._errors(parameters), self._scales, strict=True)
+        return np.concatenate([error / scale for error, scale in pairs])
+
+    def weigh(self, parameters: Array) -> None:
+        """Scale each channel by its own error: one that hardly moves is mostly friction."""
+        self._scales = [np.std(error) + 1e-9 for error in self._errors(parameters)]
+
+    def misfit(self, parameters: Array) -> float:
+        """The negative logarithm of the likelihood, where each channel has an error of its own."""
+        errors = self._errors(parameters)
+        return float(sum(len(error) * np.log(np.std(error) + 1e-9) for error in errors))
+
+    def positions(self, parameters: Array) -> list[Series]:
+        """The modelled positions of each channel, at the stamps of its measured ones."""
+        return [
+            Series(c.moved.times, basis @ np.linalg.lstsq(basis, c.moved.values)[0])
+            for c, basis in zip(self._channels, self._bases(parameters), strict=True)
+        ]
+
+    def gains(self, parameters: Array) -> list[Interval]:
+        """Motion of each channel over the modelled one, friction included in it."""
+        found: list[Interval] = []
+        bases = self._bases(parameters)
+        for channel, basis, blocks in zip(self._channels, bases, self._blocks_of, strict=True):
+            drift = basis[:, :-2]
+            both = np.stack([basis[:, -2], channel.moved.values], axis=1)
+            asked, moved = (both - drift @ np.linalg.lstsq(drift, both)[0]).T
+            gain = float(asked @ moved / (asked @ asked))
+            scores = _of_blocks(asked * (moved - gain * asked), blocks)
+            half = _student(len(scores)) * float(np.linalg.norm(scores) / (asked @ asked))
+            found.append(Interval(gain, gain - half, gain + half))
+        return found
+
+    def covariance(self, jacobian: Array, residuals: Array) -> Array:
+        """Covariance of the parameters by the scores of blocks (the sandwich of Huber 1967 and
+        White 1980, with blocks as units).
+        """
+        bread = np.linalg.pinv(jacobian.T @ jacobian)
+        scores = _of_blocks(jacobian * residuals[:, None], self._blocks)
+        return self._factor**2 * bread @ scores.T @ scores @ bread
+
+    def _errors(self, parameters: Array) -> list[Array]:
+        pairs = zip(self._channels, self.positions(parameters), strict=True)
+        return [c.moved.values - m.values for c, m in pairs]
+
+    def _bases(self, parameters: Array) -> list[Array]:
+        delay, lag, *plays = parameters
+        each = zip(self._channels, self._servos, plays, strict=True)
+        return [_basis(c, (lag, servo), delay, play, self.is_behind) for c, servo, play in each]
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    """Parameters of a model, and how far they are known."""
+
+    model: _Model
+    values: Array
+    """Delay, lag, and the play of each channel."""
+    squares: Array
+    """Squares and products of the halves of their intervals."""
+
+    def interval(
+        self, *which: int, more: float = 0.0, others: Sequence["_Fitted"] = ()
+    ) -> Interval:
+        """The interval of a parameter, or of the sum of several.
+
+        Args:
+            which: Their places.
+            more: What is added [s].
+            others: Fits of parts of the log: where one shows another value, the interval contains
+                that one's.
+        """
+        value = float(self.values[list(which)].sum()) + more
+        # No half of an interval is less than what the grid leaves open, or the way in that time.
+        resolution = GRID * float(np.array([1.0, 1.0, *self.model.rates])[which[0]])
+        half = float(np.sqrt(self.squares[np.ix_(which, which)].sum())) + resolution
+        found = [each.interval(*which, more=more) for each in others]
+        other = [each for each in found if not each.low <= value <= each.high]
+        low = min([value - half, *(each.low for each in other)])
+        high = max([value + half, *(each.high for each in other)])
+        return Interval(value, max(0.0, low), high)
+
+
+def _apart(
+    fitted: _Fitted, channels: Sequence[Channel], servos: Sequence[float] | Array
+) -> list[_Fitted]:
+    """Fit each of several channels alone."""
+    if len(channels) == 1:
+        return [fitted]
+    return [
+        _solved(
+            _Model([channel], [servo], is_behind=fitted.model.is_behind),
+            fitted.values[[0, 1, 2 + k]],
+        )
+        for k, (channel, servo) in enumerate(zip(channels, servos, strict=True))
     ]
-    start = min(starts, key=lambda p: float(np.sum(model.residuals(np.array(p)) ** 2)))
+
+
+def _solved(model: _Model, start: Array | None = None) -> _Fitted:
+    """Fit a model by least squares, from the best of several starts where none is given."""
+    from scipy.optimize import least_squares  # takes a second
+
+    if start is None:
+        starts = [
+            np.array([delay, lag, *(fraction * model.spans * model.has_play)])
+            for delay in np.linspace(0.0, LONGEST / 2, 11)
+            for lag in (0.01, 0.06)
+            for fraction in (0.0, 0.05)
+        ]
+        start = min(starts, key=lambda p: float(np.sum(model.residuals(p) ** 2)))
     most = np.array([LONGEST, SLOWEST, *model.spans / 2])
     solve = partial(
         least_squares,
@@ -91,100 +271,53 @@ def identify(log: Log, servos: Sequence[float]) -> Identified:
         x_scale=most / 10,
         diff_step=1e-3,
     )
-    first = solve(start).x
+    first = solve(np.clip(start, 0.0, most)).x
     model.weigh(first)
     trade = np.array([TRADE, -TRADE, *np.zeros(len(model.spans))])
     tries = [np.clip(first + shift, 0.0, most) for shift in (-trade, 0.0, trade)]
     found = min(map(solve, tries), key=lambda result: float(result.cost))
-    free = np.array([True, True, *model.has_play])
-    sd = np.zeros(len(found.x))
-    sd[free] = model.block_sd(found.jac[:, free], found.fun)
-    # No half of an interval is less than what the grid leaves open, or the way in that time.
-    resolution = GRID * np.array([1.0, 1.0, *model.rates])
-    factor = float(student.ppf((1 + LEVEL) / 2, max(1, model.blocks - 1)))
-    delay, lag, *plays = (
-        _around(value, factor * error, least)
-        for value, error, least in zip(found.x, sd, resolution, strict=True)
-    )
-    pairs = zip(log.channels, plays, model.has_play, strict=True)
-    return Identified(
-        delay,
-        lag,
-        {channel.name: play for channel, play, has in pairs if has},
-        {
-            c.name: noise
-            for c in log.channels
-            if (noise := _noise(c, delay.value + SETTLED * lag.value))
-        },
-        _jitter(log.transport),
-        float(np.min(log.transport, initial=np.inf)) if len(log.transport) else 0.0,
-        model.positions(found.x),
-        servos,
-    )
+    free = np.flatnonzero([True, True, *model.has_play])
+    squares = np.zeros((len(most), len(most)))
+    squares[np.ix_(free, free)] = model.covariance(found.jac[:, free], found.fun)
+    return _Fitted(model, found.x, squares)
 
 
-class _Model:
-    """The motion of all channels as a function of delay, lag and the play of each."""
+def _student(blocks: int) -> float:
+    """Half of an interval over its standard deviation, which so many blocks tell."""
+    from scipy.stats import t as student
 
-    def __init__(self, channels: Sequence[Channel], servos: Sequence[float]) -> None:
-        self._channels = channels
-        self._servos = servos
-        self.spans = np.array([np.ptp(c.moved.values) for c in channels])
-        self.has_play = np.array([c.shows_play and _reverses(c.command) for c in channels])
-        begin = min(c.moved.times[0] for c in channels)
-        times = [c.moved.times for c in channels]
-        self.rates = [np.std(c.command.values) for c in channels]
-        self._blocks = np.concatenate([(t - begin) // BLOCK for t in times])
-        self.blocks = len(np.unique(self._blocks))
-        """Number of blocks."""
-        self._scales = [np.std(c.moved.values) for c in channels]
-
-    def residuals(self, parameters: Array) -> Array:
-        """Positions less the modelled ones, over each channel's scale (n,)."""
-        pairs = zip(self._channels, self.positions(parameters), self._scales, strict=True)
-        return np.concatenate([(c.moved.values - m.values) / s for c, m, s in pairs])
-
-    def weigh(self, parameters: Array) -> None:
-        """Scale each channel by its own error: one that hardly moves is mostly friction."""
-        pairs = zip(self._channels, self.positions(parameters), strict=True)
-        self._scales = [np.std(c.moved.values - m.values) + 1e-9 for c, m in pairs]
-
-    def positions(self, parameters: Array) -> list[Series]:
-        """The modelled positions of each channel, at the stamps of its measured ones."""
-        delay, lag, *plays = parameters
-        each = zip(self._channels, self._servos, plays, strict=True)
-        return [_modelled(channel, (lag, servo), delay, play) for channel, servo, play in each]
-
-    def block_sd(self, jacobian: Array, residuals: Array) -> Array:
-        """Standard deviations of the parameters by the scores of blocks (the sandwich of Huber
-        1967 and White 1980, with blocks as units).
-        """
-        bread = np.linalg.pinv(jacobian.T @ jacobian)
-        scores = jacobian * residuals[:, None]
-        of_blocks = np.array(
-            [scores[self._blocks == b].sum(axis=0) for b in np.unique(self._blocks)]
-        )
-        return np.sqrt(np.diag(bread @ of_blocks.T @ of_blocks @ bread))
+    return float(student.ppf((1 + LEVEL) / 2, max(1, blocks - 1)))
 
 
-def _modelled(channel: Channel, lags: tuple[float, float], delay: float, play: float) -> Series:
+def _of_blocks(scores: Array, blocks: Array) -> Array:
+    """The sum of the scores of each block."""
+    return np.array([scores[blocks == block].sum(axis=0) for block in np.unique(blocks)])
+
+
+def _basis(
+    channel: Channel, lags: tuple[float, float], delay: float, play: float, is_behind: bool
+) -> Array:
+    """Columns whose weighted sum is a channel's motion: drift, the motion asked for, friction."""
     moved = channel.moved
     command = channel.command
     grid = np.arange(moved.times[0] - GRID, moved.times[-1] + GRID, GRID)
     knots = np.append(command.times, max(grid[-1], command.times[-1]) + GRID)
     asked = np.concatenate([[0.0], np.cumsum(np.diff(knots) * command.values)])
     # The simulated lag begins a step of the physics late, and positions are half a step ahead.
-    motion = _after_play(np.interp(grid - delay - GRID / 2, knots, asked), play)
+    motion = np.interp(grid - delay - GRID / 2, knots, asked)
+    if not is_behind:
+        motion = _after_play(motion, play)
     for lag in lags:
         motion = _after_lag(motion, lag)
+    if is_behind:
+        motion = _after_play(motion, play)
     rate = np.diff(motion, prepend=motion[0])
     slides = np.sign(rate) * (np.abs(rate) > STILL * np.abs(rate).max())
     friction = _after_lag(GRID * np.cumsum(slides), lags[-1])
     knots = np.linspace(grid[0], grid[-1], 1 + min(MOST_KNOTS, 1 + int(np.ptp(grid) / DRIFT)))
     drift = [np.interp(moved.times, knots, hat) for hat in np.eye(len(knots))]
     basis = [np.interp(moved.times, grid, each) for each in (motion, friction)]
-    basis = np.stack([*drift, *basis], axis=1)
-    return Series(moved.times, basis @ np.linalg.lstsq(basis, moved.values)[0])
+    return np.stack([*drift, *basis], axis=1)
 
 
 def _after_play(motion: Array, play: float) -> Array:
@@ -216,12 +349,6 @@ def _after_lag(motion: Array, lag: float) -> Array:
 
 def _reverses(command: Series) -> bool:
     return bool(command.values.min() < 0 < command.values.max())
-
-
-def _around(value: float, error: float, resolution: float) -> Interval:
-    """An interval of what cannot be less than zero."""
-    half = error + resolution
-    return Interval(float(value), max(0.0, float(value - half)), float(value + half))
 
 
 def _noise(channel: Channel, settled: float) -> Interval | None:

@@ -5,6 +5,7 @@ from math import floor
 
 import numpy as np
 
+from servo.identify.doubts import said
 from servo.identify.fit import Identified
 from servo.identify.log import Log, Series
 from tracking.drawing.figures import Drawing, literal, panels
@@ -19,37 +20,48 @@ NO_PLAY = (
     "# backlash: not known; it needs command_JOINT_m_s (or _rad_s) of a joint that reverses, and "
     "its positions behind the gear, joint_JOINT_m"
 )
+BEHIND = "# this play is behind the lag; a simulated one is before it"
 NO_NOISE = "# encoder_noise: not known; it needs encoder_JOINT_m of a joint that stands for a while"
 
 
-def lines(found: Identified, joints: Sequence[str], tick: float) -> str:
+def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequence[str]) -> str:
     """Return the settings that simulate what was identified, with their intervals.
 
     Args:
         found: What was identified.
         joints: The simulated robot's joints, in order.
         tick: Interval of its drives, which take a command over at the next multiple of it [s].
+        doubts: Sentences why the settings are not to be trusted.
     """
     late = found.delay.value + found.transport
     latency = max(0.0, (floor(late / tick + 0.5) - 0.5) * tick)
-    own = Interval(float(np.mean(found.servos)), min(found.servos), max(found.servos))
-    whole = Interval(
-        found.delay.value + own.value, found.delay.low + own.low, found.delay.high + own.high
-    )
-    delay = f"delay {_said(found.delay, MILLI)} ms before the drive"
-    delay += f" (with the time constant of the drive's own servo: {_said(whole, MILLI)} ms)"
-    said = f"latency_ms = {latency * MILLI:.2f}  # {delay}"
+    delay = f"latency_ms = {latency * MILLI:.2f}  # delay {_said(found.delay, MILLI)} ms"
+    delay += " before the drive"
     if found.transport > 0:
-        said += f", and {found.transport * MILLI:.2f} ms until a picture arrives"
-    run = [f"{said}; the drives round it up"]
+        delay += f", and {found.transport * MILLI:.2f} ms until a picture arrives"
+    run = [f"{delay}; the drives round it up"]
     if found.jitter is None:
         run.append(NO_JITTER)
     else:
         run.append(f"jitter_ms = {found.jitter.value * MILLI:.2f}  # {_said(found.jitter, MILLI)}")
-    lag = f"lag_ms = {found.lag.value * MILLI:.2f}  # {_said(found.lag, MILLI)}"
+    own = Interval(float(np.mean(found.servos)), min(found.servos), max(found.servos))
+    lag = (
+        f"lag_ms = {found.lag.value * MILLI:.2f}  # {_said(found.lag, MILLI)} ms before the drive's"
+    )
+    lag += f" own servo, which adds {own.value * MILLI:.3g} ms"
     play = _each("backlash", found.play, joints) or [NO_PLAY]
+    if found.is_behind:
+        play.append(BEHIND)
     noise = _each("encoder_noise", found.noise, joints) or [NO_NOISE]
-    return "\n".join(["[run]", *run, "", "[robot]", lag, *play, *noise, ""])
+    gains = ", ".join(f"{name} {said(gain)}" for name, gain in found.gain.items())
+    whole = found.whole
+    head = [
+        *(f"# not to be trusted: {doubt}" for doubt in doubts),
+        f"# the whole robot as one delay, {_said(whole.delay, MILLI)} ms, and one lag, "
+        f"{_said(whole.lag, MILLI)} ms; together {_said(whole.sum, MILLI)} ms",
+        f"# gain from command to motion: {gains}; simulated drives have 1, less friction",
+    ]
+    return "\n".join([*head, "", "[run]", *run, "", "[robot]", lag, *play, *noise, ""])
 
 
 def picture(log: Log, found: Identified) -> Drawing:
@@ -75,13 +87,15 @@ def _rates(positions: Series) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _each(key: str, found: Mapping[str, Interval], joints: Sequence[str]) -> list[str]:
-    """A setting of joints: of the simulated robot's, if they have these names."""
+    """A setting of the simulated robot's joints."""
     if not found:
         return []
-    order = joints if found.keys() <= set(joints) else list(found)
-    values = [f"{found[name].value:.3g}" if name in found else "0.0" for name in order]
-    said = ", ".join(f"{name} {_said(interval, 1.0)}" for name, interval in found.items())
-    return [f"{key} = [{', '.join(values)}]  # {said}"]
+    values = [f"{found[name].value:.3g}" if name in found else "0.0" for name in joints]
+    unknown = [name for name in joints if name not in found]
+    each = ", ".join(f"{name} {_said(interval, 1.0)}" for name, interval in found.items())
+    if unknown:
+        each += f"; not measured, so 0: {', '.join(unknown)}"
+    return [f"{key} = [{', '.join(values)}]  # {each}"]
 
 
 def _said(interval: Interval, unit: float) -> str:

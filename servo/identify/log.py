@@ -6,6 +6,7 @@ Columns have the names of those of steps.parquet; a row may leave any of them em
 import io
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from servo.mistake import Mistake
 from sim.files import reading
 from sim.types import Array
 
-COMMAND = re.compile(r"command_(\w+)_(m|rad)_s")
+COMMAND = re.compile("command_(.+)_(m|rad)_s")
 STAMPS = ("time_s", "asked_s", "arrived_s")
 PICTURES = ("age_s", "picture", "frame", "decided")
 """Columns of a run's own log that say when pictures were made, and which were used."""
@@ -29,6 +30,13 @@ LONGEST = 600.0
 """A longer one takes long, and adds little [s]."""
 LARGEST = 1 << 30
 """Most bytes of a log."""
+NAMED = 12
+"""Most columns of a log that are named in a message."""
+COLUMNS = (
+    "command_NAME_m_s and joint_NAME_m, encoder_NAME_m or measured_NAME_m_s (_rad in place of _m "
+    "for angles)"
+)
+"""Those that a log needs beside time_s."""
 NEEDS = "a log in MCAP needs the package mcap: install servobench[ros]"
 
 
@@ -73,6 +81,10 @@ class Log:
     """From each picture's stamp to its arrival (n,) [s]; empty where it is not known."""
     unused: list[str]
     """Columns that have no meaning here, or no numbers."""
+    asked: list[tuple[str, str]]
+    """Name and unit (m or rad) of all that has a command, moved or not."""
+    cut: str
+    """What was left out at the end, in a sentence; empty where nothing was."""
 
 
 def read(path: Path) -> Log:
@@ -82,49 +94,116 @@ def read(path: Path) -> Log:
         Mistake: It cannot be read, or nothing in it was asked to move and moved.
     """
     try:
-        table = _table(path)
+        table, cut = _table(path)
         columns = _numbers(table)
     except (pa.ArrowException, ValueError) as error:
         if isinstance(error, Mistake) or str(error).startswith(str(path)):
             raise Mistake(str(error)) from None
         kind = path.suffix[1:].upper()
         raise Mistake(f"{path}: cannot read this log: it is damaged, or no {kind} file") from error
-    time = columns.get("time_s")
-    if time is None:
-        raise Mistake(f"{path}: this log has no column time_s")
-    if not (np.isfinite(time).all() and np.all(np.diff(time) > 0)):
+    if "time_s" not in table.column_names:
+        has = listed(table.column_names, NAMED) or "none"
+        raise Mistake(
+            f"{path}: this log has no column time_s; it needs time_s, {COLUMNS}; it has {has}"
+        )
+    named = [found for name in table.column_names if (found := COMMAND.fullmatch(name))]
+    used = set(STAMPS)
+    for name, unit in (found.groups() for found in named):
+        of = f"{name}_{unit}"
+        used |= {f"command_{of}_s", f"joint_{of}", f"encoder_{of}", f"measured_{of}_s"}
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        if name in used - columns.keys() and not pa.types.is_null(column.type):
+            raise Mistake(f"{path}: {name} should have numbers; {_no_number(column)}")
+    used |= set(PICTURES)
+    time = columns.get("time_s", np.empty(0))
+    if not (len(time) and np.isfinite(time).all() and np.all(np.diff(time) > 0)):
         raise Mistake(f"{path}: time_s should increase from row to row")
     if not SHORTEST <= np.ptp(time) <= LONGEST:
         length = f"{np.ptp(time):.3g} s long; {SHORTEST:g} to {LONGEST:g} s are needed"
         raise Mistake(f"{path}: this log is {length}")
     asked, transport = _pictures(columns)
-    named = [found for name in columns if (found := COMMAND.fullmatch(name))]
+    named = [found for found in named if found[0] in columns]
     channels = [_channel(columns, asked, *found.groups()) for found in named]
     moving = [c for c in channels if c.command.varies and c.moved.varies]
     if not moving:
         raise Mistake(
-            f"{path}: nothing in this log was asked to move and moved; it needs columns "
-            "command_NAME_m_s (or _rad_s) and joint_NAME_m, encoder_NAME_m or measured_NAME_m_s"
+            f"{path}: nothing in this log was asked to move and moved; it needs columns {COLUMNS}"
         )
-    used = {*STAMPS, *PICTURES}
-    for name, unit in (found.groups() for found in named):
-        of = f"{name}_{unit}"
-        used |= {f"command_{of}_s", f"joint_{of}", f"encoder_{of}", f"measured_{of}_s"}
     unused = [name for name in table.column_names if name not in used & columns.keys()]
-    return Log(moving, transport, unused)
+    return Log(moving, transport, unused, [(c.name, c.unit) for c in channels], cut)
 
 
-def _table(path: Path) -> pa.Table:
+def listed(names: Sequence[str], most: int) -> str:
+    """Names with commas between them, of which the last may only be counted."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def _table(path: Path) -> tuple[pa.Table, str]:
+    """Return a log's rows, and a sentence about a last line that was cut."""
     data = reading.content(path, "log", LARGEST)
     match path.suffix.lower():
         case ".csv":
-            return pyarrow.csv.read_csv(io.BytesIO(data))
+            return _lines(path, data)
         case ".parquet":
-            return pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
+            return pq.read_table(pa.BufferReader(data), page_checksum_verification=True), ""
         case ".mcap":
-            return pa.Table.from_pylist(_messages(data))
+            return pa.Table.from_pylist(_messages(data)), ""
         case _:
             raise Mistake(f"{path}: a log is a file .csv, .parquet or .mcap")
+
+
+def _lines(path: Path, data: bytes) -> tuple[pa.Table, str]:
+    """Return the rows of a CSV file. A last line without an end may have lost some of its digits,
+    so it is left out; a file system may fill up what was not written with zeros.
+    """
+    data = data.rstrip(b"\0")
+    whole = 1 + data.rfind(b"\n")
+    cut = ""
+    if 0 < whole < len(data):
+        number = 1 + data.count(b"\n")
+        cut = f"line {number}, the last, was left out: it has no line end, so it may be cut"
+        data = data[:whole]
+    head = io.BytesIO(data).readline()
+    if b"\0" in data:
+        raise ValueError("these are no lines of text")
+    if b"," not in head and re.search(rb"[;\t]", head):
+        separator = "a semicolon" if b";" in head else "a tab"
+        raise Mistake(
+            f"{path}: line 1 has {separator} between its columns; a log has a comma there, and a "
+            "point in its numbers"
+        )
+    wrong: list[pyarrow.csv.InvalidRow] = []
+
+    def refuse(row: pyarrow.csv.InvalidRow) -> str:
+        wrong.append(row)
+        return "error"
+
+    try:
+        table = pyarrow.csv.read_csv(
+            io.BytesIO(data),
+            # Only one thread counts the rows.
+            read_options=pyarrow.csv.ReadOptions(use_threads=False),
+            parse_options=pyarrow.csv.ParseOptions(invalid_row_handler=refuse),
+        )
+    except pa.ArrowInvalid:
+        if not wrong:
+            raise
+        row = wrong[0]
+        cells = f"{row.actual_columns} cells; line 1 names {row.expected_columns} columns"
+        raise Mistake(f"{path}: line {row.number} has {cells}") from None
+    return table, cut
+
+
+def _no_number(column: pa.ChunkedArray) -> str:
+    """Which row of a column is the first that is no number, in words."""
+    for number, value in enumerate(column.to_pylist(), start=1):
+        try:
+            float(value)
+        except (TypeError, ValueError):
+            if value is not None:
+                return f"row {number} has {str(value)!r}"
+    return f"it has {column.type}"
 
 
 def _numbers(table: pa.Table) -> dict[str, Array]:

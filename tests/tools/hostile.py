@@ -116,6 +116,12 @@ LOGS: dict[str, str | bytes] = {
     "log_nan.csv": f"{HEAD}0,1,0\nnan,0,1\n3,0,1\n",
     "log_words.parquet": "no log\n",
     "log_good.csv": GOOD,
+    "log_semicolon.csv": GOOD.replace(",", ";").replace(".", ","),
+    "log_ragged.csv": f"{HEAD}0,1,0\n1,0,5,1\n2,0,0\n",
+    "log_mixed.csv": f"{HEAD}0,1,0\n1,off,1\n3,0,1\n",
+    "log_foreign.csv": GOOD.replace("_x_", "_A6x_"),
+    "log_sign.csv": HEAD
+    + "".join(f"{k / 30},{0.5 - k // 15 % 2},{abs(k % 30 - 15) / 60}\n" for k in range(90)),
 }
 
 
