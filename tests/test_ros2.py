@@ -225,6 +225,9 @@ def test_a_robot_knows_its_posture_from_joint_states_and_sends_twists():
     time.sleep(0.2)
     with pytest.raises(Mistake, match=f"^/b/joints: there is no joint '{names[0]}'"):
         robot.posture(12.5)
+    with pytest.raises(Mistake, match=r"^go: expected 6 finite numbers, got "):
+        robot.go(np.full(6, np.nan))
+    assert abs(robot.clock() - time.time()) < 1.0
 
 
 def test_what_never_comes_is_one_sentence(monkeypatch):

@@ -24,6 +24,7 @@ from servo.ros2.messages import (
     stamped,
 )
 from servo.ros2.node import Node, first
+from servo.scenario.arguments import numbers
 from servo.scenario.calibration import MIDDLE, MODELS
 from servo.scenario.load import Scenario
 from sim.camera.distortion import COEFFICIENTS, Distortion
@@ -154,8 +155,17 @@ class Robot:
         return self._robot.posture(self._data, self._twist(seconds(state.header.stamp)))
 
     def go(self, twist: Array) -> None:
-        """Ask for a camera twist (6,) [m/s, rad/s]."""
-        self._writer.write(stamped(twist, header(time.time(), self._frame)))
+        """Ask for a camera twist (6,) [m/s, rad/s].
+
+        Raises:
+            Mistake: It is not finite; no robot gets that.
+        """
+        finite = np.array(numbers(twist, "go", 6))
+        self._writer.write(stamped(finite, header(time.time(), self._frame)))
+
+    def clock(self) -> float:
+        """Return the time now [s], on the clock of the pictures' and the joints' stamps."""
+        return time.time()
 
     def _twist(self, now: float) -> Array:
         """Return the mean camera twist (6,) since the last posture."""
