@@ -23,6 +23,8 @@ from sim.types import Array, Pose
 RESTARTS = 40
 ENOUGH = 8
 """The search begins at so many places at most, and ends with so many solutions."""
+OUT_OF_REACH = 0.5
+"""Where all programmes end farther from a pose [m and rad], least squares are not tried."""
 SEARCH_STEPS = 60
 NEAR = 1e-3
 """Steps of the search, and the error at which the damped iteration takes over."""
@@ -150,7 +152,7 @@ def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> bool:
     found: list[tuple[float, Array]] = []
     nearest: tuple[float, Array] = np.inf, np.array(starts[0])
     for walk, start in product((_descend, _fit), starts):
-        if len(found) == ENOUGH or (found and walk is _fit):
+        if len(found) == ENOUGH or (walk is _fit and (found or nearest[0] > OUT_OF_REACH)):
             break
         left = walk(robot, data, start, T_world_camera)
         q = data.qpos[robot.qpos].copy()
