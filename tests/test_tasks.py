@@ -89,9 +89,11 @@ def test_a_run_that_fails_leaves_the_others(monkeypatch, capfd):
         "run.duration=0.3 --set 'expect={servo_rms_px=0.5}' --set 'expect={}' "
         "--seed 0"
     )
-    assert (code, err) == (1, f"servobench: still failed: OSError: no luck\n  again: {again}\n")
+    unjudged = "1 of 2 runs (line): No verdict: this scenario has no bounds.\n"
+    failed = f"servobench: still failed: OSError: no luck\n  again: {again}\n"
+    assert (code, err) == (1, unjudged + failed)
     assert out.startswith("check: 2 runs\n")
-    assert [row[0] for row in untimed(out)[1:]] == ["scenario", "line"]
+    assert [row[0] for row in untimed(out)[1:]] == ["scenario", "still", "line"]
 
 
 def test_a_mistake_that_a_run_finds_is_said_once_and_exits_2(monkeypatch, capfd):

@@ -131,18 +131,18 @@ def check_scenarios(
         plain(errors if share.missed else console, f"{'missed: ' * share.missed}{share}")
     for _, record in records:
         print_missed(errors, record)
-    _print_unjudged(errors, records)
+    _print_unjudged(errors, records, len(ends))
     missed = any(record.missed for _, record in records) or any(s.missed for s in shares)
     return max(_print_failures(ends), missed)
 
 
-def _print_unjudged(errors: Console, records: Sequence[tuple[Job, Record]]) -> None:
-    """Say how many runs have no verdict because there are no bounds for them."""
+def _print_unjudged(errors: Console, records: Sequence[tuple[Job, Record]], count: int) -> None:
+    """Say how many of `count` runs have no verdict because there are no bounds for them."""
     without = [job for job, _ in records if not _scenario(job).expect]
     if without:
         names = ", ".join(dict.fromkeys(job.subject.name for job in without))
         why = _scenario(without[0]).unjudged or NO_BOUNDS
-        plain(errors, f"{len(without)} of {len(records)} runs ({names}): {why}")
+        plain(errors, f"{len(without)} of {count} runs ({names}): {why}")
 
 
 def _shares(records: Sequence[tuple[Job, Record]], count: int) -> list[DrawnShare]:

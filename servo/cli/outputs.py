@@ -191,8 +191,9 @@ def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
     from servo.cli.terminal import plain
 
     close = "press Ctrl-C" if viewer.page else "close the viewer, or press Ctrl-C,"
-    plain(console, f"{close} to end")
     with suppress(KeyboardInterrupt):
+        # Ctrl-C may come as soon as the line is seen.
+        plain(console, f"{close} to end")
         viewer.wait()
     viewer.stop()
 
