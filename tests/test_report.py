@@ -287,6 +287,11 @@ def test_tables_and_figures_of_a_page_are_files_with_the_measures_asked_for(tmp_
     assert LIGHT[0] in drawing
     assert "var(--" not in drawing
     assert "50_%" in drawing  # the legend
+    narrow = Printed(figures="svg", figure_width=3.4)
+    write([folder], tmp_path / "page.html", narrow)
+    drawing = (figures / "01-distance-from-the-goal.svg").read_text()
+    points = float(re.search(r'width="([\d.]+)pt"', drawing)[1])
+    assert 3.2 < points / 72 <= 3.6  # less or more by what is cut off and the margin
 
 
 def test_tables_have_labels_and_those_too_wide_say_so(tmp_path):
@@ -305,6 +310,11 @@ def test_measures_and_tables_are_refused_where_they_do_not_fit(make_papers, tmp_
     folder = make_study(tmp_path / "study")
     cases = [
         ([folder], Printed(measures="speed"), "--measures: there is no measure 'speed'"),
+        (
+            [folder],
+            Printed(figure_width=3.4),
+            "--figure-width is for --figures: say pdf, svg or pgf",
+        ),
         (
             [folder],
             Printed(latex=tmp_path / "tables.txt"),

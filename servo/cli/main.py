@@ -305,6 +305,12 @@ def papers(
     help="Also write each figure as a file, into the folder figures beside the page.",
 )
 @click.option(
+    "--figure-width",
+    type=click.FloatRange(2.0, 20.0),
+    metavar="INCHES",
+    help="Width of these figures, such as 3.5 for a column (default: 4.9).",
+)
+@click.option(
     "--measures", help="Columns of a study's tables, such as servo_rms_px,age_ms (default: a few)."
 )
 def report(folders: tuple[Path, ...], out: Path | None, **printed: Any) -> None:

@@ -61,6 +61,8 @@ class Printed:
     """Format of the figures: pdf, svg or pgf."""
     measures: str | None = None
     """Columns of the tables of studies, with commas."""
+    figure_width: float | None = None
+    """Width of the figures [inch]; by default that of the page."""
 
 
 def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = None) -> list[Path]:
@@ -72,6 +74,8 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
         Refused: The disk is full.
     """
     printed = printed or Printed()
+    if printed.figure_width is not None and printed.figures is None:
+        raise Mistake("--figure-width is for --figures: say pdf, svg or pgf")
     measures = None if printed.measures is None else measures_of(printed.measures)
     path = out or (folders[0] / PAGE if folders[0].is_dir() else Path(f"{folders[0]}.html"))
     _check_out(path, *PAGES)
@@ -83,7 +87,7 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
         files[printed.latex] = latex(sections)
     paths = list(files)
     if printed.figures is not None:
-        named = list(figures(sections, printed.figures))
+        named = list(figures(sections, printed.figures, printed.figure_width))
         if named:
             paths.append(path.parent / FIGURES)
         files |= {path.parent / FIGURES / name: content for name, content in named}

@@ -267,12 +267,14 @@ def svg(figure: Drawing, title: str) -> Markup:
     return Markup(f'{head} role="img" aria-label="{Markup.escape(title)}">{rest}')
 
 
-def saved(figure: Figure | PageImage, kind: str) -> bytes:
+def saved(figure: Figure | PageImage, kind: str, width: float | None = None) -> bytes:
     """Return a figure of a page as a file to print, with its legend.
 
     Args:
         figure: One that has a drawing.
         kind: pdf, svg or pgf.
+        width: Its width before the margins are cut off [inch]; by default that of the page. Texts
+            keep their size.
 
     Raises:
         Mistake: TeX, which measures the words of a PGF, is not there.
@@ -280,6 +282,8 @@ def saved(figure: Figure | PageImage, kind: str) -> bytes:
     assert figure.drawing is not None
     file = io.BytesIO()
     dated = {"pdf": "CreationDate", "svg": "Date"}
+    if width is not None:
+        figure.drawing.set_figwidth(width)
     with _styled():
         if isinstance(figure, Figure) and figure.keys:
             figure.drawing.legend(loc="outside upper left", ncols=3, frameon=False)

@@ -46,12 +46,15 @@ def _label(title: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:40]
 
 
-def figures(sections: Sequence[Section], kind: str) -> Iterator[tuple[str, bytes]]:
+def figures(
+    sections: Sequence[Section], kind: str, width: float | None = None
+) -> Iterator[tuple[str, bytes]]:
     """Yield name and content of a file for each figure that is drawn from values.
 
     Args:
         sections: Those of the page.
         kind: pdf, svg or pgf.
+        width: Of each figure [inch]; by default that of the page.
 
     Raises:
         Mistake: TeX, which a PGF needs, is not there.
@@ -60,4 +63,4 @@ def figures(sections: Sequence[Section], kind: str) -> Iterator[tuple[str, bytes
     every: list[Figure | PageImage] = [f for b in blocks for f in (*b.figures, *b.pictures)]
     drawn = [figure for figure in every if figure.drawing is not None]
     for number, figure in enumerate(drawn, 1):
-        yield f"{number:02}-{_label(figure.title)}.{kind}", saved(figure, kind)
+        yield f"{number:02}-{_label(figure.title)}.{kind}", saved(figure, kind, width)
