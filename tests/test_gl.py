@@ -3,6 +3,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
@@ -221,3 +222,19 @@ def test_an_opengl_that_is_too_old_is_a_sentence():
         r"OpenGL version 1\.5 or higher required\.\n",
         done.stderr,
     )
+
+
+def test_a_run_is_closed_while_its_thread_asks_for_a_picture():
+    """As the garbage collector does with a run that nobody holds: it must not wait for the lock."""
+    from servo.loop.episode import run
+    from servo.scenario.load import load
+
+    abandoned = run(load("still", ["run.duration=0.2"]))
+    next(abandoned)
+    closing = threading.Thread(target=abandoned.close)
+    with gl.rendering()._shutdown_lock:
+        closing.start()
+        closing.join(10.0)
+        waits = closing.is_alive()
+    closing.join()
+    assert not waits

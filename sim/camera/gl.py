@@ -15,6 +15,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
 from sim.stderr import silent_libraries
@@ -42,6 +43,8 @@ process; a context belongs to the thread that made it.
 """
 RENDERING: dict[int, ThreadPoolExecutor] = {}
 """The thread that renders, by process: a forked one does not have its parent's."""
+RETURNED: dict[int, SimpleQueue[Callable[[], object]]] = {}
+"""What `call_later` was given since the last call, by process."""
 Result = TypeVar("Result")
 
 WITHOUT = "SERVOBENCH_WITHOUT_OPENGL"
@@ -137,6 +140,16 @@ def call(function: Callable[..., Result], *args: object) -> Future[Result]:
     return rendering().submit(_with_context, function, *args)
 
 
+def call_later(function: Callable[..., object], *args: object) -> None:
+    """Run a function where this process's GL context is current, before the next call.
+
+    It neither waits nor takes a lock: the garbage collector closes a run that nobody holds any
+    more, in any thread, and also while that thread asks for a picture.
+    """
+    returned = RETURNED.setdefault(os.getpid(), SimpleQueue())
+    returned.put(functools.partial(function, *args))
+
+
 def rendering() -> ThreadPoolExecutor:
     """The thread of this process that makes pictures; a fork waits until it is idle."""
     return RENDERING.setdefault(os.getpid(), ThreadPoolExecutor(1, "rendering"))
@@ -151,6 +164,10 @@ def _with_context(function: Callable[..., Result], *args: object) -> Result:
             raise NoRenderer(FORKED)
         KEPT.context = _new_context(backend())
         KEPT.context.make_current()
+    returned = RETURNED.setdefault(os.getpid(), SimpleQueue())
+    with suppress(Empty):
+        while True:
+            returned.get_nowait()()
     return function(*args)
 
 

@@ -7,7 +7,7 @@ down, z forward), and nowhere else.
 import os
 from collections.abc import Callable, Generator
 from concurrent.futures import Future
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from threading import Event
 from typing import Protocol, TypeVar
 
@@ -130,8 +130,7 @@ class OpenGLRenderer:
     def close(self) -> None:
         if os.getpid() == self._process:  # elsewhere other buffers have these numbers
             self._process = 0  # they are given back once
-            with suppress(RuntimeError):  # a program that ends gives everything back
-                gl.call(_give_back, self._whole, self._context).result()
+            gl.call_later(_give_back, self._whole, self._context)
             self._whole = np.empty(0, np.uint8)  # megabytes that a dead run need not hold
 
     def begin(self, data: mujoco.MjData) -> Promise:
