@@ -660,6 +660,7 @@ def test_a_guest_of_the_public_worlds_stands_beside_the_shipped_rows():
     ]
 
 
+@pytest.mark.processes
 def test_a_class_runs_in_a_process_that_gets_pictures_only(monkeypatch, capfd, tmp_path):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text(SPY)

@@ -9,6 +9,8 @@ import pytest
 from tracking.loops import compiled
 from tracking.loops.compiled import SLOW
 
+pytestmark = pytest.mark.processes
+
 READ_ONLY = """
 import numba, numba.core.caching as caching
 for name in ("InTreeCacheLocator", "UserWideCacheLocator"):

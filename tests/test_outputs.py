@@ -187,6 +187,7 @@ def test_the_table_pairs_commands_with_the_frames_they_act_in(folder):
 
 # Rerun warns that a cut file has no footer, which is what this test is about.
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
+@pytest.mark.processes
 @pytest.mark.newest
 def test_a_killed_run_keeps_its_recording_and_its_rows_to_the_last_second(tmp_path):
     out = tmp_path / "out"

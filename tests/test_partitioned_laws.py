@@ -90,7 +90,7 @@ def deguchi(T, goal):
     return v
 
 
-def closed_loop(features, law, start, count=60):
+def closed_loop(features, law, start, count=40):
     """Poses, and the largest difference between the twists of ours and of an own computation."""
     sets = features.build(OUTLINE)
     goal_pose, T = pose_of(*GOAL), pose_of(*start)
@@ -163,8 +163,10 @@ def test_inside_the_picture_the_weighted_law_is_position_based():
 
 def test_the_weighted_law_keeps_the_corners_that_the_pose_alone_loses():
     start = "start.pose=[0.331, -0.106, 1.011, 21.3427, -37.3568, -107.4468]"
-    _, alone = measured_run(load("small_hybrid", ["features.kind=pose", start]))
-    _, both = measured_run(load("small_hybrid", ["features.kind=weighted", start]))
+    _, alone = measured_run(load("small_hybrid", ["features.kind=pose", start, "run.duration=2.0"]))
+    _, both = measured_run(
+        load("small_hybrid", ["features.kind=weighted", start, "run.duration=6.0"])
+    )
     assert alone.outcome is Outcome.TARGET_LOST
     assert both.outcome is Outcome.CONVERGED
     assert both.measures["out_of_view_pct"] == 0.0

@@ -72,6 +72,7 @@ def test_the_pictures_of_the_annotated_video_show_the_estimate(monkeypatch, capf
 
 
 # Rerun warns that a cut file has no footer, which is what this test is about.
+@pytest.mark.processes
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_a_killed_track_leaves_a_video_and_a_recording_of_all_but_the_last_second(folder):
     for k in range(FRAMES, 3000):

@@ -335,6 +335,7 @@ def test_a_server_ends_with_its_run_and_waits_for_no_garbage_collector():
     assert not left
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("mode", ["good", "stays"])
 def test_a_kill_leaves_no_folder_and_no_server(tmp_path, mode):
     (tmp_path / "main.py").write_text(KILLED)
