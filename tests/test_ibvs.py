@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from servoing import METRIC, PAPER, ROOT_AREA, facing, posture_of, task
@@ -131,8 +133,6 @@ def test_one_frame_of_delay_is_stable_below_lambda_t_of_one_and_not_above():
 
 
 def test_features_that_are_not_known_are_left_as_they_are():
-    from dataclasses import replace
-
     seen = replace(sight(0.05, 0.02, 0.3, 1.2), angle_known=False, size_known=False)
     twist = started(Config()).command(seen, STILL, DT).twist
     np.testing.assert_array_equal(twist[2:], 0.0)
@@ -171,6 +171,20 @@ def test_a_smooth_start_fades_in_from_rest():
     for k in range(1, 30):
         twist = soft.command(seen, STILL, DT).twist
         np.testing.assert_allclose(twist, (1 - np.exp(-4.0 * k * DT)) * whole, atol=1e-12)
+
+
+def test_a_smooth_start_waits_for_angle_and_size():
+    """A tracker reports them from its second picture on."""
+    seen = sight(0.05, -0.02, 0.3, 1.2)
+    given = replace(seen, angle_known=False, size_known=False)
+    soft = started(Config(smooth_start=4.0))
+    whole = started(Config()).command(seen, STILL, DT).twist
+    assert np.abs(whole[[2, 5]]).min() > 0.1
+    for shown in (given, None, given, seen):
+        command = soft.command(shown, STILL, DT)
+    np.testing.assert_allclose(command.twist, 0.0, atol=1e-12)
+    twist = soft.command(seen, STILL, DT).twist
+    np.testing.assert_allclose(twist, (1 - np.exp(-4.0 * DT)) * whole, atol=1e-12)
 
 
 def test_weights_say_what_moves_and_the_features_decay_all_the_same():

@@ -34,8 +34,8 @@ class LawSettings:
     gain_slope: Annotated[float, Ge(0), Le(1e6)] = 30.0
     """How fast lambda falls from the goal outwards: -d lambda / d |L# e| there."""
     smooth_start: Annotated[float, Ge(0), Le(1000)] = 0.0
-    """mu [1/s]: the first velocity is taken away at first, and fades in as 1 - exp(-mu t); 0: the
-    camera starts at once.
+    """mu [1/s]: the first velocity is taken away at first, and fades in as 1 - exp(-mu t), from the
+    first picture on in which all features are known; 0: the camera starts at once.
     """
     dof: tuple[Dof, ...] | None = None
     """Parts of the camera twist that may move; by default all six where there are six features or

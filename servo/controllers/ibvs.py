@@ -95,7 +95,8 @@ class Ibvs:
         self._pending = PendingCommands(task.latency)
         self._before: Array | None = None
         self._change: Array | None = None
-        self._first: Array | None = None
+        self._first = np.zeros(6)
+        self._faded_features = np.zeros(len(self._scales), bool)
         self._time = 0.0
         self._servoed: NDArray[np.bool_] | None = None
 
@@ -184,9 +185,7 @@ class Ibvs:
         target = inverse.pseudo @ (self._fed * predicted.motion)
         twist = -gain * ahead - target
         if c.smooth_start > 0:
-            self._first = gain * ahead if self._first is None else self._first
-            twist = twist + self._first * np.exp(-c.smooth_start * self._time)
-            self._time += dt
+            twist = twist + self._faded(gain * ahead, dt, seen)
         if c.secondary:
             twist = twist + c.secondary_gain * inverse.free @ twist_of(c.secondary, posture)
         if self._guard is None:
@@ -196,6 +195,18 @@ class Ibvs:
         way = sum((twist * share for twist, share in pieces), start=np.zeros(6)) * dt
         moves = inverse.moves & (self._weights > 0)
         return self._guard.limited(DesiredTwist(twist, target, L, moves, way, seen, posture, dt))
+
+    def _faded(self, asked: Array, dt: float, seen: Sight | None) -> Array:
+        """Return the part of a twist (6,) that a smooth start takes away. It begins again where
+        more features are known than before, as when the tracker first reports angle and size.
+        """
+        if seen is not None and (self._known & ~self._faded_features).any():
+            self._first = asked
+            self._faded_features |= self._known
+            self._time = 0.0
+        faded = self._first * np.exp(-self._config.smooth_start * self._time)
+        self._time += dt
+        return faded
 
     def _inverse(self, posture: Posture) -> Inverse:
         """Return the inverse over the known features and the degrees of freedom that may move:
