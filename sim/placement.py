@@ -139,15 +139,17 @@ def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> N
         raise ValueError("the camera would be on the back of the target")
 
 
-def size_above(camera: Camera, outline: Array, pixel: Array, theta: float, depth: float) -> float:
-    """`Truth.size` of a target that a level camera sees at a pixel, an angle and a depth."""
+def truth_above(camera: Camera, outline: Array, pixel: Array, theta: float, depth: float) -> Truth:
+    """The truth of a target that a level camera sees at a pixel, an angle and a depth."""
     eye = camera_above(camera, outline.mean(axis=0), 0.0, pixel, theta, depth)
-    return truth(camera, outline, eye, Pose.planar(0.0, 0.0, 0.0)).size
+    return truth(camera, outline, eye, Pose.planar(0.0, 0.0, 0.0))
 
 
 def _straightened(camera: Camera, pixel: Array, theta: float) -> float:
-    """The angle that a direction at a pixel has without the lens's distortion."""
-    if camera.distortion is None:
+    """The angle that a direction at a pixel has in space, before the lens and pixels that are not
+    square change it.
+    """
+    if camera.is_plain:
         return theta
     step = np.array([cos(theta), sin(theta)]) / 2
     x, y = (camera.normalise(pixel + step) - camera.normalise(pixel - step)).tolist()

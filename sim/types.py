@@ -54,6 +54,11 @@ class Camera:
         """
         return float(np.sqrt(self.fx * self.fy))
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether a rectangle that faces the camera is seen as one of the same shape."""
+        return self.distortion is None and self.fx == self.fy
+
     def normalise(self, pixels: Array) -> Array:
         """Pixels (..., 2) as normalised image coordinates x = X/Z, y = Y/Z (..., 2)."""
         bent = (pixels - (self.cx, self.cy)) / (self.fx, self.fy)

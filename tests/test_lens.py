@@ -92,6 +92,26 @@ def test_with_a_perfect_tracker_the_goal_is_reached(lens, goal):
     assert above.apply(end.scene.outline.mean(axis=0))[2] == pytest.approx(1.0, rel=2e-3)
 
 
+@pytest.mark.parametrize("goal", ["computed", "shown", "pose"])
+@pytest.mark.parametrize(
+    ("camera", "features"),
+    [
+        (["camera.fx=290", "camera.fy=275"], "points"),
+        (["camera.fx=290", "camera.fy=275"], "segment"),
+        (changes_for("plumb_bob"), "points"),
+        (changes_for("fisheye"), "points"),
+    ],
+)
+def test_corners_end_where_the_camera_sees_them_at_the_goal(camera, features, goal):
+    """A rectangle of the target's shape, as other trackers report it, is not what it sees there."""
+    changes = ["target.kind=plate", "robot.kind=free", "run.latency=0", "run.duration=5.0"]
+    changes += ["tracker.kind=truth", "tracker.corners=true", f"features.kind={features}"]
+    changes += [f"believed.goal={goal}", "goal.x=40", "goal.y=-25", "goal.angle_deg=30"]
+    _, summary = measured_run(load("still", [*changes, *camera]))
+    assert summary.measures["end_position_mm"] < 0.1
+    assert summary.measures["end_rotation_deg"] < 0.01
+
+
 @pytest.mark.parametrize("lens", LENSES)
 def test_a_drive_is_followed_through_a_lens(lens):
     changes = ["run.duration=4.0", "measure.after=2.0", *changes_for(lens)]
@@ -107,7 +127,7 @@ def test_the_start_has_the_angle_and_the_size_that_the_goal_asks_for(theta):
     seen = placement.truth(CAMERA, OUTLINE, eye, Pose.planar(0.0, 0.0, 0.3))
     np.testing.assert_allclose(seen.centre, pixel, atol=1e-6)
     assert seen.theta == pytest.approx(theta, abs=0.02)
-    size = placement.size_above(CAMERA, OUTLINE, pixel, theta, 0.9)
+    size = placement.truth_above(CAMERA, OUTLINE, pixel, theta, 0.9).size
     assert seen.size == pytest.approx(size, rel=1e-9)
     assert size < 0.95 * PLAIN.focal / 0.9  # a barrel shows less at the border
 

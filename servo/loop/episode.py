@@ -259,7 +259,8 @@ class Episode:
         believed = self.running.goal_sight
         if self.world.camera_believed is self.world.camera:
             return believed
-        return replace(self.goal.sight(time), picture=believed.picture)
+        true = self.goal.sight(time, by_corners=self.running.by_corners)
+        return replace(true, picture=believed.picture)
 
     def _pass(self, twists: Array) -> None:
         """Let the world move on for a frame interval, with the twists that act in it (n, 6)."""

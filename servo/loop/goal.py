@@ -8,8 +8,8 @@ import numpy as np
 from servo.loop.settings import GoalConfig
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.types import Sight
-from sim.placement import size_above
-from sim.types import Array, Camera
+from sim.placement import truth_above
+from sim.types import Array, Camera, Truth
 from tracking.types import Region, State
 
 
@@ -41,7 +41,7 @@ class Goal:
         """Where the target's centre shall be (2,) [px]."""
         self.theta = radians(config.angle_deg)
         """Direction in which the target's nose shall point [rad]."""
-        self._sizes: dict[float, float] = {}
+        self._faced: dict[float, Truth] = {}
         region = Region(1.0, 1.0)  # each goal brings its own
         self._to_sight = EstimateToSight(SightConfig(), seen, region, outline, depth_factor)
 
@@ -50,13 +50,26 @@ class Goal:
         depth = self._config.depth_at(time)
         if self._camera.distortion is None:
             return self._camera.focal / depth
-        if depth not in self._sizes:
-            above = self._camera, self._outline, self.pixel, self.theta, depth
-            self._sizes = {depth: size_above(*above)}
-        return self._sizes[depth]
+        return self._at(depth).size
 
-    def sight(self, time: float) -> Sight:
-        """Return the sight that the target shall have at a time [s]."""
+    def sight(self, time: float, *, by_corners: bool = False) -> Sight:
+        """Return the sight that the target shall have at a time [s].
+
+        Args:
+            time: Of the run.
+            by_corners: For a tracker that reports the target's corners: a lens that distorts, or
+                pixels that are not square, show them as no rectangle of the target's shape. Other
+                trackers report a rectangle, which shall be one at the goal.
+        """
+        if by_corners and not self._camera.is_plain:
+            return self._to_sight.goal_of(self._at(self._config.depth_at(time)).corners)
         length, width = np.ptp(self._outline[:, :2], axis=0) * self.size(time)
         x, y = self.pixel.tolist()
         return self._to_sight.goal(State(x, y, self.theta), Region(length, width))
+
+    def _at(self, depth: float) -> Truth:
+        """Return what is seen of a target that is faced at a depth [m]; the last one is kept."""
+        if depth not in self._faced:
+            above = self._camera, self._outline, self.pixel, self.theta, depth
+            self._faced = {depth: truth_above(*above)}
+        return self._faced[depth]

@@ -242,6 +242,8 @@ class Running:
         self._shown: float | None = None
         self._carried = np.zeros(4)
         self._follows_known = False
+        self.by_corners = False
+        """Whether the tracker has reported corners."""
         features = loop.features
         loop.estimator.start(features)
         self._difference = Difference(features)
@@ -350,6 +352,9 @@ class Running:
         estimate = loop.tracker.update(frame, ego)
         if not self._follows_known and estimate.status is Status.LOCKED:
             self._follows_known = True
+            if estimate.corners is not None and self._leader is None:
+                self.by_corners = True
+                self._aim(self._goal_sight(frame, frame.time))
             with Part("features", loop.scenario.features).naming():
                 check_followed(loop.features, estimate, self.goal_sight)
         return estimate
@@ -381,9 +386,7 @@ class Running:
         goal = self.goal_sight
         if loop.moving_goal:
             goal = self._goal_sight(frame, frame.time)
-            if goal is not None:
-                self.goal_sight = goal
-                loop.controller.aim(goal)
+            self._aim(goal)
         # Where the leader is not seen the error is not known, as where the target is not.
         sight = None if goal is None else self._sight(frame, observation.estimate, posture)
         if frame.fresh and sight is None and loop.forgets is not None:
@@ -405,12 +408,18 @@ class Running:
         picture = CameraImage(frame.image, self._loop.camera)
         return replace(goal, picture=picture, goal=goal)
 
+    def _aim(self, goal: Sight | None) -> None:
+        """Go on with another goal, if there is one."""
+        if goal is not None:
+            self.goal_sight = goal
+            self._loop.controller.aim(goal)
+
     def _goal_sight(self, frame: Frame, time: float) -> Sight | None:
         """Return the goal of a picture at a time [s]; None where its leader is not seen."""
         if self._leader is not None:
             pose = self._leader.goal(frame.image)
             return None if pose is None else self._to_sight.at(pose)
-        sight = self._loop.goal.sight(time)
+        sight = self._loop.goal.sight(time, by_corners=self.by_corners)
         return sight if self._goal_picture is None else replace(sight, picture=self._goal_picture)
 
     def _measured(self, command: Command, sight: Sight | None, interval: float) -> Array:

@@ -113,6 +113,13 @@ class EstimateToSight:
         plane = plane_of_size(m, self._root_area, FACING)
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=corners))
 
+    def goal_of(self, corners: Array) -> Sight:
+        """Return the sight to reach: from straight above, where the corners (4, 2) are seen [px]."""
+        seen = self._camera.normalise(corners)
+        m = shape_moments.of_polygon(seen)
+        plane = plane_of_size(m, self._root_area, FACING)
+        return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=seen))
+
     def at(self, pose: Pose) -> Sight:
         """Return the sight to reach where it is a pose, T_camera_object."""
         return self._with_depth_factor(sight_of(pose, self._outline))
