@@ -76,7 +76,10 @@ def test_some_drawn_seeds_may_end_otherwise(tmp_path, capsys):
     files = {"junit": tmp_path / "out.xml", "json": tmp_path / "out.json"}
     assert check_scenarios([str(path)], [], 3, 4, 1, quiet=False, **files) == 0
     out = capsys.readouterr().out
-    assert "mine: 2 of 4 drawn seeds ended as expected (expect.drawn.success_rate: 0.5)\n" in out
+    assert (
+        "mine: 2 of 4 drawn seeds ended as expected; at least 2 must (expect.drawn.success_rate: 0.5)\n"
+        in out
+    )
     assert [line.split()[-3] for line in out.splitlines() if "TIMED_OUT" in line] == ["counted"] * 2
     share = {"scenario": "mine", "ended": 2, "seeds": 4, "success_rate": 0.5}
     assert json.loads(files["json"].read_text())["shares"] == [share]
@@ -89,7 +92,7 @@ def test_too_few_drawn_seeds_that_end_as_expected_miss_their_bound(tmp_path, cap
     path.write_text(DRAWN.format(bound=-1, rate=0.75))
     junit = tmp_path / "out.xml"
     assert check_scenarios([str(path)], [], 3, 4, 1, quiet=True, junit=junit) == 1
-    sentence = "mine: 2 of 4 drawn seeds ended as expected (expect.drawn.success_rate: 0.75)"
+    sentence = "mine: 2 of 4 drawn seeds ended as expected; at least 3 must (expect.drawn.success_rate: 0.75)"
     err = capsys.readouterr().err
     assert f"missed: {sentence}\n" in err
     assert err.count(", expected at most -1 (expect.drawn)\n") == 2  # not of those that are counted

@@ -11,9 +11,12 @@ import servo
 from servo import testing
 from servo.cli.main import PARTS
 from servo.cli.new_command import SECTIONS, new
+from servo.loop.episode import measured_run
 from servo.loop.run_measures import Outcome
 from servo.mistake import Mistake
 from servo.result import simulate
+from servo.scenario.load import load
+from servo.study.bounds import missed_bounds
 from servo.testing import check_tracker
 
 BOTH = """
@@ -128,3 +131,14 @@ def test_a_repository_of_scenarios_has_a_workflow_that_keeps_the_compiled_loops(
 
 def test_the_command_names_each_part():
     assert set(PARTS) == {*SECTIONS, "scenarios"}
+
+
+def test_the_bounds_of_a_new_scenario_notice_half_the_gain(tmp_path):
+    new("scenarios", "ci", tmp_path / "repository")
+    place = str(tmp_path / "repository" / "scenarios" / "ci.toml")
+    missed = []
+    for change in ("controller.gain=2.0", "controller.gain=1.0"):
+        scenario = load(place, [change])
+        _, summary = measured_run(scenario)
+        missed.append(missed_bounds(summary.outcome.name, summary.measures, scenario.expect))
+    assert [bool(some) for some in missed] == [False, True]

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 from rich.console import Console
 
 from servo.cli.jobs import print_estimate, progress
-from servo.cli.run_command import load, print_missed
+from servo.cli.run_command import load, measures_line, print_missed
 from servo.cli.terminal import complain, plain, print_table
 from servo.loop.run_measures import MEANINGS
 from servo.mistake import Mistake, Refused, check_suffix, one_line, writing
@@ -131,6 +131,9 @@ def check_scenarios(
         plain(errors if share.missed else console, f"{'missed: ' * share.missed}{share}")
     for _, record in records:
         print_missed(errors, record)
+    for name, line in {job.subject.name: measures_line(_scenario(job)) for job in jobs}.items():
+        if line:
+            plain(errors, f"{name}: {line}")
     _print_unjudged(errors, records, len(ends))
     missed = any(record.missed for _, record in records) or any(s.missed for s in shares)
     return max(_print_failures(ends), missed)

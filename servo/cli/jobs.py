@@ -151,4 +151,12 @@ def complete_jobs(
         more = f" (the first of {len(paths)} such runs)" if len(paths) > 1 else ""
         kept = next(filter(Path.exists, paths), paths[0].parent)
         complain(f"{kept}: {reason}{more}")
+    errors = [
+        path for job in jobs if job.key in store.done and (path := store.failure_path(job)).exists()
+    ]
+    if errors:
+        complain(
+            f"{errors[0].parent}: {len(errors)} of the runs finished only when they were tried "
+            "again: something in them does not repeat itself"
+        )
     return failed

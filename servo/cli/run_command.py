@@ -24,7 +24,7 @@ from servo.cli.terminal import (
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
 from servo.loop.run_measures import MEANINGS, Outcome, timed
-from servo.loop.settings import DOES_NOT_REPEAT
+from servo.loop.settings import DOES_NOT_REPEAT, Setup
 from servo.loop.step import DOF, Step
 from servo.output.formats import command_line
 from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
@@ -167,6 +167,7 @@ def remarks(episode: Episode) -> list[str]:
         _start_line(episode.begun),
         advice(episode.scenario.tracker, first.image, region, state),
         _tilt_line(episode),
+        measures_line(episode.scenario),
     ]
     return [line for line in lines if line]
 
@@ -186,6 +187,16 @@ def _tilt_line(episode: Episode) -> str:
     return (
         f"The tracker {tracker} reports no corners: the tilt of the start is neither seen nor "
         f"servoed; with {instead} it is"
+    )
+
+
+def measures_line(scenario: Setup) -> str:
+    """Return a sentence about measures that no frame of a run counts in; else nothing."""
+    if scenario.run.duration > scenario.measure.after:
+        return ""
+    return (
+        f"The run ends after {scenario.run.duration:g} s, and measure.after = "
+        f"{scenario.measure.after:g} s: measures that count from there on have no value"
     )
 
 

@@ -8,6 +8,7 @@ from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, go_on, print_estimate
 from servo.cli.terminal import complain, escape, plain, print_table, waiting
+from servo.loop.run_measures import COUNTED, UNCOUNTED
 from servo.mistake import check_known
 from servo.output.formats import command_line
 from servo.report.study_data import cell_row
@@ -118,6 +119,8 @@ def _sum_up(
             )
     for path in paths:
         plain(console, f"  {path}")
+    if not any(row[name] is not None for row in rows for name in COUNTED):
+        plain(console, UNCOUNTED)
     not_kept = missed_by_cells(grouped(study.keys, rows), study.expect)
     for line in not_kept:
         complain(line)

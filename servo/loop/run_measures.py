@@ -85,10 +85,15 @@ MEANINGS = {
 }
 """Unit and meaning of every measure; smaller is better for all.
 
-Those with `_rms_`, `_peak_`, `_off_` and `_held_` count from measure.after on (or in the last
-frame, where the run ends before); all others over the whole run, `settle_s` from its start. Those
-with `tracking_` count each estimate once, however long a slow tracker lets it stand.
+Those of `COUNTED` count from measure.after on, and have no value where the run ends before; all
+others count over the whole run, `settle_s` from its start. Those with `tracking_` count each
+estimate once, however long a slow tracker lets it stand.
 """
+COUNTED = tuple(
+    name for name in MEANINGS if any(f"_{part}_" in name for part in ("rms", "peak", "off", "held"))
+)
+"""The measures that count from measure.after on."""
+UNCOUNTED = "No run reaches measure.after: what counts from there on has no value."
 TIMED = "step_ms"
 """The measure that differs from run to run."""
 
@@ -99,31 +104,32 @@ class Summary:
 
     outcome: Outcome
     measures: dict[str, float]
-    """Values by name, in the order of `MEANINGS`; infinite where there is none."""
+    """Values by name, in the order of `MEANINGS`; infinite or nan where there is none."""
     limits: tuple[str, ...] = ()
     """The joints whose limits were hit in the end, where this is the outcome."""
 
 
 def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Summary:
     """Measures and outcome of the steps of one run; period is the frame interval [s]."""
-    counted = [s for s in steps if s.frame.time >= config.after] or list(steps[-1:])
+    late = [s for s in steps if s.frame.time >= config.after]
+    counted = late or steps
     servo = _series(counted, lambda s: s.servo_error)
     turned = np.degrees(_servo_angles(steps))
     grown = 100 * _series(steps, lambda s: s.truth.size / s.goal_size - 1)
+    late_turned, late_grown = turned[-len(counted) :], grown[-len(counted) :]
     estimated = [s for s in counted if s.decided] or counted  # a repeated estimate counts once
     tracked = _series(estimated, lambda s: s.tracking_error)
     angle = np.degrees(_series(estimated, _tracking_angle))
     scale = 100 * _series(
         estimated, lambda s: s.estimate.state.scale / s.true_state_estimated.scale - 1
     )
-    late = slice(len(steps) - len(counted), None)
     values = {
         "servo_rms_px": _rms(servo),
         "servo_peak_px": servo.max(),
-        "servo_angle_rms_deg": _rms(turned[late]),
-        "servo_angle_peak_deg": np.abs(turned[late]).max(),
-        "servo_scale_rms_pct": _rms(grown[late]),
-        "servo_scale_peak_pct": np.abs(grown[late]).max(),
+        "servo_angle_rms_deg": _rms(late_turned),
+        "servo_angle_peak_deg": np.abs(late_turned).max(),
+        "servo_scale_rms_pct": _rms(late_grown),
+        "servo_scale_peak_pct": np.abs(late_grown).max(),
         "not_held_pct": 100 * float(np.mean(servo > CONVERGED_PX)),
         "settle_s": _settling_time(steps, turned, grown),
         "longest_off_s": _longest(servo > config.above) * period,
@@ -144,6 +150,8 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
         **_path_measures(steps),
         "step_ms": 1e3 * float(np.median([s.seconds.total for s in timed(steps)])),
     }
+    if not late:
+        values |= dict.fromkeys(COUNTED, np.nan)
     outcome = _outcome(steps)
     hit = [name for s in _final(steps) for name in s.joint_limits]
     limits = tuple(dict.fromkeys(hit)) if outcome is Outcome.LIMIT_HIT else ()

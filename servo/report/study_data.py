@@ -34,6 +34,9 @@ class StudyResults:
     pictured: set[int]
     """Those of these runs that have a contact sheet."""
     failures: list[FailureFile]
+    """Of runs that have no row."""
+    retried: list[FailureFile]
+    """Of runs that finished when they were tried again."""
 
     @property
     def axes(self) -> dict[str, list[Any]]:
@@ -55,12 +58,17 @@ class StudyResults:
         """Return the units over which the intervals of these rows are."""
         return Units.of(rows, self.axes, bool(self.plan.draws))
 
+    def planned(self, key: str | None) -> int:
+        """Return how many runs each value of an axis has; all if there is no axis."""
+        return self.plan.runs // (1 if key is None else len(self.axes[key]))
+
     def groups(self, key: str | None) -> dict[str, list[Row]]:
-        """Return the rows by value of an axis, in its order; one group if there is no axis."""
+        """Return the rows by value of an axis, in its order; one group if there is no axis. A value
+        whose runs have all failed has none.
+        """
         if key is None:
-            return {"all runs": self.rows} if self.rows else {}
-        found = {str(v): [r for r in self.rows if r[key] == v] for v in self.axes[key]}
-        return {name: rows for name, rows in found.items() if rows}
+            return {"all runs": self.rows}
+        return {str(v): [r for r in self.rows if r[key] == v] for v in self.axes[key]}
 
     def sheets(self, most: int) -> Iterator[tuple[Row, bytes]]:
         """Yield rows with their contact sheets; first those of runs that did not succeed."""
@@ -95,8 +103,12 @@ def load(folder: Path) -> StudyResults:
                 series[record.number] = {n: v for n, v in record.series.items() if len(v) == length}
             if record.sheet is not None:
                 pictured.add(record.number)
-    failed = [FailureFile.read(p) for p in sorted((folder / FAILURES).glob("*.json"))]
-    return StudyResults(store, plan, rows, series, pictured, failed)
+    finished = {row["run"] for row in rows}
+    failed, retried = list[FailureFile](), list[FailureFile]()
+    for path in sorted((folder / FAILURES).glob("*.json")):
+        failure = FailureFile.read(path)
+        (retried if failure.run in finished else failed).append(failure)
+    return StudyResults(store, plan, rows, series, pictured, failed, retried)
 
 
 def missing(plan: StudyFile, store: Store) -> list[str]:

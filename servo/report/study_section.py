@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.run_measures import COUNTED, MEANINGS, UNCOUNTED, Outcome
 from servo.loop.settings import DOES_NOT_REPEAT
 from servo.report import page, study_paths, study_time
 from servo.report.page import Block, Fact, Figure, PageImage, Section
@@ -25,6 +25,7 @@ from servo.report.words import (
 )
 from servo.study.bounds import missed_by_cells
 from servo.study.results import COMPARED, Compared, comparisons, grouped
+from servo.study.store import FAILURES
 
 MOST_SHEETS = 24
 MOST_FAILURES = 12
@@ -120,6 +121,7 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
     text = missing(plan, study.store)
     if not all(row.get("repeats", True) for row in study.rows):
         text.append(f"{DOES_NOT_REPEAT}.")
+    text += _unsure(study)
     rows = [["axis", key, ", ".join(map(shown, values))] for key, values in plan.axes.items()]
     for key, laws in plan.draws.items():
         described = (f"{law} {', '.join(map(shown, numbers))}" for law, numbers in laws.items())
@@ -154,13 +156,16 @@ def _compared(study: StudyResults, columns: Sequence[str]) -> list[Block]:
     groups = study.groups(study.compared)
     outcomes = [o for o in Outcome.__members__ if any(r["outcome"] == o for r in study.rows)]
     rows: list[list[Cell]] = []
+    planned = study.planned(study.compared)
     for name, group in groups.items():
         ended = [sum(r["outcome"] == o for r in group) for o in outcomes]
         medians = [_median_words(group, m) for m in columns]
         units = study.units(group)
         rate = units.mean(SUCCESS)
         over = counted(rate, units.name)
-        rows.append([name, str(len(group)), over, spread(rate), *map(str, ended), *medians])
+        part = "" if len(group) == planned else f" of {planned}"
+        runs = f"{len(group)}{part}"
+        rows.append([name, runs, over, spread(rate), *map(str, ended), *medians])
     head = (
         study.compared or "runs",
         "runs",
@@ -171,7 +176,8 @@ def _compared(study: StudyResults, columns: Sequence[str]) -> list[Block]:
     )
     note = (
         f"{UNITS} Outcomes are counts of runs, measures are medians over runs; '(2 of 9)': over "
-        "those that have the measure, as settle_s over the runs that settled."
+        "those that have the measure, as settle_s over the runs that settled. Runs that failed, or "
+        "are not finished ('6 of 10'), are in no share, median or comparison."
     )
     tables = [Table(head, rows[: page.MOST_ROWS], note=note)]
     compared = study.plan.compare if study.plan.compare in study.axes else None
@@ -184,6 +190,21 @@ def _compared(study: StudyResults, columns: Sequence[str]) -> list[Block]:
         )
         tables.append(Table(COMPARED, cells, words=range(3), note=described))
     return [Block("Compared", points=_sure(pairs), tables=tables)]
+
+
+def _unsure(study: StudyResults) -> list[str]:
+    """Return sentences about values that are missing, and about runs that were tried again."""
+    found = list[str]()
+    if study.rows and not any(len(values(study.rows, name)) for name in COUNTED):
+        found.append(UNCOUNTED)
+    if study.retried:
+        runs = ", ".join(str(failure.run) for failure in study.retried[:MOST_LISTED])
+        found.append(
+            "Runs that failed first and finished when they were tried again, so that something in "
+            f"them does not repeat itself: {len(study.retried)} ({runs}). Their errors are in "
+            f"{FAILURES}/."
+        )
+    return found
 
 
 def _columns(study: StudyResults) -> tuple[str, ...]:

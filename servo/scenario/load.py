@@ -177,6 +177,7 @@ def parse(
         named = ("camera.calibration",) if section_of(error.setting) == "camera" else ()
         sentence = f"{where(error.setting, *named)}: {error}"
         raise Mistake(sentence) from error.__cause__
+    _check_drawn(table if written is None else written, where("expect"))
     bounds = Expected.read(table, table if written is None else written, where("expect"))
     _check_frames(values["run"], values["camera"].rate, where("run.duration", "camera.rate"))
     kind = tracker_of(table)
@@ -194,6 +195,17 @@ def parse(
         success_rate=rate,
         **values,
     )
+
+
+def _check_drawn(file: Table, place: str) -> None:
+    """Refuse bounds of drawn seeds in a file in which no seed draws anything.
+
+    Raises:
+        Mistake: There are such bounds.
+    """
+    expect = file.get("expect", {})
+    if isinstance(expect, dict) and expect.get("drawn") and not file.get("vary"):
+        raise Mistake(f"{place}: expect.drawn is for seeds that draw, and there is no [vary]")
 
 
 def _filled(key: str, table: Table, own: Mapping[str, Any]) -> Any:

@@ -84,14 +84,22 @@ class DrawnShare:
 
     @property
     def missed(self) -> bool:
-        """Whether too few ended so. How many have to is rounded down: of ten, or of one alone, one
-        may end otherwise where nine tenths have to end as expected.
+        """Whether too few ended so."""
+        return self.ended < self.least
+
+    @property
+    def least(self) -> int:
+        """How many have to end as expected, rounded down: of ten, or of one alone, one may end
+        otherwise where nine tenths have to.
         """
-        return self.ended < int(self.success_rate * self.seeds)
+        return int(self.success_rate * self.seeds)
 
     def __str__(self) -> str:
         found = f"{self.ended} of {self.seeds} drawn seeds ended as expected"
-        return f"{self.scenario}: {found} (expect.drawn.success_rate: {self.success_rate:g})"
+        return (
+            f"{self.scenario}: {found}; at least {self.least} must "
+            f"(expect.drawn.success_rate: {self.success_rate:g})"
+        )
 
     @staticmethod
     def of(runs: Sequence[tuple[Scenario, bool]]) -> "DrawnShare | None":

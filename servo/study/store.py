@@ -9,7 +9,7 @@ that is damaged or not of its job counts as missing. One process writes at a tim
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -100,7 +100,9 @@ class StudyFile(Made):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FailureFile(Document):
-    """failures/NUMBER.json: a run that ended in an error."""
+    """failures/NUMBER.json: a run that ended in an error; it stays when the run is tried again and
+    finishes, because something in it does not repeat itself then.
+    """
 
     KIND: ClassVar[str] = "failure"
 
@@ -309,8 +311,6 @@ class Store:
                 self.done[job.key] = path
             raise
         self._loose[job.key] = job.number
-        with suppress(OSError):
-            self.failure_path(job).unlink()
         if len(self._loose) >= LOOSE:
             self.join()
 
