@@ -105,6 +105,7 @@ def ran(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run") / "out"
     changes = [
         "run.duration=0.5",
+        "measure.after=0.4",
         "expect={}",
         "expect.tilt_peak_deg=1.0",
         "expect.servo_rms_px=0.5",

@@ -181,7 +181,7 @@ def test_a_run_is_seen_in_a_browser_that_may_be_closed(tmp_path, browser, page):
     # Little to draw: a small page, and a second of run, after which the viewer draws no more. The
     # page is drawn without a GPU, and each of our looks at it takes from its time.
     words = "run circle --live --web --no-rerun --set tracker.kind=frozen --set expect={}"
-    words = f"{words} --set run.duration=1 {page}"
+    words = f"{words} --set run.duration=1 --set measure.after=0 {page}"
     process, address = started(f"{words} --set controller.kind=hold --port {port}", tmp_path)
     browser.set_window_size(500, 420)
     browser.get(address)

@@ -8,7 +8,7 @@ import pytest
 
 from servo.cli import main
 from servo.loop.episode import Episode, measured_run
-from servo.loop.run_measures import MEANINGS, Outcome, summarise
+from servo.loop.run_measures import COUNTED, MEANINGS, Outcome, summarise
 from servo.loop.settings import MeasureConfig
 from servo.report.run_section import section
 from servo.scenario.load import load
@@ -39,6 +39,15 @@ def test_servo_error_counts_from_the_time_asked_for(steps):
     assert report(made, after=2.0).measures["servo_rms_px"] == pytest.approx(1.0)
     assert report(made, after=0.0).measures["servo_peak_px"] == pytest.approx(3.0)
     assert report(made).measures["servo_rms_px"] == pytest.approx(np.sqrt(5.0))
+
+
+def test_a_run_that_ends_before_errors_count_has_no_value_of_them(steps):
+    """The last frame alone was counted then, as if it were the run."""
+    values = report(steps, after=9.0).measures
+    missing = {name for name, value in values.items() if np.isnan(value)}
+    assert missing == {*COUNTED}
+    assert missing >= {"servo_rms_px", "servo_scale_peak_pct", "not_held_pct", "longest_off_s"}
+    assert not missing & {"settle_s", "unseen_pct", "end_position_mm", "camera_path_m"}
 
 
 def test_peaks_count_from_the_time_asked_for(steps):

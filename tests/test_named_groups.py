@@ -15,6 +15,7 @@ compare = "scheme"
 
 [set]
 run.duration = 0.2
+measure.after = 0.1
 expect = { outcome = "TIMED_OUT" }
 
 [named.scheme."corners, desired"]

@@ -293,11 +293,14 @@ def test_likeness_is_measured_at_the_filter_at_the_truth_and_beside_it(monkeypat
 
 
 def test_the_job_of_a_closed_loop_keeps_its_series_whole(tmp_path):
-    job = loop_job("reversal", "kalman_cv", 2, ["run.duration=0.4"], way="short way")
+    job = loop_job(
+        "reversal", "kalman_cv", 2, ["run.duration=0.4", "measure.after=0.2"], way="short way"
+    )
     assert job.key == "loop/shortway-reversal-kalman_cv-2"
     record = job.run(tmp_path)
     (kept,) = records_of(table_in(encoded(file_table(job, record))), long=True)
     changes = [registered("reversal"), "estimator.kind=kalman_cv", "run.duration=0.4"]
+    changes.append("measure.after=0.2")
     scenario = scenarios.load("reversal", changes, 2)
     steps = list(run(scenario))
     summary = summarise(steps, scenario.measure, 1 / scenario.camera.rate)

@@ -16,6 +16,7 @@ from servo.mistake import Mistake
 from servo.report import study_section
 from servo.report.page import LIGHT, Block, Section
 from servo.report.printed import latex
+from servo.report.study_data import load
 from servo.report.words import Badge, Table, Tone
 from servo.study import record_file
 from servo.study.bounds import MissedBound
@@ -146,6 +147,31 @@ def test_an_unfinished_study_is_made_of_the_runs_there_are(tmp_path):
     assert "<p>This study is not finished: 6 of 8 runs.</p>" in page
     assert "<p>Files of runs that could not be read: 1.</p>" in page
     assert "<li>run 1, seed = 1: Oops: &lt;b&gt;</li>" in page
+
+
+def test_a_run_that_failed_first_and_then_finished_is_told(tmp_path):
+    folder = make_study(tmp_path / "study")
+    (folder / "failures").mkdir()
+    failure = {"run": 3, "settings": {"seed": 1}, "command": "again", "error": "Trace\nOops"}
+    FailureFile(**failure).write(folder / "failures", "000003.json")
+    page = text_of(folder, tmp_path)
+    assert (
+        "<p>Runs that failed first and finished when they were tried again, so that something in "
+        "them does not repeat itself: 1 (3). Their errors are in failures/.</p>"
+    ) in page
+    assert "runs that failed" not in page
+
+
+def test_a_tracker_whose_runs_all_failed_has_a_row(tmp_path):
+    folder = make_study(tmp_path / "study")
+    rows = load(folder).rows
+    for row in rows:
+        if row["tracker.kind"] == "kams":
+            (folder / "runs" / f"{row['run']:06}.parquet").unlink()
+    (compared,) = (b for b in study_section.section(folder).blocks if b.title == "Compared")
+    first, second = compared.tables[0].rows
+    assert first[:2] == ["pf_ssd", "4"]
+    assert second[:3] == ["kams", "0 of 4", "0 draws"]
 
 
 CASES = {

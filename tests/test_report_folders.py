@@ -97,6 +97,8 @@ def test_a_run_tells_outcome_bounds_pictures_and_the_command_that_repeats_it(ran
         "--set",
         "run.duration=0.5",
         "--set",
+        "measure.after=0.4",
+        "--set",
         "expect={}",
         "--set",
         "expect.tilt_peak_deg=1.0",

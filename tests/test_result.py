@@ -13,7 +13,7 @@ import servo
 from servo import Mistake, notebook
 from servo.cli.run_command import run_scenario
 
-SHORT = ["run.duration=0.5", "start.x=12", "camera.noise=2"]
+SHORT = ["run.duration=0.5", "measure.after=0.46", "start.x=12", "camera.noise=2"]
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +158,9 @@ def test_a_bar_is_shown_in_notebooks_only(monkeypatch):
 def test_a_study_gives_its_tables(tmp_path):
     study = tmp_path / "mine.toml"
     study.write_text('scenario = "line"\nseeds = 2\n[axes]\ncontroller.gain = [1.0, 2.0]\n')
-    swept = servo.sweep(str(study), ["run.duration=0.3"], workers=1, out=tmp_path / "out")
+    swept = servo.sweep(
+        str(study), ["run.duration=0.3", "measure.after=0"], workers=1, out=tmp_path / "out"
+    )
     assert swept.runs.columns[:4].tolist() == ["run", "scenario", "seed", "controller.gain"]
     assert swept.cells["controller.gain"].tolist() == [1.0, 2.0]
     assert swept.cells["runs"].tolist() == [2, 2]
@@ -166,7 +168,9 @@ def test_a_study_gives_its_tables(tmp_path):
     assert swept._repr_html_().count("<tr>") == 3
     rms = [record.measures["servo_rms_px"] for record in swept.records]
     assert rms == swept.runs["servo_rms_px"].tolist()
-    again = servo.sweep(str(study), ["run.duration=0.3"], workers=1, out=tmp_path / "out")
+    again = servo.sweep(
+        str(study), ["run.duration=0.3", "measure.after=0"], workers=1, out=tmp_path / "out"
+    )
     assert again.runs.equals(swept.runs)  # times too: nothing was done again
 
 

@@ -283,6 +283,15 @@ def test_seeds_that_draw_have_bounds_of_their_own(mine):
     check_expect(judged(seed=3))
 
 
+def test_bounds_of_drawn_seeds_need_draws(mine):
+    mine.write_text(DRAWN.partition("[vary]")[0])
+    with pytest.raises(Mistake) as told:
+        judged()
+    assert str(told.value) == (
+        "mine.toml: expect.drawn is for seeds that draw, and there is no [vary]"
+    )
+
+
 def test_a_bound_that_is_set_holds_for_seeds_that_draw_too(mine):
     mine.write_text(DRAWN)
     assert judged("expect.servo_rms_px=1.5", seed=3).expect["servo_rms_px"] == 1.5

@@ -131,12 +131,17 @@ def check_scenarios(
         plain(errors if share.missed else console, f"{'missed: ' * share.missed}{share}")
     for _, record in records:
         print_missed(errors, record)
-    for name, line in {job.subject.name: measures_line(_scenario(job)) for job in jobs}.items():
-        if line:
-            plain(errors, f"{name}: {line}")
+    _print_short(errors, jobs)
     _print_unjudged(errors, records, len(ends))
     missed = any(record.missed for _, record in records) or any(s.missed for s in shares)
     return max(_print_failures(ends), missed)
+
+
+def _print_short(errors: Console, jobs: Sequence[Job]) -> None:
+    """Say which scenarios end before their errors count."""
+    for name, line in {job.subject.name: measures_line(_scenario(job)) for job in jobs}.items():
+        if line:
+            plain(errors, f"{name}: {line}")
 
 
 def _print_unjudged(errors: Console, records: Sequence[tuple[Job, Record]], count: int) -> None:

@@ -114,7 +114,7 @@ class EstimateToSight:
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=corners))
 
     def goal_of(self, corners: Array) -> Sight:
-        """Return the sight to reach: from straight above, where the corners (4, 2) are seen [px]."""
+        """Return the sight to reach: from straight above, with these corners (4, 2) [px]."""
         seen = self._camera.normalise(corners)
         m = shape_moments.of_polygon(seen)
         plane = plane_of_size(m, self._root_area, FACING)
