@@ -110,7 +110,8 @@ class Record:
     """Values by name; nan or infinite where there is no value."""
     missed: tuple[MissedBound, ...] = ()
     repeats: bool = True
-    """Whether a repetition gives the same numbers."""
+    """Whether a repetition gives the same numbers, by the scenario's settings: a user's part that
+    draws random numbers of its own is not noticed, but `servo.testing` finds it."""
     versions: dict[str, str] = field(default_factory=versions)
     """Those that decide the numbers."""
     series: dict[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
