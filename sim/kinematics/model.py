@@ -9,6 +9,7 @@ from math import cos, radians, sin
 import mujoco
 import numpy as np
 
+from sim.camera.camera import FOVY
 from sim.kinematics.chain import Chain, chain_to, name_all
 from sim.kinematics.drives import (
     SPEEDS,
@@ -180,5 +181,7 @@ def _place_eye(
     for item in [*others, *(s for s in spec.sites if s.name == EYE)]:
         spec.delete(item)
     eye = spec.camera(camera) if camera else spec.body(body).add_camera(pos=pos, quat=quat)
+    if not camera:
+        eye.fovy = FOVY  # whatever the model's defaults say of its own cameras
     eye.name = EYE
     spec.body(body).add_site(name=EYE, pos=pos, quat=quat, size=[0.005] * 3, rgba=[0] * 4)
