@@ -118,11 +118,14 @@ def test_a_model_without_joints_or_with_few_is_a_sentence(tmp_path):
 
 def test_the_command_prints_a_table_that_runs(tmp_path, seven):
     out = tmp_path / "robot.png"
+    slow = r'<velocity name="a2" joint="joint2" kv="50" ctrlrange="-.3 .4"/>'
+    seven.write_text(re.sub('<position name="a2"[^>]*>', slow, seven.read_text()))
     done = CliRunner().invoke(app, ["robot", str(seven), "--out", str(out)])
     assert done.exit_code == 0, done.output
     assert re.search(
         r"joint1 +hinge +-2.9 .. 2.9 rad +2 rad/s +[0-9.]+ ms +position: replaced", done.output
     )
+    assert re.search(r"joint2 .* rad +0.3 rad/s +[0-9.]+ ms +velocity: replaced", done.output)
     assert re.search(r"left +slide +0 .. 0.04 +held still", done.output)
     assert re.search(r"attachment +site \(taken\) +7", done.output)
     assert "From the base below the camera can be 1 m above the target." in done.output

@@ -17,6 +17,7 @@ from sim.kinematics.drives import (
     forces_of,
     has_velocity_drives,
     kind_of_joint,
+    own_speed,
 )
 from sim.kinematics.robot import EYE
 from sim.models.model_files import SIMULATION, compiled, leave_out
@@ -105,7 +106,7 @@ def drive(
                 actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
                 actuator.ctrlrange = [-speed, speed]
         return
-    usual = [SPEEDS[kind_of_joint(model.jnt_type[j])] for j in joints]
+    usual = [own_speed(model, j) or SPEEDS[kind_of_joint(model.jnt_type[j])] for j in joints]
     chosen = [u if s is None else s for s, u in zip(speeds, usual, strict=True)]
     add_drives(spec, names, np.array(chosen), forces_of(model, joints))
 
