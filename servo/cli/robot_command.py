@@ -25,6 +25,7 @@ from sim.camera.choice import renderer_of
 from sim.camera.renderer import Unseen
 from sim.geometry import tilt
 from sim.kinematics.chain import ALL_WAYS, Chain, flanges
+from sim.kinematics.doubts import doubts
 from sim.kinematics.drives import drive_of, has_velocity_drives, kind_of_joint, random_joints
 from sim.kinematics.inverse_kinematics import comfort
 from sim.kinematics.model import camera_chain
@@ -113,7 +114,8 @@ def examine(given: dict[str, Any], out: Path) -> int:
     print_table(console, _joint_table(model, chain, robot))
     print_table(console, _flange_table(model, chain))
     table = _toml(config, chain) if proposed or "base" in given else NO_BASE
-    plain(console, f"{_reach_text(reach)}\n{left}\n\n{table}\n")
+    text = "\n".join([_reach_text(reach), *doubts(robot), left])
+    plain(console, f"{text}\n\n{table}\n")
     with writing(out, "this picture"):
         out.write_bytes(encoded(picture))
     plain(console, str(out))

@@ -24,6 +24,8 @@ from sim.types import Pose
 Home = Annotated[tuple[Annotated[float, Ge(-1000), Le(1000)], ...], MinLen(1)]
 Rate = Annotated[float, Ge(0.001), Le(100)]
 WHAT = "robot model"
+AT_LIMIT = 0.01
+"""A home may be this far outside of a joint's limits, which may be rounded [rad or m]."""
 FOLDER = "robots"
 """Of the shipped models, in `scenes`."""
 MENAGERIE = "menagerie:"
@@ -84,6 +86,11 @@ class Config(Drives):
                     f"a home has {len(home)} values; it should have {len(names)}, for "
                     f"{', '.join(names)}"
                 )
+            for name, joint, at in zip(names, chain.joints, home, strict=True):
+                low, high = model.jnt_range[joint]
+                if model.jnt_limited[joint] and not low - AT_LIMIT <= at <= high + AT_LIMIT:
+                    limits = f"{low:.3g} .. {high:.3g}"
+                    raise ValueError(f"a home has {name} at {at:g}, outside of its limits {limits}")
 
     def _speeds(self, names: Sequence[str], own: dict[str, float]) -> list[float | None]:
         if len(self.speed) > 1 and len(self.speed) != len(names):
