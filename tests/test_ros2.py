@@ -253,6 +253,34 @@ def test_a_latency_is_not_used_where_twists_come_from_elsewhere(tmp_path, latenc
     assert (run.latency, run.latency_ms) == (0, None)
 
 
+@pytest.mark.parametrize(
+    ("message", "sentence"),
+    [
+        (
+            messages.stamped(np.ones(6), messages.header(0.0, "base_link")),
+            "a twist in the frame 'base_link' is not driven: it has to be in the camera's optical "
+            "frame 'camera' (header.frame_id)",
+        ),
+        (messages.stamped(np.full(6, np.nan), AT), "a twist that is not finite is not driven"),
+    ],
+)
+def test_a_twist_without_a_meaning_is_not_driven_and_said_once(capsys, message, sentence):
+    served = server.Server()
+    writer = Node().writer(server.TOPIC, messages.TwistStamped)
+
+    def said():
+        assert not served.command(None, None, 0.0).twist.any()
+        return capsys.readouterr().err or None
+
+    assert given(said, writer.write, message) == f"{server.TOPIC}: {sentence}\n"
+    writer.write(message)
+    time.sleep(0.1)
+    assert said() is None
+    unnamed = messages.stamped(np.ones(6), messages.header(0.0, ""))
+    given(lambda: served._listen() or None, writer.write, unnamed)
+    assert served.command(None, None, 0.0).twist.all()
+
+
 def test_a_served_robot_takes_the_newest_twist_and_stops_without_one(monkeypatch):
     served = server.Server()
     writer = Node().writer(server.TOPIC, messages.TwistStamped)
