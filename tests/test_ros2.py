@@ -27,7 +27,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from servo.ros2 import Camera, Robot, messages, server
 from servo.ros2.node import Node
-from servo.scenario.calibration import camera_info
+from servo.scenario.calibration import camera_info, camera_of_info
 
 LOOPBACK = """<CycloneDDS><Domain><General><Interfaces>
 <NetworkInterface name="lo" multicast="false"/></Interfaces></General><Discovery>
@@ -191,6 +191,37 @@ def test_a_calibration_survives_the_way(lens):
     given(lambda: writer.get_matched_subscriptions() or None, lambda _: None, None)
     writer.write(calibration(sent))
     assert camera.calibration() == sent
+
+
+SHAPE = (
+    "camera_matrix should be fx 0 cx, 0 fy cy, 0 0 1, without skew, with focal lengths above zero"
+)
+WRONG = [
+    ({"k": [0.0] * 9}, SHAPE),
+    ({"k": [np.nan] * 9}, "camera_matrix.data should be a list of finite numbers"),
+    ({"d": [0.1] * 8, "distortion_model": "plumb_bob"}, "distortion_coefficients has 8 numbers; plumb_bob has 5"),
+    (
+        {"binning_x": 2},
+        "binning_x and binning_y are 2 and 1; they should be 0 or 1: calibrate the pictures as they are",
+    ),
+    (
+        {"roi": messages.RegionOfInterest(40, 50, 200, 300, False)},
+        "roi (x_offset, y_offset, width, height) is 40, 50, 300, 200; it should be the whole "
+        "picture: calibrate the pictures as they are",
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "sentence"), WRONG)
+def test_a_message_of_no_calibration_is_one_sentence(change, sentence):
+    with pytest.raises(Mistake) as refused:
+        camera_of_info(dataclasses.replace(calibration(FISHEYE), **change), "/a/info")
+    assert str(refused.value) == f"/a/info: {sentence}"
+
+
+def test_a_fisheye_whose_coefficients_are_zeros_is_no_pinhole():
+    equidistant = dataclasses.replace(FISHEYE, distortion=Distortion("fisheye", (0.0,) * 4))
+    assert camera_of_info(calibration(equidistant), "/a/info") == equidistant
 
 
 def test_a_robot_knows_its_posture_from_joint_states_and_sends_twists():
