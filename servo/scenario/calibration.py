@@ -3,6 +3,7 @@
 Both start pixel coordinates at the middle of the first pixel, and we at its corner: 0.5 px more.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -159,7 +160,7 @@ def settings_of(document: Table, place: str) -> Table:
     return found | {"distortion": model, "coefficients": values}
 
 
-def _check_whole(document: Table, size: list[int], place: str) -> None:
+def _check_whole(document: Table, size: Sequence[Any], place: str) -> None:
     """Refuse what says that pictures are not those of the whole sensor, pixel by pixel."""
     binning = [document.get(key) or 1 for key in BINNING]
     if binning != [1, 1]:
