@@ -186,13 +186,20 @@ def check_command(command: object, *_: object) -> None:
     """
     if not isinstance(command, Command):
         raise BrokenContract(f"command returned {type(command).__name__}; return a Command")
+    twist: object = command.twist
+    kind = f"array of {twist.dtype}" if isinstance(twist, np.ndarray) else type(twist).__name__
+    require(
+        isinstance(twist, np.ndarray) and twist.dtype.kind in "fiu",
+        "the twist is of type {}; it should be a NumPy array of six floats",
+        kind,
+    )
     require(
         _is_array(command.twist, (6,)),
         "the twist is {}; it should be six finite numbers (vx, vy, vz, wx, wy, wz)",
         command.twist,
     )
-    kind = type(command.trace)
-    require(kind in (Trace, type(None)), "the trace is {}; use a Trace or None", kind.__name__)
+    trace = type(command.trace)
+    require(trace in (Trace, type(None)), "the trace is {}; use a Trace or None", trace.__name__)
 
 
 def check_pose(pose: object, time: float) -> None:

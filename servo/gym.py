@@ -159,15 +159,17 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         drawn = self._seed() if seed is None else seed
         redrawn = 0
         while True:
+            scenario = self._scenario(drawn, options or {})
+            if scenario.run.seed != drawn:
+                raise Mistake(f"options: {SEED}")
             try:
-                episode = self._prepared(drawn, options or {})
+                episode = self._prepared(scenario)
                 break
             except ImpossibleStart:
                 if redrawn == self._redraw:
                     raise
             redrawn += 1
             drawn = self._seed()
-        scenario = episode.scenario
         self._end()  # only now: a run goes on where what shall follow it is refused
         self._episode = episode
         self._frames = episode.frames
@@ -191,11 +193,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         """Return the next seed of this environment's own stream."""
         return int(self.np_random.integers(1, LAST_SEED))
 
-    def _prepared(self, seed: int, options: dict[str, Any]) -> Episode:
+    def _prepared(self, scenario: Scenario) -> Episode:
         """Return a run that is ready to begin."""
-        scenario = self._scenario(seed, options)
-        if scenario.run.seed != seed:
-            raise Mistake(f"options: {SEED}")
         return Episode(
             scenario,
             steered=True,

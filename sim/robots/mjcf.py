@@ -30,6 +30,11 @@ FOLDER = "robots"
 """Of the shipped models, in `scenes`."""
 MENAGERIE = "menagerie:"
 ROOT = "MENAGERIE_ROOT"
+CHECKOUT = (
+    f"set {ROOT} to the folder of a checkout of github.com/google-deepmind/mujoco_menagerie and "
+    f"name the file, as in {MENAGERIE}universal_robots_ur5e/ur5e.xml"
+)
+"""The way to robots that needs no download."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,16 +130,14 @@ def _in_menagerie(model: str) -> Path:
     try:
         package = importlib.import_module("mujoco_menagerie")
     except ModuleNotFoundError:
-        raise ValueError(
-            f"{model}: pip install mujoco-menagerie, or set {ROOT} to the folder of a checkout of "
-            "github.com/google-deepmind/mujoco_menagerie and name the file, as in "
-            f"{MENAGERIE}universal_robots_ur5e/ur5e.xml"
-        ) from None
+        raise ValueError(f"{model}: pip install mujoco-menagerie, or {CHECKOUT}") from None
     try:
         robot = package.get(path.parts[0] if path.parts else "")
         file = path.stem if path.suffix else robot.default_model
         return Path(robot.xml(file))
-    except (package.MenagerieError, OSError) as error:
+    except (package.DownloadError, OSError) as error:
+        raise ValueError(f"{model}: {error}; without a network, {CHECKOUT}") from None
+    except package.MenagerieError as error:
         raise ValueError(f"{model}: {error}") from None
 
 
