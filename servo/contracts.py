@@ -106,6 +106,17 @@ def _is_array(values: object, shape: tuple[int, ...], *, finite: bool = True) ->
     )
 
 
+def _require_array(values: object, what: str) -> None:
+    """Refuse a list, and an array of something else than numbers: both are printed as numbers."""
+    if not isinstance(values, np.ndarray):
+        kind = type(values).__name__
+    elif values.dtype.kind in "fiu":
+        return
+    else:
+        kind = f"array of {values.dtype}"
+    raise BrokenContract(f"{what} is of type {kind}; it should be a NumPy array of six floats")
+
+
 def check_features(features: FeatureSet, method: str, found: object, *_: object) -> None:
     """Check what a method of a feature set returned: for each name a number, six in the matrix.
 
@@ -186,13 +197,14 @@ def check_command(command: object, *_: object) -> None:
     """
     if not isinstance(command, Command):
         raise BrokenContract(f"command returned {type(command).__name__}; return a Command")
+    _require_array(command.twist, "the twist")
     require(
         _is_array(command.twist, (6,)),
         "the twist is {}; it should be six finite numbers (vx, vy, vz, wx, wy, wz)",
         command.twist,
     )
-    kind = type(command.trace)
-    require(kind in (Trace, type(None)), "the trace is {}; use a Trace or None", kind.__name__)
+    trace = type(command.trace)
+    require(trace in (Trace, type(None)), "the trace is {}; use a Trace or None", trace.__name__)
 
 
 def check_pose(pose: object, time: float) -> None:

@@ -25,10 +25,11 @@ from typing import Any
 import numpy as np
 
 from servo import Episode, Mistake, Scenario, Step, load
+from servo.loop.episode import ImpossibleStart
 from servo.loop.run_measures import CONVERGED_PX
 from servo.output.annotated import View, annotated
 from servo.output.display import has_display
-from servo.scenario.arguments import each_once, numbers, one_of, texts
+from servo.scenario.arguments import each_once, numbers, one_of, texts, whole
 from servo.scenario.catalogue import shipped
 from servo.scenario.keywords import own_parts
 from servo.scenario.load import parse
@@ -72,6 +73,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         dof: Sequence[str] | None = None,
         render_mode: str | None = None,
         goal_picture: bool = False,
+        redraw: int = 0,
         **settings: Any,
     ) -> None:
         """Prepare; nothing is rendered before `reset`.
@@ -86,6 +88,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             render_mode: "rgb_array", "human" (a window) or None.
             goal_picture: Whether `reset` tells the picture that the camera takes at the goal, as
                 info["goal_picture"]. It is taken first, so noise of the sensor is drawn anew.
+            redraw: How often `reset` draws another seed where the start of one cannot be: drawn
+                starts may be out of reach of an arm. Each search for one takes seconds.
             **settings: As for `servo.load`, such as gain=1.0 or vary={}.
 
         Raises:
@@ -100,6 +104,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self.render_mode = render_mode
         self._observation = observation
         self._goal_picture = goal_picture
+        self._redraw = whole(redraw, "redraw", 0)
         self._residual = action == "residual"
         self._given = scenario, texts(overrides), settings
         self._base = load(*self._given[:2], **settings)
@@ -148,19 +153,23 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
         Raises:
             Mistake: A setting is wrong, or the observations would have another shape.
+            ImpossibleStart: The start cannot be, nor that of any of the seeds that `redraw` drew.
         """
         super().reset(seed=seed)
-        drawn = int(self.np_random.integers(1, LAST_SEED)) if seed is None else seed
-        scenario = self._scenario(drawn, options or {})
-        if scenario.run.seed != drawn:
-            raise Mistake(f"options: {SEED}")
-        episode = Episode(
-            scenario,
-            steered=True,
-            seen=self._observation != "features" or self.render_mode is not None,
-            shows_goal=self._goal_picture,
-            kept=self._kept,
-        )
+        drawn = self._seed() if seed is None else seed
+        redrawn = 0
+        while True:
+            scenario = self._scenario(drawn, options or {})
+            if scenario.run.seed != drawn:
+                raise Mistake(f"options: {SEED}")
+            try:
+                episode = self._prepared(scenario)
+                break
+            except ImpossibleStart:
+                if redrawn == self._redraw:
+                    raise
+            redrawn += 1
+            drawn = self._seed()
         self._end()  # only now: a run goes on where what shall follow it is refused
         self._episode = episode
         self._frames = episode.frames
@@ -175,10 +184,24 @@ class ServoEnv(gymnasium.Env[Any, Any]):
                 "options: observations would have another shape; make an environment (no run goes "
                 "on)"
             )
-        info = self._info(step) | {"seed": drawn, "drawn": scenario.drawn}
+        info = self._info(step) | {"seed": drawn, "drawn": scenario.drawn, "redrawn": redrawn}
         if self._goal_picture:
             info["goal_picture"] = self._episode.goal_picture
         return seen, info
+
+    def _seed(self) -> int:
+        """Return the next seed of this environment's own stream."""
+        return int(self.np_random.integers(1, LAST_SEED))
+
+    def _prepared(self, scenario: Scenario) -> Episode:
+        """Return a run that is ready to begin."""
+        return Episode(
+            scenario,
+            steered=True,
+            seen=self._observation != "features" or self.render_mode is not None,
+            shows_goal=self._goal_picture,
+            kept=self._kept,
+        )
 
     def _scenario(self, seed: int, options: Any) -> Scenario:
         """Return the scenario with a seed's draws."""

@@ -98,6 +98,24 @@ class Run(Sequence[Step]):
     _light: list[Step]
     _pictures: list[bytes]
 
+    def __copy__(self) -> Run:
+        return replace(self)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Run:
+        """Return another run of the same steps, world and pictures, which nothing changes."""
+        return replace(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Refuse to be pickled, as the world's model cannot be.
+
+        Raises:
+            Mistake: Always.
+        """
+        raise Mistake(
+            "a run cannot be pickled, as it holds the simulated world: pickle its scenario and its "
+            "tables (result.steps, result.measures)"
+        )
+
     def __len__(self) -> int:
         return len(self._light)
 

@@ -313,7 +313,7 @@ class World:
 
     def truth(self) -> Truth:
         """Return where the target is, and its visible fraction if `visibility` is set."""
-        visible = self._visible() if self._visibility else None
+        visible = self.visible() if self._visibility else None
         target = self._stage.target(self.data.time)
         return placement.truth(self.camera, self.outline, self._eye_at, target, visible)
 
@@ -364,7 +364,10 @@ class World:
         mujoco.mj_camlight(self.model, self.data)
         return camera_pose(self.data, self._eye)
 
-    def _visible(self) -> float:
+    def visible(self) -> float:
+        """Return the fraction of the target's silhouette that is seen now, 0..1, by two more
+        renderings.
+        """
         model = self.model
         own = model.body_rootid[model.geom_bodyid] == model.body(TARGET).id
         alone, seen = (

@@ -227,6 +227,18 @@ WRONG = {
         "cam.yaml: distortion_model = ['a'] is not known; there is plumb_bob, "
         "rational_polynomial, equidistant, fisheye",
     ),
+    "binning": (
+        "image_width",
+        "binning_x: 1\nbinning_y: 2\nimage_width",
+        "cam.yaml: binning_x and binning_y are 1 and 2; they should be 0 or 1: calibrate the "
+        "pictures as they are",
+    ),
+    "a part of the picture": (
+        "image_width",
+        "roi: {x_offset: 50, y_offset: 40, height: 200, width: 300}\nimage_width",
+        "cam.yaml: roi (x_offset, y_offset, width, height) is 50, 40, 300, 200; it should be the "
+        "whole picture: calibrate the pictures as they are",
+    ),
     "no width": (
         "image_width",
         "width",

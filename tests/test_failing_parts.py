@@ -91,6 +91,10 @@ FAILURES = {
     "controller 'odd': command returned list; return a Command": controller([0.0] * 6),
     "controller 'odd': the twist is [nan  0.  0.  0.  0.  0.]; it should be six finite numbers":
         controller(Command(np.array([np.nan, 0, 0, 0, 0, 0]))),
+    "controller 'odd': the twist is of type list; it should be a NumPy array of six floats":
+        controller(Command([0.0] * 6)),
+    "controller 'odd': the twist is of type array of object; it should be a NumPy array of six ":
+        controller(Command(np.zeros(6, object))),
     "controller 'odd': the twist is [0. 0. 0.]; it should be six finite numbers":
         controller(Command(np.zeros(3))),
     "motion 'odd': the target's position is [ 0. nan  0.], its rotation ": at(

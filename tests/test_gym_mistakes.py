@@ -127,3 +127,27 @@ def test_a_start_that_cannot_be_reached_leaves_the_run_as_it_was():
     with pytest.raises(Mistake, match="cannot bring the camera where this picture is taken"):
         env.reset(seed=0, options={"start": {"x": 300, "y": 200}, "goal": {"depth": 1.5}})
     env.step(np.zeros(env.action_space.shape))
+
+
+def test_a_drawn_start_that_cannot_be_is_drawn_again(monkeypatch):
+    start = servo.Episode._start
+
+    def on_the_left(episode, config):
+        if config.x > 0:
+            raise ValueError("it is on the right")
+        return start(episode, config)
+
+    monkeypatch.setattr(servo.Episode, "_start", on_the_left)  # a search for a start takes seconds
+    settings = {"overrides": [*SHORT, "tracker.kind=truth"]}
+    settings["vary"] = {"start.x": {"uniform": [-10, 10]}}
+    resets = [7, None, 1]
+    told = []
+    for _ in range(2):
+        env = made(redraw=20, **settings)
+        told.append([env.reset(seed=seed)[1] for seed in resets])
+    seeds, redrawn, draws = ([info[k] for info in told[0]] for k in ("seed", "redrawn", "drawn"))
+    assert redrawn == [2, 0, 0]
+    assert seeds == [info["seed"] for info in told[1]]
+    assert all(drawn["start.x"] < 0 for drawn in draws)
+    with pytest.raises(Mistake, match=r"^reversal: start, seed 7: it is on the right$"):
+        made(**settings).reset(seed=7)

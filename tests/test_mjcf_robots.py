@@ -14,10 +14,11 @@ from robot_files import built, mjcf_arm, tall_arm, urdf_arm, write_stl
 
 from servo.loop.episode import Episode, measured_run
 from servo.scenario.load import load
+from sim.camera.camera import CameraConfig, camera_of
 from sim.kinematics import drives
 from sim.kinematics.inverse_kinematics import reach
 from sim.kinematics.model import FARTHEST, mount_pose
-from sim.kinematics.robot import STOP_MARGIN, Inversion
+from sim.kinematics.robot import CAMERA, STOP_MARGIN, Inversion
 from sim.robots import mjcf
 from sim.types import Pose
 
@@ -121,6 +122,21 @@ def test_the_camera_is_at_the_mount_in_the_flange(seven):
     # First about the fixed x: y becomes z; then about the fixed z: x becomes y.
     np.testing.assert_allclose(found.rotation, [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=1e-12)
     np.testing.assert_allclose(found.translation, [0.01, 0.02, 0.03], atol=1e-12)
+
+
+@pytest.mark.parametrize(("camera", "fovy"), [("hand", 58.0), ("", 45.0)])
+def test_a_camera_of_the_model_keeps_its_field_of_view(tmp_path, camera, fovy):
+    hand = '<site name="tool"/><camera name="hand" resolution="640 480"/>'
+    own = tall_arm().replace('<site name="tool"/>', hand)
+    own = own.replace("<worldbody>", '<default><camera fovy="58"/></default><worldbody>')
+    (tmp_path / "arm.xml").write_text(own)
+    _, model, _ = built(model=str(tmp_path / "arm.xml"), camera=camera)
+    config = CameraConfig()
+    focal = config.height / 2 / np.tan(np.radians(fovy) / 2)
+    assert camera_of(config, model, CAMERA).fy == pytest.approx(focal)
+    lens = CameraConfig(distortion="fisheye", coefficients=(0.0,) * 4)
+    focal = config.height / np.radians(fovy)
+    assert camera_of(lens, model, CAMERA).fy == pytest.approx(focal)
 
 
 def test_the_base_moves_and_turns_the_whole_robot(seven):
@@ -263,7 +279,9 @@ def test_a_robot_that_cannot_be_downloaded_is_a_sentence(tmp_path, monkeypatch):
     monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
     monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path))
     monkeypatch.setenv("MENAGERIE_BASE_URL", tmp_path.as_uri())
-    with pytest.raises(ValueError, match=r"^menagerie:universal_robots_ur5e: .+: not found$"):
+    with pytest.raises(
+        ValueError, match=r": not found; without a network, set MENAGERIE_ROOT to the"
+    ):
         mjcf.model_path("menagerie:universal_robots_ur5e")
 
 

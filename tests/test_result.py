@@ -1,5 +1,7 @@
 """A whole run from Python: tables, figures, pictures, and what a notebook shows of them."""
 
+import copy
+import pickle
 from functools import partial
 
 import av
@@ -218,3 +220,11 @@ def test_a_path_and_a_seed_of_numpy_are_taken(tmp_path):
     (tmp_path / "mine.toml").write_text("[run]\nduration = 0.1\n")
     loaded = servo.load(tmp_path / "mine.toml", seed=np.int64(3))
     assert (loaded.name, loaded.run.seed) == ("mine", 3)
+
+
+def test_it_can_be_copied_and_says_why_it_is_not_pickled(result):
+    for again in (copy.deepcopy(result), copy.copy(result)):
+        assert again.measures.equals(result.measures)
+        assert len(again) == len(result)
+    with pytest.raises(Mistake, match=r"^a run cannot be pickled, as it holds the simulated world"):
+        pickle.dumps(result)

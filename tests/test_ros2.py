@@ -27,7 +27,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from servo.ros2 import Camera, Robot, messages, server
 from servo.ros2.node import Node
-from servo.scenario.calibration import camera_info
+from servo.scenario.calibration import camera_info, camera_of_info
 
 LOOPBACK = """<CycloneDDS><Domain><General><Interfaces>
 <NetworkInterface name="lo" multicast="false"/></Interfaces></General><Discovery>
@@ -193,6 +193,37 @@ def test_a_calibration_survives_the_way(lens):
     assert camera.calibration() == sent
 
 
+SHAPE = (
+    "camera_matrix should be fx 0 cx, 0 fy cy, 0 0 1, without skew, with focal lengths above zero"
+)
+WRONG = [
+    ({"k": [0.0] * 9}, SHAPE),
+    ({"k": [np.nan] * 9}, "camera_matrix.data should be a list of finite numbers"),
+    ({"d": [0.1] * 8, "distortion_model": "plumb_bob"}, "distortion_coefficients has 8 numbers; plumb_bob has 5"),
+    (
+        {"binning_x": 2},
+        "binning_x and binning_y are 2 and 1; they should be 0 or 1: calibrate the pictures as they are",
+    ),
+    (
+        {"roi": messages.RegionOfInterest(40, 50, 200, 300, False)},
+        "roi (x_offset, y_offset, width, height) is 40, 50, 300, 200; it should be the whole "
+        "picture: calibrate the pictures as they are",
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "sentence"), WRONG)
+def test_a_message_of_no_calibration_is_one_sentence(change, sentence):
+    with pytest.raises(Mistake) as refused:
+        camera_of_info(dataclasses.replace(calibration(FISHEYE), **change), "/a/info")
+    assert str(refused.value) == f"/a/info: {sentence}"
+
+
+def test_a_fisheye_whose_coefficients_are_zeros_is_no_pinhole():
+    equidistant = dataclasses.replace(FISHEYE, distortion=Distortion("fisheye", (0.0,) * 4))
+    assert camera_of_info(calibration(equidistant), "/a/info") == equidistant
+
+
 def test_a_robot_knows_its_posture_from_joint_states_and_sends_twists():
     scenario = servo.load("arm7_line")
     with servo.Episode(scenario) as episode:
@@ -251,6 +282,34 @@ def test_a_latency_is_not_used_where_twists_come_from_elsewhere(tmp_path, latenc
     (tmp_path / "mine.toml").write_text(f"[run]\n{latency}")
     run = run_command.load(str(tmp_path / "mine.toml"), changes, None, server.Server()).run
     assert (run.latency, run.latency_ms) == (0, None)
+
+
+@pytest.mark.parametrize(
+    ("message", "sentence"),
+    [
+        (
+            messages.stamped(np.ones(6), messages.header(0.0, "base_link")),
+            "a twist in the frame 'base_link' is not driven: it has to be in the camera's optical "
+            "frame 'camera' (header.frame_id)",
+        ),
+        (messages.stamped(np.full(6, np.nan), AT), "a twist that is not finite is not driven"),
+    ],
+)
+def test_a_twist_without_a_meaning_is_not_driven_and_said_once(capsys, message, sentence):
+    served = server.Server()
+    writer = Node().writer(server.TOPIC, messages.TwistStamped)
+
+    def said():
+        assert not served.command(None, None, 0.0).twist.any()
+        return capsys.readouterr().err or None
+
+    assert given(said, writer.write, message) == f"{server.TOPIC}: {sentence}\n"
+    writer.write(message)
+    time.sleep(0.1)
+    assert said() is None
+    unnamed = messages.stamped(np.ones(6), messages.header(0.0, ""))
+    given(lambda: served._listen() or None, writer.write, unnamed)
+    assert served.command(None, None, 0.0).twist.all()
 
 
 def test_a_served_robot_takes_the_newest_twist_and_stops_without_one(monkeypatch):

@@ -6,6 +6,12 @@ import numpy as np
 import pytest
 from seen_targets import PLACED, RNG, SHEET, build, rectangle_of
 
+from servo.cli.run_command import remarks
+from servo.loop.episode import Episode
+from servo.scenario.load import load
+from servo.study.run import Job
+from servo.study.run_report import RunReport
+from servo.study.scenario_run import LoadedScenario, record_of
 from sim.disturbances import second_target
 from sim.targets import KINDS as TARGETS
 from sim.targets import box, mesh, mjcf, plate, tag
@@ -133,6 +139,21 @@ def test_a_twin_that_waits_is_not_seen(show_target, config):
     np.testing.assert_array_equal(alone, both)
 
 
+def test_the_centre_of_a_rectangle_that_was_found_is_told_and_reported(tmp_path):
+    box = '<geom type="box" size=".07 .03 .02" pos=".12 .05 .02"/>'
+    (tmp_path / "off.xml").write_text(f"<mujoco><worldbody>{box}</worldbody></mujoco>")
+    changes = ["target.kind=mjcf", f"target.model={tmp_path / 'off.xml'}", "tracker.kind=truth"]
+    scenario = load("still", [*changes, "run.duration=0.1"])
+    with Episode(scenario) as episode:
+        (line,) = remarks(episode)
+        steps = [step.light() for step in episode]
+    sides = "0.140 x 0.060 m, 0.040 m over the table"
+    assert f"{sides}, its centre at x = 0.120, y = 0.050 m of the target's frame" in line
+    job = Job(0, LoadedScenario(scenario), 0, command="")
+    report = RunReport.of(record_of(job, scenario, steps), scenario, steps[0].scene)
+    assert report.outline_centre == pytest.approx([0.12, 0.05, 0.04])
+
+
 def test_a_target_under_the_board_is_half_seen_whatever_groups_its_geoms_have(
     show_target, model_folder
 ):
@@ -145,4 +166,4 @@ def test_a_target_under_the_board_is_half_seen_whatever_groups_its_geoms_have(
     board = world.model.body("board")
     world.data.mocap_pos[world.model.body_mocapid[board.id]] = (-0.09, 0.0, 0.3)
     mujoco.mj_kinematics(world.model, world.data)
-    assert 0.4 < world._visible() < 0.75
+    assert 0.4 < world.visible() < 0.75

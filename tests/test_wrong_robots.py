@@ -7,14 +7,16 @@ import tomllib
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from robot_files import mjcf_arm, urdf_arm
+from robot_files import built, mjcf_arm, tall_arm, urdf_arm
 
 from servo.cli.main import app
 from servo.cli.robot_command import NO_BASE
+from servo.cli.run_command import remarks
 from servo.loop.episode import Episode, measured_run
 from servo.mistake import Mistake
 from servo.output.room_view import RoomView
 from servo.scenario.load import load
+from sim.kinematics.doubts import doubts
 from sim.robots import mjcf
 
 
@@ -59,6 +61,9 @@ WRONG = {
     'camera = "eye"\nflange = "tool"': "give either camera, or flange and mount",
     "home = [[0, 0, 0, 0, 0, 0, 0]]": (
         "a home has 7 values; it should have 6, for pan, lift, elbow, wrist_1, wrist_2, wrist_3"
+    ),
+    "home = [[0, 0, 0, 0, 0, 0], [0, -90, 90, 0, 0, 0]]": (
+        "a home has lift at -90, outside of its limits -6.28 .. 6.28"
     ),
     "speed = [1.0, 2.0]": (
         "speed has 2 values; it should have one, or 6 for pan, lift, elbow, wrist_1, wrist_2, "
@@ -116,13 +121,39 @@ def test_a_model_without_joints_or_with_few_is_a_sentence(tmp_path):
         mjcf.Config(model=str(tmp_path / "box.xml")).build(np.random.default_rng(0))
 
 
+def test_lengths_in_mm_and_limits_in_degrees_are_doubted(urdf):
+    assert doubts(built(model=str(urdf))[0]) == []
+    wrong = urdf_arm().replace("0 -0.12 0.42", "0 -120 420")
+    urdf.write_text(wrong.replace("6.28", "180", 2))
+    assert doubts(built(model=str(urdf))[0]) == [
+        "The robot's links are 438 m long together: are the model's lengths in mm?",
+        "Joints that turn by up to 360 rad: pan. Are the model's limits in degrees?",
+    ]
+
+
+def test_a_start_is_doubted_whose_target_the_robot_hides_and_whose_joints_turn_too_far(tmp_path):
+    shut = '<geom type="box" size=".2 .2 .01" pos="0 0 .1"/><site name="tool"/>'
+    text = tall_arm().replace('<site name="tool"/>', shut)
+    (tmp_path / "arm.xml").write_text(text.replace("-3.1 3.1", "-180 180"))
+    robot = [f"robot.model={tmp_path / 'arm.xml'}", "robot.base=[0.0, 0.54, 0.68, -90.0]"]
+    changes = ["robot.kind=mjcf", *robot, "tracker.kind=truth"]
+    with Episode(load("still", changes)) as episode:
+        assert remarks(episode) == [
+            "Joints that turn by up to 360 rad: j6. Are the model's limits in degrees?",
+            "The target is hidden in the first picture: 0 % of it is visible",
+        ]
+
+
 def test_the_command_prints_a_table_that_runs(tmp_path, seven):
     out = tmp_path / "robot.png"
+    slow = r'<velocity name="a2" joint="joint2" kv="50" ctrlrange="-.3 .4"/>'
+    seven.write_text(re.sub('<position name="a2"[^>]*>', slow, seven.read_text()))
     done = CliRunner().invoke(app, ["robot", str(seven), "--out", str(out)])
     assert done.exit_code == 0, done.output
     assert re.search(
         r"joint1 +hinge +-2.9 .. 2.9 rad +2 rad/s +[0-9.]+ ms +position: replaced", done.output
     )
+    assert re.search(r"joint2 .* rad +0.3 rad/s +[0-9.]+ ms +velocity: replaced", done.output)
     assert re.search(r"left +slide +0 .. 0.04 +held still", done.output)
     assert re.search(r"attachment +site \(taken\) +7", done.output)
     assert "From the base below the camera can be 1 m above the target." in done.output

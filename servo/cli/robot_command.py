@@ -25,7 +25,8 @@ from sim.camera.choice import renderer_of
 from sim.camera.renderer import Unseen
 from sim.geometry import tilt
 from sim.kinematics.chain import ALL_WAYS, Chain, flanges
-from sim.kinematics.drives import drive_of, kind_of_joint, random_joints, wrong_drive
+from sim.kinematics.doubts import doubts
+from sim.kinematics.drives import drive_of, has_velocity_drives, kind_of_joint, random_joints
 from sim.kinematics.inverse_kinematics import comfort
 from sim.kinematics.model import camera_chain
 from sim.kinematics.robot import CAMERA, Robot
@@ -113,7 +114,8 @@ def examine(given: dict[str, Any], out: Path) -> int:
     print_table(console, _joint_table(model, chain, robot))
     print_table(console, _flange_table(model, chain))
     table = _toml(config, chain) if proposed or "base" in given else NO_BASE
-    plain(console, f"{_reach_text(reach)}\n{left}\n\n{table}\n")
+    text = "\n".join([_reach_text(reach), *doubts(robot), left])
+    plain(console, f"{text}\n\n{table}\n")
     with writing(out, "this picture"):
         out.write_bytes(encoded(picture))
     plain(console, str(out))
@@ -220,6 +222,7 @@ def directions(jacobian: Array) -> str:
 def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
     rows: list[list[str]] = []
     servos = robot.servos()
+    kept = has_velocity_drives(model, chain.joints)
     for joint in range(model.njnt):
         low, high = model.jnt_range[joint]
         limits = f"{low:.3g} .. {high:.3g}" if model.jnt_limited[joint] else "none"
@@ -231,19 +234,19 @@ def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
             rate = f"{fastest:.3g} {unit}/s" if isfinite(fastest) else "none"
             limits = f"{limits} {unit}" if model.jnt_limited[joint] else limits
             own = f"{1e3 * servos[robot.names.index(name)]:.1f} ms"
-            rows.append([name, kind, limits, rate, own, _actuator(model, joint)])
+            rows.append([name, kind, limits, rate, own, _actuator(model, joint, kept=kept)])
         else:
             rows.append([name, kind, limits, "held still", "", ""])
     head = ("joint", "type", "limits", "largest rate", "servo's lag", "actuator")
     return Table(head, rows, words=range(6))
 
 
-def _actuator(model: mujoco.MjModel, joint: int) -> str:
-    """Describe the actuator of a joint in its file, and its replacement."""
+def _actuator(model: mujoco.MjModel, joint: int, *, kept: bool) -> str:
+    """Describe the actuator of a joint in its file, and its replacement if it is not kept."""
     drive = drive_of(model, joint)
     if drive is None:
         return "none: one is added"
-    if wrong_drive(model, drive) is None:
+    if kept:
         return "velocity"
     bias = model.actuator_biasprm[drive]
     found = "position" if bias[POSITION] else "velocity" if bias[RATE] else "motor"

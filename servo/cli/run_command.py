@@ -37,6 +37,7 @@ from servo.study.run_report import RunReport
 from servo.study.scenario_run import LoadedScenario, record_of
 from sim.camera import gl
 from sim.kinds import kind_of
+from sim.kinematics.doubts import doubts
 from sim.kinematics.inverse_kinematics import Reach
 from sim.models.target import dimensions
 from sim.types import Array
@@ -48,6 +49,8 @@ if TYPE_CHECKING:
 
 OF_CORNERS = ("tag", "homography")
 """Trackers of ours that report corners, and with them the target's tilt."""
+HIDDEN = 0.1
+"""A target of which a smaller share is visible counts as hidden."""
 START_NEAR = 1e-3
 START_TURNED = radians(1.0)
 """A start pose that is missed by less [m, rad] counts as taken."""
@@ -153,9 +156,11 @@ def load(
 
 def _outline_line(outline: Array) -> str:
     length, width, height = dimensions(outline)
+    x, y = outline.mean(axis=0)[:2]
     return (
         f"The target's reference rectangle, as seen from above: {length:.3f} x {width:.3f} m, "
-        f"{height:.3f} m over the table; target.outline sets another one"
+        f"{height:.3f} m over the table, its centre at x = {x:.3f}, y = {y:.3f} m of the target's "
+        "frame; target.outline sets another one"
     )
 
 
@@ -164,7 +169,9 @@ def remarks(episode: Episode) -> list[str]:
     first, region, state = episode.shown
     lines = [
         _outline_line(episode.world.outline) if episode.world.outline_found else "",
+        *doubts(episode.world.robot),
         _start_line(episode.begun),
+        _hidden_line(episode),
         advice(episode.scenario.tracker, first.image, region, state),
         _tilt_line(episode),
         measures_line(episode.scenario),
@@ -198,6 +205,14 @@ def measures_line(scenario: Setup) -> str:
         f"The run ends after {scenario.run.duration:g} s, and measure.after = "
         f"{scenario.measure.after:g} s: measures that count from there on have no value"
     )
+
+
+def _hidden_line(episode: Episode) -> str:
+    """Return a sentence about a target that something hides in the first picture; else nothing."""
+    visible = episode.world.visible()
+    if visible >= HIDDEN:
+        return ""
+    return f"The target is hidden in the first picture: {100 * visible:.0f} % of it is visible"
 
 
 def _start_line(begun: Reach) -> str:

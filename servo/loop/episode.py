@@ -51,6 +51,10 @@ HINT = "; try another robot.base, or a robot.home near a posture that gets there
 """What a user can do about a robot of theirs."""
 
 
+class ImpossibleStart(Mistake):
+    """A start pose that cannot be, or that the robot cannot take: another draw may be possible."""
+
+
 class Episode:
     """A run that is ready to begin; iterate over it once, and close it.
 
@@ -149,14 +153,14 @@ class Episode:
             return World(parts, sensor, encoders, renderer if seen else Unseen, depth)
 
     @contextmanager
-    def _refusals(self, where: str = "") -> Generator[None]:
+    def _refusals(self, where: str = "", kind: type[Mistake] = Mistake) -> Generator[None]:
         """Name the scenario where its settings are refused: a ValueError is the user's mistake."""
         try:
             yield
         except PartFailed:
             raise
         except ValueError as error:
-            raise Mistake(f"{self.scenario.name}: {where}{error}") from error
+            raise kind(f"{self.scenario.name}: {where}{error}") from error
 
     def _build(self, part: Part, draws: str = "") -> Any:
         """Return what a part's `Config` builds."""
@@ -176,7 +180,7 @@ class Episode:
     def _place_camera(self, start: StartConfig) -> Reach:
         seed = self.scenario.run.seed
         drawn = f", seed {seed}" * (seed != 0)  # of seed 0 nothing is drawn
-        with self._refusals(f"start{drawn}: "):
+        with self._refusals(f"start{drawn}: ", ImpossibleStart):
             reach = self._start(start)
             if not reach:
                 what = "camera" if self.scenario.camera.mounted == "robot" else "target"

@@ -25,9 +25,8 @@ from servo.ros2.messages import (
 )
 from servo.ros2.node import Node, first
 from servo.scenario.arguments import numbers
-from servo.scenario.calibration import MIDDLE, MODELS
+from servo.scenario.calibration import camera_of_info
 from servo.scenario.load import Scenario
-from sim.camera.distortion import COEFFICIENTS, Distortion
 from sim.files.bit_depth import BitDepth
 from sim.geometry import log_se3
 from sim.types import Array, DepthPicture, Frame, Pose, Posture
@@ -71,17 +70,10 @@ class Camera:
         """Wait for the camera's calibration and return it.
 
         Raises:
-            Mistake: None has come, or its distortion is not known.
+            Mistake: None has come, or it is not one of whole pictures, with a distortion that is
+                known.
         """
-        info = first(self._info, self._topic)
-        fx, _, cx, _, fy, cy = info.k[:6]
-        lens = None
-        if any(info.d):
-            check_known([info.distortion_model], MODELS, self._topic, "distortion_model")
-            model = MODELS[info.distortion_model]
-            padded = [*info.d, 0.0, 0.0][: COEFFICIENTS[model]]
-            lens = Distortion(model, tuple(padded))
-        return values.Camera(fx, fy, cx + MIDDLE, cy + MIDDLE, info.width, info.height, lens)
+        return camera_of_info(first(self._info, self._topic), self._topic)
 
     def newest(self) -> Frame | None:
         """Return the newest picture, or None if no newer one has come within 20 ms.

@@ -24,7 +24,7 @@ from servo.ros2.messages import (
 from servo.ros2.node import Node
 from servo.scenario.calibration import camera_info
 from servo.types import Command, Sight
-from sim.types import Posture
+from sim.types import Array, Posture
 
 TOPIC = "/servo/twist"
 DEAD_MAN = 0.3
@@ -58,6 +58,8 @@ class Server:
         self._twist = np.zeros(6)
         self._heard = -DEAD_MAN
         self._began: float | None = None
+        self._refusals = set[str]()
+        """Those that were printed."""
 
     def serving(self, episode: Episode) -> Self:
         """Serve this run from now on, whose camera is as it is believed to be; return this."""
@@ -72,10 +74,10 @@ class Server:
         """Go on with another goal, which is not known here."""
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the newest twist; zeros where it is too old, or not finite."""
+        """Return the newest twist; zeros where it is too old, or was refused."""
         self._listen()
         is_new = time.monotonic() < self._heard + DEAD_MAN
-        return Command(self._twist if is_new and np.isfinite(self._twist).all() else np.zeros(6))
+        return Command(self._twist if is_new else np.zeros(6))
 
     def add(self, step: Step) -> None:
         """Serve a step, and wait until it is time for the next one."""
@@ -96,13 +98,20 @@ class Server:
         """End after an error, likewise."""
 
     def _listen(self) -> bool:
-        """Take the newest twist, if one has come."""
-        found = self._twists.take(1)
-        for message in found:
+        """Take the newest twist, if one has come; one that is refused stops the robot, and is said
+        once.
+        """
+        for message in self._twists.take(1):
             parts = message.twist.linear, message.twist.angular
-            self._twist = np.array([[part.x, part.y, part.z] for part in parts]).ravel()
+            twist = np.array([[part.x, part.y, part.z] for part in parts]).ravel()
+            wrong = _wrong(twist, message.header.frame_id)
+            self._twist = np.zeros(6) if wrong else twist
             self._heard = time.monotonic()
-        return bool(found)
+            if wrong and wrong not in self._refusals:
+                self._refusals.add(wrong)
+                sys.stderr.write(f"{TOPIC}: {wrong}\n")
+            return not wrong
+        return False
 
     def _publish(self, step: Step) -> None:
         at = header(step.frame.time, FRAME)
@@ -116,3 +125,13 @@ class Server:
             if step.frame.depth is not None:
                 self._depths.write(depth_message(step.frame.depth, at))
             self._images.write(Image(at, height, width, "rgb8", 0, 3 * width, image.tobytes()))
+
+
+def _wrong(twist: Array, frame: str) -> str:
+    """Return the reason why a twist (6,) is not driven; empty where it is."""
+    if frame not in ("", FRAME):
+        return (
+            f"a twist in the frame '{frame}' is not driven: it has to be in the camera's optical "
+            f"frame '{FRAME}' (header.frame_id)"
+        )
+    return "" if np.isfinite(twist).all() else "a twist that is not finite is not driven"

@@ -3,6 +3,7 @@
 Both start pixel coordinates at the middle of the first pixel, and we at its corner: 0.5 px more.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from servo.mistake import Mistake, as_mistake
 from servo.scenario.toml import is_number
+from sim.camera.camera import CameraConfig
 from sim.camera.distortion import COEFFICIENTS, Model
 from sim.files import reading
 from sim.types import Camera
@@ -36,6 +38,8 @@ BY_COUNT: dict[int, Model] = {4: "plumb_bob", 5: "plumb_bob", 8: "rational"}
 OPENCV = "%YAML"
 """The beginning of OpenCV's files."""
 MATRICES = ("camera_matrix", "distortion_coefficients")
+BINNING = ("binning_x", "binning_y")
+ROI = ("x_offset", "y_offset", "width", "height")
 WHOLE = ("image_width", "image_height", "fisheye_model")
 
 
@@ -84,22 +88,64 @@ def camera_info(camera: Camera) -> dict[str, Any]:
     }
 
 
+def camera_of_info(info: Any, topic: str) -> Camera:
+    """Return the camera of ROS's message sensor_msgs/CameraInfo.
+
+    Raises:
+        Mistake: It is no calibration of whole pictures, with a distortion that is known.
+    """
+    model = info.distortion_model
+    coefficients = list(info.d)
+    if not any(coefficients) and MODELS.get(model) != "fisheye":
+        model = "plumb_bob"
+        coefficients = [0.0] * COEFFICIENTS[model]
+    document = {
+        "image_width": info.width,
+        "image_height": info.height,
+        "camera_matrix": list(info.k),
+        "distortion_model": model,
+        "distortion_coefficients": coefficients,
+        "roi": vars(info.roi),
+    }
+    found = settings_of(document | {key: getattr(info, key) for key in BINNING}, topic)
+    width, height = found.pop("size")
+    lens = CameraConfig(
+        distortion=found.pop("distortion"), coefficients=tuple(found.pop("coefficients"))
+    ).lens
+    return Camera(width=width, height=height, distortion=lens, **found)
+
+
 def _read(path: Path) -> Table:
     """Return the size (width, height) of a calibration's image, and its settings for it."""
     with as_mistake():
         text = reading.text(path, "calibration", LARGEST_FILE)
-    document = _of_opencv(text, path) if text.startswith(OPENCV) else _of_ros(text, path)
+    return settings_of(
+        _of_opencv(text, path) if text.startswith(OPENCV) else _of_ros(text, path), str(path)
+    )
+
+
+def settings_of(document: Table, place: str) -> Table:
+    """Return the size (width, height) of a calibration's image, and its settings for it.
+
+    Args:
+        document: The keys of ROS's file, with the data of its matrices in their place.
+        place: Its file or topic, for messages.
+
+    Raises:
+        Mistake: It is no calibration of whole pictures.
+    """
     size = [document.get(key) for key in ("image_width", "image_height")]
     for key, value in zip(("image_width", "image_height"), size, strict=True):
         if type(value) is not int or value <= 0:
-            raise Mistake(f"{path}: {key} = {value!r} should be a number of pixels")
-    K, values = (_numbers(document.get(key), key, path) for key in MATRICES)
+            raise Mistake(f"{place}: {key} = {value!r} should be a number of pixels")
+    _check_whole(document, size, place)
+    K, values = (_numbers(document.get(key), key, place) for key in MATRICES)
     if len(K) != 9 or K[1] or K[3] or K[6:] != [0.0, 0.0, 1.0] or min(K[0], K[4]) <= 0:
         raise Mistake(
-            f"{path}: camera_matrix should be fx 0 cx, 0 fy cy, 0 0 1, without skew, with focal "
+            f"{place}: camera_matrix should be fx 0 cx, 0 fy cy, 0 0 1, without skew, with focal "
             "lengths above zero"
         )
-    model = _model(document, path, values)
+    model = _model(document, place, values)
     written = len(values)
     while len(values) > COEFFICIENTS[model] and values[-1] == 0:
         values = values[:-1]
@@ -107,11 +153,28 @@ def _read(path: Path) -> Table:
         values = [*values, 0.0]  # without k3
     if len(values) != COEFFICIENTS[model]:
         raise Mistake(
-            f"{path}: distortion_coefficients has {written} numbers; "
+            f"{place}: distortion_coefficients has {written} numbers; "
             f"{model} has {COEFFICIENTS[model]}"
         )
     found = {"size": size, "fx": K[0], "fy": K[4], "cx": K[2] + MIDDLE, "cy": K[5] + MIDDLE}
     return found | {"distortion": model, "coefficients": values}
+
+
+def _check_whole(document: Table, size: Sequence[Any], place: str) -> None:
+    """Refuse what says that pictures are not those of the whole sensor, pixel by pixel."""
+    binning = [document.get(key) or 1 for key in BINNING]
+    if binning != [1, 1]:
+        raise Mistake(
+            f"{place}: {' and '.join(BINNING)} are {binning[0]} and {binning[1]}; they should be 0 "
+            "or 1: calibrate the pictures as they are"
+        )
+    roi = document.get("roi") or {}
+    corner = [roi.get(key, 0) for key in ROI] if isinstance(roi, dict) else [roi]
+    if corner not in ([0, 0, 0, 0], [0, 0, *size]):
+        raise Mistake(
+            f"{place}: roi ({', '.join(ROI)}) is {', '.join(map(str, corner))}; it should be the "
+            "whole picture: calibrate the pictures as they are"
+        )
 
 
 def _of_ros(text: str, path: Path) -> Table:
@@ -144,7 +207,7 @@ def _of_opencv(text: str, path: Path) -> Table:
     return found | whole
 
 
-def _model(document: Table, path: Path, values: list[float]) -> Model:
+def _model(document: Table, place: str, values: list[float]) -> Model:
     """Return the distortion that ROS names; OpenCV has the number of its coefficients only."""
     name = document.get("distortion_model")
     if name is None:
@@ -154,19 +217,19 @@ def _model(document: Table, path: Path, values: list[float]) -> Model:
         return BY_COUNT[min((n for n in BY_COUNT if n >= last), default=max(BY_COUNT))]
     if not isinstance(name, str) or name not in MODELS:
         raise Mistake(
-            f"{path}: distortion_model = {name!r} is not known; there is {', '.join(MODELS)}"
+            f"{place}: distortion_model = {name!r} is not known; there is {', '.join(MODELS)}"
         )
     return MODELS[name]
 
 
-def _numbers(data: Any, key: str, path: Path) -> list[float]:
+def _numbers(data: Any, key: str, place: str) -> list[float]:
     """Return the numbers of a matrix; YAML takes one such as 1e-05 for a text."""
     if data is None:
-        raise Mistake(f"{path}: {key} is missing, or has no data")
+        raise Mistake(f"{place}: {key} is missing, or has no data")
     try:
         numbers = np.array(data, np.float64)
     except (TypeError, ValueError, OverflowError):
         numbers = np.array([np.nan])
     if numbers.ndim != 1 or not numbers.size or not np.isfinite(numbers).all():
-        raise Mistake(f"{path}: {key}.data should be a list of finite numbers")
+        raise Mistake(f"{place}: {key}.data should be a list of finite numbers")
     return numbers.tolist()

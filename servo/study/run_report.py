@@ -46,6 +46,9 @@ class RunReport(Made):
     """Whether the same command gives the same numbers."""
     rates: dict[str, Number] = field(default_factory=dict)
     """Rates that the run used [Hz], where the camera's rate left those asked for no whole steps."""
+    outline_centre: list[Number] = field(default_factory=list[Number])
+    """The centre of the target's reference rectangle in the target's frame, along whose x and y its
+    sides lie: x, y, z [m]."""
     unjudged: str = ""
     """Why there is no verdict: the bounds are made for another tracker, or for many seeds."""
 
@@ -73,5 +76,6 @@ class RunReport(Made):
             limits=list(record.limits),
             repeats=record.repeats,
             rates=scenario.rates_changed,
+            outline_centre=scene.outline.mean(axis=0).tolist(),
             unjudged=why,
         )

@@ -49,8 +49,8 @@ class CameraConfig:
     """Frames a second [Hz]; where it does not divide the physics rate, the physics step is made a
     little shorter."""
     fovy_deg: Annotated[float, Gt(1), Lt(170)] | None = None
-    """Vertical field of view, with the distortion if there is one [deg]; by default 45, or what
-    the sensor of the robot's model gives."""
+    """Vertical field of view, with the distortion if there is one [deg]; by default what the camera
+    of the robot's model has, by its sensor or its own field of view, or else 45."""
     fx: Focal | None = None
     """Focal length along u, in place of the field of view [px]."""
     fy: Focal | None = None
@@ -185,13 +185,13 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
         fx = config.fx
         fy = config.fy or config.fx
     elif config.fovy_deg is not None or (lens is not None and not has_sensor):
-        edge = np.array([0.0, np.tan(np.radians(config.fovy_deg or FOVY) / 2)])
+        fovy = config.fovy_deg or float(model.cam_fovy[model.camera(name).id])
+        edge = np.array([0.0, np.tan(np.radians(fovy) / 2)])
         fx = fy = config.height / 2 / float((edge if lens is None else lens.bend(edge))[1])
     cx = own.cx if config.cx is None else config.cx
     cy = own.cy if config.cy is None else config.cy
     camera = replace(own, fx=fx, fy=fy, cx=cx, cy=cy, distortion=lens)
-    if camera != own:
-        _check(camera)
+    _check(camera)
     return camera
 
 

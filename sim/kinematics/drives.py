@@ -31,6 +31,17 @@ def has_velocity_drives(model: mujoco.MjModel, joints: Sequence[int]) -> bool:
     return all(i is not None and wrong_drive(model, i) is None for i in found)
 
 
+def own_speed(model: mujoco.MjModel, joint: int) -> float | None:
+    """The largest rate that a joint's velocity servo takes in both directions [m/s or rad/s]; None
+    where it has no such servo, or one without a ctrlrange.
+    """
+    drive = drive_of(model, joint)
+    if drive is None or wrong_drive(model, drive) is not None:
+        return None
+    limited = model.actuator_ctrllimited[drive]
+    return float(np.abs(model.actuator_ctrlrange[drive]).min()) if limited else None
+
+
 def drive_of(model: mujoco.MjModel, joint: int) -> int | None:
     """The actuator of a joint; None where there is none, or several."""
     on_joints = model.actuator_trntype[:, None] == [int(kind) for kind in ON_JOINTS]

@@ -9,6 +9,7 @@ from math import cos, radians, sin
 import mujoco
 import numpy as np
 
+from sim.camera.camera import FOVY
 from sim.kinematics.chain import Chain, chain_to, name_all
 from sim.kinematics.drives import (
     SPEEDS,
@@ -16,6 +17,7 @@ from sim.kinematics.drives import (
     forces_of,
     has_velocity_drives,
     kind_of_joint,
+    own_speed,
 )
 from sim.kinematics.robot import EYE
 from sim.models.model_files import SIMULATION, compiled, leave_out
@@ -104,7 +106,7 @@ def drive(
                 actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
                 actuator.ctrlrange = [-speed, speed]
         return
-    usual = [SPEEDS[kind_of_joint(model.jnt_type[j])] for j in joints]
+    usual = [own_speed(model, j) or SPEEDS[kind_of_joint(model.jnt_type[j])] for j in joints]
     chosen = [u if s is None else s for s, u in zip(speeds, usual, strict=True)]
     add_drives(spec, names, np.array(chosen), forces_of(model, joints))
 
@@ -180,5 +182,7 @@ def _place_eye(
     for item in [*others, *(s for s in spec.sites if s.name == EYE)]:
         spec.delete(item)
     eye = spec.camera(camera) if camera else spec.body(body).add_camera(pos=pos, quat=quat)
+    if not camera:
+        eye.fovy = FOVY  # whatever the model's defaults say of its own cameras
     eye.name = EYE
     spec.body(body).add_site(name=EYE, pos=pos, quat=quat, size=[0.005] * 3, rgba=[0] * 4)

@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.camera.camera import FOVY, CameraConfig
+from sim.camera.camera import CameraConfig
 from sim.kinematics.robot import CAMERA, Design
 from sim.leader import Leader
 from sim.models.model_files import compiled
@@ -104,7 +104,8 @@ def _attach_robot(room: mujoco.MjSpec, robot: Design, camera: CameraConfig) -> N
             drive.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
             drive.dynprm[0] = lag
     room.attach(spec, prefix=f"{ROBOT}/", frame=frame)
-    room.camera(CAMERA).fovy = camera.fovy_deg or FOVY
+    if camera.fovy_deg is not None:
+        room.camera(CAMERA).fovy = camera.fovy_deg
     _put_on_stand(room, base.translation, PEDESTAL)
     if robot.eye_to_hand is not None:
         at = robot.eye_to_hand.T_world_camera

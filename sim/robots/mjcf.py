@@ -24,10 +24,17 @@ from sim.types import Pose
 Home = Annotated[tuple[Annotated[float, Ge(-1000), Le(1000)], ...], MinLen(1)]
 Rate = Annotated[float, Ge(0.001), Le(100)]
 WHAT = "robot model"
+AT_LIMIT = 0.01
+"""A home may be this far outside of a joint's limits, which may be rounded [rad or m]."""
 FOLDER = "robots"
 """Of the shipped models, in `scenes`."""
 MENAGERIE = "menagerie:"
 ROOT = "MENAGERIE_ROOT"
+CHECKOUT = (
+    f"set {ROOT} to the folder of a checkout of github.com/google-deepmind/mujoco_menagerie and "
+    f"name the file, as in {MENAGERIE}universal_robots_ur5e/ur5e.xml"
+)
+"""The way to robots that needs no download."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +91,11 @@ class Config(Drives):
                     f"a home has {len(home)} values; it should have {len(names)}, for "
                     f"{', '.join(names)}"
                 )
+            for name, joint, at in zip(names, chain.joints, home, strict=True):
+                low, high = model.jnt_range[joint]
+                if model.jnt_limited[joint] and not low - AT_LIMIT <= at <= high + AT_LIMIT:
+                    limits = f"{low:.3g} .. {high:.3g}"
+                    raise ValueError(f"a home has {name} at {at:g}, outside of its limits {limits}")
 
     def _speeds(self, names: Sequence[str], own: dict[str, float]) -> list[float | None]:
         if len(self.speed) > 1 and len(self.speed) != len(names):
@@ -118,16 +130,14 @@ def _in_menagerie(model: str) -> Path:
     try:
         package = importlib.import_module("mujoco_menagerie")
     except ModuleNotFoundError:
-        raise ValueError(
-            f"{model}: pip install mujoco-menagerie, or set {ROOT} to the folder of a checkout of "
-            "github.com/google-deepmind/mujoco_menagerie and name the file, as in "
-            f"{MENAGERIE}universal_robots_ur5e/ur5e.xml"
-        ) from None
+        raise ValueError(f"{model}: pip install mujoco-menagerie, or {CHECKOUT}") from None
     try:
         robot = package.get(path.parts[0] if path.parts else "")
         file = path.stem if path.suffix else robot.default_model
         return Path(robot.xml(file))
-    except (package.MenagerieError, OSError) as error:
+    except (package.DownloadError, OSError) as error:
+        raise ValueError(f"{model}: {error}; without a network, {CHECKOUT}") from None
+    except package.MenagerieError as error:
         raise ValueError(f"{model}: {error}") from None
 
 

@@ -139,6 +139,10 @@ def read_mesh(path: Path) -> Triangles:
                 file.read().decode("ascii")  # where it is no text, trimesh may take it for one
         except Exception:  # trimesh's readers raise what they meet in a broken file
             raise ValueError(f"{path}: this mesh is damaged, or not what its name says") from None
+    broken = ~np.isfinite(vertices).all(axis=1)
+    if broken.any():
+        vertex = " ".join(f"{number:g}" for number in vertices[broken][0])
+        raise ValueError(f"{path}: the vertex {vertex} is not finite")
     places: Array | None = getattr(found.visual, "uv", None)
     if places is not None:
         places = np.asarray(places)[found.faces]
