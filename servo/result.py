@@ -226,9 +226,8 @@ class Run(Sequence[Step]):
             for name, (unit, meaning) in MEANINGS.items()
             if name in ("settle_s", "step_ms") or "rms" in name or "peak_px" in name
         ]
-        ending = escape(
-            f"{self.outcome.name}. {self.outcome.sentence(self.record.limits)} ({verdict})"
-        )
+        sentence = self.outcome.sentence([*self.record.limits, *self.record.off])
+        ending = escape(f"{self.outcome.name}. {sentence} ({verdict})")
         table = notebook.html_table(Table(("measure", "value", "unit", "meaning"), rows))
         plot = notebook.html_picture(self.figure().png())
         return f"<p><b>{escape(self.title)}</b>: {ending}</p>{table}{plot}"

@@ -226,7 +226,7 @@ def _start_line(begun: Reach) -> str:
 
 
 def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
-    outcome = f"{record.outcome}. {Outcome[record.outcome].sentence(record.limits)}"
+    outcome = f"{record.outcome}. {Outcome[record.outcome].sentence([*record.limits, *record.off])}"
     console.print(f"[bold]{escape(scenario.name)}[/], seed {record.seed}: {outcome}")
     rows: list[list[str]] = []
     for name, (_, meaning) in MEANINGS.items():

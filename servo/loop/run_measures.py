@@ -40,9 +40,9 @@ class Outcome(Enum):
     LIMIT_HIT = "A limit of the robot keeps the camera from the goal."
     DIVERGED = "The target has left the picture, and the tracker has not called it lost."
 
-    def sentence(self, limits: Sequence[str] = ()) -> str:
-        """Return how the run ended, with the joints whose limits were hit."""
-        return f"{self.value[:-1]}: {', '.join(limits)}." if limits else self.value
+    def sentence(self, causes: Sequence[str] = ()) -> str:
+        """Return how the run ended, with the joints whose limits were hit, or what was off."""
+        return f"{self.value[:-1]}: {', '.join(causes)}." if causes else self.value
 
 
 MEANINGS = {
@@ -107,6 +107,8 @@ class Summary:
     """Values by name, in the order of `MEANINGS`; infinite or nan where there is none."""
     limits: tuple[str, ...] = ()
     """The joints whose limits were hit in the end, where this is the outcome."""
+    off: tuple[str, ...] = ()
+    """What was too far from the goal in the end, such as "angle 27 deg", where time ran out."""
 
 
 def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Summary:
@@ -155,7 +157,8 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
     outcome = _outcome(steps)
     hit = [name for s in _final(steps) for name in s.joint_limits]
     limits = tuple(dict.fromkeys(hit)) if outcome is Outcome.LIMIT_HIT else ()
-    return Summary(outcome, {name: float(values[name]) for name in MEANINGS}, limits)
+    off = _worst_off(_final(steps)) if outcome is Outcome.TIMED_OUT else ()
+    return Summary(outcome, {name: float(values[name]) for name in MEANINGS}, limits, off)
 
 
 def _series(steps: Sequence[Step], of: Callable[[Step], float]) -> Array:
@@ -248,23 +251,39 @@ def _outcome(steps: Sequence[Step]) -> Outcome:
         return Outcome.TARGET_LOST
     if last.truth.depth <= 0:
         return Outcome.DIVERGED
-    if all(_held(s) for s in final):
+    if not any(_off(s) for s in final):
         return Outcome.CONVERGED
     if all(s.limited for s in final):
         return Outcome.LIMIT_HIT
     return Outcome.TIMED_OUT if inside else Outcome.DIVERGED
 
 
-def _held(step: Step) -> bool:
-    """Return whether centre, angle, size and tilt are near the goal, as far as they are servoed."""
-    if step.servo_error > CONVERGED_PX:
-        return False
+def _off(step: Step) -> dict[str, float]:
+    """Return how far centre [px], angle [deg], size [%] and orientation [deg] are from the goal, if
+    that is too far and they are servoed.
+    """
     angle, size = step.servoed
-    turned = angle and abs(_servo_angles([step])[0]) > CONVERGED_RAD
-    grown = size and abs(step.truth.size / step.goal_size - 1) > CONVERGED_SCALE
-    if turned or grown:
-        return False
-    return step.rotation_error <= CONVERGED_RAD or not step.servoes_pose
+    turned = abs(_servo_angles([step])[0])
+    grown = abs(step.truth.size / step.goal_size - 1)
+    found = dict[str, float]()
+    if step.servo_error > CONVERGED_PX:
+        found["centre {:.0f} px"] = step.servo_error
+    if angle and turned > CONVERGED_RAD:
+        found["angle {:.0f} deg"] = np.degrees(turned)
+    if size and grown > CONVERGED_SCALE:
+        found["size {:.0f} %"] = 100 * grown
+    if step.rotation_error > CONVERGED_RAD and step.servoes_pose:
+        found["orientation {:.0f} deg"] = np.degrees(step.rotation_error)
+    return found
+
+
+def _worst_off(steps: Sequence[Step]) -> tuple[str, ...]:
+    """Return what is too far from the goal in some of the steps, each with the most of it."""
+    most = dict[str, float]()
+    for step in steps:
+        for words, value in _off(step).items():
+            most[words] = max(value, most.get(words, 0.0))
+    return tuple(words.format(value) for words, value in most.items())
 
 
 def _servo_angles(steps: Sequence[Step]) -> Array:

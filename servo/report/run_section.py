@@ -57,7 +57,7 @@ def section(folder: Path) -> Section:
     return Section(
         "run",
         f"{run.scenario}, seed {run.seed}",
-        known.sentence(run.limits) if known else "",
+        known.sentence([*run.limits, *run.off]) if known else "",
         Badge.of(run.outcome == Outcome.CONVERGED.name, run.outcome),
         facts,
         [

@@ -104,6 +104,8 @@ class Record:
     """Name of the outcome."""
     limits: tuple[str, ...] = ()
     """The joints whose limits were hit, where this is the outcome; not in a row."""
+    off: tuple[str, ...] = ()
+    """What was too far from the goal in the end, where time ran out; not in a row."""
     success: bool
     """Whether it ended as expected."""
     measures: dict[str, float]

@@ -42,6 +42,8 @@ class RunReport(Made):
     """The scenario's TOML table, including changes."""
     limits: list[str] = field(default_factory=list[str])
     """The joints whose limits were hit, where this is the outcome."""
+    off: list[str] = field(default_factory=list[str])
+    """What was too far from the goal in the end, where time ran out, such as "angle 27 deg"."""
     repeats: bool = True
     """Whether the same command gives the same numbers."""
     rates: dict[str, Number] = field(default_factory=dict)
@@ -74,6 +76,7 @@ class RunReport(Made):
             settings=as_json(settings),
             table=as_json(scenario.table),
             limits=list(record.limits),
+            off=list(record.off),
             repeats=record.repeats,
             rates=scenario.rates_changed,
             outline_centre=scene.outline.mean(axis=0).tolist(),

@@ -179,6 +179,7 @@ def record_of(
         command=job.command,
         outcome=summary.outcome.name,
         limits=summary.limits,
+        off=summary.off,
         success=success,
         measures=summary.measures | {TRACK_MS: track_ms},
         missed=() if unjudged(scenario, success) else missed,
