@@ -43,7 +43,7 @@ class Kind:
     @property
     def definition(self) -> bytes:
         """The fields, and those of the types they are of, as `ros2msg`."""
-        return self._store.generate_msgdef(self.name)[0].encode()
+        return self._store.generate_msgdef(self.name, ros_version=2)[0].encode()
 
     def encoded(self, **fields: Any) -> bytes:
         """Return a message with these fields in CDR."""
