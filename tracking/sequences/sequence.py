@@ -125,14 +125,24 @@ def truth_beside(source: str) -> Path | None:
     return found[0] if found else None
 
 
-def check_truth(truth: Array, source: Source, place: str, form: Format) -> None:
+def check_truth(
+    truth: Array, source: Source, place: str, form: Format, *, start_is_enough: bool = False
+) -> None:
     """Refuse a truth that does not belong to these pictures, or that is in another format.
+
+    Args:
+        truth: Corners (n, 4, 2) of the target [px].
+        source: The pictures.
+        place: The truth's file, for messages.
+        form: The format in which it was read.
+        start_is_enough: Accept one line, that of the first picture.
 
     Raises:
         ValueError: The number of lines is not that of the pictures; or, for `Format.AUTO`, the
             boxes seem to be two corners.
     """
-    if source.count is not None and len(truth) != source.count:
+    is_start = start_is_enough and len(truth) == 1
+    if source.count is not None and len(truth) != source.count and not is_start:
         raise ValueError(truths.other_count(place, len(truth), source.count))
     first = next(iter(source), None) if form is Format.AUTO else None
     if first is not None and first.image is not None:
