@@ -248,21 +248,22 @@ def _around_mask(line: str, place: str) -> Array:
     """
     try:
         x, y, width, height, *runs = (int(part) for part in line.removeprefix("m").split(","))
-        ends = np.cumsum(np.array(runs, np.int64))
-    except (ValueError, OverflowError):
+    except ValueError:
         raise ValueError(f"{place}: '{line[:LONGEST]}' is not a mask of VOT") from None
+    if max(map(abs, (x, y, width, height))) > FARTHEST or min(width, height, *runs) < 0:
+        raise ValueError(f"{place}: '{line[:LONGEST]}' is not a mask in a picture")
+    if sum(runs) > width * height:
+        raise ValueError(f"{place}: the runs of this mask do not fit its rectangle")
+    ends = np.cumsum(np.array(runs, np.int64))
     stops = ends[1::2]
     starts = ends[: 2 * len(stops) : 2]
     starts, stops = starts[stops > starts], stops[stops > starts] - 1
-    if min(runs, default=0) < 0 or (len(ends) and ends[-1] > width * height):
-        raise ValueError(f"{place}: the runs of this mask do not fit its rectangle")
     if not len(starts):
         return np.full(BOX, np.nan)
     (tops, lefts), (bottoms, rights) = divmod(starts, width), divmod(stops, width)
-    goes_on = (
-        bottoms > tops
-    ).any()  # a run over two rows has the end of one and the next one's start
-    left, right = (0, width - 1) if goes_on else (lefts.min(), rights.max())
+    left, right = lefts.min(), rights.max()
+    if (bottoms > tops).any():  # such a run has the end of one row and the start of the next
+        left, right = 0, width - 1
     top, bottom = tops.min(), bottoms.max()
     return np.array([x + left, y + top, right - left + 1, bottom - top + 1], float)
 
