@@ -14,6 +14,7 @@ from servo.cli.outputs import Outputs
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.output.mcap_file import RunMcap, _CheckedFile, _fields
+from servo.output.ros2_messages import Kind
 from sim.models.quaternion import matrix_of
 from sim.types import Pose
 
@@ -114,6 +115,18 @@ def test_the_log_of_a_track(monkeypatch, capfd, tmp_path):
     assert stamp.sec + stamp.nanosec / 1e9 == time
     corners = [(p.x, p.y) for p in estimate.polygon.points]
     assert corners == [(40.0, 30.0), (70.0, 30.0), (70.0, 50.0), (40.0, 50.0)]
+
+
+def test_definitions_name_the_time_of_ros_2():
+    """ROS 1's type `time` is not parsed by mcap-ros2-support."""
+    for kind in (
+        "sensor_msgs/CompressedImage",
+        "foxglove_msgs/ImageAnnotations",
+        "tf2_msgs/TFMessage",
+    ):
+        fields = [line.split()[0] for line in Kind(kind).definition.decode().splitlines() if line]
+        assert "builtin_interfaces/Time" in fields
+        assert "time" not in fields
 
 
 def test_names_that_are_alike_as_fields_stay_apart():

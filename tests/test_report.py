@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -328,8 +329,10 @@ def test_tables_have_labels_and_those_too_wide_say_so(tmp_path):
     assert len(set(labels)) == text.count("\\begin{table}") == 6
     wide = Table([f"column {n}" for n in range(17)], [["1"] * 17])
     block = Block("All runs", tables=[wide])
-    section = Section("sweep", "study", "", Badge("2 runs", Tone.PLAIN), [], [block], "")
-    assert '% "All runs" has 1 rows and 17 columns and fits no page; --measures' in latex([section])
+    section = Section("study", "study", "", Badge("2 runs", Tone.PLAIN), [], [block], "")
+    wide = '% "All runs" has 1 rows and 17 columns and fits no page'
+    assert f"{wide}; --measures chooses columns." in latex([section])
+    assert f"{wide}." in latex([replace(section, kind="bench")])  # which refuses --measures
 
 
 def test_measures_and_tables_are_refused_where_they_do_not_fit(make_papers, tmp_path):

@@ -11,12 +11,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from servo.cli.report_command import write
+from servo.cli.report_command import Printed, write
 from servo.mistake import Mistake
 from servo.report.study_time import band, survival
 from servo.study import record_file
 from servo.study.run import Job, Record
 from servo.study.store import StudyFile
+from tracking.evaluation.track_measures import OVERLAPS, PIXELS
 from tracking.files import atomic
 
 EVIL = "<script>alert(1)</script>"
@@ -67,11 +68,11 @@ def make_bench(folder):
                 success=True,
                 measures={"auc": auc, "frames_until_loss": lost},
                 versions={},
+                series={"success_curve": auc * (1 - OVERLAPS), "precision_curve": PIXELS / 50},
             )
             raw = record_file.encoded(record_file.file_table(Job(11 * i + k, Made(), 0), record))
             atomic.write(folder, f"runs/{record.number:06}.parquet", raw)
-    for name in ("success.png", "precision.png", "sheets/a.png"):
-        (folder / name).write_bytes(encoded(".png"))
+    (folder / "sheets" / "a.png").write_bytes(encoded(".png"))
     return folder
 
 
@@ -173,9 +174,16 @@ def test_a_bench_ranks_its_trackers_and_shows_its_curves(tmp_path):
         "kams tracks for longer than &lt;script&gt;alert(1)&lt;/script&gt; (McNemar, p &lt; 0.05)."
         in page
     )
-    assert page.count("<img") == 3
+    assert (page.count("<svg"), page.count("<img")) == (2, 1)  # curves, and a contact sheet
     assert page.count("<script") == 1  # the page's own
     assert "servobench bench mine.toml --trackers kams,&lt;script&gt;" in page
+
+
+def test_the_curves_of_a_bench_are_files(tmp_path):
+    write([make_bench(tmp_path / "bench")], tmp_path / "page.html", Printed(figures="svg"))
+    names = sorted(path.name for path in (tmp_path / "figures").iterdir())
+    assert names == ["01-success.svg", "02-precision.svg"]
+    assert "kams" in (tmp_path / "figures" / names[0]).read_text()
 
 
 def test_a_bench_with_a_damaged_run_names_no_best_tracker(tmp_path):
@@ -269,8 +277,8 @@ def test_a_mistake_is_one_sentence_and_writes_nothing(tmp_path, case):
 @pytest.mark.newest
 def test_broken_pictures_and_recordings_are_mistakes(ran, tmp_path):
     folder = make_bench(tmp_path / "bench")
-    (folder / "success.png").write_bytes(b"x")
-    with pytest.raises(Mistake, match=r"/success\.png: this is not a picture; it may be half-"):
+    (folder / "sheets" / "a.png").write_bytes(b"x")
+    with pytest.raises(Mistake, match=r"/sheets/a\.png: this is not a picture; it may be half-"):
         write([folder], None)
     shutil.copytree(ran, tmp_path / "run")
     whole = (ran / "run.rrd").read_bytes()

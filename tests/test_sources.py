@@ -33,11 +33,31 @@ def test_a_folder_is_read_in_order_whatever_its_pictures_are(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("names", "taken", "note"),
+    [
+        (["._1", "1", "thumb", "2"], ["1", "2"], "1, the first is thumb.png"),
+        ([".hidden", "1", "2"], ["1", "2"], ""),
+        (["1", "a", "b"], ["1", "a", "b"], ""),
+        (["a", "b"], ["a", "b"], ""),
+    ],
+)
+def test_hidden_pictures_and_those_without_a_number_are_left_out(tmp_path, names, taken, note):
+    for name in names:
+        cv2.imwrite(str(tmp_path / "x.png"), RED)
+        (tmp_path / "x.png").rename(tmp_path / f"{name}.png")
+    pictures = list(Folder.of(tmp_path))
+    assert [p.name for p in pictures] == [f"{name}.png" for name in taken]
+    sentence = f"pictures without a number in the name are left out: {note}"
+    assert {p.notes for p in pictures} == {(sentence,) if note else ()}
+
+
+@pytest.mark.parametrize(
     ("names", "many", "first"),
     [
         (["IMG_9", "IMG_10", "IMG_11", "IMG_15", "IMG_16", "IMG_18"], 4, "IMG_11.png"),
         (["a2_00", "a2_10", "a2_20", "a2_40"], 1, "a2_20.png"),  # every tenth picture
         (["IMG_9", "IMG_10", "IMG_11"], 0, ""),
+        (["1", "4", "7", "10"], 0, ""),  # every third picture, all of them
         (["1000033", "1000068", "1000100", "1000140"], 0, ""),  # stamps
         (["a1", "b4", "c9"], 0, ""),
         (["1_1", "1_2", "2_7", "2_8"], 0, ""),

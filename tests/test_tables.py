@@ -15,6 +15,7 @@ from servo.cli import bench_command, jobs, list_command, sweep_command
 from servo.cli.main import app
 from servo.loop.run_measures import MEANINGS
 from servo.mistake import Mistake
+from servo.report import bench_section
 from servo.scenario.catalogue import shipped, studies
 from servo.scenario.load import SECTIONS
 from servo.study import ranking
@@ -99,6 +100,17 @@ def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_pa
         names = ("runs.csv", "table.csv")
         texts = {name: (tmp_path / name).read_text().splitlines() for name in names}
         approved("tables/bench-files", texts)
+
+
+def test_a_mean_over_a_part_of_the_sequences_says_of_how_many():
+    found = results(["a", "b"], seeds=1)
+    for record in found:
+        if record.subject == "b-1":
+            record.measures["lost_auc"] = np.nan  # never off the target
+    table = bench_section.trackers_table(ranking.ranked(found))
+    column = list(table.head).index("lost")
+    assert {row[column].split(" ", 1)[1] for row in table.rows} == {"(1 of 2)"}
+    assert not any("of" in row[column - 1] for row in table.rows)
 
 
 def test_curves_of_a_bench_show_this(monkeypatch, drawn, approved, tmp_path):

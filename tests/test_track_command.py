@@ -60,6 +60,20 @@ def test_a_truth_beside_the_pictures_gives_region_and_measures(monkeypatch, capf
     assert "mean_error_px" in out
 
 
+def test_a_truth_of_one_line_is_the_start(monkeypatch, capfd, folder):
+    """GOT-10k's test split has no other line; here it is a mask, as VOT has them."""
+    (folder / "in" / "groundtruth.txt").write_text("m40,30,30,20,0,600")
+    code, _, err = call(monkeypatch, capfd, "in", "--out", "out", "--tracker", "frozen")
+    assert (code, err) == (
+        0,
+        "servobench: in/groundtruth.txt: its masks are replaced by the boxes around them\n"
+        f"servobench: the truth has one line for {FRAMES} pictures: there are no measures\n",
+    )
+    found = rows_of(folder / "out" / "track.csv")
+    assert [float(found[-1][k]) for k in ("x1", "y1", "x3", "y3")] == [40, 30, 70, 50]
+    assert json.loads((folder / "out" / "report.json").read_text())["measures"] == {}
+
+
 def test_a_region_may_be_turned_about_its_centre():
     region, state = region_of("40,30,30,20,90")
     assert (region.width, region.height, state.x, state.y) == (30, 20, 55, 40)
@@ -142,7 +156,7 @@ BAD = {
     ),
     "a truth that is too short": (
         ["in", "--truth", "short.txt", "--region", REGION],
-        "short.txt: this truth has 1 lines for 8 pictures; it needs one for each, with nan where "
+        "short.txt: this truth has 2 lines for 8 pictures; it needs one for each, with nan where "
         "the target is absent",
     ),
     "a truth that never ends": (
@@ -185,7 +199,7 @@ BAD = {
 def test_a_mistake_is_one_sentence_and_leaves_nothing(monkeypatch, capfd, folder, case):
     (folder / "broken").mkdir()
     (folder / "broken" / "0.png").write_bytes(b"no picture")
-    (folder / "short.txt").write_text("40,30,30,20\n")
+    (folder / "short.txt").write_text(2 * "40,30,30,20\n")
     (folder / "cameras.mcap").write_bytes(b"\x89MCAP0\r\n" + b"\0" * 99)
     (folder / "two").mkdir()
     cv2.imwrite("two/0.png", image(0))

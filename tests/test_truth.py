@@ -187,3 +187,53 @@ def test_an_unknown_format_is_refused():
 )
 def test_sides_that_cross_are_seen(corners, crosses):
     assert quadrilateral.crosses_itself(np.array(corners, float)) is crosses
+
+
+def test_lasot_counts_from_one_and_marks_absent_frames(tmp_path):
+    path = written(tmp_path, "11,21,30,40\n1,1,-1,-1\n11,21,30,40\n0,0,0,0\n")
+    written(tmp_path, "0,1,0,0\n", "full_occlusion.txt")
+    written(tmp_path, "0,0,1,0", "out_of_view.txt")
+    found = truth.read(path)
+    np.testing.assert_array_equal(found[0], BOX)
+    assert np.isnan(found[1:]).all()
+    place = written(tmp_path, "0,0,1", "out_of_view.txt")
+    with pytest.raises(ValueError) as refused:
+        truth.read(path)
+    assert str(refused.value) == (
+        f"{place}: this should be 4 numbers 0 or 1, as groundtruth.txt has"
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "box"),
+    [
+        ("m10,20,5,4,6,3,3,1", [11, 21, 3, 2]),  # 3 pixels, and one below
+        ("m10,20,5,4,0,20", [10, 20, 5, 4]),
+        ("m10,20,5,4,4,2,14", [10, 20, 5, 2]),  # the last of a row, the first of the next
+        ("m10,20,5,4,7,0,2,1", [14, 21, 1, 1]),
+        ("m10,20,5,4,20", None),
+        ("m0,0,0,0,0", None),
+    ],
+)
+def test_a_mask_of_vot_is_the_box_around_it(tmp_path, line, box):
+    found = truth.read(written(tmp_path, f"{line}\n10,20,30,40\n"))
+    np.testing.assert_array_equal(found[1], BOX)
+    if box is None:
+        assert np.isnan(found[0]).all()
+    else:
+        np.testing.assert_array_equal(found[0], quadrilateral.corners_of(np.array(box, float)))
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("m1,2,x,4", "groundtruth.txt, line 1: 'm1,2,x,4' is not a mask of VOT"),
+        ("m1,2,3,4,5,9", "groundtruth.txt, line 1: the runs of this mask do not fit its rectangle"),
+        ("m1,2,3,4,5,-9", "groundtruth.txt, line 1: 'm1,2,3,4,5,-9' is not a mask in a picture"),
+        ("m1,2,1000001,4", "groundtruth.txt, line 1: 'm1,2,1000001,4' is not a mask in a picture"),
+    ],
+)
+def test_a_mask_that_is_none_is_refused(tmp_path, line, message):
+    with pytest.raises(ValueError) as refused:
+        truth.read(written(tmp_path, line))
+    assert str(refused.value) == message

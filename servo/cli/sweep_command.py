@@ -24,7 +24,7 @@ from servo.study.store import RESULTS, Store, StudyFile, opened
 from sim.camera import gl
 from tracking.files.csv_text import csv_text
 
-HELD = "held: share of runs with the expected outcome, with its 95 % interval over the units"
+SUCCESS = "success: share of runs with the expected outcome, with its 95 % interval over the units"
 MOST_SHOWN = 60
 """Most cells in the printed table; the files have all."""
 
@@ -134,6 +134,6 @@ def _print_cells(console: Console, cells: Sequence[Cell], measures: Sequence[str
     print_table(console, Table((*keys, "units", "success", *titles), rows, range(len(keys))))
     if len(cells) > MOST_SHOWN:
         console.print(f"... and {len(cells) - MOST_SHOWN} cells more, in cells.csv")
-    plain(console, HELD)
+    plain(console, SUCCESS)
     for name in measures:
         plain(console, f"{name}: {meaning(name)}")

@@ -109,6 +109,9 @@ def run(request: TrackRequest) -> int:
         _warm_up(request, source, config, console)
         request, pictures = _selected(request, source)
         region, start = _placement(request, truth)
+    if truth is not None and len(truth) == 1 and source.count != 1:
+        complain(f"the truth has one line for {source.count} pictures: there are no measures")
+        truth = None
     part = Part("tracker", config)
     tracker = part.guarded(part.build(np.random.default_rng(request.seed)))
     shots = _shots(itertools.islice(follow(tracker, pictures, region, start), request.frames))
@@ -215,7 +218,9 @@ def _truth(request: TrackRequest, source: Source) -> Array | None:
             "truth for them"
         )
     truth = truths.read(path, form, source.count)
-    check_truth(truth, source, str(path), form)
+    check_truth(truth, source, str(path), form, start_is_enough=True)
+    if truths.has_masks(path):
+        complain(f"{path}: its masks are replaced by the boxes around them")
     return truth
 
 

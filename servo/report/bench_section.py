@@ -3,18 +3,27 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from servo.mistake import Mistake
 from servo.report import page
-from servo.report.page import Block, Fact, PageImage, Section, again
+from servo.report.charts import Curve, Scale, colour, curves
+from servo.report.page import LIGHT, Block, Fact, Figure, PageImage, Section, again
 from servo.report.study_data import missing
 from servo.report.words import Badge, Table, Tone, basis, cut, shown, spread
 from servo.study import ranking
 from servo.study.ranking import Rank
 from servo.study.run import Record
-from servo.study.sequence_run import TRACKER
+from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER
 from servo.study.store import Store, StudyFile
+from tracking.evaluation.track_measures import OVERLAPS, PIXELS
+from tracking.statistics.comparisons import Interval
 
-CURVES = {"success.png": "Success", "precision.png": "Precision"}
+CURVES = {
+    "Success": (SUCCESS_CURVE, OVERLAPS, "overlap threshold", "share of frames above"),
+    "Precision": (PRECISION_CURVE, PIXELS, "error threshold [px]", "share of frames within"),
+}
+"""Series of the runs, its thresholds, and titles of the axes, by those of the figures."""
 SHEETS = "sheets"
 MOST_SHEETS = 24
 SURE = 0.05
@@ -29,7 +38,7 @@ def section(folder: Path, study: StudyFile) -> Section:
     """
     store = Store(folder)
     store.find()
-    found = (record for batch in store.read(store.done) for record in batch.values())
+    found = (record for batch in store.read(store.done, long=True) for record in batch.values())
     records = sorted(found, key=lambda record: record.number)
     if not records:
         raise Mistake(f"{folder}: there are no runs in this bench")
@@ -42,11 +51,7 @@ def section(folder: Path, study: StudyFile) -> Section:
             missing(study, store),
             points=_compared(ranks),
             tables=[trackers_table(ranks)],
-            pictures=[
-                PageImage.read(folder / name, title)
-                for name, title in CURVES.items()
-                if (folder / name).exists()
-            ],
+            figures=_curves(records, [rank.tracker for rank in ranks]),
         ),
         *([Block("Success by sequence", tables=[families])] if families else []),
         *_sheets(folder, best.tracker),
@@ -94,12 +99,33 @@ def trackers_table(trackers: Sequence[Rank]) -> Table:
     rows: list[list[str]] = []
     for t in trackers:
         means = {title: t.means.get(name) for title, name in ranking.SHOWN.items()}
-        cells = {title: shown(mean and mean.value) for title, mean in means.items()}
+        cells = {title: _mean(mean, t.units) for title, mean in means.items()}
         cells[ranking.INTERVAL] = spread(means[ranking.INTERVAL])
         end = [shown(t.against_best.z), shown(t.p)] if t.against_best else ["", ""]
         rows.append([t.tracker, str(t.units), *cells.values(), *end])
     head = ("tracker", "n", *ranking.SHOWN, "z", "p")
     return Table(head, rows, note=" ".join(ranking.LEGEND.split()))
+
+
+def _curves(records: Sequence[Record], trackers: Sequence[str]) -> list[Figure]:
+    """Return the curves of the trackers, means over their runs, as Wu, Lim and Yang (2013) do."""
+    figures: list[Figure] = []
+    for title, (name, thresholds, x, y) in CURVES.items():
+        drawn: list[Curve] = []
+        for i, tracker in enumerate(trackers):
+            runs = [r.series[name] for r in records if r.settings[TRACKER] == tracker]
+            mean = np.mean(runs, axis=0)
+            again = bool(i // len(LIGHT) % 2)  # the colours begin again
+            drawn.append(Curve(tracker, thresholds, mean, colour=colour(i), dashed=again))
+        figures.append(curves(title, Scale(x), Scale(y, low=0.0, high=1.02), drawn))
+    return figures
+
+
+def _mean(mean: Interval | None, units: int) -> str:
+    """Return a mean, and the number of sequences that have it where these are not all."""
+    if mean is None:
+        return shown(None)
+    return shown(mean.value) + f" ({mean.units} of {units})" * (0 < mean.units < units)
 
 
 def families_table(trackers: Sequence[Rank]) -> Table | None:

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from sim.files import reading
-from sim.files.picture_file import SUFFIXES
 from sim.types import Array
 from tracking.sequences import stream
 from tracking.sequences import truth as truths
 from tracking.sequences.bag_file import Bag, is_bag
 from tracking.sequences.quadrilateral import placement
-from tracking.sequences.sources import Folder, Source
+from tracking.sequences.sources import Folder, Source, images_in
 from tracking.sequences.truth import Format
 from tracking.sequences.video_file import Video
 from tracking.types import Region, State
@@ -90,7 +89,7 @@ def pictures_in(folder: Path) -> Path:
     Raises:
         ValueError: The folder cannot be read.
     """
-    if any(f.suffix.lower() in SUFFIXES for f in reading.names(folder)):
+    if images_in(folder):
         return folder
     below = (folder / name for name in IMAGE_FOLDERS)
     return next((path for path in below if is_folder(path)), folder)
@@ -125,14 +124,24 @@ def truth_beside(source: str) -> Path | None:
     return found[0] if found else None
 
 
-def check_truth(truth: Array, source: Source, place: str, form: Format) -> None:
+def check_truth(
+    truth: Array, source: Source, place: str, form: Format, *, start_is_enough: bool = False
+) -> None:
     """Refuse a truth that does not belong to these pictures, or that is in another format.
+
+    Args:
+        truth: Corners (n, 4, 2) of the target [px].
+        source: The pictures.
+        place: The truth's file, for messages.
+        form: The format in which it was read.
+        start_is_enough: Accept one line, that of the first picture.
 
     Raises:
         ValueError: The number of lines is not that of the pictures; or, for `Format.AUTO`, the
             boxes seem to be two corners.
     """
-    if source.count is not None and len(truth) != source.count:
+    is_start = start_is_enough and len(truth) == 1
+    if source.count is not None and len(truth) != source.count and not is_start:
         raise ValueError(truths.other_count(place, len(truth), source.count))
     first = next(iter(source), None) if form is Format.AUTO else None
     if first is not None and first.image is not None:
@@ -188,11 +197,10 @@ def _is_sequence(path: Path) -> bool:
         raise ValueError(f"{path}: this link is broken")
     if not is_folder(path):
         return False
-    place = pictures_in(path)
-    pictures = any(f.suffix.lower() in SUFFIXES for f in reading.names(place))
-    truth = bool(truths_in(path))
+    pictures = images_in(pictures_in(path))
+    truth = truths_in(path)
     if pictures and not truth:
         raise ValueError(f"{path}: there are pictures in this folder, but no truth file")
     if truth and not pictures:
         raise ValueError(f"{path}: there is a truth file in this folder, but no picture")
-    return truth
+    return bool(truth)

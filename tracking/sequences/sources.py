@@ -138,6 +138,19 @@ def timed(pictures: Iterable[tuple[float | None, Picture]], rate: float) -> Iter
         yield replace(blind, time=times.since_first(None))
 
 
+def images_in(folder: Path) -> list[Path]:
+    """The image files of a folder, sorted; hidden ones, such as those of macOS, are left out.
+
+    Raises:
+        ValueError: The folder cannot be read.
+    """
+    return [
+        file
+        for file in reading.names(folder)
+        if file.suffix.lower() in SUFFIXES and not file.name.startswith(".")
+    ]
+
+
 @dataclass(frozen=True, slots=True)
 class Folder:
     """Image files sorted by name, with numbers in names sorted by value."""
@@ -145,18 +158,25 @@ class Folder:
     files: tuple[Path, ...]
     rate: float = RATE
     end: End | None = None
+    notes: tuple[str, ...] = ()
+    """As those of `Picture`."""
 
     @staticmethod
     def of(folder: Path, rate: float = RATE) -> "Folder":
-        """The images of a folder.
+        """The images of a folder; where most names have numbers, only those that have one.
 
         Raises:
             ValueError: There are none, or the folder cannot be read.
         """
-        files = [f for f in reading.names(folder) if f.suffix.lower() in SUFFIXES]
+        files = images_in(folder)
         if not files:
             raise ValueError(f"{folder}: there are no images in this folder")
-        return Folder(tuple(files), rate)
+        others = [file for file in files if not NUMBER.search(file.stem)]
+        if not others or 2 * len(others) >= len(files):
+            return Folder(tuple(files), rate)
+        note = f"pictures without a number in the name are left out: {len(others)}, the first is "
+        numbered = tuple(file for file in files if file not in others)
+        return Folder(numbered, rate, notes=(note + others[0].name,))
 
     @property
     def count(self) -> int:
@@ -169,7 +189,7 @@ class Folder:
             time = index / self.rate
             try:
                 image = read_image(file, depth)
-                yield Picture(file.name, time, image, notes=(*gaps, *depth.notes))
+                yield Picture(file.name, time, image, notes=(*self.notes, *gaps, *depth.notes))
             except ValueError as error:
                 yield Picture(file.name, time, None, str(error).removeprefix(f"{file}: "))
 
@@ -177,8 +197,8 @@ class Folder:
 def _gaps(files: Sequence[Path]) -> list[str]:
     """Return a sentence about the numbers that names leave out, if they leave out any.
 
-    There is none where the names differ in more than one number, or where most steps differ, as
-    those of stamps do.
+    The usual step leaves out none, also where it is 3. There is no sentence where the names differ
+    in more than one number, or where most steps differ, as those of stamps do.
     """
     if len({tuple(NUMBER.split(file.stem)) for file in files}) > 1:
         return []

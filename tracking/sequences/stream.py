@@ -19,6 +19,7 @@ import av.logging
 import cv2
 from av.container import InputContainer
 from av.error import ExitError, FFmpegError
+from av.packet import Packet
 from av.video.stream import VideoStream
 
 from sim.files.picture_file import rgb
@@ -56,6 +57,10 @@ and the target is elsewhere. No "nobuffer": it throws away what was read to dete
 so the first key frame and all pictures up to the next one."""
 UNSTAMPED = ("mpjpeg", "mjpeg", "jpeg_pipe", "h264", "hevc")
 """Formats without stamps, for which FFmpeg counts at 25 Hz; a picture's arrival is its time."""
+WAITED = 0.003
+"""A packet that takes longer than this was waited for [s]; those in a buffer come within 0.1 ms."""
+CATCH_UP = 1.0
+"""Longest time in which packets of a buffer are passed over [s]: some streams never wait."""
 WAKE = 0.1
 """Time after which a waiting thread checks that the other one goes on [s]: short for Ctrl-C."""
 
@@ -231,10 +236,11 @@ def _stream(address: str) -> Generator[Feed]:
 def _pictures(container: InputContainer, video: VideoStream) -> Generator[Decoded]:
     is_stamped = container.format.name not in UNSTAMPED
     printers = {video.codec_context.name, container.format.name}  # not those of a film meanwhile
+    packets = container.demux(video)
     began = False
     try:
         with printed_by_ffmpeg(av.logging.ERROR) as printed:
-            for frame in decoded(container, video):
+            for frame in decoded(packets if is_stamped else _waited_for(packets)):
                 damaged = frame.damaged or any(name in printers for _, name, _ in printed)
                 printed.clear()
                 stamp = frame.stamp if is_stamped else time.monotonic()
@@ -243,6 +249,28 @@ def _pictures(container: InputContainer, video: VideoStream) -> Generator[Decode
                 began = began or frame.image is not None
     except (FFmpegError, OSError) as error:
         raise SourceLost(_reason(error)) from None
+
+
+def _waited_for(packets: "Iterator[Packet[VideoStream]]") -> "Iterator[Packet[VideoStream]]":
+    """Give the packets of an open stream from the first one on that was waited for.
+
+    Those that were read to detect the format came earlier than they can be taken, so that their
+    arrival is not known. They are passed over, unless the stream ends with them.
+    """
+    opened = asked = time.monotonic()
+    buffered: list[Packet[VideoStream]] = []
+    for packet in packets:
+        came = time.monotonic()
+        is_end = not packet.size
+        if is_end or came - asked > WAITED or came - opened > CATCH_UP:
+            yield from buffered if is_end else ()
+            yield packet
+            break
+        buffered.append(packet)
+        with suppress(FFmpegError):
+            packet.decode()  # later pictures may refer to it
+        asked = time.monotonic()
+    yield from packets
 
 
 def _reason(error: Exception) -> str:

@@ -1,7 +1,8 @@
 """Truth files in the formats of OTB, VOT, TLD and CSV, as corners of the target.
 
 All coordinates become continuous pixels from the image's top left corner. OTB and GOT-10k count
-pixels from 1, so that their box 1,1,w,h starts at the corner; VOT, TLD and CSV count from 0.
+pixels from 1, so that their box 1,1,w,h starts at the corner, and so does LaSOT; VOT, TLD and CSV
+count from 0.
 """
 
 import csv
@@ -10,6 +11,7 @@ from enum import Enum
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.files import reading
 from sim.types import Array
@@ -20,6 +22,9 @@ OTB_NAME = re.compile(r"groundtruth_rect.*\.txt$")
 VOT_NAME = re.compile(r"groundtruth.*\.txt$")
 GOT10K_FILES = ("meta_info.ini", "absence.label", "cover.label", "cut_by_image.label")
 """Files that GOT-10k has beside its groundtruth.txt, by which it differs from VOT."""
+LASOT_FILES = ("full_occlusion.txt", "out_of_view.txt")
+"""Files that LaSOT has beside its groundtruth.txt: for each frame 1 where the target is absent."""
+MASK = re.compile(r"m-?\d+,\s*-?\d+,")
 TLD_NAMES = ("gt.txt", "init.txt")
 HEADER = re.compile(r"\s*[A-Za-z_]\w*\s*,")
 CORNERS = [f"{axis}{i}" for i in range(1, 5) for axis in "xy"]
@@ -44,8 +49,8 @@ class Format(Enum):
     """Meaning of the numbers of a line."""
 
     AUTO = "decided by the file's name and header, refused if they do not decide"
-    OTB = "x,y,w,h, pixels counted from 1; also GOT-10k's"
-    VOT = "x,y,w,h, or the x,y of four corners, pixels counted from 0"
+    OTB = "x,y,w,h, pixels counted from 1; also GOT-10k's and LaSOT's"
+    VOT = "x,y,w,h, the x,y of four corners, or masks (their boxes), pixels counted from 0"
     TLD = "x1,y1,x2,y2: top left and bottom right corner, pixels counted from 0"
     CSV = "columns named by a header"
 
@@ -75,13 +80,14 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
     """Corners (n, 4, 2) of the target in each frame [px]; nan in frames without it.
 
     The target is absent if all numbers of a line are nan or missing, or if its box has width and
-    height 0.
+    height 0, and in LaSOT's layout in the frames that its two other files mark.
 
     Args:
         path: The file.
         form: The format. AUTO means CSV for a file with a header, OTB for groundtruth_rect*.txt and
-            in GOT-10k's layout, VOT for other groundtruth*.txt, TLD for gt.txt and init.txt; a file
-            of another name is read as VOT, unless its lines of four numbers could also be TLD.
+            in GOT-10k's and LaSOT's layouts, VOT for other groundtruth*.txt, TLD for gt.txt and
+            init.txt; a file of another name is read as VOT, unless its lines of four numbers could
+            also be TLD.
         count: Number of pictures, if it is known: a truth of many more lines is not parsed.
 
     Raises:
@@ -95,7 +101,11 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
         raise ValueError(f"{path}: this truth is empty")
     if count is not None and len(lines) > MOST_LINES * (count + 1):
         raise ValueError(other_count(str(path), len(lines), count))
-    has_header = HEADER.match(lines[0]) and not lines[0].strip().lower().startswith("nan")
+    has_header = (
+        HEADER.match(lines[0])
+        and not MASK.match(lines[0])
+        and not lines[0].strip().lower().startswith("nan")
+    )
     if form is Format.CSV or (form is Format.AUTO and has_header):
         try:
             return _of_csv(lines, path)
@@ -105,13 +115,25 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
     rows = [_numbers(line.strip(), place) for line, place in zip(lines, places, strict=True)]
     if form is Format.AUTO:
         form = _format_of(path, rows)
+    if _is_lasot(path):
+        for i in np.flatnonzero(_marked_absent(path, len(rows))):
+            rows[i] = np.full(BOX, np.nan)  # some of its boxes there have negative sides
     return np.stack([_corners(row, form, place) for row, place in zip(rows, places, strict=True)])
+
+
+def has_masks(path: Path) -> bool:
+    """Return whether a truth begins with a mask, of which `read` takes the box around it.
+
+    Raises:
+        ValueError: It cannot be read.
+    """
+    return bool(MASK.match(reading.text(path, "truth", LARGEST_FILE)))
 
 
 def _format_of(path: Path, rows: list[Array]) -> Format:
     # GOT-10k's authors: "all coordinate values are 1-based" (github.com/got-10k/toolkit, issue 6).
     is_got10k = any((path.parent / name).exists() for name in GOT10K_FILES)
-    if OTB_NAME.match(path.name) or (is_got10k and VOT_NAME.match(path.name)):
+    if OTB_NAME.match(path.name) or (is_got10k and VOT_NAME.match(path.name)) or _is_lasot(path):
         return Format.OTB
     if VOT_NAME.match(path.name) or not all(len(row) == BOX for row in rows):
         return Format.VOT
@@ -121,6 +143,23 @@ def _format_of(path: Path, rows: list[Array]) -> Format:
     if len(given) and _may_be_corners(given):
         raise ValueError(f"{path}: {DOUBT}; {REMEDY}")
     return Format.VOT
+
+
+def _is_lasot(path: Path) -> bool:
+    # The smallest coordinate is 1 (github.com/HengLan/LaSOT_Evaluation_Toolkit, issue 14).
+    beside = all((path.parent / name).exists() for name in LASOT_FILES)
+    return beside and bool(VOT_NAME.match(path.name))
+
+
+def _marked_absent(path: Path, count: int) -> NDArray[np.bool_]:
+    """Return the frames (count,) that one of LaSOT's files beside a truth marks."""
+    absent = np.zeros(count, bool)
+    for place in (path.parent / name for name in LASOT_FILES):
+        marks = reading.text(place, "truth", LARGEST_FILE).replace(",", " ").split()
+        if len(marks) != count or not set(marks) <= {"0", "1"}:
+            raise ValueError(f"{place}: this should be {count} numbers 0 or 1, as {path.name} has")
+        absent |= np.array(marks) == "1"
+    return absent
 
 
 def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
@@ -175,7 +214,12 @@ def _corners(row: Array, form: Format, place: str) -> Array:
 
 
 def _numbers(line: str, place: str) -> Array:
-    """Return the 4 or 8 numbers of a line; all are nan if the target is absent."""
+    """Return the 4 or 8 numbers of a line; all are nan if the target is absent.
+
+    A mask has those of the box around it.
+    """
+    if MASK.match(line):
+        return _around_mask(line, place)
     parts = line.split(";") if ";" in line else line.split(",") if "," in line else line.split()
     try:
         numbers = np.array([float(part) for part in parts])
@@ -194,6 +238,34 @@ def _numbers(line: str, place: str) -> Array:
             f"{place}: '{line[:LONGEST]}' is not a position in a picture; the limit is {FARTHEST:g}"
         )
     return numbers
+
+
+def _around_mask(line: str, place: str) -> Array:
+    """Return x, y, w, h around a mask of VOT; nan where it is empty.
+
+    Its line is m and x, y, width, height of a rectangle, then the lengths of runs in its rows, one
+    row after the other: zeros, ones, zeros ...
+    """
+    try:
+        x, y, width, height, *runs = (int(part) for part in line.removeprefix("m").split(","))
+    except ValueError:
+        raise ValueError(f"{place}: '{line[:LONGEST]}' is not a mask of VOT") from None
+    if max(map(abs, (x, y, width, height))) > FARTHEST or min(width, height, *runs) < 0:
+        raise ValueError(f"{place}: '{line[:LONGEST]}' is not a mask in a picture")
+    if sum(runs) > width * height:
+        raise ValueError(f"{place}: the runs of this mask do not fit its rectangle")
+    ends = np.cumsum(np.array(runs, np.int64))
+    stops = ends[1::2]
+    starts = ends[: 2 * len(stops) : 2]
+    starts, stops = starts[stops > starts], stops[stops > starts] - 1
+    if not len(starts):
+        return np.full(BOX, np.nan)
+    (tops, lefts), (bottoms, rights) = divmod(starts, width), divmod(stops, width)
+    left, right = lefts.min(), rights.max()
+    if (bottoms > tops).any():  # such a run has the end of one row and the start of the next
+        left, right = 0, width - 1
+    top, bottom = tops.min(), bottoms.max()
+    return np.array([x + left, y + top, right - left + 1, bottom - top + 1], float)
 
 
 def _of_csv(lines: list[str], path: Path) -> Array:

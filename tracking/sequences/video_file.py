@@ -8,7 +8,7 @@ and no numbered series.
 import math
 import os
 import re
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +19,7 @@ import av.logging
 import numpy as np
 from av.container import InputContainer
 from av.error import FFmpegError
+from av.packet import Packet
 from av.stream import Disposition
 from av.video.stream import VideoStream
 
@@ -126,7 +127,7 @@ class Video:
             suppress(FFmpegError, OSError),
             printed_by_ffmpeg(av.logging.ERROR) as printed,
         ):
-            for frame in decoded(container, only_video(container)):
+            for frame in decoded(container.demux(only_video(container))):
                 failures = failures + 1 if frame.image is None else 0
                 if failures > GIVEN_UP:
                     break
@@ -202,14 +203,14 @@ def _is_last_page(page: bytes) -> bool:
     return len(page) == PAGE_HEAD + count + sum(lengths) and bool(page[5] & LAST_PAGE)
 
 
-def decoded(container: InputContainer, stream: VideoStream) -> Iterator[Decoded]:
-    """Decode the stamps and frames of an open file or stream.
+def decoded(packets: "Iterable[Packet[VideoStream]]") -> Iterator[Decoded]:
+    """Decode the stamps and frames of the packets of an open file or stream.
 
     Raises:
         FFmpegError, OSError: It breaks off.
     """
     depth = BitDepth()
-    for packet in container.demux(stream):
+    for packet in packets:
         try:
             frames = packet.decode()
         except (FFmpegError, OSError):
