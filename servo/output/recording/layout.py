@@ -18,7 +18,9 @@ def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
     eye = rrb.EyeControls3D(position=EYE, look_target=LOOKS_AT, eye_up=UP)
 
     def plot(name: str, title: str) -> rrb.TimeSeriesView:
-        return rrb.TimeSeriesView(origin=f"plots/{name}", name=title)
+        # At the left the legend would cover the transient.
+        legend = rrb.Corner2D.RightTop
+        return rrb.TimeSeriesView(origin=f"plots/{name}", name=title, plot_legend=legend)
 
     pictures = rrb.Vertical(
         rrb.Spatial2DView(origin=IMAGE, name="Camera: estimate green, goal red, truth white"),

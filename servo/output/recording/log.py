@@ -49,8 +49,10 @@ JPEG_QUALITY = 80
 MILLIMETRES = 1000.0
 """Units of a depth picture in a metre."""
 GREY = (130, 130, 140)
+VIOLET = (165, 110, 230)
+"""Truth in plots, whose background may be white, as truth is on pictures."""
 XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
-PALETTE = (*XYZ, PARTICLES, TRUTH, GREY, ESTIMATE, GOAL)
+PALETTE = (*XYZ, PARTICLES, VIOLET, GREY, ESTIMATE, GOAL)
 WAY_RADIUS = 0.004
 """Half the thickness of the camera's way [m]."""
 FRUSTUM = 0.15
@@ -251,7 +253,7 @@ def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
         return Lines(
             f"motion/{name}",
             ("measured", "estimated", "true"),
-            (GREY, ESTIMATE, TRUTH),
+            (GREY, ESTIMATE, VIOLET),
             lambda s: [s.motion_measured[i], s.prediction.motion[i], s.target_motion_true[i]],
         )
 
@@ -266,11 +268,11 @@ def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
         Lines("features", features, colours, lambda s: s.error),
         twist("linear", slice(3)),
         twist("angular", slice(3, 6)),
-        Lines("joints", robot.names, (*XYZ, PARTICLES, TRUTH, GREY), lambda s: s.joints),
+        Lines("joints", robot.names, (*XYZ, PARTICLES, VIOLET, GREY), lambda s: s.joints),
         Lines(
             "range",
             [*ranges, "lower limit", "upper limit"],
-            (*XYZ, PARTICLES, TRUTH, GOAL, GOAL),
+            (*XYZ, PARTICLES, VIOLET, GOAL, GOAL),
             within_range,
         ),
         Lines("nis", features, colours, lambda s: s.prediction.nis),
