@@ -150,6 +150,9 @@ class _Model:
         self._blocks = np.concatenate(self._blocks_of)
         self._factor = _student(len(np.unique(self._blocks)))
         self._scales = [np.std(c.moved.values) for c in channels]
+        self._drifts = [_drift(c.moved.times) for c in channels]
+        pairs = zip(self._drifts, channels, strict=True)
+        self._moved = [_less(drift, c.moved.values) for drift, c in pairs]
 
     def residuals(self, parameters: Array) -> Array:
         """Positions less the modelled ones, over each channel's scale (n,)."""
@@ -168,18 +171,15 @@ class _Model:
     def positions(self, parameters: Array) -> list[Series]:
         """The modelled positions of each channel, at the stamps of its measured ones."""
         return [
-            Series(c.moved.times, basis @ np.linalg.lstsq(basis, c.moved.values)[0])
-            for c, basis in zip(self._channels, self._bases(parameters), strict=True)
+            Series(c.moved.times, c.moved.values - error)
+            for c, error in zip(self._channels, self._errors(parameters), strict=True)
         ]
 
     def gains(self, parameters: Array) -> list[Interval]:
         """Motion of each channel over the modelled one, friction included in it."""
         found: list[Interval] = []
         bases = self._bases(parameters)
-        for channel, basis, blocks in zip(self._channels, bases, self._blocks_of, strict=True):
-            drift = basis[:, :-2]
-            both = np.stack([basis[:, -2], channel.moved.values], axis=1)
-            asked, moved = (both - drift @ np.linalg.lstsq(drift, both)[0]).T
+        for moved, (asked, _), blocks in zip(self._moved, bases, self._blocks_of, strict=True):
             gain = float(asked @ moved / (asked @ asked))
             scores = _of_blocks(asked * (moved - gain * asked), blocks)
             half = _student(len(scores)) * float(np.linalg.norm(scores) / (asked @ asked))
@@ -195,13 +195,18 @@ class _Model:
         return self._factor**2 * bread @ scores.T @ scores @ bread
 
     def _errors(self, parameters: Array) -> list[Array]:
-        pairs = zip(self._channels, self.positions(parameters), strict=True)
-        return [c.moved.values - m.values for c, m in pairs]
+        """Positions less the modelled ones, of each channel."""
+        pairs = zip(self._moved, self._bases(parameters), strict=True)
+        return [moved - basis.T @ np.linalg.lstsq(basis.T, moved)[0] for moved, basis in pairs]
 
     def _bases(self, parameters: Array) -> list[Array]:
+        """The motion asked for and the friction of each channel, less what its drift takes."""
         delay, lag, *plays = parameters
-        each = zip(self._channels, self._servos, plays, strict=True)
-        return [_basis(c, (lag, servo), delay, play, self.is_behind) for c, servo, play in each]
+        each = zip(self._channels, self._servos, plays, self._drifts, strict=True)
+        return [
+            _less(drift, _basis(channel, (lag, servo), delay, play, self.is_behind).T).T
+            for channel, servo, play, drift in each
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,10 +302,10 @@ def _of_blocks(scores: Array, blocks: Array) -> Array:
 def _basis(
     channel: Channel, lags: tuple[float, float], delay: float, play: float, is_behind: bool
 ) -> Array:
-    """Columns whose weighted sum is a channel's motion: drift, the motion asked for, friction."""
+    """The motion asked for and the friction (2, n), whose weighted sum is a channel's motion."""
     moved = channel.moved
     command = channel.command
-    grid = np.arange(moved.times[0] - GRID, moved.times[-1] + GRID, GRID)
+    grid = _grid(moved.times)
     knots = np.append(command.times, max(grid[-1], command.times[-1]) + GRID)
     asked = np.concatenate([[0.0], np.cumsum(np.diff(knots) * command.values)])
     # The simulated lag begins a step of the physics late, and positions are half a step ahead.
@@ -314,10 +319,27 @@ def _basis(
     rate = np.diff(motion, prepend=motion[0])
     slides = np.sign(rate) * (np.abs(rate) > STILL * np.abs(rate).max())
     friction = _after_lag(GRID * np.cumsum(slides), lags[-1])
+    return np.stack([np.interp(moved.times, grid, each) for each in (motion, friction)])
+
+
+def _grid(times: Array) -> Array:
+    """The times of the modelled motion [s]."""
+    return np.arange(times[0] - GRID, times[-1] + GRID, GRID)
+
+
+def _drift(times: Array) -> Array:
+    """Orthonormal columns whose weighted sum is a line that bends."""
+    grid = _grid(times)
     knots = np.linspace(grid[0], grid[-1], 1 + min(MOST_KNOTS, 1 + int(np.ptp(grid) / DRIFT)))
-    drift = [np.interp(moved.times, knots, hat) for hat in np.eye(len(knots))]
-    basis = [np.interp(moved.times, grid, each) for each in (motion, friction)]
-    return np.stack([*drift, *basis], axis=1)
+    hats = np.stack([np.interp(times, knots, hat) for hat in np.eye(len(knots))], axis=1)
+    columns, sizes, _ = np.linalg.svd(hats, full_matrices=False)
+    # A gap of the log may leave a hat without readings.
+    return columns[:, sizes > 1e-9 * sizes[0]]
+
+
+def _less(drift: Array, values: Array) -> Array:
+    """What a drift leaves of values (n,) or (n, k)."""
+    return values - drift @ (drift.T @ values)
 
 
 def _after_play(motion: Array, play: float) -> Array:
