@@ -18,6 +18,8 @@ FASTEST = {"m": 3.0, "rad": 10.0}
 """A larger rate of the camera, or of a joint without a limit, is implausible [m/s, rad/s]."""
 LARGEST_PLAY = {"m": 0.05, "rad": 0.2}
 """A larger play is implausible [m, rad]: 11 degrees."""
+MISSING = 0.02
+"""Of the rows, if more are missing, intervals depend on when the commands in gaps were given."""
 MILLI = 1e3
 MISTAKEN = {"m": "millimetres", "rad": "degrees"}
 
@@ -34,6 +36,12 @@ def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[st
         Mistake: A joint's motion is not that of its command: a sign or a unit is wrong.
     """
     sentences: list[str] = []
+    if log.missing > MISSING:
+        sentences.append(
+            f"{100 * log.missing:.0f} % of the rows are missing, of one each "
+            f"{MILLI * log.interval:.3g} ms, and so are their commands; one that changed in a gap "
+            "is taken to have changed in its middle"
+        )
     sums = sorted(found.whole.apart.items(), key=lambda pair: pair[1].value)
     (first, least), (last, most) = sums[0], sums[-1]
     if least.high < most.low:

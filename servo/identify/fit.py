@@ -94,13 +94,14 @@ def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
         servos: Time constant of the drive's own servo in each of its channels [s].
     """
     channels = log.channels
-    orders = [False, True] if _Model(channels, servos, is_behind=False).has_play.any() else [False]
-    fits = [_solved(_Model(channels, servos, is_behind=each)) for each in orders]
+    model_of = partial(_Model, channels, resolution=GRID + log.uncertain)
+    orders = [False, True] if model_of(servos, is_behind=False).has_play.any() else [False]
+    fits = [_solved(model_of(servos, is_behind=each)) for each in orders]
     fitted = min(fits, key=lambda fit: fit.model.misfit(fit.values))
     model = fitted.model
     none = np.zeros(len(servos))
     start = fitted.values + np.mean(servos) * (np.arange(len(fitted.values)) == 1)
-    whole = _solved(_Model(channels, none, is_behind=model.is_behind), start)
+    whole = _solved(model_of(none, is_behind=model.is_behind), start)
     apart = _apart(fitted, channels, servos)
     apart_whole = _apart(whole, channels, none)
     delay = fitted.interval(0, others=apart)
@@ -136,12 +137,19 @@ class _Model:
     """The motion of all channels as a function of delay, lag and the play of each."""
 
     def __init__(
-        self, channels: Sequence[Channel], servos: Sequence[float] | Array, *, is_behind: bool
+        self,
+        channels: Sequence[Channel],
+        servos: Sequence[float] | Array,
+        *,
+        is_behind: bool,
+        resolution: float,
     ) -> None:
         self._channels = channels
         self._servos = servos
         self.is_behind = is_behind
         """True where the play is behind the lags."""
+        self.resolution = resolution
+        """No half of an interval is less than this [s], or the way in this time."""
         self.spans = np.array([np.ptp(c.moved.values) for c in channels])
         self.has_play = np.array([c.shows_play and _reverses(c.command) for c in channels])
         begin = min(c.moved.times[0] for c in channels)
@@ -231,9 +239,9 @@ class _Fitted:
                 that one's.
         """
         value = float(self.values[list(which)].sum()) + more
-        # No half of an interval is less than what the grid leaves open, or the way in that time.
-        resolution = GRID * float(np.array([1.0, 1.0, *self.model.rates])[which[0]])
-        half = float(np.sqrt(self.squares[np.ix_(which, which)].sum())) + resolution
+        rate = float(np.array([1.0, 1.0, *self.model.rates])[which[0]])
+        half = float(np.sqrt(self.squares[np.ix_(which, which)].sum()))
+        half += self.model.resolution * rate
         found = [each.interval(*which, more=more) for each in others]
         other = [each for each in found if not each.low <= value <= each.high]
         low = min([value - half, *(each.low for each in other)])
@@ -249,7 +257,12 @@ def _apart(
         return [fitted]
     return [
         _solved(
-            _Model([channel], [servo], is_behind=fitted.model.is_behind),
+            _Model(
+                [channel],
+                [servo],
+                is_behind=fitted.model.is_behind,
+                resolution=fitted.model.resolution,
+            ),
             fitted.values[[0, 1, 2 + k]],
         )
         for k, (channel, servo) in enumerate(zip(channels, servos, strict=True))
