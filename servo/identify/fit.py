@@ -42,6 +42,12 @@ STILL = 0.02
 """Part of a channel's largest rate below which friction holds it."""
 FEWEST = 3
 """Readings of one stand from which its noise is taken."""
+ROUNDING = 1e-9
+"""Readings that differ by less of their span differ by rounding."""
+OFF_STEP = 0.05
+"""Most parts of a step by which readings may be off its multiples."""
+REPEATED = 0.1
+"""Where fewer readings are the one before, noise is larger than the step: that of the digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +79,9 @@ class Identified:
     play: dict[str, Interval]
     """Play of each joint that was measured behind its gear and reversed [m, rad]."""
     noise: dict[str, Interval]
-    """Standard deviation of each encoder's readings while it stands [m, rad]."""
+    """Standard deviation of each encoder's readings while it stands, beyond its step [m, rad]."""
+    step: dict[str, float]
+    """Step of those encoders that show one [m, rad]."""
     jitter: Interval | None
     """Longest less shortest time from a picture's stamp to its arrival [s]."""
     transport: float
@@ -108,7 +116,10 @@ def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
     lag = fitted.interval(1, others=apart)
     # The simulated lag begins a step late, half of which the model has in its positions.
     delays = [each.interval(0, 1, more=GRID / 2) for each in apart_whole]
-    pairs = zip(channels, model.has_play, strict=True)
+    pairs = zip(channels, apart, model.has_play, strict=True)
+    steps = {c.name: step for c in channels if (step := _step(c.encoder.values))}
+    noises = {c.name: _noise(c, *each.values[:2]) for c, each in zip(channels, apart, strict=True)}
+    read = {name: noise for name, noise in noises.items() if noise is not None}
     return Identified(
         delay,
         lag,
@@ -118,13 +129,10 @@ def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
             whole.interval(0, 1, more=GRID / 2, others=apart_whole),
             {c.name: each for c, each in zip(channels, delays, strict=True)},
         ),
-        dict(zip((c.name for c in channels), model.gains(fitted.values), strict=True)),
-        {c.name: fitted.interval(2 + k) for k, (c, has) in enumerate(pairs) if has},
-        {
-            c.name: noise
-            for c in channels
-            if (noise := _noise(c, delay.value + SETTLED * lag.value))
-        },
+        dict(zip((c.name for c in channels), fitted.gains(), strict=True)),
+        {c.name: each.play() for c, each, has in pairs if has},
+        {name: _beyond(noise, steps.get(name, 0.0)) for name, noise in read.items()},
+        steps,
         _jitter(log.transport),
         float(np.min(log.transport, initial=np.inf)) if len(log.transport) else 0.0,
         model.positions(fitted.values),
@@ -152,6 +160,8 @@ class _Model:
         """No half of an interval is less than this [s], or the way in this time."""
         self.spans = np.array([np.ptp(c.moved.values) for c in channels])
         self.has_play = np.array([c.shows_play and _reverses(c.command) for c in channels])
+        self.free = np.flatnonzero([True, True, *self.has_play])
+        """Places of the parameters that the log shows."""
         begin = min(c.moved.times[0] for c in channels)
         self.rates = [np.std(c.command.values) for c in channels]
         self._blocks_of = [(c.moved.times - begin) // BLOCK for c in channels]
@@ -184,7 +194,10 @@ class _Model:
         ]
 
     def gains(self, parameters: Array) -> list[Interval]:
-        """Motion of each channel over the modelled one, friction included in it."""
+        """Motion of each channel over the modelled one, friction included in it.
+
+        The intervals are those for parameters that are known.
+        """
         found: list[Interval] = []
         bases = self._bases(parameters)
         for moved, (asked, _), blocks in zip(self._moved, bases, self._blocks_of, strict=True):
@@ -193,6 +206,11 @@ class _Model:
             half = _student(len(scores)) * float(np.linalg.norm(scores) / (asked @ asked))
             found.append(Interval(gain, gain - half, gain + half))
         return found
+
+    def slopes(self, parameters: Array) -> list[float]:
+        """Motion of each channel over the modelled one, friction left out of it."""
+        pairs = zip(self._moved, self._bases(parameters), strict=True)
+        return [float(np.linalg.lstsq(basis.T, moved)[0][0]) for moved, basis in pairs]
 
     def covariance(self, jacobian: Array, residuals: Array) -> Array:
         """Covariance of the parameters by the scores of blocks (the sandwich of Huber 1967 and
@@ -248,6 +266,25 @@ class _Fitted:
         high = max([value + half, *(each.high for each in other)])
         return Interval(value, max(0.0, low), high)
 
+    def play(self) -> Interval:
+        """The play of the first channel in its positions; the model has that of its command."""
+        slope = abs(self.model.slopes(self.values)[0])
+        asked = self.interval(2)
+        return Interval(slope * asked.value, slope * asked.low, slope * asked.high)
+
+    def gains(self) -> list[Interval]:
+        """The gains, of which each parameter may change the value within its own interval."""
+        found = self.model.gains(self.values)
+        halves = np.array([each.high - each.value for each in found])
+        for place in self.model.free.tolist():
+            other = self.values.copy()
+            other[place] = self.interval(place).high
+            changed = self.model.gains(other)
+            pairs = zip(changed, found, strict=True)
+            halves = np.hypot(halves, [there.value - here.value for there, here in pairs])
+        pairs = zip(found, halves.tolist(), strict=True)
+        return [Interval(each.value, each.value - half, each.value + half) for each, half in pairs]
+
 
 def _apart(
     fitted: _Fitted, channels: Sequence[Channel], servos: Sequence[float] | Array
@@ -294,7 +331,7 @@ def _solved(model: _Model, start: Array | None = None) -> _Fitted:
     trade = np.array([TRADE, -TRADE, *np.zeros(len(model.spans))])
     tries = [np.clip(first + shift, 0.0, most) for shift in (-trade, 0.0, trade)]
     found = min(map(solve, tries), key=lambda result: float(result.cost))
-    free = np.flatnonzero([True, True, *model.has_play])
+    free = model.free
     squares = np.zeros((len(most), len(most)))
     squares[np.ix_(free, free)] = model.covariance(found.jac[:, free], found.fun)
     return _Fitted(model, found.x, squares)
@@ -386,8 +423,11 @@ def _reverses(command: Series) -> bool:
     return bool(command.values.min() < 0 < command.values.max())
 
 
-def _noise(channel: Channel, settled: float) -> Interval | None:
-    """The standard deviation of readings about the mean of each stand, with that of chi2."""
+def _noise(channel: Channel, delay: float, lag: float) -> Interval | None:
+    """The standard deviation of readings in stands, with that of chi2.
+
+    Each stand has a level, and the end of the motion before it, which decays with the lag.
+    """
     from scipy.stats import chi2
 
     command = channel.command
@@ -396,20 +436,48 @@ def _noise(channel: Channel, settled: float) -> Interval | None:
         return None
     squares = 0.0
     freedom = 0
+    settled = delay + SETTLED * lag + STANDS
     changed = np.flatnonzero(np.diff(command.values, prepend=np.nan) != 0)
     for first, after in zip(changed, [*changed[1:], None], strict=True):
         if command.values[first] != 0:
             continue
+        begin = command.times[first] + settled
         until = np.inf if after is None else command.times[after]
-        still = (read.times > command.times[first] + settled + STANDS) & (read.times < until)
+        still = (read.times > begin) & (read.times < until)
         if still.sum() >= FEWEST:
-            squares += float(still.sum() * np.var(read.values[still]))
-            freedom += int(still.sum()) - 1
+            values = read.values[still]
+            end = np.exp(-(read.times[still] - begin) / max(lag, GRID))
+            basis = np.stack([np.ones_like(end), end], axis=1)
+            solution, _, rank, _ = np.linalg.lstsq(basis, values)
+            squares += float(np.sum((values - basis @ solution) ** 2))
+            freedom += len(values) - int(rank)
     if freedom < FEWEST:
         return None
     low, high = chi2.ppf([(1 + LEVEL) / 2, (1 - LEVEL) / 2], freedom)
     value, least, most = np.sqrt(squares / np.array([freedom, low, high]))
     return Interval(float(value), float(least), float(most))
+
+
+def _step(readings: Array) -> float:
+    """The step of which all differences of readings are multiples; 0 where there is none."""
+    if np.sum(np.diff(readings) == 0) <= REPEATED * len(readings):
+        return 0.0
+    span = np.ptp(readings)
+    differences = np.diff(np.unique(readings))
+    differences = differences[differences > ROUNDING * span]
+    if len(differences) < FEWEST:
+        return 0.0
+    step = float(span / np.rint(span / differences.min()))
+    multiples = (readings - readings.min()) / step
+    return step if np.abs(multiples - np.rint(multiples)).max() < OFF_STEP else 0.0
+
+
+def _beyond(noise: Interval, step: float) -> Interval:
+    """The noise before readings were rounded to a step, which adds step^2 / 12 to its square."""
+    if noise.value < step / 2:
+        return Interval(0.0, 0.0, step / 2)
+    squares = np.array([noise.value, noise.low, noise.high]) ** 2 - step**2 / 12
+    return Interval(*np.sqrt(np.maximum(squares, 0.0)).tolist())
 
 
 def _jitter(transport: Array) -> Interval | None:
