@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from servo.cli.terminal import plain
+from servo.cli.terminal import plain, waiting
 from servo.identify.doubts import doubts
 from servo.identify.fit import Identified, identify
 from servo.identify.lines import lines, picture
@@ -32,7 +32,8 @@ def run(path: Path, scenario: str, out: Path | None) -> int:
         Mistake: The log or the scenario cannot be used, or the folder not be written.
     """
     log = read(path)
-    found, text = estimated(log, scenario)
+    with waiting(Console(stderr=True), "estimating delay, lag, play and noise"):
+        found, text = estimated(log, scenario)
     folder = prepare(out, f"identify-{path.stem}")
     with writing(folder):
         files = [atomic.write(folder, LINES, text), save(picture(log, found), folder, PICTURE)]

@@ -1,10 +1,12 @@
 """Why what was identified is not to be trusted: a log's signs and units."""
 
 from collections.abc import Mapping
-from math import inf, isfinite
+from math import floor, inf, isfinite, log10
+
+import numpy as np
 
 from servo.identify.fit import Identified
-from servo.identify.log import Log
+from servo.identify.log import Channel, Log, Series
 from servo.mistake import Mistake
 from tracking.statistics.comparisons import Interval
 
@@ -18,6 +20,11 @@ FASTEST = {"m": 3.0, "rad": 10.0}
 """A larger rate of the camera, or of a joint without a limit, is implausible [m/s, rad/s]."""
 LARGEST_PLAY = {"m": 0.05, "rad": 0.2}
 """A larger play is implausible [m, rad]: 11 degrees."""
+MISSING = 0.02
+"""Of the rows, if more are missing, intervals depend on when the commands in gaps were given."""
+MISFIT = 5e-3
+"""A motion that is farther from the modelled one than the way in this time [s] is another one; a
+simulated drive that takes a command each 8 ms and has friction leaves half of it."""
 MILLI = 1e3
 MISTAKEN = {"m": "millimetres", "rad": "degrees"}
 
@@ -34,6 +41,12 @@ def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[st
         Mistake: A joint's motion is not that of its command: a sign or a unit is wrong.
     """
     sentences: list[str] = []
+    if log.missing > MISSING:
+        sentences.append(
+            f"{100 * log.missing:.0f} % of the rows are missing, of one each "
+            f"{MILLI * log.interval:.3g} ms, and so are their commands; one that changed in a gap "
+            "is taken to have changed in its middle"
+        )
     sums = sorted(found.whole.apart.items(), key=lambda pair: pair[1].value)
     (first, least), (last, most) = sums[0], sums[-1]
     if least.high < most.low:
@@ -42,6 +55,9 @@ def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[st
             f"{MILLI * most.value:.3g} ms in {last}, each alone; no one delay and lag fit both, "
             "and the intervals reach from one to the other"
         )
+    else:
+        for channel, modelled in zip(log.channels, found.modelled, strict=True):
+            sentences += _misfit(channel, modelled, MISFIT + log.uncertain)
     for channel in log.channels:
         name, unit = channel.name, channel.unit
         gain = found.gain[name]
@@ -75,6 +91,30 @@ def _outside(gain: Interval, limits: tuple[float, float]) -> bool:
     return gain.high < low or gain.low > high
 
 
-def said(gain: Interval) -> str:
-    """A gain with its interval."""
-    return f"{gain.value:.3f} ({gain.low:.3f} to {gain.high:.3f})"
+def _misfit(channel: Channel, modelled: Series, most: float) -> list[str]:
+    """Return a sentence where a motion is farther from the modelled one than in a time [s].
+
+    The noise of the readings is that of their differences, so it is not counted. Measured rates
+    are left out: their noise adds up in positions.
+    """
+    if not (channel.shows_play or len(channel.encoder.values)):
+        return []
+    error = channel.moved.values - modelled.values
+    noise = np.sqrt(np.mean(np.diff(error) ** 2) / 2)
+    beyond = np.sqrt(max(0.0, np.var(error) - noise**2))
+    if beyond < most * np.std(channel.command.values):
+        return []
+    return [
+        f"{channel.name} does not move as one delay, one lag and a play let it: it is {beyond:.2g} "
+        f"{channel.unit} from the modelled motion (root mean square without noise), so its "
+        "numbers, its play too, may be wrong by more than their intervals"
+    ]
+
+
+def said(interval: Interval, factor: float = 1.0) -> str:
+    """A value with its interval, with two digits of the width of the interval."""
+    numbers = [factor * each for each in (interval.value, interval.low, interval.high)]
+    width = max(numbers) - min(numbers)
+    digits = 1 - floor(log10(width)) if width > 0 else 6
+    value, low, high = (f"{round(each, digits):.{max(0, digits)}f}" for each in numbers)
+    return f"{value} ({low} to {high})"

@@ -42,6 +42,12 @@ STILL = 0.02
 """Part of a channel's largest rate below which friction holds it."""
 FEWEST = 3
 """Readings of one stand from which its noise is taken."""
+ROUNDING = 1e-9
+"""Readings that differ by less of their span differ by rounding."""
+OFF_STEP = 0.05
+"""Most parts of a step by which readings may be off its multiples."""
+REPEATED = 0.1
+"""Where fewer readings are the one before, noise is larger than the step: that of the digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +79,9 @@ class Identified:
     play: dict[str, Interval]
     """Play of each joint that was measured behind its gear and reversed [m, rad]."""
     noise: dict[str, Interval]
-    """Standard deviation of each encoder's readings while it stands [m, rad]."""
+    """Standard deviation of each encoder's readings while it stands, beyond its step [m, rad]."""
+    step: dict[str, float]
+    """Step of those encoders that show one [m, rad]."""
     jitter: Interval | None
     """Longest less shortest time from a picture's stamp to its arrival [s]."""
     transport: float
@@ -94,20 +102,24 @@ def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
         servos: Time constant of the drive's own servo in each of its channels [s].
     """
     channels = log.channels
-    orders = [False, True] if _Model(channels, servos, is_behind=False).has_play.any() else [False]
-    fits = [_solved(_Model(channels, servos, is_behind=each)) for each in orders]
+    model_of = partial(_Model, channels, resolution=GRID + log.uncertain)
+    orders = [False, True] if model_of(servos, is_behind=False).has_play.any() else [False]
+    fits = [_solved(model_of(servos, is_behind=each)) for each in orders]
     fitted = min(fits, key=lambda fit: fit.model.misfit(fit.values))
     model = fitted.model
     none = np.zeros(len(servos))
     start = fitted.values + np.mean(servos) * (np.arange(len(fitted.values)) == 1)
-    whole = _solved(_Model(channels, none, is_behind=model.is_behind), start)
+    whole = _solved(model_of(none, is_behind=model.is_behind), start)
     apart = _apart(fitted, channels, servos)
     apart_whole = _apart(whole, channels, none)
     delay = fitted.interval(0, others=apart)
     lag = fitted.interval(1, others=apart)
     # The simulated lag begins a step late, half of which the model has in its positions.
     delays = [each.interval(0, 1, more=GRID / 2) for each in apart_whole]
-    pairs = zip(channels, model.has_play, strict=True)
+    pairs = zip(channels, apart, model.has_play, strict=True)
+    steps = {c.name: step for c in channels if (step := _step(c.encoder.values))}
+    noises = {c.name: _noise(c, *each.values[:2]) for c, each in zip(channels, apart, strict=True)}
+    read = {name: noise for name, noise in noises.items() if noise is not None}
     return Identified(
         delay,
         lag,
@@ -117,13 +129,10 @@ def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
             whole.interval(0, 1, more=GRID / 2, others=apart_whole),
             {c.name: each for c, each in zip(channels, delays, strict=True)},
         ),
-        dict(zip((c.name for c in channels), model.gains(fitted.values), strict=True)),
-        {c.name: fitted.interval(2 + k) for k, (c, has) in enumerate(pairs) if has},
-        {
-            c.name: noise
-            for c in channels
-            if (noise := _noise(c, delay.value + SETTLED * lag.value))
-        },
+        dict(zip((c.name for c in channels), fitted.gains(), strict=True)),
+        {c.name: each.play() for c, each, has in pairs if has},
+        {name: _beyond(noise, steps.get(name, 0.0)) for name, noise in read.items()},
+        steps,
         _jitter(log.transport),
         float(np.min(log.transport, initial=np.inf)) if len(log.transport) else 0.0,
         model.positions(fitted.values),
@@ -136,20 +145,32 @@ class _Model:
     """The motion of all channels as a function of delay, lag and the play of each."""
 
     def __init__(
-        self, channels: Sequence[Channel], servos: Sequence[float] | Array, *, is_behind: bool
+        self,
+        channels: Sequence[Channel],
+        servos: Sequence[float] | Array,
+        *,
+        is_behind: bool,
+        resolution: float,
     ) -> None:
         self._channels = channels
         self._servos = servos
         self.is_behind = is_behind
         """True where the play is behind the lags."""
+        self.resolution = resolution
+        """No half of an interval is less than this [s], or the way in this time."""
         self.spans = np.array([np.ptp(c.moved.values) for c in channels])
         self.has_play = np.array([c.shows_play and _reverses(c.command) for c in channels])
+        self.free = np.flatnonzero([True, True, *self.has_play])
+        """Places of the parameters that the log shows."""
         begin = min(c.moved.times[0] for c in channels)
         self.rates = [np.std(c.command.values) for c in channels]
         self._blocks_of = [(c.moved.times - begin) // BLOCK for c in channels]
         self._blocks = np.concatenate(self._blocks_of)
         self._factor = _student(len(np.unique(self._blocks)))
         self._scales = [np.std(c.moved.values) for c in channels]
+        self._drifts = [_drift(c.moved.times) for c in channels]
+        pairs = zip(self._drifts, channels, strict=True)
+        self._moved = [_less(drift, c.moved.values) for drift, c in pairs]
 
     def residuals(self, parameters: Array) -> Array:
         """Positions less the modelled ones, over each channel's scale (n,)."""
@@ -168,23 +189,28 @@ class _Model:
     def positions(self, parameters: Array) -> list[Series]:
         """The modelled positions of each channel, at the stamps of its measured ones."""
         return [
-            Series(c.moved.times, basis @ np.linalg.lstsq(basis, c.moved.values)[0])
-            for c, basis in zip(self._channels, self._bases(parameters), strict=True)
+            Series(c.moved.times, c.moved.values - error)
+            for c, error in zip(self._channels, self._errors(parameters), strict=True)
         ]
 
     def gains(self, parameters: Array) -> list[Interval]:
-        """Motion of each channel over the modelled one, friction included in it."""
+        """Motion of each channel over the modelled one, friction included in it.
+
+        The intervals are those for parameters that are known.
+        """
         found: list[Interval] = []
         bases = self._bases(parameters)
-        for channel, basis, blocks in zip(self._channels, bases, self._blocks_of, strict=True):
-            drift = basis[:, :-2]
-            both = np.stack([basis[:, -2], channel.moved.values], axis=1)
-            asked, moved = (both - drift @ np.linalg.lstsq(drift, both)[0]).T
+        for moved, (asked, _), blocks in zip(self._moved, bases, self._blocks_of, strict=True):
             gain = float(asked @ moved / (asked @ asked))
             scores = _of_blocks(asked * (moved - gain * asked), blocks)
             half = _student(len(scores)) * float(np.linalg.norm(scores) / (asked @ asked))
             found.append(Interval(gain, gain - half, gain + half))
         return found
+
+    def slopes(self, parameters: Array) -> list[float]:
+        """Motion of each channel over the modelled one, friction left out of it."""
+        pairs = zip(self._moved, self._bases(parameters), strict=True)
+        return [float(np.linalg.lstsq(basis.T, moved)[0][0]) for moved, basis in pairs]
 
     def covariance(self, jacobian: Array, residuals: Array) -> Array:
         """Covariance of the parameters by the scores of blocks (the sandwich of Huber 1967 and
@@ -195,13 +221,18 @@ class _Model:
         return self._factor**2 * bread @ scores.T @ scores @ bread
 
     def _errors(self, parameters: Array) -> list[Array]:
-        pairs = zip(self._channels, self.positions(parameters), strict=True)
-        return [c.moved.values - m.values for c, m in pairs]
+        """Positions less the modelled ones, of each channel."""
+        pairs = zip(self._moved, self._bases(parameters), strict=True)
+        return [moved - basis.T @ np.linalg.lstsq(basis.T, moved)[0] for moved, basis in pairs]
 
     def _bases(self, parameters: Array) -> list[Array]:
+        """The motion asked for and the friction of each channel, less what its drift takes."""
         delay, lag, *plays = parameters
-        each = zip(self._channels, self._servos, plays, strict=True)
-        return [_basis(c, (lag, servo), delay, play, self.is_behind) for c, servo, play in each]
+        each = zip(self._channels, self._servos, plays, self._drifts, strict=True)
+        return [
+            _less(drift, _basis(channel, (lag, servo), delay, play, self.is_behind).T).T
+            for channel, servo, play, drift in each
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,14 +257,33 @@ class _Fitted:
                 that one's.
         """
         value = float(self.values[list(which)].sum()) + more
-        # No half of an interval is less than what the grid leaves open, or the way in that time.
-        resolution = GRID * float(np.array([1.0, 1.0, *self.model.rates])[which[0]])
-        half = float(np.sqrt(self.squares[np.ix_(which, which)].sum())) + resolution
+        rate = float(np.array([1.0, 1.0, *self.model.rates])[which[0]])
+        half = float(np.sqrt(self.squares[np.ix_(which, which)].sum()))
+        half += self.model.resolution * rate
         found = [each.interval(*which, more=more) for each in others]
         other = [each for each in found if not each.low <= value <= each.high]
         low = min([value - half, *(each.low for each in other)])
         high = max([value + half, *(each.high for each in other)])
         return Interval(value, max(0.0, low), high)
+
+    def play(self) -> Interval:
+        """The play of the first channel in its positions; the model has that of its command."""
+        slope = abs(self.model.slopes(self.values)[0])
+        asked = self.interval(2)
+        return Interval(slope * asked.value, slope * asked.low, slope * asked.high)
+
+    def gains(self) -> list[Interval]:
+        """The gains, of which each parameter may change the value within its own interval."""
+        found = self.model.gains(self.values)
+        halves = np.array([each.high - each.value for each in found])
+        for place in self.model.free.tolist():
+            other = self.values.copy()
+            other[place] = self.interval(place).high
+            changed = self.model.gains(other)
+            pairs = zip(changed, found, strict=True)
+            halves = np.hypot(halves, [there.value - here.value for there, here in pairs])
+        pairs = zip(found, halves.tolist(), strict=True)
+        return [Interval(each.value, each.value - half, each.value + half) for each, half in pairs]
 
 
 def _apart(
@@ -244,7 +294,12 @@ def _apart(
         return [fitted]
     return [
         _solved(
-            _Model([channel], [servo], is_behind=fitted.model.is_behind),
+            _Model(
+                [channel],
+                [servo],
+                is_behind=fitted.model.is_behind,
+                resolution=fitted.model.resolution,
+            ),
             fitted.values[[0, 1, 2 + k]],
         )
         for k, (channel, servo) in enumerate(zip(channels, servos, strict=True))
@@ -276,7 +331,7 @@ def _solved(model: _Model, start: Array | None = None) -> _Fitted:
     trade = np.array([TRADE, -TRADE, *np.zeros(len(model.spans))])
     tries = [np.clip(first + shift, 0.0, most) for shift in (-trade, 0.0, trade)]
     found = min(map(solve, tries), key=lambda result: float(result.cost))
-    free = np.flatnonzero([True, True, *model.has_play])
+    free = model.free
     squares = np.zeros((len(most), len(most)))
     squares[np.ix_(free, free)] = model.covariance(found.jac[:, free], found.fun)
     return _Fitted(model, found.x, squares)
@@ -297,10 +352,10 @@ def _of_blocks(scores: Array, blocks: Array) -> Array:
 def _basis(
     channel: Channel, lags: tuple[float, float], delay: float, play: float, is_behind: bool
 ) -> Array:
-    """Columns whose weighted sum is a channel's motion: drift, the motion asked for, friction."""
+    """The motion asked for and the friction (2, n), whose weighted sum is a channel's motion."""
     moved = channel.moved
     command = channel.command
-    grid = np.arange(moved.times[0] - GRID, moved.times[-1] + GRID, GRID)
+    grid = _grid(moved.times)
     knots = np.append(command.times, max(grid[-1], command.times[-1]) + GRID)
     asked = np.concatenate([[0.0], np.cumsum(np.diff(knots) * command.values)])
     # The simulated lag begins a step of the physics late, and positions are half a step ahead.
@@ -314,10 +369,27 @@ def _basis(
     rate = np.diff(motion, prepend=motion[0])
     slides = np.sign(rate) * (np.abs(rate) > STILL * np.abs(rate).max())
     friction = _after_lag(GRID * np.cumsum(slides), lags[-1])
+    return np.stack([np.interp(moved.times, grid, each) for each in (motion, friction)])
+
+
+def _grid(times: Array) -> Array:
+    """The times of the modelled motion [s]."""
+    return np.arange(times[0] - GRID, times[-1] + GRID, GRID)
+
+
+def _drift(times: Array) -> Array:
+    """Orthonormal columns whose weighted sum is a line that bends."""
+    grid = _grid(times)
     knots = np.linspace(grid[0], grid[-1], 1 + min(MOST_KNOTS, 1 + int(np.ptp(grid) / DRIFT)))
-    drift = [np.interp(moved.times, knots, hat) for hat in np.eye(len(knots))]
-    basis = [np.interp(moved.times, grid, each) for each in (motion, friction)]
-    return np.stack([*drift, *basis], axis=1)
+    hats = np.stack([np.interp(times, knots, hat) for hat in np.eye(len(knots))], axis=1)
+    columns, sizes, _ = np.linalg.svd(hats, full_matrices=False)
+    # A gap of the log may leave a hat without readings.
+    return columns[:, sizes > 1e-9 * sizes[0]]
+
+
+def _less(drift: Array, values: Array) -> Array:
+    """What a drift leaves of values (n,) or (n, k)."""
+    return values - drift @ (drift.T @ values)
 
 
 def _after_play(motion: Array, play: float) -> Array:
@@ -351,8 +423,11 @@ def _reverses(command: Series) -> bool:
     return bool(command.values.min() < 0 < command.values.max())
 
 
-def _noise(channel: Channel, settled: float) -> Interval | None:
-    """The standard deviation of readings about the mean of each stand, with that of chi2."""
+def _noise(channel: Channel, delay: float, lag: float) -> Interval | None:
+    """The standard deviation of readings in stands, with that of chi2.
+
+    Each stand has a level, and the end of the motion before it, which decays with the lag.
+    """
     from scipy.stats import chi2
 
     command = channel.command
@@ -361,20 +436,48 @@ def _noise(channel: Channel, settled: float) -> Interval | None:
         return None
     squares = 0.0
     freedom = 0
+    settled = delay + SETTLED * lag + STANDS
     changed = np.flatnonzero(np.diff(command.values, prepend=np.nan) != 0)
     for first, after in zip(changed, [*changed[1:], None], strict=True):
         if command.values[first] != 0:
             continue
+        begin = command.times[first] + settled
         until = np.inf if after is None else command.times[after]
-        still = (read.times > command.times[first] + settled + STANDS) & (read.times < until)
+        still = (read.times > begin) & (read.times < until)
         if still.sum() >= FEWEST:
-            squares += float(still.sum() * np.var(read.values[still]))
-            freedom += int(still.sum()) - 1
+            values = read.values[still]
+            end = np.exp(-(read.times[still] - begin) / max(lag, GRID))
+            basis = np.stack([np.ones_like(end), end], axis=1)
+            solution, _, rank, _ = np.linalg.lstsq(basis, values)
+            squares += float(np.sum((values - basis @ solution) ** 2))
+            freedom += len(values) - int(rank)
     if freedom < FEWEST:
         return None
     low, high = chi2.ppf([(1 + LEVEL) / 2, (1 - LEVEL) / 2], freedom)
     value, least, most = np.sqrt(squares / np.array([freedom, low, high]))
     return Interval(float(value), float(least), float(most))
+
+
+def _step(readings: Array) -> float:
+    """The step of which all differences of readings are multiples; 0 where there is none."""
+    if np.sum(np.diff(readings) == 0) <= REPEATED * len(readings):
+        return 0.0
+    span = np.ptp(readings)
+    differences = np.diff(np.unique(readings))
+    differences = differences[differences > ROUNDING * span]
+    if len(differences) < FEWEST:
+        return 0.0
+    step = float(span / np.rint(span / differences.min()))
+    multiples = (readings - readings.min()) / step
+    return step if np.abs(multiples - np.rint(multiples)).max() < OFF_STEP else 0.0
+
+
+def _beyond(noise: Interval, step: float) -> Interval:
+    """The noise before readings were rounded to a step, which adds step^2 / 12 to its square."""
+    if noise.value < step / 2:
+        return Interval(0.0, 0.0, step / 2)
+    squares = np.array([noise.value, noise.low, noise.high]) ** 2 - step**2 / 12
+    return Interval(*np.sqrt(np.maximum(squares, 0.0)).tolist())
 
 
 def _jitter(transport: Array) -> Interval | None:

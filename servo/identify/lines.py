@@ -35,7 +35,7 @@ def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequenc
     """
     late = found.delay.value + found.transport
     latency = max(0.0, (floor(late / tick + 0.5) - 0.5) * tick)
-    delay = f"latency_ms = {latency * MILLI:.2f}  # delay {_said(found.delay, MILLI)} ms"
+    delay = f"latency_ms = {latency * MILLI:.2f}  # delay {said(found.delay, MILLI)} ms"
     delay += " before the drive"
     if found.transport > 0:
         delay += f", and {found.transport * MILLI:.2f} ms until a picture arrives"
@@ -43,22 +43,24 @@ def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequenc
     if found.jitter is None:
         run.append(NO_JITTER)
     else:
-        run.append(f"jitter_ms = {found.jitter.value * MILLI:.2f}  # {_said(found.jitter, MILLI)}")
+        run.append(f"jitter_ms = {found.jitter.value * MILLI:.2f}  # {said(found.jitter, MILLI)}")
     own = Interval(float(np.mean(found.servos)), min(found.servos), max(found.servos))
     lag = (
-        f"lag_ms = {found.lag.value * MILLI:.2f}  # {_said(found.lag, MILLI)} ms before the drive's"
+        f"lag_ms = {found.lag.value * MILLI:.2f}  # {said(found.lag, MILLI)} ms before the drive's"
     )
     lag += f" own servo, which adds {own.value * MILLI:.3g} ms"
     play = _each("backlash", found.play, joints) or [NO_PLAY]
-    if found.is_behind:
+    if found.is_behind and any(each.low > 0 for each in found.play.values()):
         play.append(BEHIND)
     noise = _each("encoder_noise", found.noise, joints) or [NO_NOISE]
+    if found.step:
+        noise.append(_step(found.step, joints))
     gains = ", ".join(f"{name} {said(gain)}" for name, gain in found.gain.items())
     whole = found.whole
     head = [
         *(f"# not to be trusted: {doubt}" for doubt in doubts),
-        f"# the whole robot as one delay, {_said(whole.delay, MILLI)} ms, and one lag, "
-        f"{_said(whole.lag, MILLI)} ms; together {_said(whole.sum, MILLI)} ms",
+        f"# the whole robot as one delay, {said(whole.delay, MILLI)} ms, and one lag, "
+        f"{said(whole.lag, MILLI)} ms; together {said(whole.sum, MILLI)} ms",
         f"# gain from command to motion: {gains}; simulated drives have 1, less friction",
     ]
     return "\n".join([*head, "", "[run]", *run, "", "[robot]", lag, *play, *noise, ""])
@@ -90,14 +92,27 @@ def _each(key: str, found: Mapping[str, Interval], joints: Sequence[str]) -> lis
     """A setting of the simulated robot's joints."""
     if not found:
         return []
-    values = [f"{found[name].value:.3g}" if name in found else "0.0" for name in joints]
+    values = {name: f"{each.value:.3g}" for name, each in found.items() if each.low > 0}
+    each = ", ".join(f"{name} {said(interval)}" for name, interval in found.items())
+    small = [name for name, interval in found.items() if interval.low <= 0]
+    if small:
+        each += f"; not distinguished from 0, so 0: {', '.join(small)}"
     unknown = [name for name in joints if name not in found]
-    each = ", ".join(f"{name} {_said(interval, 1.0)}" for name, interval in found.items())
     if unknown:
         each += f"; not measured, so 0: {', '.join(unknown)}"
-    return [f"{key} = [{', '.join(values)}]  # {each}"]
+    return [f"{key} = {_listed(values, joints)}  # {each}"]
 
 
-def _said(interval: Interval, unit: float) -> str:
-    value, low, high = (f"{x * unit:.3g}" for x in (interval.value, interval.low, interval.high))
-    return f"{value} ({low} to {high})"
+def _step(found: Mapping[str, float], joints: Sequence[str]) -> str:
+    """The steps of the encoders that have one."""
+    names = ", ".join(found)
+    steps = {name: f"{step:.6g}" for name, step in found.items()}
+    return (
+        f"encoder_step = {_listed(steps, joints)}  # all readings of {names} are multiples of it, "
+        "so a noise below its half is not seen"
+    )
+
+
+def _listed(values: Mapping[str, str], joints: Sequence[str]) -> str:
+    """A number for each of the simulated robot's joints."""
+    return f"[{', '.join(values.get(name, '0.0') for name in joints)}]"

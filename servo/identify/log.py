@@ -28,6 +28,12 @@ SHORTEST = 2.0
 """A shorter log has too few movements [s]."""
 LONGEST = 600.0
 """A longer one takes long, and adds little [s]."""
+OFF_WHOLE = 0.2
+"""An interval of rows that is less off a multiple of the usual one is regular, in"""
+REGULAR = 0.9
+"""at least such a part of the log if rows can be missing."""
+BRIDGED = 10
+"""In a longer gap, of so many intervals, nothing is known of the commands."""
 LARGEST = 1 << 30
 """Most bytes of a log."""
 NAMED = 12
@@ -83,8 +89,17 @@ class Log:
     """Columns that have no meaning here, or no numbers."""
     asked: list[tuple[str, str]]
     """Name and unit (m or rad) of all that has a command, moved or not."""
+    interval: float
+    """The usual one of its rows [s]."""
+    missing: float
+    """Part of the rows that are missing, by this interval."""
     cut: str
     """What was left out at the end, in a sentence; empty where nothing was."""
+
+    @property
+    def uncertain(self) -> float:
+        """So far the stamp of a command in a gap is from the true one, on average [s]."""
+        return self.missing * self.interval
 
 
 def read(path: Path) -> Log:
@@ -121,7 +136,8 @@ def read(path: Path) -> Log:
     if not SHORTEST <= np.ptp(time) <= LONGEST:
         length = f"{np.ptp(time):.3g} s long; {SHORTEST:g} to {LONGEST:g} s are needed"
         raise Mistake(f"{path}: this log is {length}")
-    asked, transport = _pictures(columns)
+    lost = _lost(time)
+    asked, transport = _pictures(columns, lost)
     named = [found for found in named if found[0] in columns]
     channels = [_channel(columns, asked, *found.groups()) for found in named]
     moving = [c for c in channels if c.command.varies and c.moved.varies]
@@ -130,7 +146,15 @@ def read(path: Path) -> Log:
             f"{path}: nothing in this log was asked to move and moved; it needs columns {COLUMNS}"
         )
     unused = [name for name in table.column_names if name not in used & columns.keys()]
-    return Log(moving, transport, unused, [(c.name, c.unit) for c in channels], cut)
+    return Log(
+        moving,
+        transport,
+        unused,
+        [(c.name, c.unit) for c in channels],
+        float(np.median(np.diff(time))),
+        float(lost.sum() / (lost.sum() + len(time))),
+        cut,
+    )
 
 
 def listed(names: Sequence[str], most: int) -> str:
@@ -231,9 +255,24 @@ def _messages(data: bytes) -> list[dict[str, Any]]:
     return [row for row in rows if isinstance(row, dict) and "time_s" in row]
 
 
-def _pictures(columns: dict[str, Array]) -> tuple[Array, Array]:
+def _lost(time: Array) -> Array:
+    """Return how many rows are missing before each row (n,).
+
+    None is where rows come irregularly, as those of several sources do.
+    """
+    intervals = np.diff(time) / np.median(np.diff(time))
+    whole = np.rint(intervals)
+    if np.mean(np.abs(intervals - whole) < OFF_WHOLE) < REGULAR:
+        return np.zeros(len(time))
+    return np.append(0.0, np.maximum(whole - 1, 0.0))
+
+
+def _pictures(columns: dict[str, Array], lost: Array) -> tuple[Array, Array]:
     """Return the stamps (n,) of the commands, nan where there is none; and from each picture's
     stamp to its arrival (k,) [s].
+
+    A command after missing rows came with one of them or with its own row: the middle of these
+    stamps is right on average.
     """
     time = columns["time_s"]
     if set(PICTURES) <= columns.keys():
@@ -241,7 +280,8 @@ def _pictures(columns: dict[str, Array]) -> tuple[Array, Array]:
         made = np.where(columns["decided"] > 0, time[at] + columns["age_s"], np.nan)
         return made, columns["age_s"][columns["decided"] > 0]
     waited = columns.get("arrived_s", np.full(len(time), np.nan)) - time
-    return columns.get("asked_s", time), waited[np.isfinite(waited)]
+    since = np.where(lost < BRIDGED, lost * np.diff(time, prepend=time[0]) / (lost + 1), 0.0)
+    return columns.get("asked_s", time - since / 2), waited[np.isfinite(waited)]
 
 
 def _channel(columns: dict[str, Array], asked: Array, name: str, unit: str) -> Channel:
