@@ -143,7 +143,7 @@ def test_the_centre_of_a_rectangle_that_was_found_is_told_and_reported(tmp_path)
     box = '<geom type="box" size=".07 .03 .02" pos=".12 .05 .02"/>'
     (tmp_path / "off.xml").write_text(f"<mujoco><worldbody>{box}</worldbody></mujoco>")
     changes = ["target.kind=mjcf", f"target.model={tmp_path / 'off.xml'}", "tracker.kind=truth"]
-    scenario = load("still", [*changes, "run.duration=0.1"])
+    scenario = load("still", [*changes, "run.duration=0.1", "measure.after=0"])
     with Episode(scenario) as episode:
         (line,) = remarks(episode)
         steps = [step.light() for step in episode]
