@@ -174,6 +174,7 @@ def parts():
     return film(60)
 
 
+@pytest.mark.processes
 @SCHEMES
 def test_a_stream_is_tracked_by_a_slow_tracker(monkeypatch, capfd, tmp_path, parts, rtsp):
     usual = frozen.Frozen.update
@@ -218,6 +219,7 @@ def test_a_stream_is_tracked_by_a_slow_tracker(monkeypatch, capfd, tmp_path, par
     assert np.diff(times).max() > 0.1
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(
     ("then", "reason"), [("die", "Connection reset by peer"), ("stall", "nothing came for 2 s")]
 )

@@ -32,7 +32,8 @@ class LawSettings:
     gain_far: Gain | None = None
     """lambda far from the goal [1/s], for a gain that adapts; by default it is the same."""
     gain_slope: Annotated[float, Ge(0), Le(1e6)] = 30.0
-    """How fast lambda falls from the goal outwards: -d lambda / d |L# e| there."""
+    """How fast lambda falls from the goal outwards: -d lambda / d |L# e| there, |.| the largest
+    component as in ViSP's vpAdaptiveGain."""
     smooth_start: Annotated[float, Ge(0), Le(1000)] = 0.0
     """mu [1/s]: the first velocity is taken away at first, and fades in as 1 - exp(-mu t), from the
     first picture on in which all features are known; 0: the camera starts at once.
