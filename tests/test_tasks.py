@@ -22,6 +22,8 @@ QUICK = (
     "--set",
     "run.duration=0.3",
     "--set",
+    "measure.after=0.0",
+    "--set",
     "expect={servo_rms_px=0.5}",
     "--seeds",
     "2",
@@ -86,7 +88,8 @@ def test_a_run_that_fails_leaves_the_others(monkeypatch, capfd):
     code, out, err = call(monkeypatch, capfd, *words)
     again = (
         "servobench run still --set tracker.kind=frozen --set estimator.kind=none --set "
-        "run.duration=0.3 --set 'expect={servo_rms_px=0.5}' --set 'expect={}' "
+        "run.duration=0.3 --set measure.after=0.0 --set 'expect={servo_rms_px=0.5}' "
+        "--set 'expect={}' "
         "--seed 0"
     )
     unjudged = "1 of 2 runs (line): No verdict: this scenario has no bounds.\n"

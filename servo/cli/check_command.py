@@ -131,7 +131,7 @@ def check_scenarios(
         plain(errors if share.missed else console, f"{'missed: ' * share.missed}{share}")
     for _, record in records:
         print_missed(errors, record)
-    _print_short(errors, jobs)
+    _print_short(errors, [job for job, _ in records])
     _print_unjudged(errors, records, len(ends))
     missed = any(record.missed for _, record in records) or any(s.missed for s in shares)
     return max(_print_failures(ends), missed)
