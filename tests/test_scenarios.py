@@ -46,8 +46,21 @@ MORE = {"six_dof": tilts, "six_dof_levelled": levels, "found_again": searches_an
 
 
 TEXTBOOK = ("turn_", "tilt_60", "border_po", "depth_half", "small_")
-CHECKED = {name for name in shipped() if name.startswith(TEXTBOOK)}
-"""Textbook starts: `servobench check` runs them in CI, and test_textbook.py some of them."""
+SECONDS = (
+    "blur",
+    "border_qp",
+    "fisheye",
+    "hand_follow",
+    "hand_tag",
+    "lighting",
+    "six_hybrid",
+    "tilt_40_plate",
+)
+"""Those whose run takes seconds of processor time."""
+CHECKED = {name for name in shipped() if name.startswith(TEXTBOOK) or name in SECONDS}
+"""Textbook starts and long runs: `servobench check` runs them in CI, and test_textbook.py some of
+the first.
+"""
 
 
 @pytest.mark.parametrize("name", sorted({*shipped()} - CHECKED))
