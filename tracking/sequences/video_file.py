@@ -265,7 +265,9 @@ def _as_shown(image: Image, matrix: tuple[int, int, int, int]) -> Image:
     """Return an image turned by quarter turns and mirrored as a display matrix says."""
     a, b, c, d = matrix
     if abs(a) + abs(d) < abs(b) + abs(c):
-        image, a, d = image.swapaxes(0, 1), c, b
+        image = image.swapaxes(0, 1)
+        a = c
+        d = b
     return image[:: -1 if d < 0 else 1, :: -1 if a < 0 else 1]
 
 
