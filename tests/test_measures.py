@@ -178,8 +178,22 @@ def test_outcomes(steps):
     limited = [replace(s, limited=True, joint_limits=("elbow (range)",)) for s in far]
     assert report(limited).outcome is Outcome.LIMIT_HIT
     assert report(limited).limits == ("elbow (range)",)
-    assert report(far).limits == ()
+    assert (report(far).limits, report(far).off) == ((), ("centre 40 px",))
+    assert (report(near).off, report(out).off) == ((), ())
     assert report(with_status(near, Status.LOST, [119])).outcome is Outcome.TARGET_LOST
+
+
+def test_a_run_that_is_out_of_time_says_the_most_of_all_that_was_off(steps):
+    made = [off(s, 5.0) for s in steps]
+    turned = replace(made[-9].truth, theta=made[-9].goal_theta + np.radians(27.0))
+    grown = replace(made[-1].truth, size=1.4 * made[-1].goal_size)
+    made[-9] = replace(made[-9], truth=turned)
+    made[-1] = replace(made[-1], truth=grown)
+    found = report(made)
+    assert (found.outcome, found.off) == (Outcome.TIMED_OUT, ("angle 27 deg", "size 40 %"))
+    assert found.outcome.sentence(found.off) == (
+        "The run ended before the camera was at the goal: angle 27 deg, size 40 %."
+    )
 
 
 def test_a_run_that_ends_at_a_limit_names_the_joint(tmp_path, capsys, monkeypatch):

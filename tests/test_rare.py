@@ -98,6 +98,31 @@ def broken(monkeypatch, tmp_path):
     return "mine.toml", (), None, 1, None, Path("out"), True
 
 
+def test_runs_that_finish_when_they_are_tried_again_are_told(monkeypatch, tmp_path, capfd):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(
+        'scenario = "still"\nseeds = 2\n[set]\nrun.duration = 0.1\ntracker.kind = "frozen"\n'
+        "[axes]\nrun.latency = [0]\n"
+    )
+    real = Job.run
+
+    def fail(job, folder):
+        raise ValueError("now and then")
+
+    monkeypatch.setattr(Job, "run", fail)
+    arguments = "mine.toml", (), None, 1, None, Path("out"), False
+    assert sweep_command.run(*arguments) == 1
+    monkeypatch.setattr(Job, "run", real)
+    capfd.readouterr()
+    assert sweep_command.run(*arguments) == 0
+    out, err = capfd.readouterr()
+    assert (
+        "servobench: out/failures: 2 of the runs finished only when they were tried again: "
+        "something in them does not repeat itself\n"
+    ) in err
+    assert "No run reaches measure.after: what counts from there on has no value.\n" in out
+
+
 def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     assert sweep_command.run(*broken) == 1
     lines = capfd.readouterr().err.splitlines()

@@ -8,7 +8,6 @@ from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, go_on, print_estimate
 from servo.cli.terminal import complain, escape, plain, print_table, waiting
-from servo.loop.run_measures import COUNTED, UNCOUNTED
 from servo.mistake import check_known
 from servo.output.formats import command_line
 from servo.report.study_data import cell_row
@@ -18,7 +17,16 @@ from servo.study.execute import Workers
 from servo.study.parse import load
 from servo.study.plan import Study
 from servo.study.record_file import parquet, rows_of
-from servo.study.results import COMPARED, Cell, cells_csv, cells_of, comparisons, grouped, moved
+from servo.study.results import (
+    COMPARED,
+    Cell,
+    cells_csv,
+    cells_of,
+    comparisons,
+    grouped,
+    moved,
+    uncounted,
+)
 from servo.study.scenario_run import MEASURED, meaning
 from servo.study.store import RESULTS, Store, StudyFile, opened
 from sim.camera import gl
@@ -119,8 +127,8 @@ def _sum_up(
             )
     for path in paths:
         plain(console, f"  {path}")
-    if not any(row[name] is not None for row in rows for name in COUNTED):
-        plain(console, UNCOUNTED)
+    if short := uncounted(rows):
+        plain(console, short)
     not_kept = missed_by_cells(grouped(study.keys, rows), study.expect)
     for line in not_kept:
         complain(line)

@@ -29,9 +29,9 @@ SHORTEST = 2.0
 LONGEST = 600.0
 """A longer one takes long, and adds little [s]."""
 OFF_WHOLE = 0.2
-"""An interval of rows that is less off a multiple of the usual one is regular, in"""
+"""An interval of rows is regular if it is less than this off a multiple of the usual interval."""
 REGULAR = 0.9
-"""at least such a part of the log if rows can be missing."""
+"""Rows are looked for that are missing if at least this part of the intervals is regular."""
 BRIDGED = 10
 """In a longer gap, of so many intervals, nothing is known of the commands."""
 LARGEST = 1 << 30

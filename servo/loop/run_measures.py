@@ -27,6 +27,9 @@ CONVERGED_SCALE = 0.25
 """The same of angle and tilt, and of size, where the features servo them: `six_motion` lags by up
 to 14 deg, and `bad_init` keeps the fifth by which its region is too large."""
 
+OFF_UNITS = {"centre": "px", "angle": "deg", "size": "%", "orientation": "deg"}
+"""Units of what may be too far from the goal."""
+
 
 class Outcome(Enum):
     """How a run ended; each member carries its sentence."""
@@ -93,7 +96,6 @@ COUNTED = tuple(
     name for name in MEANINGS if any(f"_{part}_" in name for part in ("rms", "peak", "off", "held"))
 )
 """The measures that count from measure.after on."""
-UNCOUNTED = "No run reaches measure.after: what counts from there on has no value."
 TIMED = "step_ms"
 """The measure that differs from run to run."""
 
@@ -259,21 +261,19 @@ def _outcome(steps: Sequence[Step]) -> Outcome:
 
 
 def _off(step: Step) -> dict[str, float]:
-    """Return how far centre [px], angle [deg], size [%] and orientation [deg] are from the goal, if
-    that is too far and they are servoed.
-    """
+    """Return what is too far from the goal and servoed, and how far it is, in `OFF_UNITS`."""
     angle, size = step.servoed
     turned = abs(_servo_angles([step])[0])
     grown = abs(step.truth.size / step.goal_size - 1)
     found = dict[str, float]()
     if step.servo_error > CONVERGED_PX:
-        found["centre {:.0f} px"] = step.servo_error
+        found["centre"] = step.servo_error
     if angle and turned > CONVERGED_RAD:
-        found["angle {:.0f} deg"] = np.degrees(turned)
+        found["angle"] = np.degrees(turned)
     if size and grown > CONVERGED_SCALE:
-        found["size {:.0f} %"] = 100 * grown
+        found["size"] = 100 * grown
     if step.rotation_error > CONVERGED_RAD and step.servoes_pose:
-        found["orientation {:.0f} deg"] = np.degrees(step.rotation_error)
+        found["orientation"] = np.degrees(step.rotation_error)
     return found
 
 
@@ -281,9 +281,9 @@ def _worst_off(steps: Sequence[Step]) -> tuple[str, ...]:
     """Return what is too far from the goal in some of the steps, each with the most of it."""
     most = dict[str, float]()
     for step in steps:
-        for words, value in _off(step).items():
-            most[words] = max(value, most.get(words, 0.0))
-    return tuple(words.format(value) for words, value in most.items())
+        for name, value in _off(step).items():
+            most[name] = max(value, most.get(name, 0.0))
+    return tuple(f"{name} {value:.0f} {OFF_UNITS[name]}" for name, value in most.items())
 
 
 def _servo_angles(steps: Sequence[Step]) -> Array:

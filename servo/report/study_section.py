@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from servo.loop.run_measures import COUNTED, MEANINGS, UNCOUNTED, Outcome
+from servo.loop.run_measures import MEANINGS, Outcome
 from servo.loop.settings import DOES_NOT_REPEAT
 from servo.report import page, study_paths, study_time
 from servo.report.page import Block, Fact, Figure, PageImage, Section
@@ -24,7 +24,7 @@ from servo.report.words import (
     spread,
 )
 from servo.study.bounds import missed_by_cells
-from servo.study.results import COMPARED, Compared, comparisons, grouped
+from servo.study.results import COMPARED, Compared, comparisons, grouped, uncounted
 from servo.study.store import FAILURES
 
 MOST_SHEETS = 24
@@ -195,8 +195,8 @@ def _compared(study: StudyResults, columns: Sequence[str]) -> list[Block]:
 def _unsure(study: StudyResults) -> list[str]:
     """Return sentences about values that are missing, and about runs that were tried again."""
     found = list[str]()
-    if study.rows and not any(len(values(study.rows, name)) for name in COUNTED):
-        found.append(UNCOUNTED)
+    if short := uncounted(study.rows):
+        found.append(short)
     if study.retried:
         runs = ", ".join(str(failure.run) for failure in study.retried[:MOST_LISTED])
         found.append(

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from servo.loop.run_measures import MEANINGS, TIMED
+from servo.loop.run_measures import COUNTED, MEANINGS, TIMED
 from servo.scenario.expected import SUCCESS_RATE
 from servo.study.plan import Study
 from servo.study.run import SCENARIO, Row
@@ -93,6 +93,13 @@ def values(rows: Iterable[Row], name: str) -> Array:
     """The finite values of a measure (n,)."""
     found = np.array([r[name] for r in rows if r.get(name) is not None], dtype=float)
     return found[np.isfinite(found)]
+
+
+def uncounted(rows: Sequence[Row]) -> str:
+    """Return a sentence where there are runs and none lasts until its errors count."""
+    if not rows or any(len(values(rows, name)) for name in COUNTED):
+        return ""
+    return "No run reaches measure.after: what counts from there on has no value."
 
 
 def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
