@@ -274,7 +274,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             "twist": step.command.twist,
             "joints": step.joints,
             "T_object_camera": _matrix(step.T_object_camera),
-            "T_object_goal": _matrix(step.goal_sight.pose.inverse()),
+            "T_object_goal": _matrix(step.T_object_goal),
         }
 
     def _observed(self, step: Step) -> Any:

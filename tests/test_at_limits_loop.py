@@ -105,8 +105,6 @@ class Step:
     turned_deg: float = 0.0
     size: float = 1.0
     servoed: tuple[bool, bool] = (True, True)
-    goal_theta: float = 0.0
-    goal_size: float = 1.0
     tells_front_from_back: bool = False
     servoes_pose: bool = False
     rotation_error: float = 0.0
@@ -123,6 +121,10 @@ class Step:
     @property
     def estimate(self):
         return SimpleNamespace(status=Tracked.LOCKED)
+
+    @property
+    def goal(self):
+        return SimpleNamespace(theta=0.0, size=1.0)
 
     @property
     def goal_sight(self):

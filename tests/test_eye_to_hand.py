@@ -1,6 +1,5 @@
 """A camera that stands, and a robot that holds the target: against ViSP's eye-to-hand equations."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +11,7 @@ from servo.mistake import Mistake
 from servo.scenario.load import load
 from servo.types import Mode
 from sim.geometry import log_se3
-from tracking.types import Status
+from tracking.types import State, Status
 
 STEP = 1e-6
 EXACT = (
@@ -116,9 +115,11 @@ def test_the_closed_loop_beside_a_leader_is_that_of_visp(kind):
 
 def test_a_goal_beside_a_leader_is_tilted_as_the_leader_is():
     *_, end = measured_run(load("hand_follow", ["run.duration=4.0", "motion.tilt_deg=20"]))[0]
-    facing = replace(end, scene=replace(end.scene, led=False)).goal_corners
+    goal = end.goal
+    scale = goal.size / end.scene.first_size
+    facing = end.region.corners(State(*goal.centre, goal.theta, scale))
     assert np.degrees(np.arccos(end.goal_sight.pose.rotation[2, 2])) > 10
-    assert np.abs(end.goal_corners - end.truth.corners).max() < 1.0
+    assert np.abs(goal.corners - end.truth.corners).max() < 1.0
     assert np.abs(facing - end.truth.corners).max() > 2.0
 
 

@@ -91,7 +91,7 @@ def test_one_joint_follows_across(tmp_path):
         "pan_tilt_line", [f"robot.model={model}", "run.duration=3", "tracker.kind=truth"]
     )
     steps, _ = measured_run(scenario)
-    across = [s.truth.centre[0] - s.goal[0] for s in steps]
+    across = [s.truth.centre[0] - s.goal.centre[0] for s in steps]
     assert steps[0].servoed == (False, False)
     assert np.abs(across[60:]).max() < 1.0
     assert np.ptp([s.joints[0] for s in steps]) > 0.1

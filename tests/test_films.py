@@ -94,7 +94,7 @@ def test_a_film_of_a_run_shows_camera_room_and_errors(tmp_path):
     besides = height - height // FOLLOWING - BORDER  # the rows above the following view
     assert np.abs(shown - expected)[:besides].mean() < 3
     factor = width / steps[-1].frame.image.shape[1]
-    corner = (steps[-1].goal_corners[1] * factor).round().astype(int)
+    corner = (steps[-1].goal.corners[1] * factor).round().astype(int)
     near = pictures[corner[1] - 2 : corner[1] + 3, MARGIN + corner[0] - 2 : MARGIN + corner[0] + 3]
     assert np.abs(near.astype(int) - GOAL).sum(axis=2).min() < 60
 

@@ -86,8 +86,8 @@ def test_with_a_perfect_tracker_the_goal_is_reached(lens, goal):
         worlds += [episode.world, episode.world.truth().size]
         end = [step.light() for step in episode][-1]
     assert end.servo_error < 0.15
-    assert abs(np.degrees(end.truth.theta - end.goal_theta)) < 0.05
-    assert end.truth.size == pytest.approx(end.goal_size, rel=1e-3)
+    assert abs(np.degrees(end.truth.theta - end.goal.theta)) < 0.05
+    assert end.truth.size == pytest.approx(end.goal.size, rel=1e-3)
     above = end.truth.T_world_camera.inverse() @ end.truth.T_world_target
     assert above.apply(end.scene.outline.mean(axis=0))[2] == pytest.approx(1.0, rel=2e-3)
 

@@ -84,7 +84,7 @@ def test_the_log_of_a_run_has_its_pictures_numbers_and_frames(tmp_path):
     outlines = found["/camera/annotations"][-1][1].points
     assert len(outlines) == 4  # truth, goal, estimate, particles
     drawn = [(p.x, p.y) for p in outlines[1].points]
-    np.testing.assert_allclose(drawn, last.goal_corners, atol=1e-9)
+    np.testing.assert_allclose(drawn, last.goal.corners, atol=1e-9)
     row = found["/step"][-1][1]
     assert row.servo_error_px == pytest.approx(last.servo_error)
     assert row.status == last.estimate.status.name

@@ -25,7 +25,10 @@ def steps():
 
 def off(step, pixels):
     truth = replace(
-        step.truth, centre=step.goal + [pixels, 0.0], theta=step.goal_theta, size=step.goal_size
+        step.truth,
+        centre=step.goal.centre + [pixels, 0.0],
+        theta=step.goal.theta,
+        size=step.goal.size,
     )
     return replace(step, truth=truth)
 
@@ -90,7 +93,7 @@ def test_longest_off_is_the_longest_stretch_above_the_limit(steps):
 
 def test_angle_and_scale_errors_are_in_degrees_and_percent(steps):
     turned = [
-        replace(s, truth=replace(s.truth, theta=s.goal_theta - 0.1, size=s.goal_size * 1.05))
+        replace(s, truth=replace(s.truth, theta=s.goal.theta - 0.1, size=s.goal.size * 1.05))
         for s in steps
     ]
     assert report(turned).measures["servo_angle_rms_deg"] == pytest.approx(np.degrees(0.1))
@@ -185,8 +188,8 @@ def test_outcomes(steps):
 
 def test_a_run_that_is_out_of_time_says_the_most_of_all_that_was_off(steps):
     made = [off(s, 5.0) for s in steps]
-    turned = replace(made[-9].truth, theta=made[-9].goal_theta + np.radians(27.0))
-    grown = replace(made[-1].truth, size=1.4 * made[-1].goal_size)
+    turned = replace(made[-9].truth, theta=made[-9].goal.theta + np.radians(27.0))
+    grown = replace(made[-1].truth, size=1.4 * made[-1].goal.size)
     made[-9] = replace(made[-9], truth=turned)
     made[-1] = replace(made[-1], truth=grown)
     found = report(made)

@@ -69,7 +69,7 @@ def test_it_is_the_sequence_of_its_steps(result):
 def test_a_picture_shows_where_the_target_shall_be(result):
     picture = np.asarray(result.frame(0.2))
     assert picture.shape == (480, 640, 3)
-    corners = 2 * result[6].goal_corners
+    corners = 2 * result[6].goal.corners
     across = (corners + np.roll(corners, -1, axis=0)) / 2  # the middle of each side
     near = [
         picture[int(y) - 3 : int(y) + 3, int(x) - 3 : int(x) + 3].astype(int) for x, y in across

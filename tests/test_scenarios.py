@@ -125,11 +125,11 @@ def test_a_goal_that_moves_is_followed():
     with Episode(load("approach", ["goal.change_start=1.0", "goal.change_duration=2.0"])) as loop:
         steps = list(loop)
     sizes = {round(s.frame.time, 3): s for s in steps}
-    assert sizes[1.0].goal_size == pytest.approx(loop.world.camera.fx / 1.1)
-    assert sizes[2.0].goal_size == pytest.approx(loop.world.camera.fx / (1.1 - 0.35 / 2))
+    assert sizes[1.0].goal.size == pytest.approx(loop.world.camera.fx / 1.1)
+    assert sizes[2.0].goal.size == pytest.approx(loop.world.camera.fx / (1.1 - 0.35 / 2))
     end = steps[-1]
-    assert end.goal_size == pytest.approx(loop.world.camera.fx / 0.75)
-    assert end.truth.size == pytest.approx(end.goal_size, rel=0.02)
+    assert end.goal.size == pytest.approx(loop.world.camera.fx / 0.75)
+    assert end.truth.size == pytest.approx(end.goal.size, rel=0.02)
 
 
 def test_a_tracker_told_of_the_cameras_motion_follows_better():
@@ -185,8 +185,8 @@ def test_other_trackers_close_the_loop_with_what_they_follow(kind):
     steps = list(run(load("still", changes)))
     assert steps[-1].servo_error < 4.0
     angle, size = steps[-1].estimate.follows
-    turned = np.degrees(abs(steps[-1].truth.theta - steps[-1].goal_theta))
-    grown = abs(steps[-1].truth.size / steps[-1].goal_size - 1)
+    turned = np.degrees(abs(steps[-1].truth.theta - steps[-1].goal.theta))
+    grown = abs(steps[-1].truth.size / steps[-1].goal.size - 1)
     assert turned < 2.0 if angle else turned == pytest.approx(20.0, abs=0.5)
     assert grown < 0.03 if size else grown == pytest.approx(0.2, abs=0.01)
 

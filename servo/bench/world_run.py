@@ -97,7 +97,7 @@ def errors_of(steps: Sequence[Step], frames: int) -> Array:
     area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
     metres = np.sqrt(area) / steps[0].truth.size
     found = np.full(frames, np.inf)
-    found[: len(steps)] = [s.servo_error / (metres * s.goal_size) for s in steps]
+    found[: len(steps)] = [s.servo_error / (metres * s.goal.size) for s in steps]
     return np.where(np.isnan(found), np.inf, found)
 
 

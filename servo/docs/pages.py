@@ -147,7 +147,7 @@ def _draw(name: str, picture: Path, seconds: float) -> None:
         height = round(WIDTH * camera.height / camera.width)
         for step in islice(episode, 0, max(1, round(seconds / episode.world.period)), every):
             marks = (
-                (step.goal_corners, colours.GOAL),
+                (step.goal.corners, colours.GOAL),
                 (step.estimate.outline(step.region), colours.ESTIMATE),
             )
             shown = panel(step.frame.image, WIDTH, height, marks, step.estimate.particles)

@@ -98,7 +98,7 @@ class Episode:
                 believed = scenario.believed.outline(outline)
                 self.loop = Loop(scenario, self.world.camera_believed, believed, self.world.camera)
             self.goal = Goal(scenario.goal, outline, self.world.camera, self.world.camera)
-            """How the true camera shall see the target."""
+            """How the true camera shall see the target, where no leader says so."""
             goal = self._picture_at_goal() if self.loop.uses_pictures or shows_goal else None
             self.goal_picture = goal
             """The picture (H, W, 3) that the camera takes at the goal, if it was taken."""
@@ -195,13 +195,13 @@ class Episode:
             turn = exp_so3(np.radians(start.pose[3:]))
             return self.world.start_facing(Pose(turn, np.array(start.pose[:3])))
         first = self.world.goal()
-        goal, theta, _ = self._aim(0.0, first)
-        depth = self.scenario.goal.depth
-        if first is not None:
-            depth = float(self._goal_sight(0.0, first).pose.translation[2])
+        if first is None:
+            goal, theta, depth = self.goal.pixel, self.goal.theta, self.scenario.goal.depth
+        else:
+            goal, theta, depth = first.centre, first.theta, self._goal_pose(first).translation[2]
         pixel = goal + (start.x, start.y)
         theta = theta + radians(start.angle_deg)
-        depth = depth / start.scale
+        depth = float(depth) / start.scale
         tilt = radians(start.tilt_deg), radians(start.tilt_towards_deg)
         return self.world.start(pixel, theta, depth, *tilt)
 
@@ -231,7 +231,6 @@ class Episode:
             self.loop.features_of_truth,
             world.period,
             world.model,
-            scenario.leader.id is not None,
         )
         offset = 1e-3 * scenario.believed.clock_offset_ms
         schedule = Schedule(scenario.run, world.period, world.ticks, offset, steered)
@@ -246,20 +245,15 @@ class Episode:
         camera = before @ truth.T_world_target.inverse() @ truth.T_world_camera
         return self._scene.true_motion(camera, before, after, self.running.goal_sight, end - begin)
 
-    def _aim(self, time: float, goal: Truth | None) -> tuple[Array, float, float]:
-        """Return pixel (2,), angle [rad] and size [px/m] at which the target shall be seen at a
-        time [s]; beside a leader, where `goal` is.
-        """
-        if goal is not None:
-            return goal.centre, goal.theta, goal.size
-        return self.goal.pixel, self.goal.theta, self.goal.size(time)
+    def _goal_pose(self, goal: Truth) -> Pose:
+        """Return T_camera_object of the goal."""
+        seen = goal.T_world_camera.inverse() @ goal.T_world_target
+        return seen @ object_frame(self.world.outline)
 
     def _goal_sight(self, time: float, goal: Truth | None) -> Sight:
-        """Return how the target shall be seen, by the true camera."""
+        """Return how the target shall be seen, by the true camera; beside a leader, as `goal`."""
         if goal is not None:
-            outline = self.world.outline
-            seen = goal.T_world_camera.inverse() @ goal.T_world_target
-            return sight_of(seen @ object_frame(outline), outline)
+            return sight_of(self._goal_pose(goal), self.world.outline)
         believed = self.running.goal_sight
         if self.world.camera_believed is self.world.camera:
             return believed
@@ -285,7 +279,7 @@ class Episode:
         began = perf_counter()
         now = self._moment or self.world.moment()
         frame = now.picture()
-        goal, theta, size = self._aim(frame.time, now.goal)
+        goal = now.goal or self.goal.truth(frame.time, now.truth.T_world_camera)
         self._moment = self._next_moment(frame.index)
         rendering = perf_counter() - began
         self._truths[frame.index] = now.truth
@@ -298,8 +292,6 @@ class Episode:
             truth=now.truth,
             target_before=now.target_before,
             goal=goal,
-            goal_theta=theta,
-            goal_size=size,
             goal_sight=self._goal_sight(frame.time, now.goal),
             estimate=latest.decision.estimate,
             truth_estimated=self._truths[latest.picture],

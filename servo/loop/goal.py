@@ -1,5 +1,6 @@
 """How the target shall be seen, at any time of a run."""
 
+from dataclasses import replace
 from math import radians
 from typing import final
 
@@ -9,7 +10,7 @@ from servo.loop.settings import GoalConfig
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.types import Sight
 from sim.placement import truth_above
-from sim.types import Array, Camera, Truth
+from sim.types import Array, Camera, Pose, Truth
 from tracking.types import Region, State
 
 
@@ -40,17 +41,20 @@ class Goal:
         self.pixel = np.array([pictured.width / 2 + config.x, pictured.height / 2 + config.y])
         """Where the target's centre shall be (2,) [px]."""
         self.theta = radians(config.angle_deg)
-        """Direction in which the target's nose shall point [rad]."""
+        """Direction in which the target's nose shall point, at its centre [rad]."""
         self._faced: dict[float, Truth] = {}
         region = Region(1.0, 1.0)  # each goal brings its own
         self._to_sight = EstimateToSight(SightConfig(), seen, region, outline, depth_factor)
 
-    def size(self, time: float) -> float:
-        """Return the size that the target shall have at a time [s], in px of the image a metre."""
-        depth = self._config.depth_at(time)
-        if self._camera.distortion is None:
-            return self._camera.focal / depth
-        return self._at(depth).size
+    def truth(self, time: float, T_world_camera: Pose) -> Truth:
+        """Return the truth if a camera with this pose had the target where it shall be at a time
+        [s].
+        """
+        faced = self._at(self._config.depth_at(time))
+        T_camera_target = faced.T_world_camera.inverse() @ faced.T_world_target
+        return replace(
+            faced, T_world_camera=T_world_camera, T_world_target=T_world_camera @ T_camera_target
+        )
 
     def sight(self, time: float, *, by_corners: bool = False) -> Sight:
         """Return the sight that the target shall have at a time [s].
@@ -61,15 +65,21 @@ class Goal:
                 pixels that are not square, show them as no rectangle of the target's shape. Other
                 trackers report a rectangle, which shall be one at the goal.
         """
+        faced = self._at(self._config.depth_at(time))
         if by_corners and not self._camera.is_plain:
-            return self._to_sight.goal_of(self._at(self._config.depth_at(time)).corners)
-        length, width = np.ptp(self._outline[:, :2], axis=0) * self.size(time)
-        x, y = self.pixel.tolist()
-        return self._to_sight.goal(State(x, y, self.theta), Region(length, width))
+            return self._to_sight.goal_of(faced.corners)
+        length, width = np.ptp(self._outline[:, :2], axis=0) * faced.size
+        x, y = faced.centre.tolist()
+        return self._to_sight.goal(State(x, y, faced.theta), Region(length, width))
 
     def _at(self, depth: float) -> Truth:
         """Return what is seen of a target that is faced at a depth [m]; the last one is kept."""
         if depth not in self._faced:
-            above = self._camera, self._outline, self.pixel, self.theta, depth
-            self._faced = {depth: truth_above(*above)}
+            camera = self._camera
+            faced = truth_above(camera, self._outline, self.pixel, self.theta, depth)
+            if camera.distortion is None:
+                # Without a lens these are known without the rounding of a projection.
+                size = camera.focal / depth
+                faced = replace(faced, centre=self.pixel, theta=self.theta, size=size)
+            self._faced = {depth: faced}
         return self._faced[depth]

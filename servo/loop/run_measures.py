@@ -119,7 +119,7 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
     counted = late or steps
     servo = _series(counted, lambda s: s.servo_error)
     turned = np.degrees(_servo_angles(steps))
-    grown = 100 * _series(steps, lambda s: s.truth.size / s.goal_size - 1)
+    grown = 100 * _series(steps, lambda s: s.truth.size / s.goal.size - 1)
     late_turned, late_grown = turned[-len(counted) :], grown[-len(counted) :]
     estimated = [s for s in counted if s.decided] or counted  # a repeated estimate counts once
     tracked = _series(estimated, lambda s: s.tracking_error)
@@ -264,7 +264,7 @@ def _off(step: Step) -> dict[str, float]:
     """Return what is too far from the goal and servoed, and how far it is, in `OFF_UNITS`."""
     angle, size = step.servoed
     turned = abs(_servo_angles([step])[0])
-    grown = abs(step.truth.size / step.goal_size - 1)
+    grown = abs(step.truth.size / step.goal.size - 1)
     found = dict[str, float]()
     if step.servo_error > CONVERGED_PX:
         found["centre"] = step.servo_error
@@ -290,7 +290,7 @@ def _servo_angles(steps: Sequence[Step]) -> Array:
     """Return the true angles (n,) against the goal [rad], over half a turn where the features do
     not tell front from back.
     """
-    apart = _series(steps, lambda s: s.truth.theta - s.goal_theta)
+    apart = _series(steps, lambda s: s.truth.theta - s.goal.theta)
     nearer = np.array([half_turn(angle) for angle in apart])
     if not steps[-1].tells_front_from_back:
         return nearer
@@ -323,7 +323,7 @@ def _speed(step: Step) -> float:
 def _path_measures(steps: Sequence[Step]) -> dict[str, float]:
     """Return the measures of the camera's way as the target sees it."""
     cameras = [s.T_object_camera for s in steps]
-    goal = steps[-1].goal_sight.pose.inverse()
+    goal = steps[-1].T_object_goal
     places = np.array([c.translation for c in cameras])
     there = goal.translation
     path = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())

@@ -52,8 +52,6 @@ class Scene:
     """Frame interval [s]."""
     room: MjModel
     """The world's model, for whoever draws it."""
-    led: bool = False
-    """Whether the goal is beside a leader, in any pose; else the target faces the camera there."""
 
     def true_sight(self, T_world_camera: Pose, T_world_target: Pose, goal: Sight) -> Sight:
         """Return what is seen of the target, exact."""
@@ -88,12 +86,8 @@ class Step:
     truth: Truth
     target_before: Pose
     """T_world_target one frame interval ago."""
-    goal: Array
-    """Where the target's centre shall be (2,) [px]."""
-    goal_theta: float
-    """Direction in which the target's nose shall point [rad]."""
-    goal_size: float
-    """Size the target shall have [px/m]."""
+    goal: Truth
+    """The truth if the target were where it shall be, before the same camera."""
     goal_sight: Sight
     """How the target shall be seen."""
     estimate: Estimate
@@ -170,24 +164,23 @@ class Step:
         return State(x, y, truth.theta, truth.size / self.scene.first_size)
 
     @property
-    def goal_corners(self) -> Array:
-        """Goal of the corners (4, 2) of the reference rectangle [px]."""
-        if self.scene.led:
-            return self.scene.camera.project(self.goal_sight.points)
-        x, y = self.goal.tolist()
-        scale = self.goal_size / self.scene.first_size
-        return self.region.corners(State(x, y, self.goal_theta, scale))
-
-    @property
     def corner_errors(self) -> Array:
         """Distances (4,) of the target's true corners from their goals [px]."""
-        return np.hypot(*(self.truth.corners - self.goal_corners).T)
+        return np.hypot(*(self.truth.corners - self.goal.corners).T)
 
     @property
     def T_object_camera(self) -> Pose:
         """True pose of the camera, seen from the target as `Sight.pose` describes it."""
-        T_world_object = self.truth.T_world_target @ object_frame(self.scene.outline)
-        return T_world_object.inverse() @ self.truth.T_world_camera
+        return self._seen_from_target(self.truth)
+
+    @property
+    def T_object_goal(self) -> Pose:
+        """Pose that the camera shall have, seen from the target in the same way."""
+        return self._seen_from_target(self.goal)
+
+    def _seen_from_target(self, truth: Truth) -> Pose:
+        T_world_object = truth.T_world_target @ object_frame(self.scene.outline)
+        return T_world_object.inverse() @ truth.T_world_camera
 
     @property
     def target_motion_true(self) -> Array:
@@ -254,7 +247,7 @@ class Step:
     @property
     def rotation_error(self) -> float:
         """Angle between the camera's true orientation and its goal [rad]."""
-        return angle_of(self.goal_sight.pose.rotation @ self.T_object_camera.rotation)
+        return angle_of(self.T_object_goal.rotation.T @ self.T_object_camera.rotation)
 
     @property
     def tells_front_from_back(self) -> bool:
@@ -301,7 +294,7 @@ class Step:
     @property
     def servo_error(self) -> float:
         """Distance of the target's true centre from the goal [px]."""
-        return float(np.hypot(*(self.truth.centre - self.goal)))
+        return float(np.hypot(*(self.truth.centre - self.goal.centre)))
 
     @property
     def tracking_error(self) -> float:

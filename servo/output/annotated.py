@@ -22,7 +22,7 @@ def annotated(step: Step) -> Image:
     drawn = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)
     picture: Image = drawn.astype("uint8", copy=False)
     status = step.estimate.status
-    outline(picture, step.goal_corners, colours.GOAL, factor)
+    outline(picture, step.goal.corners, colours.GOAL, factor)
     outline(picture, step.truth.corners, colours.TRUTH, factor)
     outline(picture, step.estimate.outline(step.region), colours.STATUS[status], factor)
     text = f"{step.frame.time:.2f} s  {status.name}  {step.servo_error:.1f} px"

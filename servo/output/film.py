@@ -77,7 +77,7 @@ class RunViews:
     def _draw_camera(self, step: Step) -> Image:
         marks = (
             (step.truth.corners, colours.TRUTH),
-            (step.goal_corners, colours.GOAL),
+            (step.goal.corners, colours.GOAL),
             (step.estimate.outline(step.region), colours.ESTIMATE),
         )
         ways = np.stack(self._corners, axis=1)

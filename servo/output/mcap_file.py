@@ -297,7 +297,7 @@ class RunMcap(McapFile):
             self.calibration(at, step.scene.camera)
         outlines = {
             colours.TRUTH: truth.corners,
-            colours.GOAL: step.goal_corners,
+            colours.GOAL: step.goal.corners,
             colours.ESTIMATE: step.estimate.outline(step.region),
         }
         image = step.frame.image if step.frame.fresh else None

@@ -178,7 +178,7 @@ def _states() -> Iterator[Quantity]:
         ("x", "y", "theta", "ln_scale"),
         units,
     )
-    yield _vector("goal", "goal", lambda s: s.goal, ("x", "y"), ("px", "px"))
+    yield _vector("goal", "goal", lambda s: s.goal.centre, ("x", "y"), ("px", "px"))
     yield _single("servo_error_px", "true centre to goal", lambda s: s.servo_error)
     yield _single(
         "tracking_error_px",

@@ -42,7 +42,7 @@ def hand_follow() -> None:
                 errors[kind].append(step.servo_error)
                 if kind == "kalman_cv" and step.frame.index in (0, 60, 240):
                     image = step.frame.image.copy()
-                    outline(image, step.goal_corners, colours.GOAL)
+                    outline(image, step.goal.corners, colours.GOAL)
                     pictures[step.frame.time] = image[30:430, 80:560]
     figure, axes = plt.subplot_mosaic(
         [["0", "1", "2"], ["error"] * 3], figsize=(8, 4.4), layout="constrained"

@@ -181,7 +181,7 @@ class RerunLog:
             self._rec.send_columns("world/eye/depth", index, columns)
         places = {
             "truth": [s.truth.corners for s in steps],
-            "goal": [s.goal_corners for s in steps],
+            "goal": [s.goal.corners for s in steps],
             "estimate": [s.estimate.outline(s.region) for s in steps],
         }
         for name, corners in places.items():
