@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from servo.parts import Controller, Estimator, FeatureSet, Task
     from servo.result import Run, Sweep, simulate, sweep
     from servo.scenario.load import Scenario, load
-    from servo.sliders import explore
     from servo.study.run import Record
     from servo.types import Command, Sight
     from sim.ranges import File
@@ -61,7 +60,6 @@ __all__ = [
     "Tracker",
     "__version__",
     "create",
-    "explore",
     "load",
     "run",
     "simulate",
@@ -73,7 +71,6 @@ HOMES = {
     "servo.loop.step": ("Step",),
     "servo.mistake": ("Mistake",),
     "servo.scenario.load": ("Scenario", "load"),
-    "servo.sliders": ("explore",),
     "servo.parts": ("Controller", "Estimator", "FeatureSet", "Task"),
     "servo.result": ("Run", "Sweep", "simulate", "sweep"),
     "servo.study.run": ("Record",),

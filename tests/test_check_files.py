@@ -149,47 +149,6 @@ def test_no_scenario_is_overwritten(tmp_path):
     assert (tmp_path / "mine.toml").read_text() == SHORT.format(bound=1000)
 
 
-@pytest.mark.processes
-def test_scenario_files_are_tests_of_pytest(tmp_path):
-    for name, text in {
-        "good": SHORT.format(bound=1000),
-        "bad": SHORT.format(bound=0.001),
-        "wrong": SHORT.format(bound=1) + "[run.x]\n",
-        "study": 'scenario = "line"\n',
-        "drawn": DRAWN.format(bound=1, rate=1),
-    }.items():
-        (tmp_path / f"{name}.toml").write_text(text)
-    told = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "--servobench", "--servobench-seeds=6", "."],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert told.returncode == 1
-    assert "13 failed, 12 passed" in told.stdout
-    assert f"  again: servobench run {tmp_path / 'bad.toml'} --seed 1\n" in told.stdout
-    assert "missed: servo_rms_px is " in told.stdout
-    assert "missed: drawn: 4 of 5 drawn seeds ended as expected" in told.stdout
-    assert f"  again: servobench check {tmp_path / 'drawn.toml'} --seeds 6\n" in told.stdout
-    assert "wrong.toml: run: there is no key 'x'" in told.stdout
-    assert "Traceback" not in told.stdout
-
-
-@pytest.mark.processes
-@pytest.mark.parametrize("count", ["0", "-3", "x"])
-def test_a_number_of_seeds_is_from_1_on(tmp_path, count):
-    told = subprocess.run(
-        [sys.executable, "-m", "pytest", "--servobench", f"--servobench-seeds={count}"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert told.returncode == 4
-    assert f"--servobench-seeds: expected a number from 1 on, got {count}\n" in told.stderr
-
-
 def test_a_scenario_that_cannot_be_read_is_an_error_in_the_files(tmp_path):
     (tmp_path / "wrong.toml").write_text("[run]\nduration = -1\n")
     files = {"junit": tmp_path / "out.xml", "json": tmp_path / "out.json"}
