@@ -22,7 +22,7 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, outline):
         return Centroid()

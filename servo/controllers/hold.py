@@ -12,7 +12,7 @@ from sim.types import Posture
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, rng: np.random.Generator) -> "Hold":
         """Return the controller; it draws nothing."""

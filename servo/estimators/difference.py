@@ -15,7 +15,7 @@ from sim.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, rng: np.random.Generator) -> "Plain":
         """Return the estimator; it draws nothing."""

@@ -28,7 +28,7 @@ or else each reversal is taken for the beginning of a faster drive."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, rng: np.random.Generator) -> ErrorFilters:
         """Return the estimator; it draws nothing."""

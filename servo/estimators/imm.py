@@ -31,7 +31,7 @@ IMPOSSIBLE = 1e-300
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, rng: np.random.Generator) -> "Imm":
         """Return the estimator; it draws nothing."""

@@ -31,7 +31,7 @@ THRESHOLD = 3.5
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, rng: np.random.Generator) -> ErrorFilters:
         """Return the estimator; it draws nothing."""

@@ -11,7 +11,7 @@ from sim.types import Array, Camera
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, outline: Array) -> "DecoupledFeatures":
         """Return the features of any target."""

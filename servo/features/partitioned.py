@@ -23,7 +23,7 @@ ALONG, ABOUT = 2, 5
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, outline: Array) -> "PartitionedFeatures":
         """Return the features of any target."""

@@ -23,7 +23,7 @@ RANK_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set; the pixels' interaction matrix is taken at the goal."""
+    """No settings; the pixels' interaction matrix is taken at the goal."""
 
     def build(self, outline: Array) -> "PhotometricFeatures":
         """Return the features of any picture."""

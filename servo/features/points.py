@@ -16,7 +16,7 @@ NOISE = 2e-4
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, outline: Array) -> "PointFeatures":
         """Return the features of any target."""

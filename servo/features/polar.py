@@ -17,7 +17,7 @@ NOISE = (2e-4, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, outline: Array) -> "PolarFeatures":
         """Return the features of any target."""

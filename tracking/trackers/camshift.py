@@ -17,7 +17,7 @@ SMALLEST_BOX = 4
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, rng: np.random.Generator) -> "Camshift":
         """Return the tracker; it draws nothing."""

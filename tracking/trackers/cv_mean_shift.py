@@ -14,7 +14,7 @@ from tracking.wrapped.boxes import box_of
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, rng: np.random.Generator) -> "CvMeanShift":
         """Return the tracker; it draws nothing."""

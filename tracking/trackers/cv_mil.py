@@ -20,7 +20,7 @@ SEED_BITS = 31
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, rng: np.random.Generator) -> "CvMil":
         """Return the tracker; OpenCV's own random state is seeded from the generator."""

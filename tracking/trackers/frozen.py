@@ -19,7 +19,7 @@ from tracking.types import (
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, rng: np.random.Generator) -> "Frozen":
         """Return the tracker; it draws nothing."""

@@ -77,7 +77,7 @@ LARGEST_GROWTH = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set."""
+    """No settings."""
 
     def build(self, rng: np.random.Generator) -> "Homography":
         """Return the tracker; it draws the places where it searches."""

@@ -49,7 +49,7 @@ FARTHEST = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing to set: the tag nearest the region is followed."""
+    """No settings: the tag nearest the region is followed."""
 
     def build(self, rng: np.random.Generator) -> "Tag":
         """Return the tracker; it draws nothing."""
