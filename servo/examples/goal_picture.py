@@ -1,0 +1,13 @@
+"""Servoing to a goal picture: the brightness of the pixels are the features (photometric)."""
+
+import cv2
+
+import servo
+
+with servo.Episode(servo.load("photometric", vary={}), shows_goal=True) as episode:
+    cv2.imwrite("goal.png", episode.goal_picture[..., ::-1])
+    steps = list(episode)
+for name, step in (("first", steps[0]), ("last", steps[-1])):
+    cv2.imwrite(f"{name}.png", step.frame.image[..., ::-1])
+    off = cv2.absdiff(step.frame.image, episode.goal_picture).mean()
+    print(f"{name} picture: {off:.1f} grey levels from the goal's, {step.servo_error:.2f} px")

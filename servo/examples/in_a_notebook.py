@@ -1,0 +1,10 @@
+"""What a cell of a notebook does: run, look at the measures, the curves and a picture."""
+
+import servo
+
+result = servo.simulate("reversal", seed=3, gain=1.5, duration=1.0, after=0.5)
+result  # alone in a cell: outcome, measures and plots
+print(result.measures)
+result.figure().savefig("errors.png")
+result.frame(0.4).save("picture.png")  # truth white, goal red, estimate green
+result.film().save("film.mp4")

@@ -1,0 +1,56 @@
+"""Features of one's own: the centre of the target and the logarithm of its size."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import servo
+
+
+@dataclass(frozen=True)
+class Config:
+    """No settings."""
+
+    def build(self, outline):
+        """Return the features of any target."""
+        return CentreAndSize()
+
+
+class CentreAndSize:
+    """s = (x, y, ln a), with a the square root of the seen area."""
+
+    names = ("x", "y", "ln a")
+    units = ("1", "1", "1")
+    noise = np.array([2e-4, 2e-4, 2e-3])
+    feed_forward = ("x", "y")
+    sole_dof = {"ln a": "vz"}
+
+    def values(self, sight):
+        """Return s (3,)."""
+        m = sight.moments
+        return np.array([m.xg, m.yg, np.log(m.area) / 2])
+
+    def matrix(self, sight):
+        """Return L (3, 6) for a target that is parallel to the image and small."""
+        x, y, _ = self.values(sight)
+        near = sight.plane.C  # 1 / Z
+        rows = [-near, 0, x * near, x * y, -1 - x * x, y]
+        columns = [0, -near, y * near, 1 + y * y, -x * y, -x]
+        return np.array([rows, columns, [0, 0, near, 1.5 * y, -1.5 * x, 0]])
+
+    def error(self, values, goal):
+        """Return e = s - s* (3,)."""
+        return values - goal
+
+    def known(self, sight):
+        """Return flags (3,): which of them are measured."""
+        return np.array([True, True, sight.size_known])
+
+    def scales(self, goal):
+        """Return ones (3,)."""
+        return np.ones(3)
+
+
+start = {"x": 60.0, "scale": 1.2}
+result = servo.simulate("still", features=Config, start=start, duration=2.0)
+print(f"{result.outcome.name}, {result[-1].servo_error:.2f} px from the goal")
