@@ -249,7 +249,7 @@ CONTRACTS: Mapping[str, Mapping[str, Check | None]] = {
         "update": partial(check_prediction, "update"),
         "skip": partial(check_prediction, "skip"),
     },
-    "controller": {"start": None, "aim": None, "command": check_command},
+    "controller": {"start": None, "command": check_command},
     "motion": {"at": check_pose},
     "disturbances": {"at": check_effect},
 }
@@ -282,6 +282,11 @@ def check_built(place: str, built: object) -> None:
             raise BrokenContract(f"build returned {kind}, which has no method {name}")
     if place == "features":
         check_names(cast(FeatureSet, built))
+    if place == "controller":
+        require(
+            not hasattr(built, "aim"),
+            "it has a method aim, which is not called: command finds the goal in seen.goal",
+        )
     if place == "disturbances":
         right = isinstance(getattr(built, "props", None), tuple)
         require(right, "it has no tuple `props`; () if it needs nothing in the scene")

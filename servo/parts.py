@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from servo.types import Command, OwnMotion, Prediction, Sight
-from sim.types import Array, Camera, Posture
+from sim.types import Array, Camera, Frame, Posture
 
 
 class FeatureSet(Protocol):
@@ -172,15 +172,32 @@ class Controller(Protocol):
             ValueError: A setting does not fit the features.
         """
 
-    def aim(self, goal: Sight) -> None:
-        """Go on with another goal."""
-
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return the twist to ask for now.
 
         Args:
-            seen: The target, None where it was not seen.
+            seen: The target, None where it was not seen. Its `goal` is the desired sight; where
+                the goal moves, it is another one than that of the task.
             posture: What the robot knows of itself.
             dt: Time since the last picture that the tracker took [s].
+        """
+        ...
+
+
+class GoalSource(Protocol):
+    """Where the goal of each picture comes from."""
+
+    @property
+    def moved_by(self) -> str:
+        """The setting with which the goal moves; empty where it stays."""
+        ...
+
+    def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
+        """Return the desired sight at the time of a frame; the same object while the goal stays,
+        and None where the goal is not known.
+
+        Args:
+            frame: The picture.
+            by_corners: Whether the tracker reports the target's corners.
         """
         ...

@@ -77,9 +77,10 @@ def estimator(**changes):
 
 
 def controller(*twist, **more):
-    still = {"start": lambda task: None, "aim": lambda goal: None}
     return config_for(
-        lambda rng: SimpleNamespace(**still, command=lambda *_: Command(*twist, **more))
+        lambda rng: SimpleNamespace(
+            start=lambda task: None, command=lambda *_: Command(*twist, **more)
+        )
     )
 
 

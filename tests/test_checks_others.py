@@ -73,14 +73,17 @@ OTHER_PARTS = {
         check_estimator, estimator(skip=lambda r: Prediction(*np.zeros((4, 4))))),
     "the same errors gave other estimates the second time": (
         check_estimator, estimator(update=predicted(lambda r: np.random.default_rng().random(4)))),
+    "it has a method aim, which is not called: command finds the goal in seen.goal": (
+        check_controller, config_for(lambda rng: SimpleNamespace(
+            start=print, aim=print, command=lambda *a: None))),
     "command returned NoneType; return a Command": (check_controller, config_for(
-        lambda rng: SimpleNamespace(start=print, aim=print, command=lambda *a: None))),
+        lambda rng: SimpleNamespace(start=print, command=lambda *a: None))),
     "it should be six finite numbers (vx, vy, vz, wx, wy, wz)": (check_controller, config_for(
         lambda rng: SimpleNamespace(
-            start=lambda t: None, aim=lambda g: None, command=lambda *a: Command(np.zeros(5))))),
+            start=lambda t: None, command=lambda *a: Command(np.zeros(5))))),
     "the same sights gave other twists the second time": (check_controller, config_for(
         lambda rng: SimpleNamespace(
-            start=lambda t: None, aim=lambda g: None,
+            start=lambda t: None,
             command=lambda *a: Command(np.random.default_rng().random(6))))),
     "at returned NoneType, not a Pose": (
         check_motion, config_for(lambda rng: SimpleNamespace(at=lambda t: None))),
@@ -127,7 +130,7 @@ def counting(call, answer):
 
     def make(rng):
         numbers = itertools.count()
-        part = SimpleNamespace(start=lambda task: None, aim=lambda goal: None)
+        part = SimpleNamespace(start=lambda task: None)
         part.skip = lambda own, dt: Prediction.unmeasured(np.zeros(4), np.zeros(4))
         setattr(part, call, lambda *given: answer(np.full(4, float(next(numbers)))))
         return part

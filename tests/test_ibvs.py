@@ -216,7 +216,6 @@ def test_the_commands_under_way_are_counted_in():
 def test_another_goal_is_gone_to():
     controller = started(Config())
     assert controller.command(sight(), STILL, DT).twist[2] == pytest.approx(0.0, abs=1e-9)
-    controller.aim(sight(depth=0.8))
-    command = controller.command(sight(), STILL, DT)
+    command = controller.command(replace(sight(), goal=sight(depth=0.8)), STILL, DT)
     assert command.trace.error[2] == pytest.approx(0.2)
     assert command.twist[2] == pytest.approx(0.4, rel=1e-6)

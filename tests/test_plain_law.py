@@ -30,9 +30,6 @@ class Plain:
     def start(self, task):
         self.task = task
 
-    def aim(self, goal):
-        pass
-
     def command(self, seen, posture, dt):
         asked = np.zeros(6) if seen is None else proportional(seen, self.task, gain=self.gain)
         return servo.Command(asked)

@@ -123,7 +123,6 @@ def test_the_side_is_named_and_approached_exponentially(side):
     x, y = np.array(SIDES[side]) * [320 / 600 - 0.1, 240 / 600 - 0.05]
     goal, turned = seen_in(pose_of([3 * x, 3 * y, 1.0], NO_TURN)), law(margin=5.0)
     sight = seen_in(pose_of([x, y, 1.0], NO_TURN), goal)
-    turned.aim(goal)
     command = turned.command(sight, STILL, DT)
     assert (command.limits, command.violated) == ((f"view {side}",), ())
     nearer = seen_in(exp_se3(command.twist * 1e-6).inverse() @ sight.pose)

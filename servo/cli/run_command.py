@@ -186,7 +186,7 @@ def _tilt_line(episode: Episode) -> str:
     ours = type(scenario.tracker).__module__.startswith(f"{KINDS.folder}.")
     if not ours or tracker in OF_CORNERS or getattr(scenario.tracker, "corners", False):
         return ""
-    goal = episode.loop.goal.sight(0.0)
+    goal = episode.running.goal_sight
     is_tilted = scenario.start.tilt_deg > degrees(START_TURNED) and not episode.loop.uses_pictures
     if not is_tilted or len(episode.loop.features.values(goal)) < DOF:
         return ""

@@ -1,4 +1,4 @@
-"""A control law without a `Config`: a class with `start`, `aim` and `command`, or a function; and a
+"""A control law without a `Config`: a class with `start` and `command`, or a function; and a
 policy: a class with `act`, or a function of three.
 
 A law is called as law(seen, task) for each picture in which the target is seen, and returns the
@@ -64,15 +64,13 @@ class FunctionLaw:
         """Begin a task."""
         self._task = task
 
-    def aim(self, goal: Sight) -> None:
-        """Go on with another goal."""
-        self._task = replace(self._task, goal=goal)
-
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return what the function asks for; without a target, no motion."""
         if seen is None:
             return Command(np.zeros(6), mode=Mode.HOLDING)
-        asked = self._law(seen, self._task, **self._settings)
+        asked = self._law(
+            seen, replace(self._task, goal=seen.goal or self._task.goal), **self._settings
+        )
         return asked if isinstance(asked, Command) else Command(np.asarray(asked, float))
 
 
@@ -99,13 +97,9 @@ class PolicyLaw:
         """
         if self._reset is not None:
             self._reset()
-        self.aim(task.goal)
-
-    def aim(self, goal: Sight) -> None:
-        """Go on with another goal."""
-        if goal.picture is None:
+        if task.goal.picture is None:
             raise ValueError("there is no picture of the goal; give Loop.start one")
-        self._goal = goal.picture.image
+        self._goal = task.goal.picture.image
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return what the policy asks for; for a dropped frame, no motion."""

@@ -62,15 +62,11 @@ class Broyden:
         """Begin a task: nothing is known."""
         c = self._config
         self._features = task.features
-        self.aim(task.goal)
+        self._goal = task.goal
         self._limits = Limits(c.fastest, c.fastest_turn, None, None)
-        self._matrix = np.zeros((len(self._goal), len(DOF)))
+        self._matrix = np.zeros((len(self._features.names), len(DOF)))
         self._before: Array | None = None
         self._time = 0.0
-
-    def aim(self, goal: Sight) -> None:
-        """Go on with another goal."""
-        self._goal = self._features.values(goal)
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return the twist for what is seen now; where it is not seen, none."""
@@ -83,7 +79,7 @@ class Broyden:
         self._before = values
         twist = self._probe()
         if twist is None:
-            error = self._features.error(values, self._goal)
+            error = self._features.error(values, self._features.values(seen.goal or self._goal))
             twist = -self._config.gain * np.linalg.pinv(self._matrix, rcond=WEAK) @ error
         self._time += dt
         twist, saturated = self._limits.apply(twist, dt)

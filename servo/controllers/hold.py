@@ -26,9 +26,6 @@ class Hold:
     def start(self, task: Task) -> None:
         """Begin a task."""
 
-    def aim(self, goal: Sight) -> None:
-        """Go on with another goal."""
-
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Ask for no motion."""
         return Command(np.zeros(6), mode=Mode.HOLDING)

@@ -84,7 +84,7 @@ class Ibvs:
         self._fed = _fed_forward(c, self._features)
         if self._guard is not None:
             self._guard.start(task)
-        self.aim(task.goal)
+        self._aim(task.goal)
         self._scales = self._features.scales(self._goal)
         self._known = self._features.known(task.goal)
         self._tilt_seen = False
@@ -100,8 +100,9 @@ class Ibvs:
         self._time = 0.0
         self._servoed: NDArray[np.bool_] | None = None
 
-    def aim(self, goal: Sight) -> None:
-        """Go on with another goal."""
+    def _aim(self, goal: Sight) -> None:
+        """Take over another goal."""
+        self._aimed_at = goal
         self._goal = self._features.values(goal)
         self._goal_matrix = self._features.matrix(goal)
 
@@ -141,6 +142,8 @@ class Ibvs:
             self._before = None
             self._change = None
             return
+        if seen.goal is not None and seen.goal is not self._aimed_at:
+            self._aim(seen.goal)
         known_before = self._known
         self._known = self._features.known(seen)
         self._tilt_seen = seen.tilt_known

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from servo.loop.goal import Goal
+from servo.goals.faced import Faced
 from servo.loop.inputs import check_type
 from servo.loop.loop import Loop
 from servo.loop.part_failures import Part, PartFailed
@@ -97,7 +97,7 @@ class Episode:
             with self._refusals():
                 believed = scenario.believed.outline(outline)
                 self.loop = Loop(scenario, self.world.camera_believed, believed, self.world.camera)
-            self.goal = Goal(scenario.goal, outline, self.world.camera, self.world.camera)
+            self.goal = Faced(scenario.goal, outline, self.world.camera, self.world.camera)
             """How the true camera shall see the target, where no leader says so."""
             goal = self._picture_at_goal() if self.loop.uses_pictures or shows_goal else None
             self.goal_picture = goal
@@ -250,14 +250,14 @@ class Episode:
         seen = goal.T_world_camera.inverse() @ goal.T_world_target
         return seen @ object_frame(self.world.outline)
 
-    def _goal_sight(self, time: float, goal: Truth | None) -> Sight:
+    def _goal_sight(self, frame: Frame, goal: Truth | None) -> Sight:
         """Return how the target shall be seen, by the true camera; beside a leader, as `goal`."""
         if goal is not None:
             return sight_of(self._goal_pose(goal), self.world.outline)
         believed = self.running.goal_sight
         if self.world.camera_believed is self.world.camera:
             return believed
-        true = self.goal.sight(time, by_corners=self.running.by_corners)
+        true = self.goal.sight(frame, by_corners=self.running.by_corners)
         return replace(true, picture=believed.picture)
 
     def _pass(self, twists: Array) -> None:
@@ -292,7 +292,7 @@ class Episode:
             truth=now.truth,
             target_before=now.target_before,
             goal=goal,
-            goal_sight=self._goal_sight(frame.time, now.goal),
+            goal_sight=self._goal_sight(frame, now.goal),
             estimate=latest.decision.estimate,
             truth_estimated=self._truths[latest.picture],
             picture=latest.picture,

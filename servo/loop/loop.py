@@ -17,14 +17,15 @@ import numpy as np
 
 from servo.contracts import check_followed
 from servo.estimators.difference import Difference
-from servo.loop.goal import Goal
+from servo.goals.faced import Faced
+from servo.goals.led import Led
+from servo.goals.shown import Shown
 from servo.loop.inputs import check_frame, check_picture, check_posture, check_setup, check_start
 from servo.loop.part_failures import Part, PartFailed
 from servo.loop.posture_record import elapsed
 from servo.loop.settings import Setup, stream
-from servo.parts import Controller, Estimator, FeatureSet, Forgets, NeedsTruth, Task
+from servo.parts import Controller, Estimator, FeatureSet, Forgets, GoalSource, NeedsTruth, Task
 from servo.sight.estimate_to_sight import EstimateToSight
-from servo.sight.leader_sight import LeaderSight
 from servo.types import CameraImage, Command, Sight
 from sim.targets import tag
 from sim.types import Array, Camera, Frame, Image, Posture, Truth
@@ -139,16 +140,8 @@ class Loop:
         self.latest: Callable[[], Running | None] = lambda: None
         """The run that was started last, if somebody still has it: it alone has the parts."""
         true = true or camera
-        pictured = camera if scenario.believed.goal == "computed" else true
-        seen = true if scenario.believed.goal == "pose" else camera
-        self.moving_goal = ""
-        """The setting with which the goal moves; else nothing."""
-        if scenario.goal.depth_to is not None:
-            self.moving_goal = "goal.depth_to"
-        if scenario.leader.id is not None:
-            self.moving_goal = "leader.id"
-        self.goal = Goal(scenario.goal, outline, pictured, seen, scenario.believed.depth_factor)
-        """How the target shall be seen."""
+        self._pictured = camera if scenario.believed.goal == "computed" else true
+        self._seen = true if scenario.believed.goal == "pose" else camera
 
     def start(
         self,
@@ -185,11 +178,30 @@ class Loop:
         for draws, state_at_first in self._draws:
             draws.bit_generator.state = state_at_first  # each start gives the same numbers
         self.latest = lambda: None
-        running = Running(self, frame, (region, state), goal, true_motion, truth)
+        source = self._goal_source(goal)
+        running = Running(self, frame, (region, state), source, true_motion, truth)
         # Weakly: a tracker's process ends with the last one who has the loop, not when the garbage
         # collector finds a circle.
         self.latest = ref(running)
         return running
+
+    def _goal_source(self, picture: Image | None) -> GoalSource:
+        """Return what gives the goal of each picture of a run, with the goal's picture (H, W, 3)
+        if there is one.
+
+        Raises:
+            ValueError: The picture is none of this camera, or the goal moves and it cannot.
+        """
+        s = self.scenario
+        factor = s.believed.depth_factor
+        if s.leader.id is None:
+            source = Faced(s.goal, self.outline, self._pictured, self._seen, factor)
+        else:
+            source = Led(s.leader, self.outline, self.camera, factor)
+        if picture is None:
+            return source
+        check_picture("goal", picture, self.camera)
+        return Shown(source, CameraImage(picture, self.camera))
 
 
 def _is_tag(scenario: Setup, outline: Array) -> bool:
@@ -209,7 +221,7 @@ class Running:
         loop: Loop,
         frame: Frame,
         target: tuple[Region, State],
-        goal: Image | None,
+        goal: GoalSource,
         true_motion: TrueMotion | None,
         truth: Callable[[int], Truth] | None,
     ) -> None:
@@ -220,10 +232,7 @@ class Running:
         self._true_motion = true_motion
         self._truth = truth
         self._check_settings(frame)
-        self._goal_picture = None
-        if goal is not None:
-            check_picture("goal", goal, loop.camera)
-            self._goal_picture = CameraImage(goal, loop.camera)
+        self._goals = goal
         self._tell(frame)
         try:
             loop.tracker.start(frame, region, state)
@@ -247,10 +256,7 @@ class Running:
         features = loop.features
         loop.estimator.start(features)
         self._difference = Difference(features)
-        self._leader = None
-        if scenario.leader.id is not None:
-            self._leader = LeaderSight(scenario.leader, loop.camera)
-        first = self._goal_sight(frame, 0.0)
+        first = goal.sight(frame, by_corners=False)
         if first is None:
             raise ValueError(f"leader: no tag {scenario.leader.id} is seen in the first picture")
         self.goal_sight = first
@@ -287,11 +293,6 @@ class Running:
             raise ValueError(
                 "estimator: the true motion of features made of pixels is not known; choose "
                 "another one, such as none"
-            )
-        if loop.uses_pictures and loop.moving_goal:
-            raise ValueError(
-                f"{loop.moving_goal}: pixels are compared with one picture, taken at the first "
-                "goal, so this goal cannot move"
             )
         if loop.needs_truth is not None and self._true_motion is None:
             raise ValueError(NO_TRUTH)
@@ -352,9 +353,7 @@ class Running:
         estimate = loop.tracker.update(frame, ego)
         if not self._follows_known and estimate.status is Status.LOCKED:
             self._follows_known = True
-            if estimate.corners is not None and self._leader is None:
-                self.by_corners = True
-                self._aim(self._goal_sight(frame, frame.time))
+            self.by_corners = estimate.corners is not None
             with Part("features", loop.scenario.features).naming():
                 check_followed(loop.features, estimate, self.goal_sight)
         return estimate
@@ -383,11 +382,9 @@ class Running:
                 acts = frame.time + loop.scenario.run.frames_late(self._period) * self._period
             motion = self._true_motion(frame.index, acts, acts + observation.interval)
             loop.needs_truth.give(motion / self._scales)
-        goal = self.goal_sight
-        if loop.moving_goal:
-            goal = self._goal_sight(frame, frame.time)
-            self._aim(goal)
-        # Where the leader is not seen the error is not known, as where the target is not.
+        goal = self._goals.sight(frame, by_corners=self.by_corners)
+        self.goal_sight = goal or self.goal_sight
+        # Where the goal is not known the error is not, as where the target is not seen.
         sight = None if goal is None else self._sight(frame, observation.estimate, posture)
         if frame.fresh and sight is None and loop.forgets is not None:
             loop.forgets.forget()
@@ -403,24 +400,10 @@ class Running:
         goal = self.goal_sight
         if not frame.fresh:
             return None
-        if self._goal_picture is None:
+        if goal.picture is None:
             return self._to_sight.see(estimate, posture, goal, frame.depth)
         picture = CameraImage(frame.image, self._loop.camera)
         return replace(goal, picture=picture, goal=goal)
-
-    def _aim(self, goal: Sight | None) -> None:
-        """Go on with another goal, if there is one."""
-        if goal is not None:
-            self.goal_sight = goal
-            self._loop.controller.aim(goal)
-
-    def _goal_sight(self, frame: Frame, time: float) -> Sight | None:
-        """Return the goal of a picture at a time [s]; None where its leader is not seen."""
-        if self._leader is not None:
-            pose = self._leader.goal(frame.image)
-            return None if pose is None else self._to_sight.at(pose)
-        sight = self._loop.goal.sight(time, by_corners=self.by_corners)
-        return sight if self._goal_picture is None else replace(sight, picture=self._goal_picture)
 
     def _measured(self, command: Command, sight: Sight | None, interval: float) -> Array:
         trace = command.trace

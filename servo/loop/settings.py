@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Le
 
+from servo.goals.faced import Depth, GoalConfig, Pixels
 from servo.mistake import Mistake
 from servo.parts import Controller, Estimator, FeaturesConfig
 from servo.sight.estimate_to_sight import SightConfig
@@ -16,7 +17,7 @@ from sim.kinematics.robot import Design
 from sim.leader import LeaderConfig
 from sim.miscalibration import BelievedConfig
 from sim.models.target import Target
-from sim.ranges import LONGEST, Degrees, Interval, Place, Time
+from sim.ranges import LONGEST, Degrees, Place, Time
 from sim.stage import Disturbance, Motion
 from sim.surroundings import ClutterConfig, GroundConfig, LightConfig
 from sim.types import Array, Truth
@@ -33,8 +34,6 @@ DOES_NOT_REPEAT = (
     'run.tracker_ms = "measured": the tracker\'s time on this machine decided what it saw, so the '
     "same seed does not give the same numbers"
 )
-Pixels = Annotated[float, Ge(-10_000), Le(10_000)]
-Depth = Annotated[float, Ge(0.01), Le(100)]
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
@@ -75,31 +74,6 @@ class RunConfig:
     def repeats(self) -> bool:
         """Return whether the same seed gives the same numbers."""
         return self.tracker_ms != "measured"
-
-
-@dataclass(frozen=True, slots=True)
-class GoalConfig:
-    """Where the target shall be seen."""
-
-    x: Pixels = 0.0
-    """To the right of the image's centre [px]."""
-    y: Pixels = 0.0
-    """Below the image's centre [px]."""
-    angle_deg: Degrees = 0.0
-    """Direction of the target's nose, from right towards down [deg]."""
-    depth: Depth = 1.0
-    """Distance of the target's reference rectangle [m]."""
-    depth_to: Depth | None = None
-    """Another distance to go to [m]; by default the goal stays."""
-    change_start: Time = 3.0
-    """When the goal begins to change [s]."""
-    change_duration: Interval = 3.0
-    """How long it changes, at constant speed [s]."""
-
-    def depth_at(self, time: float) -> float:
-        """Return the distance [m] asked for at a time [s]."""
-        done = float(np.clip((time - self.change_start) / self.change_duration, 0.0, 1.0))
-        return self.depth + done * ((self.depth_to or self.depth) - self.depth)
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,9 +70,6 @@ class Server:
     def start(self, task: Task) -> None:
         """Begin a task, which is not known here."""
 
-    def aim(self, goal: Sight) -> None:
-        """Go on with another goal, which is not known here."""
-
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return the newest twist; zeros where it is too old, or was refused."""
         self._listen()

@@ -3,8 +3,8 @@
 from contextlib import suppress
 from typing import Any
 
+from servo.goals.faced import GoalConfig
 from servo.loop.settings import (
-    GoalConfig,
     MeasureConfig,
     RegionConfig,
     RunConfig,

@@ -1,5 +1,6 @@
 """The contracts of feature sets, estimators and controllers."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -141,9 +142,8 @@ def _twists(latency: int, pixels: bool, controller: Controller) -> Array:
     estimator = built("estimator", NoEstimate())
     estimator.start(features)
     goal = _sight(Pose.planar(0.0, 0.0, 0.0), pixels=pixels)
-    seen = _sight(Pose.planar(0.05, 0.02, 0.3), pixels=pixels)
+    seen = replace(_sight(Pose.planar(0.05, 0.02, 0.3), pixels=pixels), goal=goal)
     controller.start(Task(goal, features, estimator, CAMERA, OUTLINE, latency))
-    controller.aim(goal)
     twists: list[Array] = []
     for sight in (None, seen, None, seen, *[None] * 30, seen):
         twists.append(controller.command(sight, posture(), DT).twist)

@@ -76,15 +76,11 @@ class StraightLaw:
 
     def start(self, task):
         self._features = task.features
-        self.aim(task.goal)
-
-    def aim(self, goal):
-        self._goal = self._features.values(goal)
 
     def command(self, seen, posture, dt):
         twist = np.zeros(6)
         if seen is not None:
-            error = self._features.error(self._features.values(seen), self._goal)
+            error = self._features.error(*map(self._features.values, (seen, seen.goal)))
             matrix = self._features.matrix(seen)[:, :2]
             twist[:2] = -self._config.gain * np.linalg.pinv(matrix) @ error
         return Command(twist)

@@ -30,13 +30,9 @@ class Switched:
 
     def start(self, task):
         self._camera = task.camera
-        self._goal = task.goal
         self._points = points.Config().build(task.outline)
         self._pose = pose.Config().build(task.outline)
         self._now = self._points
-
-    def aim(self, goal):
-        self._goal = goal
 
     def command(self, seen, posture, dt):
         if seen is None or not seen.tilt_known:  # the pose is not measured
@@ -47,5 +43,5 @@ class Switched:
             self._now = self._pose
         if min(corners.min(), sides.min()) < self._config.nearest:
             self._now = self._points
-        error = self._now.error(self._now.values(seen), self._now.values(self._goal))
+        error = self._now.error(self._now.values(seen), self._now.values(seen.goal))
         return Command(-self._config.gain * np.linalg.pinv(self._now.matrix(seen)) @ error)

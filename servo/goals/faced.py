@@ -1,22 +1,51 @@
-"""How the target shall be seen, at any time of a run."""
+"""A goal that faces the camera, at a pixel, an angle and a depth, which may change once."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import radians
-from typing import final
+from typing import Annotated, final
 
 import numpy as np
+from annotated_types import Ge, Le
 
-from servo.loop.settings import GoalConfig
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.types import Sight
 from sim.placement import truth_above
-from sim.types import Array, Camera, Pose, Truth
+from sim.ranges import Degrees, Interval, Time
+from sim.types import Array, Camera, Frame, Pose, Truth
 from tracking.types import Region, State
+
+Pixels = Annotated[float, Ge(-10_000), Le(10_000)]
+Depth = Annotated[float, Ge(0.01), Le(100)]
+
+
+@dataclass(frozen=True, slots=True)
+class GoalConfig:
+    """Where the target shall be seen."""
+
+    x: Pixels = 0.0
+    """To the right of the image's centre [px]."""
+    y: Pixels = 0.0
+    """Below the image's centre [px]."""
+    angle_deg: Degrees = 0.0
+    """Direction of the target's nose, from right towards down [deg]."""
+    depth: Depth = 1.0
+    """Distance of the target's reference rectangle [m]."""
+    depth_to: Depth | None = None
+    """Another distance to go to [m]; by default the goal stays."""
+    change_start: Time = 3.0
+    """When the goal begins to change [s]."""
+    change_duration: Interval = 3.0
+    """How long it changes, at constant speed [s]."""
+
+    def depth_at(self, time: float) -> float:
+        """Return the distance [m] asked for at a time [s]."""
+        done = float(np.clip((time - self.change_start) / self.change_duration, 0.0, 1.0))
+        return self.depth + done * ((self.depth_to or self.depth) - self.depth)
 
 
 @final
-class Goal:
-    """The target, faced at a pixel, an angle and a depth."""
+class Faced:
+    """The target, faced by the camera."""
 
     def __init__(
         self,
@@ -43,6 +72,9 @@ class Goal:
         self.theta = radians(config.angle_deg)
         """Direction in which the target's nose shall point, at its centre [rad]."""
         self._faced: dict[float, Truth] = {}
+        self._sights: dict[tuple[float, bool], Sight] = {}
+        self.moved_by = "" if config.depth_to is None else "goal.depth_to"
+        """The setting with which the goal moves; empty where it stays."""
         region = Region(1.0, 1.0)  # each goal brings its own
         self._to_sight = EstimateToSight(SightConfig(), seen, region, outline, depth_factor)
 
@@ -56,16 +88,22 @@ class Goal:
             faced, T_world_camera=T_world_camera, T_world_target=T_world_camera @ T_camera_target
         )
 
-    def sight(self, time: float, *, by_corners: bool = False) -> Sight:
-        """Return the sight that the target shall have at a time [s].
+    def sight(self, frame: Frame, *, by_corners: bool) -> Sight:
+        """Return the desired sight at the time of a frame.
 
         Args:
-            time: Of the run.
-            by_corners: For a tracker that reports the target's corners: a lens that distorts, or
+            frame: Any picture of the run.
+            by_corners: Whether the tracker reports the target's corners: a lens that distorts, or
                 pixels that are not square, show them as no rectangle of the target's shape. Other
-                trackers report a rectangle, which shall be one at the goal.
+                trackers report a rectangle, so their goal is one.
         """
-        faced = self._at(self._config.depth_at(time))
+        depth = self._config.depth_at(frame.time)
+        if (depth, by_corners) not in self._sights:
+            self._sights = {(depth, by_corners): self._sight(depth, by_corners=by_corners)}
+        return self._sights[depth, by_corners]
+
+    def _sight(self, depth: float, *, by_corners: bool) -> Sight:
+        faced = self._at(depth)
         if by_corners and not self._camera.is_plain:
             return self._to_sight.goal_of(faced.corners)
         length, width = np.ptp(self._outline[:, :2], axis=0) * faced.size

@@ -1,0 +1,1 @@
+"""Where the goal of a picture comes from: one source a file."""

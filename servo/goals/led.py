@@ -1,0 +1,48 @@
+"""A goal beside a leader: a free tag, which is found anew in each picture."""
+
+from typing import final
+
+import numpy as np
+
+from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
+from servo.sight.planar_pose import CornersToPose
+from servo.types import Sight
+from sim.kinematics.model import mount_pose
+from sim.leader import LeaderConfig
+from sim.types import Array, Camera, Frame, Pose
+from tracking.trackers.tag import Tag
+from tracking.types import Region
+
+STANDS = Pose(np.eye(3), np.zeros(3))
+"""The camera's pose: it never moves."""
+
+
+@final
+class Led:
+    """Where the held target shall be, as the camera sees it."""
+
+    moved_by = "leader.id"
+
+    def __init__(
+        self, config: LeaderConfig, outline: Array, camera: Camera, depth_factor: float = 1.0
+    ) -> None:
+        """Begin a run, with the outline (4, 3) of the held target [m]; the others are those of
+        `EstimateToSight`.
+        """
+        self._number = config.id
+        self._beside = mount_pose(config.beside)
+        self._camera = camera
+        self._tag = Tag()
+        self._seen: Array | None = None
+        self._corners_to_pose = CornersToPose((config.size, config.size))
+        region = Region(1.0, 1.0)  # a pose needs no template
+        self._to_sight = EstimateToSight(SightConfig(), camera, region, outline, depth_factor)
+
+    def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
+        """Return the desired sight; None where the tag is not seen."""
+        if self._number is not None:
+            self._seen = self._tag.find(frame.image, self._number, self._seen)
+        if self._seen is None:
+            return None
+        pose = self._corners_to_pose.of(self._camera.normalise(self._seen), STANDS)
+        return None if pose is None else self._to_sight.at(pose @ self._beside)
