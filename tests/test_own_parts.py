@@ -1,4 +1,4 @@
-"""README's examples of a user's own robot, target and camera, each run as it stands."""
+"""The manual's examples of a user's own robot, target and camera, each run as it stands."""
 
 import re
 import shutil
@@ -11,13 +11,13 @@ from servo.cli import run_command
 from servo.loop.run_measures import Outcome
 
 ROOT = Path(__file__).parents[1]
-README, DUCK = ROOT / "README.md", ROOT / "scenes" / "targets" / "duck.obj"
-BLOCKS = re.findall(
-    r"^```toml\n(\[(\w+)\]\n.*?)^```$", README.read_text(), re.MULTILINE | re.DOTALL
-) + [
+DUCK = ROOT / "scenes" / "targets" / "duck.obj"
+MANUAL = (ROOT / "scenes" / "README.md").read_text()
+SECTION = MANUAL.partition("### Your own parts in short\n")[2].partition("\n## ")[0]
+BLOCKS = re.findall(r"^```toml\n(\[(\w+)\]\n.*?)^```$", SECTION, re.MULTILINE | re.DOTALL) + [
     # The camera's example is one line of prose.
     (f"[{table}]\n{line}\n", table)
-    for table, line in re.findall(r"`\[(\w+)\] (\w+ = [^`]+)`", README.read_text())
+    for table, line in re.findall(r"`\[(\w+)\] (\w+ = [^`]+)`", SECTION)
 ]
 CALIBRATION = """
 image_width: 320

@@ -24,7 +24,7 @@ TOP = {
     "CITATION.cff",
     "CONTRIBUTING.md",
 }
-MOST_README = 200
+MOST_README = 130
 INSTALL = "python3 -m venv .uv && .uv/bin/pip install uv && "
 MOST_LAYERS = 9
 CONDA_NAMES = {

@@ -1,8 +1,11 @@
 """Draw pictures of the manuals anew: python tests/tools/manual_pictures.py [NAME ...]."""
 
+import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import av
 import gymnasium
 import numpy as np
 from matplotlib import pyplot as plt
@@ -29,6 +32,20 @@ def shown(ax: plt.Axes, image: np.ndarray, title: str) -> None:
     ax.imshow(image)
     ax.set_title(title, fontsize=9)
     ax.axis("off")
+
+
+def contrast() -> None:
+    """The README's film: two trackers while a board hides the car, from just before it on."""
+    runs = [f"occlusion --set tracker.kind={kind}" for kind in ("kams", "cv_mil")]
+    with TemporaryDirectory() as folder:
+        film = f"{folder}/film.mp4"
+        command = [sys.executable, "-m", "servo", "film", *runs, "--out", film, "--quiet"]
+        subprocess.run(command, check=True)
+        with av.open(film) as pictures:
+            every = [each.to_image() for each in pictures.decode(video=0)]
+    first, *more = [each.resize((760, 749)) for each in every[75::4]]
+    style = {"duration": 133, "loop": 0, "quality": 60, "method": 4}
+    first.save(PICTURES / "film.webp", save_all=True, append_images=more, **style)
 
 
 def hand_follow() -> None:
@@ -222,7 +239,7 @@ def drivers() -> None:
     saved(figure, "drivers.png", TUTORIALS)
 
 
-DRAWN = {one.__name__: one for one in (hand_follow, environment, ros2, drivers)}
+DRAWN = {one.__name__: one for one in (contrast, hand_follow, environment, ros2, drivers)}
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or DRAWN:

@@ -23,8 +23,8 @@ from servo.report.words import Table
 
 FIRST_PAGE = Path("README.md")
 PAGES = (Path("scenes/benchmarks/README.md"), FIRST_PAGE)
-FEW = 3
-"""Rows of a table on the first page, guests not counted."""
+FEW = 8
+"""Rows of a table on the first page, all guests among them."""
 FOLDER = Path("scenes/benchmarks")
 PICTURES = Path("scenes/pictures")
 TALLEST = 4.5
@@ -41,7 +41,7 @@ def markdown(table: Table) -> str:
 def block(name: str, most: int | None = None) -> str:
     """Return what the manuals say of a benchmark's rows: each kind of pictures has a table of its own.
 
-    The first page has the first rows of the first table only, and the guests.
+    The first page has a few rows of the first table only, and three columns.
     """
     benchmark = load(name)
     groups = by_pictures(benchmark, shipped_rows(benchmark))
@@ -54,12 +54,15 @@ def _block(name: str, rendering: str, rows: list[Row], most: int | None) -> str:
     table = standings_table(load(name), rows)
     if most is None:
         return f"{text}\n\n{markdown(table)}\n\n{table.note} {difficulty_of(rows)}\n"
-    few = [
-        r for i, r in enumerate(table.rows) if i < most or (table.faint and i not in table.faint)
-    ]
-    guests = " and the guests" if len(few) > most else ""
-    text += f" The first {most} of {len(table.rows)}{guests}."
-    return f"{text}\n\n{markdown(Table(table.head, few, table.words))}\n"
+    guests = [i for i in range(len(table.rows)) if table.faint and i not in table.faint]
+    first = [i for i in range(len(table.rows)) if i not in guests][: most - len(guests)]
+    shown = sorted([*first, *guests])
+    columns = [0, *range(2, 4)]  # without the division
+    head = [table.head[c] for c in columns]
+    rows = [[table.rows[i][c] for c in columns] for i in shown]
+    which = f", {len(guests)} of them guests" if guests else ""
+    text += f" {most} of {len(table.rows)} contestants{which}."
+    return f"{text}\n\n{markdown(Table(head, rows, range(1)))}\n"
 
 
 def picture(name: str) -> None:
