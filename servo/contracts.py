@@ -17,7 +17,7 @@ from servo.parts import FeatureSet
 from servo.types import DOF, Command, OwnMotion, Prediction, Sight, Trace
 from sim.geometry import is_rotation
 from sim.types import Array, Effect, Pose
-from tracking.types import Estimate, State, Status
+from tracking.types import Estimate, State, Status, goes_around
 
 Built = TypeVar("Built")
 Check = Callable[..., None]
@@ -85,15 +85,43 @@ def check_estimate(estimate: object, *_: object) -> None:
     variances = np.diagonal(e.covariance)
     negative = (variances < -ROUNDING).any()
     require(not negative, "the variances are {}; none can be negative", variances)
-    require(
-        e.corners is None or _is_array(e.corners, (4, 2)),
-        "the corners are not four points (4, 2) of finite numbers",
-    )
+    _check_corners(e.corners)
     count = len(e.particles) if isinstance(e.particles, np.ndarray) and e.particles.ndim else 0
     require(
         e.particles is None or _is_array(e.particles, (count, 5)),
         "the particles are not (N, 5): x, y, theta, scale, weight",
     )
+
+
+def _check_corners(corners: object) -> None:
+    """Refuse corners that no picture of a rectangle has."""
+    if corners is None:
+        return
+    found = np.asarray(corners)
+    right = _is_array(corners, (4, 2)) and bool((np.abs(found) <= LARGEST).all())
+    require(right, "the corners are not four points (4, 2) of finite numbers up to {:g}", LARGEST)
+    require(
+        goes_around(found),
+        "the corners are {}; they should lie around an area in the order of Region.corners",
+        found.tolist(),
+    )
+
+
+def outline_fault(outline: Array) -> str:
+    """Return what is wrong with the corners (4, 3) of a reference rectangle; nothing where they are
+    those of one, level and clockwise as seen from above.
+    """
+    given = np.asarray(outline, float)
+    sides = np.diff(given, axis=0, append=given[:1])
+    size = np.abs(sides).max()
+    if np.abs(sides[:, 2]).max() > ROUNDING * size:
+        return f"expected four corners of one height, got the heights {given[:, 2].tolist()}"
+    (x, y, _), (u, v, _) = sides[:2]
+    opposite = np.abs(sides[0] + sides[2]).max() <= ROUNDING * size
+    if not opposite or abs(x * u + y * v) > ROUNDING * size**2 or x * v >= y * u:
+        wanted = "the four corners of a rectangle, clockwise as seen from above"
+        return f"expected {wanted}, got {given[:, :2].tolist()}"
+    return ""
 
 
 def _is_array(values: object, shape: tuple[int, ...], *, finite: bool = True) -> bool:
@@ -274,7 +302,7 @@ def check_built(place: str, built: object) -> None:
         built: What it built.
 
     Raises:
-        BrokenContract: A method is missing, it has another type, or its outline is not finite.
+        BrokenContract: A method is missing, it has another type, or its outline is no rectangle.
     """
     kind = type(built).__name__
     for name in _checks_of(place, built):
@@ -301,8 +329,11 @@ def _check_model(place: str, built: object) -> None:
     kind = Design if place == "robot" else Target
     if not isinstance(built, kind):
         raise BrokenContract(f"build returned {type(built).__name__}; return a {kind.__name__}")
-    if isinstance(built, Target) and not _is_array(built.outline, (4, 3)):
-        raise BrokenContract("the outline is not four corners (4, 3) of finite numbers")
+    if isinstance(built, Target):
+        right = _is_array(built.outline, (4, 3))
+        require(right, "the outline is not four corners (4, 3) of finite numbers")
+        fault = outline_fault(built.outline)
+        require(not fault, "the outline: {}", fault)
 
 
 def check_followed(features: FeatureSet, estimate: Estimate, goal: Sight) -> None:

@@ -171,13 +171,15 @@ class Run(Sequence[Step]):
         """A row for each frame, with the columns of steps.parquet: a DataFrame, or, without pandas,
         an Arrow table.
         """
-        return notebook.frame_of(
-            steps_table.table_of(self._light, steps_table.quantities_of(self._episode))
-        )
+        return notebook.frame_of(self._table)
+
+    @cached_property
+    def _table(self) -> pa.Table:
+        return steps_table.table_of(self._light, steps_table.quantities_of(self._episode))
 
     def figure(self) -> Drawing:
         """Errors and the target's own motion over time."""
-        return plots.figure(self._light, self.title)
+        return plots.figure(plots.Curves(self._table, self._episode.loop.features), self.title)
 
     def frame(self, time: float) -> Pillow.Image:
         """The picture nearest to a time [s], with truth (white), goal (red) and estimate."""

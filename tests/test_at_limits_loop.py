@@ -172,8 +172,10 @@ def test_outcomes(steps, outcome):
     ],
 )
 def test_settling(error, turned, grown, off):
-    steps = [Step(0.0, error), Step(1.0)]
-    time = run_measures._settling_time(steps, np.array([turned, 0.0]), np.array([grown, 0.0]))
+    given = (
+        np.array([first, then]) for first, then in ((0, 1), (error, 0), (turned, 0), (grown, 0))
+    )
+    time = run_measures._settling_time(*given)
     assert time == (1.0 if off else 0.0)
 
 

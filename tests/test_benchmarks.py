@@ -469,6 +469,21 @@ def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd,
     )
 
 
+@pytest.mark.usefixtures("no_progress")
+def test_a_bench_does_not_go_on_with_another_guest(monkeypatch, capfd, short):
+    law = short / "guest_law.py"
+    law.write_text("import numpy as np\n\n\ndef hold(seen, task):\n    return np.zeros(6)\n")
+    monkeypatch.syspath_prepend(short)
+    words = ["servo-v1", "--quick", "--workers", "1", "--law", "m=guest_law:hold", "--out", "o"]
+    assert call(monkeypatch, capfd, "bench", *words)[0] == 0
+    law.write_text(law.read_text() + "# another one\n")
+    assert call(monkeypatch, capfd, "bench", *words)[::2] == (
+        2,
+        "servobench: o: this folder holds another study (its table differs); choose another "
+        "folder with --out\n",
+    )
+
+
 @pytest.fixture
 def sent(monkeypatch, capfd, short):
     """A row of that benchmark as somebody sends it; call it with a change, and it is audited."""

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from servoing import begun, own, posture_of
 
-from servo import controllers, estimators
+import servo
+from servo import Mistake, controllers, estimators
 from servo.scenario.catalogue import LISTS, PLUGINS
 from sim import kinds
 from sim.types import Frame
 from tracking import trackers
-from tracking.types import Region, State, Status
+from tracking.types import Estimate, Region, State, Status, goes_around, unknown_covariance
 
 FOLDERS = [folder for folder, _ in PLUGINS.values()] + list(LISTS.values())
 EVERY = [(folder, kind) for folder in FOLDERS for kind in folder.names()]
@@ -153,3 +154,54 @@ def test_an_unknown_kind_lists_what_there_is():
         "there is no kind 'magic'; there is difference, error_kalman, imm, integral, jump, "
         "kalman_ca, kalman_cv, none, true"
     )
+
+
+SQUARE = np.array([[10.0, 10.0], [50.0, 12.0], [48.0, 40.0], [12.0, 38.0]])
+"""The corners of a target that is seen from its front, in the order of `Region.corners`."""
+
+
+@pytest.mark.parametrize(
+    ("corners", "sentence"),
+    [
+        (np.zeros((4, 2)), "they should lie around an area in the order of Region.corners"),
+        (np.ones((4, 2)) * 7, "they should lie around an area"),
+        (SQUARE[[0, 2, 1, 3]], "they should lie around an area"),  # crossed
+        (SQUARE[::-1], "they should lie around an area"),
+        (SQUARE * [-1, 1], "they should lie around an area"),  # in a mirror
+        (SQUARE * [1, 0], "they should lie around an area"),
+        (np.array([*SQUARE[:3], [45.0, 30.0]]), "they should lie around an area"),  # a dent
+        (SQUARE * 1e300, "are not four points (4, 2) of finite numbers up to 1e+09"),
+        (SQUARE * np.nan, "are not four points (4, 2) of finite numbers"),
+        (SQUARE[:3], "are not four points (4, 2)"),
+        (SQUARE.tolist(), "are not four points (4, 2)"),
+    ],
+)
+def test_corners_that_no_picture_of_a_rectangle_has_are_refused(corners, sentence):
+    class Mine:
+        def start(self, frame, region, state):
+            self._state = state
+
+        def update(self, frame, ego=None):
+            seen = Status.LOCKED
+            return Estimate(self._state, unknown_covariance(), 0.0, seen, corners=corners)
+
+    with pytest.raises(Mistake) as refused:
+        list(servo.run(servo.load("plate_still", ["run.duration=0.2"], tracker=Mine)))
+    assert str(refused.value).startswith("tracker '")
+    assert sentence in str(refused.value)
+
+
+@pytest.mark.parametrize("turn", np.radians([0.0, 37.0, 90.0, 179.0, -120.0]))
+def test_corners_may_be_turned_and_in_perspective(turn):
+    rotation = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+    assert goes_around(SQUARE @ rotation)
+    assert goes_around(Region(40.0, 20.0).corners(State(1.0, 2.0, turn)).astype(np.float32))
+
+
+def test_a_noisy_truth_whose_corners_cross_is_not_seen():
+    """The noise is larger than the target."""
+    noisy = ["tracker.corners=true", "tracker.noise=100", "run.duration=1.0"]
+    steps = list(servo.run(servo.load("still", ["tracker.kind=truth", *noisy])))
+    statuses = {step.estimate.status for step in steps[1:]}
+    assert Status.UNSURE in statuses
+    assert all(step.estimate.corners is None or step.seen for step in steps[1:])

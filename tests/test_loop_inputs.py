@@ -54,6 +54,15 @@ SETUPS = {
     "a camera without an end": lambda s, c, o: (s, replace(c, cy=np.inf), o),
     "a camera that looks back": lambda s, c, o: (s, replace(c, fy=-290.0), o),
     "a camera without pixels": lambda s, c, o: (s, replace(c, width=0), o),
+    "a camera with half a pixel": lambda s, c, o: (s, replace(c, width=320.5), o),
+    "a camera with a float as width": lambda s, c, o: (s, replace(c, width=320.0), o),
+    "a camera with a flag as height": lambda s, c, o: (s, replace(c, height=True), o),
+    "a camera of huge numbers": lambda s, c, o: (s, replace(c, fx=1e300), o),
+    "a tilted outline": lambda s, c, o: (s, c, o + [[0, 0, 0.01], [0, 0, 0], [0, 0, 0], [0, 0, 0]]),
+    "a bent outline": lambda s, c, o: (s, c, o + [[0.01, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]),
+    "a sheared outline": lambda s, c, o: (s, c, o + np.outer(o[:, 1], [0.1, 0, 0])),
+    "a crossed outline": lambda s, c, o: (s, c, o[[0, 2, 1, 3]]),
+    "a huge outline": lambda s, c, o: (s, c, o * 1e300),
     "a flat outline": lambda s, c, o: (s, c, o[:, :2]),
     "no outline": lambda s, c, o: (s, c, None),
     "an empty outline": lambda s, c, o: (s, c, []),
@@ -64,8 +73,14 @@ SETUPS = {
 }
 SENTENCES = {
     "a name": "scenario: expected a Setup, got a str",
+    "a camera with half a pixel": ("camera: sides should be whole numbers of pixels, got 320.5"),
+    "a camera with a flag as height": "camera: sides should be whole numbers of pixels, got True",
+    "a camera of huge numbers": "camera: expected finite numbers up to 1e+09, got [1e+300, ",
+    "a tilted outline": "outline: expected four corners of one height, got the heights [",
+    "a bent outline": "outline: expected the four corners of a rectangle, clockwise",
+    "a crossed outline": "outline: expected the four corners of a rectangle, clockwise",
     "an empty outline": "outline: expected numbers of shape (4, 3), got (0,)",
-    "a camera with nan": "camera: expected finite numbers, got [nan, ",
+    "a camera with nan": "camera: expected finite numbers up to 1e+09, got [nan, ",
     "an outline the other way round": (
         "outline: expected the four corners of a rectangle, clockwise as seen from above, got [["
     ),
@@ -188,7 +203,7 @@ def test_sentences_say_what_was_expected(loop, steps):
     running = begun(loop, steps)
     running.step(steps[0].frame, steps[0].posture)
     expected = {
-        "a twist of nan": "posture.twist: expected finite numbers, got [",
+        "a twist of nan": "posture.twist: expected finite numbers up to 1e+09, got [",
         "a joint too few": "posture.jacobian: expected shape (6, ",
         "a stamp that goes back": "expected a frame later than 0.0 s, got one of -1.0 s",
         "no posture": "posture: expected a Posture, got a NoneType",

@@ -9,8 +9,9 @@ import pytest
 from robot_files import write_obj, write_stl
 
 from sim.camera.camera import CameraConfig
+from sim.files.behind import files_behind
 from sim.models.assembly import build_model
-from sim.models.model_files import compiled, files_of, read_spec
+from sim.models.model_files import compiled, read_spec
 from sim.robots import arm
 from sim.targets import mjcf
 
@@ -99,33 +100,6 @@ def test_a_model_of_any_layout_is_put_into_the_room(package, layout):
     assert list(Path().iterdir()) == []  # no log of MuJoCo's
 
 
-def test_the_files_of_a_model_are_those_that_it_and_its_parts_name(package):
-    written(package, '<mujoco><include file="deeper.xml"/></mujoco>', "part.xml")
-    written(package, "<mujoco/>", "deeper.xml")
-    path = written(
-        package,
-        mjcf_text(
-            '<asset><mesh file="part.stl"/><texture name="t" type="2d" file="wood.png"/>'
-            '<mesh file="gone.stl"/></asset>',
-            '<include file="part.xml"/>',
-            '<compiler meshdir="../meshes" texturedir="../textures"/>',
-        ),
-    )
-    found = {str(file.relative_to(package)) for file in files_of(path)}
-    assert found == {
-        "models/mine.xml",
-        "models/part.xml",
-        "models/deeper.xml",
-        "meshes/part.stl",
-        "textures/wood.png",
-    }
-
-
-def test_the_files_of_what_is_no_model_are_itself(package):
-    path = written(package, "<mujoco")
-    assert files_of(path) == {path}
-
-
 URDF = """<robot name="r">{extension}
   <link name="base"/>
   <link name="part">
@@ -156,7 +130,7 @@ def test_a_urdf_shows_its_visual_meshes_and_keeps_its_limits(package, mesh, exte
     model = compiled(read_spec(path, "robot"))
     assert (model.ngeom, model.nmesh) == (1, 1)
     assert model.jnt_range.tolist() == [[-1.0, 2.0]]
-    assert package / "meshes" / "part.stl" in files_of(path)
+    assert package / "meshes" / "part.stl" in files_behind(path)
 
 
 def test_a_urdf_without_readable_visuals_shows_its_collision_shapes(package):

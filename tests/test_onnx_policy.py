@@ -1,11 +1,13 @@
 """A policy that is an ONNX file."""
 
 import sys
+import time
 
 import cv2
 import numpy as np
 import pytest
 import tiny_onnx
+from onnx import TensorProto, helper, numpy_helper
 from tiny_onnx import node
 
 import servo
@@ -114,8 +116,39 @@ def test_what_cannot_be_used_is_one_sentence(tmp_path, monkeypatch):
     )
 
 
-def refused(path):
+def test_a_network_that_never_ends_is_a_sentence(tmp_path):
+    path = tmp_path / "p.onnx"
+    path.write_bytes(endless())
+    began = time.monotonic()
+    assert refused(path, "controller.timeout=0.3") == (
+        "controller 'onnx': the network gave no twist within 0.3 s"
+    )
+    assert time.monotonic() - began < 20.0
+
+
+def endless():
+    """A file's bytes: a loop whose condition stays true, around the joints."""
+    names = ("turn", TensorProto.INT64, []), ("goes", TensorProto.BOOL, [])
+    state = "joints", TensorProto.FLOAT, [1, 6]
+    inside = [helper.make_tensor_value_info(*each) for each in (*names, state)]
+    outside = [helper.make_tensor_value_info("on", TensorProto.BOOL, [])]
+    outside.append(helper.make_tensor_value_info("next", TensorProto.FLOAT, [1, 6]))
+    nodes = [
+        helper.make_node("Identity", ["goes"], ["on"]),
+        helper.make_node("Sin", ["joints"], ["next"]),
+    ]
+    body = helper.make_graph(nodes, "body", inside, outside)
+    yes = helper.make_node("Constant", [], ["yes"], value=numpy_helper.from_array(np.array(True)))
+    loop = helper.make_node("Loop", ["", "yes", "joints"], ["twist"], body=body)
+    given = helper.make_tensor_value_info(*state)
+    found = helper.make_tensor_value_info("twist", TensorProto.FLOAT, [1, 6])
+    graph = helper.make_graph([yes, loop], "endless", [given], [found])
+    opset = [helper.make_opsetid("", 13)]
+    return helper.make_model(graph, ir_version=8, opset_imports=opset).SerializeToString()
+
+
+def refused(path, *more):
     with pytest.raises(Mistake) as found:
-        servo.simulate("line", [*SHORT, "controller.kind=onnx", f"controller.file={path}"])
+        servo.simulate("line", [*SHORT, "controller.kind=onnx", f"controller.file={path}", *more])
     assert "\n" not in str(found.value)
     return str(found.value)

@@ -226,6 +226,39 @@ def test_our_server_answers_both_ways_to_begin(tmp_path):
     assert polygon[1].startswith('@@TRAX:state "40.0000,30.0000,70.0000,30.0000,70.0000,50.0000')
 
 
+NOTING = """
+from tracking.trackers import frozen
+
+NOTES = []
+
+
+class Config(frozen.Config):
+    def build(self, rng):
+        NOTES.append("built")
+        return frozen.Config().build(rng)
+"""
+
+
+def test_what_compiles_does_so_before_the_hello(tmp_path, monkeypatch):
+    (tmp_path / "noting_tracker.py").write_text(NOTING)
+    monkeypatch.syspath_prepend(tmp_path)
+    from noting_tracker import NOTES
+
+    class Out(io.StringIO):
+        def write(self, line):
+            NOTES.append(line.split()[0])
+
+    run_trax("noting_tracker:Config", requests=[REGION_LINE, FRAME_LINE], answers=Out())
+    assert NOTES == ["built", "@@TRAX:hello", "built", "@@TRAX:state"]
+
+
+def test_a_wrong_setting_is_a_sentence_before_the_hello():
+    out = io.StringIO()
+    with pytest.raises(ValueError, match="particles"):
+        run_trax("kams", requests=[], answers=out, particles=-1)
+    assert out.getvalue() == ""
+
+
 PICTURE = messages.picture_text(frame(0).image, ["memory"], Path())
 REGION_LINE = '@@TRAX:initialize "40,30,30,20"'
 FRAME_LINE = f"@@TRAX:frame {PICTURE}"

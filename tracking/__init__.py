@@ -49,8 +49,14 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any)
         rng = np.random.default_rng(seed)
     except (TypeError, ValueError):
         raise ValueError(f"seed = {seed!r}: expected a whole number from 0 on") from None
-    config = checked(KINDS.config(Trusted(kind), preset, **settings), kind)
-    return config.build(rng)
+    return configured(kind, preset, **settings).build(rng)
+
+
+def configured(kind: str, preset: str | None = None, **settings: Any) -> Any:
+    """Return the settings of a tracker, whose method `build` makes it; arguments and errors are
+    those of `create`.
+    """
+    return checked(KINDS.config(Trusted(kind), preset, **settings), kind)
 
 
 def __getattr__(name: str) -> Any:

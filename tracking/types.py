@@ -15,6 +15,8 @@ from sim.types import LARGEST_PICTURE, Array, Frame, Truth
 
 LARGEST_LOG = 5.0
 """Largest size of ln scale: a target grows or shrinks by at most a factor of 148."""
+ROUNDING = 1e-6
+"""A corner may be drawn in by this share of an area: single precision rounds so."""
 
 
 class _SetByStart:
@@ -88,6 +90,16 @@ class Region:
     def area(self, state: State) -> float:
         """Return the area at a state [px^2]."""
         return self.width * self.height * state.scale**2
+
+
+def goes_around(corners: Array) -> bool:
+    """Return whether corners (4, 2) lie around a convex area in the order of `Region.corners`, as
+    the picture of a rectangle's front does; but for rounding.
+    """
+    sides = np.diff(corners, axis=0, append=corners[:1])
+    after = np.roll(sides, -1, axis=0)
+    turns = sides[:, 0] * after[:, 1] - sides[:, 1] * after[:, 0]
+    return bool(turns.sum() > 0 and turns.min() >= -ROUNDING * turns.sum())
 
 
 class Status(Enum):

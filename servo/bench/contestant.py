@@ -20,6 +20,7 @@ from servo.features import KINDS as FEATURES
 from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.toml import assignment
+from sim.files.behind import files_behind
 from sim.installed import Trusted
 from tracking.files.json_text import as_json
 from tracking.trackers import KINDS as TRACKERS
@@ -97,8 +98,8 @@ class Contestant:
                 yield from value if isinstance(value, list) else [str(value)]
 
     def _files(self) -> set[Path]:
-        """Return the files of a guest: those that its settings name, the modules beside a script
-        and those in the package of a class or of a module.
+        """Return the files of a guest: those that its settings name with all behind them, the
+        modules beside a script and those in the package of a class or of a module.
         """
         if self.division in (Division.HOME, Division.SCALE):
             return set()
@@ -107,7 +108,8 @@ class Contestant:
         for word in self._words():
             path = Path(word.partition("=")[2].strip("\"'") or word)  # such as model="vit.onnx"
             if path.is_file() and path != Path(sys.executable):
-                found |= {path} | (_modules(path.parent) if path.suffix in SCRIPTS else set())
+                found |= files_behind(path)
+                found |= _modules(path.parent) if path.suffix in SCRIPTS else set()
             elif before == "-m" or ":" in word:
                 found |= _package(word.partition(":")[0].partition(".")[0])
             before = word

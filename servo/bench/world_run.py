@@ -10,6 +10,7 @@ import numpy as np
 
 from servo.bench.benchmark import HELD_SHARE, HELD_SIZE, Benchmark, Settings, World
 from servo.bench.contestant import Contestant
+from servo.loop.columns import Columns
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
 from servo.loop.step import Step
@@ -56,11 +57,11 @@ class WorldRun:
             pictures[1:] = [step.frame.image]
 
         looks = getattr(scenario.tracker, "needs_pictures", True)
-        steps = _steps(scenario, keep if looks else None)
-        record = record_of(job, scenario, steps)
+        run = _run(scenario, keep if looks else None)
+        record = record_of(job, scenario, run)
         digests = [hashlib.sha256(picture.tobytes()).hexdigest() for picture in pictures]
         first, last = (digests[0], digests[-1]) if digests else ("", "")
-        errors = errors_of(steps, scenario.frames)
+        errors = errors_of(run, scenario.frames)
         failed = looks and float(np.mean(errors <= HELD_SIZE)) < HELD_SHARE
         return replace(
             record,
@@ -70,34 +71,34 @@ class WorldRun:
         )
 
 
-def _steps(scenario: Scenario, each: Callable[[Step], None] | None) -> list[Step]:
-    """Return the steps of a run without pictures, up to where its law drives the robot beyond all
+def _run(scenario: Scenario, each: Callable[[Step], None] | None) -> Columns:
+    """Return the columns of a run, up to where its law drives the robot beyond all
     bounds: the simulation ends there, and the world is lost.
     """
-    steps = list[Step]()
+    run = Columns()
     with Episode(scenario, seen=each is not None) as episode:
         try:
             for step in episode:
                 if each is not None:
                     each(step)
-                steps.append(step.light())
+                run.add(step)
         except PartFailed as failed:
             if not isinstance(failed.__cause__, Unstable):
                 raise
-    return steps
+    return run
 
 
-def errors_of(steps: Sequence[Step], frames: int) -> Array:
+def errors_of(run: Columns, frames: int) -> Array:
     """Return how far the target's centre is from the goal (frames,), in sizes of the target.
 
     Its size is that at the goal, the square root of its area [px]. A picture that a run did not
     reach, or in which the target is behind the camera, is infinitely far.
     """
-    x, y = steps[0].truth.corners.T
+    x, y = run.first.truth.corners.T
     area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
-    metres = np.sqrt(area) / steps[0].truth.size
+    metres = np.sqrt(area) / run.first.truth.size
     found = np.full(frames, np.inf)
-    found[: len(steps)] = [s.servo_error / (metres * s.goal.size) for s in steps]
+    found[: len(run)] = run["servo"] / (metres * run["goal_size"])
     return np.where(np.isnan(found), np.inf, found)
 
 

@@ -311,6 +311,7 @@ def _described(
             "sealed": request.sealed,
             "quick": request.quick,
             "contestants": {one.name: as_json(one.settings) for one in every},
+            "digests": {one.name: one.digest for one in every},
         },
         scenarios={},
     )

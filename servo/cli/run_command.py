@@ -9,6 +9,7 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.console import Console
 
 from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
@@ -21,11 +22,12 @@ from servo.cli.terminal import (
     progress_bar,
     waiting,
 )
+from servo.loop.columns import Columns
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
 from servo.loop.run_measures import MEANINGS, Outcome, timed
 from servo.loop.settings import DOES_NOT_REPEAT, Setup
-from servo.loop.step import DOF, Step
+from servo.loop.step import DOF
 from servo.output.formats import command_line
 from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
@@ -91,23 +93,23 @@ def run_scenario(
         folder = prepare(out, name)
         announce(viewer, console)
         more = outputs.of_run(episode, viewer)
-        steps = list[Step]()
+        run = Columns()
         try:
             output = RunFolder(folder, episode, rerun=rerun, more=more)
-            writing = _write(episode, output, console, steps)
+            writing = _write(episode, output, console, run)
         except PartFailed as error:
             raise with_traceback(error, folder) from None
         except KeyboardInterrupt:
-            if not steps:
+            if not run:
                 discard(folder, outputs.files)
             raise
     job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
-    record = record_of(job, scenario, steps)
+    record = record_of(job, scenario, run)
     _print_record(console, scenario, record)
     if why := unjudged(scenario, record.success):
         plain(console, why)
-    console.print(_stage_line(steps, writing))
-    paths = output.finish(steps, RunReport.of(record, scenario, steps[0].scene))
+    console.print(_stage_line(run, writing))
+    paths = output.finish(RunReport.of(record, scenario, run.first.scene))
     for path in paths:
         plain(console, f"  {path}")
     print_missed(Console(stderr=True), record)
@@ -117,8 +119,8 @@ def run_scenario(
     return 1 if record.missed else 0
 
 
-def _write(episode: Episode, output: RunFolder, console: Console, steps: list[Step]) -> list[float]:
-    """Add the steps, without their pictures, to a list; how long each took to write [s]."""
+def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) -> list[float]:
+    """Add the steps to the columns of their run; how long each took to write [s]."""
     writing: list[float] = []
     try:
         with progress_bar(console) as progress:
@@ -130,7 +132,7 @@ def _write(episode: Episode, output: RunFolder, console: Console, steps: list[St
                 began = time.perf_counter()
                 output.add(step)
                 writing.append(time.perf_counter() - began)
-                steps.append(step.light())
+                run.add(step)
     finally:
         output.close()
     return writing
@@ -243,12 +245,12 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
         plain(console, f"{name} = {used:.6g} Hz was used, to fit camera.rate")
 
 
-def _stage_line(steps: Sequence[Step], writing: Sequence[float]) -> str:
-    stages = ("render", "track", "control", "physics")
-    seconds = [step.seconds for step in timed(steps)]
-    each = {stage: median(getattr(s, stage) for s in seconds) for stage in stages}
-    total = median(s.total for s in seconds)
-    parts = "  ".join(f"{stage} {1e3 * spent:.2f}" for stage, spent in each.items())
+def _stage_line(run: Columns, writing: Sequence[float]) -> str:
+    seconds = timed(run)
+    each = np.median(seconds, axis=0)
+    total = np.median(seconds.sum(axis=1))
+    stages = zip(("render", "track", "control", "physics"), each, strict=True)
+    parts = "  ".join(f"{stage} {1e3 * spent:.2f}" for stage, spent in stages)
     return (
         f"A step took {1e3 * total:.1f} ms: {parts}; "
         f"writing it took {1e3 * median(writing):.1f} ms (medians)"

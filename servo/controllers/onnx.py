@@ -3,10 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from threading import Timer
+from typing import Annotated, Any, final
 
 import cv2
 import numpy as np
+from annotated_types import Ge, Le
 
 from servo.controllers._plain_law import PolicyLaw
 from sim.ranges import File
@@ -30,6 +32,8 @@ class Config:
     and goal_picture (1, 3, height, width), red, green and blue from 0 to 1, resized to the
     network's height and width; joints (1, n) [m or rad]. It may take some of them only. Its first
     output is the camera's twist (1, 6) in the camera's frame [m/s, rad/s]."""
+    timeout: Annotated[float, Ge(0.1), Le(3600.0)] = 30.0
+    """Longest wait for the network's answer [s]: one with a loop may never end."""
     uses_pictures = True
 
     def build(self, rng: np.random.Generator) -> PolicyLaw:
@@ -38,15 +42,19 @@ class Config:
         Raises:
             ValueError: The file cannot be read, or its network takes something else.
         """
-        return PolicyLaw(Network(self.file).act)
+        return PolicyLaw(Network(self.file, self.timeout).act)
 
 
 @final
 class Network:
     """A network that is ready to act."""
 
-    def __init__(self, file: str) -> None:
+    def __init__(self, file: str, timeout: float) -> None:
         """Read a file.
+
+        Args:
+            file: Its path.
+            timeout: Longest wait for an answer [s].
 
         Raises:
             ValueError: It cannot be read, or the network takes something else.
@@ -65,6 +73,8 @@ class Network:
             self._session: Any = onnxruntime.InferenceSession(file, options, providers)
         except Exception as error:  # its errors have nothing else in common
             raise ValueError(f"file = '{file}': {_sentence(error)}") from None
+        self._timeout = timeout
+        self._new_options = onnxruntime.RunOptions
         self._shapes = {each.name: each.shape for each in self._session.get_inputs()}
         for each in self._session.get_inputs():
             _check_input(file, each.name, each.type, each.shape)
@@ -73,15 +83,21 @@ class Network:
         """Return the twist (6,).
 
         Raises:
-            ValueError: The network cannot use what it is given, such as another number of joints.
+            ValueError: The network cannot use what it is given, such as another number of joints,
+                or does not end in time.
         """
         given = {"picture": picture, "goal_picture": goal_picture, "joints": posture.joints}
+        inputs = {name: _filled(given[name], shape) for name, shape in self._shapes.items()}
+        options = self._new_options()
+        limit = Timer(self._timeout, setattr, (options, "terminate", True))
+        limit.start()
         try:
-            found = self._session.run(
-                None, {name: _filled(given[name], shape) for name, shape in self._shapes.items()}
-            )
+            found = self._session.run(None, inputs, options)
         except Exception as error:
-            raise ValueError(_sentence(error)) from None
+            late = f"the network gave no twist within {self._timeout:g} s"
+            raise ValueError(late if options.terminate else _sentence(error)) from None
+        finally:
+            limit.cancel()
         return np.ravel(found[0])
 
 

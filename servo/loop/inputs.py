@@ -4,9 +4,11 @@ A camera or a robot that reports a number without a meaning must not become a mo
 """
 
 from math import isfinite
+from numbers import Integral
 
 import numpy as np
 
+from servo.contracts import LARGEST, outline_fault
 from servo.loop.settings import Setup
 from sim.geometry import is_rotation
 from sim.types import Array, Camera, DepthPicture, Frame, Image, Pose, Posture
@@ -28,14 +30,12 @@ def check_setup(setup: Setup, camera: Camera, outline: Array) -> None:
     _check_numbers("camera", numbers, (6,))
     if min(camera.fx, camera.fy, camera.width, camera.height) <= 0:
         raise ValueError(f"camera: focal lengths and sides should be above 0, got {camera}")
+    for side in (camera.width, camera.height):
+        if type(side) is bool or not isinstance(side, Integral):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise ValueError(f"camera: sides should be whole numbers of pixels, got {side!r}")
     _check_numbers("outline", outline, (4, 3))
-    first = outline[1, :2] - outline[0, :2]
-    last = outline[3, :2] - outline[0, :2]
-    if first[0] * last[1] >= first[1] * last[0]:
-        raise ValueError(
-            "outline: expected the four corners of a rectangle, clockwise as seen from above, "
-            f"got {np.asarray(outline)[:, :2].tolist()}"
-        )
+    if fault := outline_fault(outline):
+        raise ValueError(f"outline: {fault}")
 
 
 def check_start(frame: Frame, camera: Camera, region: Region, state: State) -> None:
@@ -130,5 +130,5 @@ def _check_numbers(name: str, values: object, shape: tuple[int, ...]) -> None:
     found = np.asarray(values)
     if found.shape != shape:
         raise ValueError(f"{name}: expected numbers of shape {shape}, got {found.shape}")
-    if found.dtype.kind not in "fiu" or not np.isfinite(found).all():
-        raise ValueError(f"{name}: expected finite numbers, got {found.tolist()}")
+    if found.dtype.kind not in "fiu" or not (np.abs(found) <= LARGEST).all():  # nan is not
+        raise ValueError(f"{name}: expected finite numbers up to {LARGEST:g}, got {found.tolist()}")

@@ -1,13 +1,13 @@
 """The summary of a run: its outcome, and measures over its steps."""
 
-import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from servo.loop.columns import FINAL_SPAN, Columns
 from servo.loop.settings import MeasureConfig
 from servo.loop.step import Step
 from sim.geometry import angle_of, half_turn
@@ -18,10 +18,8 @@ SETTLED_PX = 2.0
 SETTLED_RAD = np.radians(1.0)
 SETTLED_SCALE = 0.02
 """Errors below which the camera counts as arrived."""
-FINAL_SPAN = 1.0
-"""The outcome is decided by this last part of a run [s]."""
 CONVERGED_PX = 10.0
-"""Largest servo error in that part that still counts as holding the target."""
+"""Largest servo error in the last part of a run that still counts as holding the target."""
 CONVERGED_RAD = np.radians(20.0)
 CONVERGED_SCALE = 0.25
 """The same of angle and tilt, and of size, where the features servo them: `six_motion` lags by up
@@ -113,20 +111,20 @@ class Summary:
     """What was too far from the goal in the end, such as "angle 27 deg", where time ran out."""
 
 
-def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Summary:
+def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: float) -> Summary:
     """Measures and outcome of the steps of one run; period is the frame interval [s]."""
-    late = [s for s in steps if s.frame.time >= config.after]
-    counted = late or steps
-    servo = _series(counted, lambda s: s.servo_error)
-    turned = np.degrees(_servo_angles(steps))
-    grown = 100 * _series(steps, lambda s: s.truth.size / s.goal.size - 1)
-    late_turned, late_grown = turned[-len(counted) :], grown[-len(counted) :]
-    estimated = [s for s in counted if s.decided] or counted  # a repeated estimate counts once
-    tracked = _series(estimated, lambda s: s.tracking_error)
-    angle = np.degrees(_series(estimated, _tracking_angle))
-    scale = 100 * _series(
-        estimated, lambda s: s.estimate.state.scale / s.true_state_estimated.scale - 1
-    )
+    run = Columns.of(steps)
+    final = list(run.final)
+    late = run["time"] >= config.after
+    counted = late if late.any() else np.ones_like(late)
+    servo = run["servo"][counted]
+    turned = np.degrees(_servo_angles(run["turned"], final[-1]))
+    grown = 100 * (run["size"] / run["goal_size"] - 1)
+    velocities = _velocities(run["carried"], period)
+    late_turned, late_grown = turned[counted], grown[counted]
+    estimated = counted & run["decided"]  # a repeated estimate counts once
+    estimated = estimated if estimated.any() else counted
+    tracked = run["tracking"][estimated]
     values = {
         "servo_rms_px": _rms(servo),
         "servo_peak_px": servo.max(),
@@ -135,53 +133,48 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
         "servo_scale_rms_pct": _rms(late_grown),
         "servo_scale_peak_pct": np.abs(late_grown).max(),
         "not_held_pct": 100 * float(np.mean(servo > CONVERGED_PX)),
-        "settle_s": _settling_time(steps, turned, grown),
+        "settle_s": _settling_time(run["time"], run["servo"], turned, grown),
         "longest_off_s": _longest(servo > config.above) * period,
         "tracking_rms_px": _rms(tracked),
         "tracking_peak_px": tracked.max(),
-        "tracking_angle_rms_deg": _rms(angle),
-        "tracking_scale_rms_pct": _rms(scale),
-        "tilt_peak_deg": np.degrees(max(s.tilt for s in counted)),
-        "joint_range_peak_pct": 100 * max(_range_used(s) for s in counted),
-        "end_speed_mm_s": 1e3 * _rms(_series(_final(steps), _speed)),
-        **_effort(counted, period),
-        "joint_way_pct": _joint_way(steps),
-        "saturated_pct": 100 * np.mean([s.limited or s.command.saturated for s in steps]),
-        "unseen_pct": 100 * np.mean([not s.seen for s in steps]),
-        "lost_pct": 100 * np.mean([s.estimate.status is Status.LOST for s in steps]),
-        "age_ms": 1e3 * np.mean([s.age for s in _decided(steps)]),
-        "skipped_pct": 100 * steps[-1].skipped / len(steps),
-        **_path_measures(steps),
-        "step_ms": 1e3 * float(np.median([s.seconds.total for s in timed(steps)])),
+        "tracking_angle_rms_deg": _rms(np.degrees(run["tracking_angle"][estimated])),
+        "tracking_scale_rms_pct": _rms(100 * (run["tracking_scale"][estimated] - 1)),
+        "tilt_peak_deg": np.degrees(run["tilt"][counted].max()),
+        "joint_range_peak_pct": 100 * run["range_used"][counted].max(),
+        "end_speed_mm_s": 1e3 * _rms_length(velocities[-len(final) :]),
+        "acceleration_peak_m_s2": _largest_change(velocities[counted]) / period,
+        **_effort(run["command"][counted & run["decided"]]),
+        "joint_way_pct": _joint_way(run),
+        "saturated_pct": 100 * np.mean(run["saturated"]),
+        "unseen_pct": 100 * np.mean(~run["seen"]),
+        "lost_pct": 100 * np.mean(run["lost"]),
+        "age_ms": 1e3 * np.mean(_where(run["other_picture"], run["age"])),
+        "skipped_pct": 100 * final[-1].skipped / len(run),
+        **_path_measures(run["camera"], final[-1]),
+        "out_of_view_pct": 100 * float(np.mean(run["out_of_view"])),
+        "step_ms": 1e3 * float(np.median(timed(run).sum(axis=1))),
     }
-    if not late:
+    if not late.any():
         values |= dict.fromkeys(COUNTED, np.nan)
-    outcome = _outcome(steps)
-    hit = [name for s in _final(steps) for name in s.joint_limits]
+    outcome = _outcome(final)
+    hit = [name for s in final for name in s.joint_limits]
     limits = tuple(dict.fromkeys(hit)) if outcome is Outcome.LIMIT_HIT else ()
-    off = _worst_off(_final(steps)) if outcome is Outcome.TIMED_OUT else ()
+    off = _worst_off(final) if outcome is Outcome.TIMED_OUT else ()
     return Summary(outcome, {name: float(values[name]) for name in MEANINGS}, limits, off)
 
 
-def _series(steps: Sequence[Step], of: Callable[[Step], float]) -> Array:
-    return np.array([of(s) for s in steps])
-
-
-def timed(steps: Sequence[Step]) -> Sequence[Step]:
-    """Return the steps in which the tracker worked, or all if it never did.
+def timed(run: Columns) -> Array:
+    """Return the wall-clock times (n, 4) of the steps in which the tracker worked, or of all if it
+    never did [s]: of rendering, the tracker, the law and the physics.
 
     A slow tracker leaves most steps without a call: a median over all would show the rest.
     """
-    return [s for s in steps if s.tracked] or steps
+    return _where(run["tracked"], run["seconds"])
 
 
-def _decided(steps: Sequence[Step]) -> Sequence[Step]:
-    """Return the steps with a new estimate, or all if there is none after the first.
-
-    The first state is given, and a step between two estimates repeats the last one's age.
-    """
-    pairs = itertools.pairwise(steps)
-    return [s for before, s in pairs if s.truth_estimated is not before.truth_estimated] or steps
+def _where(flags: NDArray[np.bool_], values: Array) -> Array:
+    """Return the values that have a flag, or all if none has one."""
+    return values[flags] if flags.any() else values
 
 
 def _final(steps: Sequence[Step]) -> list[Step]:
@@ -192,16 +185,28 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _effort(steps: Sequence[Step], period: float) -> dict[str, float]:
-    """Measures of control effort: how much the commands change, and the camera's speed does."""
-    commands = np.array([s.command.twist for s in steps if s.decided]).reshape(-1, 6)
+def _velocities(carried: Array, period: float) -> Array:
+    """Return the mean velocities (n, 3), since the frame before, of what the robot carries [m/s];
+    zero in the first.
+
+    They are the room's: in the camera's own frame a constant one changes where the camera turns.
+    """
+    return np.diff(carried, axis=0, prepend=carried[:1]) / period
+
+
+def _largest_change(vectors: Array) -> float:
+    """Return the largest change from one of some vectors (n, 3) to the next; 0 where there is
+    none.
+    """
+    return float(np.linalg.norm(np.diff(vectors, axis=0), axis=1).max(initial=0.0))
+
+
+def _effort(commands: Array) -> dict[str, float]:
+    """Measures of control effort: how much the commands (n, 6) change, as the law gives them."""
     linear, angular = np.hsplit(np.diff(commands, axis=0), 2)
-    speeds = np.array([s.posture.twist[:3] for s in steps])
-    accelerations = np.linalg.norm(np.diff(speeds, axis=0), axis=1) / period
     return {
         "effort_rms_mm_s": 1e3 * _rms_length(linear),
         "effort_rms_deg_s": float(np.degrees(_rms_length(angular))),
-        "acceleration_peak_m_s2": float(accelerations.max(initial=0.0)),
     }
 
 
@@ -210,14 +215,14 @@ def _rms_length(vectors: Array) -> float:
     return float(np.sqrt(np.square(vectors).sum() / max(len(vectors), 1)))
 
 
-def _joint_way(steps: Sequence[Step]) -> float:
+def _joint_way(run: Columns) -> float:
     """How far the joints with limits have moved over their ranges, in their mean [%]."""
-    posture = steps[0].posture
+    posture = run.first.posture
     span = posture.upper - posture.lower
     limited = np.isfinite(span) & (span > 0)
     if not limited.any():
         return 0.0
-    joints = np.array([s.posture.joints for s in steps])[:, limited]
+    joints = run["joints"][:, limited]
     return float(100 * np.mean(np.abs(np.diff(joints, axis=0)).sum(axis=0) / span[limited]))
 
 
@@ -230,17 +235,17 @@ def _longest(flags: NDArray[np.bool_]) -> int:
     return best
 
 
-def _settling_time(steps: Sequence[Step], turned: Array, grown: Array) -> float:
+def _settling_time(times: Array, servo: Array, turned: Array, grown: Array) -> float:
     """When the error fell below the bounds for good [s]; infinite if it never did."""
     off = (
-        (_series(steps, lambda s: s.servo_error) > SETTLED_PX)
+        (servo > SETTLED_PX)
         | (np.abs(turned) > np.degrees(SETTLED_RAD))
         | (np.abs(grown) > 100 * SETTLED_SCALE)
     )
     if off[-1]:
         return float("inf")
     last = int(np.max(np.nonzero(off)[0], initial=-1))
-    return steps[last + 1].frame.time
+    return float(times[last + 1])
 
 
 def _outcome(steps: Sequence[Step]) -> Outcome:
@@ -263,7 +268,8 @@ def _outcome(steps: Sequence[Step]) -> Outcome:
 def _off(step: Step) -> dict[str, float]:
     """Return what is too far from the goal and servoed, and how far it is, in `OFF_UNITS`."""
     angle, size = step.servoed
-    turned = abs(_servo_angles([step])[0])
+    apart = np.array([step.truth.theta - step.goal.theta])
+    turned = abs(_servo_angles(apart, step)[0])
     grown = abs(step.truth.size / step.goal.size - 1)
     found = dict[str, float]()
     if step.servo_error > CONVERGED_PX:
@@ -286,62 +292,39 @@ def _worst_off(steps: Sequence[Step]) -> tuple[str, ...]:
     return tuple(f"{name} {value:.0f} {OFF_UNITS[name]}" for name, value in most.items())
 
 
-def _servo_angles(steps: Sequence[Step]) -> Array:
+def _servo_angles(apart: Array, last: Step) -> Array:
     """Return the true angles (n,) against the goal [rad], over half a turn where the features do
     not tell front from back.
+
+    Args:
+        apart: They, by the full turn.
+        last: The last step, which knows the features.
     """
-    apart = _series(steps, lambda s: s.truth.theta - s.goal.theta)
     nearer = np.array([half_turn(angle) for angle in apart])
-    if not steps[-1].tells_front_from_back:
+    if not last.tells_front_from_back:
         return nearer
     whole = np.angle(np.exp(1j * apart))
     return np.where(np.abs(whole) > np.pi / 2, whole, nearer)
 
 
-def _tracking_angle(step: Step) -> float:
-    """Return the estimated angle against the true one [rad], over the full turn: a tracker that
-    takes front for back is wrong by pi.
+def _path_measures(places: Array, last: Step) -> dict[str, float]:
+    """Return the measures of the camera's way as the target sees it.
+
+    Args:
+        places: Of the camera (n, 3), in the target's frame [m].
+        last: The last step.
     """
-    return float(np.angle(np.exp(1j * (step.estimate.state.theta - step.truth_estimated.theta))))
-
-
-def _range_used(step: Step) -> float:
-    """Return how far the joint nearest to a limit is from the middle of its range, over half of
-    that.
-    """
-    p = step.posture
-    limited = np.isfinite(p.lower) & np.isfinite(p.upper)
-    half = (p.upper[limited] - p.lower[limited]) / 2
-    return float(np.max(1 - step.margins[limited] / half, initial=0.0))
-
-
-def _speed(step: Step) -> float:
-    """Return the speed of the camera [m/s]."""
-    return float(np.linalg.norm(step.posture.twist[:3]))
-
-
-def _path_measures(steps: Sequence[Step]) -> dict[str, float]:
-    """Return the measures of the camera's way as the target sees it."""
-    cameras = [s.T_object_camera for s in steps]
-    goal = steps[-1].T_object_goal
-    places = np.array([c.translation for c in cameras])
+    goal = last.T_object_goal
     there = goal.translation
     path = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
     away = np.linalg.norm(places, axis=1)
     ends = [np.linalg.norm(places[0]), np.linalg.norm(there)]
-    turn = goal.rotation.T @ cameras[-1].rotation
+    turn = goal.rotation.T @ last.T_object_camera.rotation
     return {
         "camera_path_m": path,
         "detour_m": path - float(np.linalg.norm(places[0] - places[-1])),
         "retreat_m": max(0.0, float(away.max() - max(ends))),
         "advance_m": max(0.0, float(min(ends) - away.min())),
-        "out_of_view_pct": 100 * float(np.mean([_out_of_view(s) for s in steps])),
         "end_position_mm": 1e3 * float(np.linalg.norm(places[-1] - there)),
         "end_rotation_deg": float(np.degrees(angle_of(turn))),
     }
-
-
-def _out_of_view(step: Step) -> bool:
-    camera = step.scene.camera
-    corners = step.truth.corners
-    return bool(((corners < 0) | (corners > (camera.width, camera.height))).any())

@@ -1,7 +1,7 @@
 """The folder of a run: run.rrd, steps.parquet, report.json and two plots."""
 
 import traceback
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from servo.loop.episode import Episode
@@ -102,6 +102,7 @@ class RunFolder:
         """
         self.folder = folder
         self._scenario = episode.scenario
+        self._features = episode.loop.features
         try:
             self._table = StepsTable(folder, episode)
         except FileExistsError:
@@ -142,7 +143,7 @@ class RunFolder:
             kept = f"all rows are in {self.folder / STREAM}"
             raise Refused(f"{self.folder / TABLE}: {error.strerror}; {kept}") from None
 
-    def finish(self, steps: Sequence[Step], report: Document) -> list[Path]:
+    def finish(self, report: Document) -> list[Path]:
         """Write report and plots; the paths of all files.
 
         Raises:
@@ -151,7 +152,8 @@ class RunFolder:
         title = f"{self._scenario.name}, seed {self._scenario.run.seed}"
         try:
             written = report.write(self.folder)
-            drawn = plots.draw(steps, title, self.folder)
+            curves = plots.Curves.read(self.folder / TABLE, self._features)
+            drawn = plots.draw(curves, title, self.folder)
         except OSError as error:
             raise Refused(f"{refusal(error)}; all rows are in {self.folder / TABLE}") from None
         return [*self._sinks.paths, self.folder / TABLE, written, *drawn]

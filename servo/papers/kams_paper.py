@@ -24,8 +24,6 @@ from servo.papers.summaries import (
 from servo.papers.tuning import AS_PUBLISHED, LEVELS, published, tuned
 from servo.study.run import Job, Record
 from servo.study.sequence_run import Contender, Generated, Recorded
-from tracking.sequences.sequence import read_all
-from tracking.sequences.sources import RATE
 from tracking.statistics.comparisons import Interval, McNemar, holm
 from tracking.statistics.verdicts import Finding, greater
 
@@ -61,11 +59,7 @@ def clutter(level: str) -> Generated:
 
 def _painted(trackers: Sequence[Contender], effort: Effort) -> Sequence[Job]:
     """Return runs on the hard levels, and on the real sequences if there are any."""
-    real = (
-        []
-        if effort.sequences is None
-        else [Recorded(effort.sequences, s.name) for s in read_all(effort.sequences, RATE)]
-    )
+    real = [] if effort.sequences is None else Recorded.all_in(effort.sequences)
     fresh = sequence_jobs(trackers, [clutter(level) for level in LEVELS], effort.seeds(SEEDS))
     return [*fresh, *sequence_jobs(trackers, real, range(1))]
 

@@ -18,13 +18,12 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.catalogue import shipped, studies
 from servo.scenario.tables import config_of
+from sim.files.behind import files_behind
 from sim.files.shipped import warn_of_own, warn_of_shipped
 from sim.installed import Trusted
 from sim.ranges import NamesFile
 
 Table = dict[str, Any]
-MODELS = (".xml", ".urdf")
-"""Files that name others: meshes, pictures, included models."""
 MISSING = "missing"
 DIGITS = 12
 """Digits of a digest: 48 bits do not collide by chance among the files of a study."""
@@ -124,7 +123,7 @@ def named_by(config: Any) -> list[str]:
 
 
 def digests(names: Iterable[str]) -> dict[str, str]:
-    """Return a digest of each file, and of all that a model consists of, by its name.
+    """Return a digest of each file, and of all that it refers to, by its name.
 
     Shipped files, which are named without a path, belong to our source and are left out.
     """
@@ -136,13 +135,11 @@ def digests(names: Iterable[str]) -> dict[str, str]:
 
 
 def digest_of(name: str) -> str:
-    """Return the digest of a file, with those that a model names; MISSING where there is none."""
-    from sim.models.model_files import files_of  # only now: it imports MuJoCo
-
+    """Return the digest of a file and of all behind it; MISSING where there is none."""
     path = Path(name)
     try:
-        files = sorted(files_of(path)) if path.suffix.lower() in MODELS else [path]
-        each = [_digest(f, f.stat().st_mtime_ns, f.stat().st_size) for f in files if f.is_file()]
+        files = sorted(files_behind(path)) if path.is_file() else []
+        each = [_digest(f, f.stat().st_mtime_ns, f.stat().st_size) for f in files]
     except (OSError, ValueError):
         return MISSING
     return hashlib.sha256(" ".join(each).encode()).hexdigest()[:DIGITS] if each else MISSING

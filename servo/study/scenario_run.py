@@ -4,7 +4,7 @@ import copy
 import functools
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,8 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from servo.loop.episode import measured_run
+from servo.loop.columns import Columns
+from servo.loop.episode import Episode
 from servo.loop.run_measures import CONVERGED_PX, MEANINGS, TIMED, Outcome, summarise, timed
 from servo.loop.step import Step
 from servo.mistake import Mistake
@@ -38,6 +39,8 @@ CAMERA = tuple(f"camera_{axis}_m" for axis in "xyz")
 """The camera's place in the target's frame: x along the nose, y to its right, z into the table."""
 CORNERS = tuple(f"corner{i}_{axis}_px" for i in range(4) for axis in "uv")
 """Projected corners of the target's reference rectangle."""
+TRACK = 1
+"""Place of the tracker's time among those of a step."""
 TRACK_MS = "track_ms"
 """The tracker's time for a picture that it was shown, median [ms]: a measure of records only."""
 MEASURED = (*MEANINGS, TRACK_MS)
@@ -152,7 +155,7 @@ class StudiedScenario:
 def record_of(
     job: Job,
     scenario: Scenario,
-    steps: Sequence[Step],
+    steps: Columns | Iterable[Step],
     seconds: float = np.nan,
     sheet: bytes | None = None,
 ) -> Record:
@@ -161,16 +164,17 @@ def record_of(
     Args:
         job: What was run.
         scenario: As it was run.
-        steps: All of them; they need no pictures.
+        steps: All of them, or their columns; they need no pictures.
         seconds: Wall-clock time.
         sheet: The run's contact sheet as JPEG.
     """
-    summary = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
+    run = Columns.of(steps)
+    summary = summarise(run, scenario.measure, 1 / scenario.camera.rate)
     expected = scenario.expect.get("outcome") or scenario.bounds.success or Outcome.CONVERGED.name
     success = summary.outcome.name == expected
     as_written = scenario.bounds.of(tracker_of(scenario.table))
     missed = missed_bounds(summary.outcome.name, summary.measures, scenario.expect, as_written)
-    track_ms = 1e3 * float(np.median([s.seconds.track for s in timed(steps)]))
+    track_ms = 1e3 * float(np.median(timed(run)[:, TRACK]))
     return Record(
         number=job.number,
         subject=job.subject.name,
@@ -184,7 +188,7 @@ def record_of(
         measures=summary.measures | {TRACK_MS: track_ms},
         missed=() if unjudged(scenario, success) else missed,
         repeats=scenario.run.repeats,
-        series=_series(steps),
+        series=_series(run),
         sheet=sheet,
         seconds=seconds,
     )
@@ -225,9 +229,14 @@ def _kept(files: frozenset[tuple[str, str]]) -> Kept:
 def _performed(job: Job, scenario: Scenario, kept: Kept) -> Record:
     began = time.perf_counter()
     sheet = Sheet(scenario.frames) if job.pictured else None
-    steps, _ = measured_run(scenario, sheet.add if sheet else None, kept)
+    run = Columns()
+    with Episode(scenario, seen=sheet is not None, kept=kept) as episode:
+        for step in episode:
+            if sheet is not None:
+                sheet.add(step)
+            run.add(step)
     jpeg = sheet.jpeg() if sheet else None
-    return record_of(job, scenario, steps, time.perf_counter() - began, jpeg)
+    return record_of(job, scenario, run, time.perf_counter() - began, jpeg)
 
 
 def _ordered(settings: dict[str, Value]) -> dict[str, Value]:
@@ -244,16 +253,14 @@ def _toml(value: Value) -> str:
     return " ".join(line.strip() for line in lines).removeprefix("key = [ [ ")[: -len(", ], ]")]
 
 
-def _series(steps: Sequence[Step]) -> dict[str, NDArray[Any]]:
+def _series(run: Columns) -> dict[str, NDArray[Any]]:
     """Values over time, in the precision of the files."""
-    errors = np.array([s.tracking_error for s in steps])
-    places = np.array([s.T_object_camera.translation for s in steps])
-    corners = np.array([s.truth.corners.ravel() for s in steps])
+    corners = run["corners"].reshape(len(run), len(CORNERS))
     columns = {
-        **dict(zip((*CAMERA, *CORNERS), np.hstack([places, corners]).T, strict=True)),
-        "time_s": [s.frame.time for s in steps],
-        "servo_error_px": [s.servo_error for s in steps],
-        "tracking_error_px": errors,
+        **dict(zip((*CAMERA, *CORNERS), np.hstack([run["camera"], corners]).T, strict=True)),
+        "time_s": run["time"],
+        "servo_error_px": run["servo"],
+        "tracking_error_px": run["tracking"],
     }
     floats = {name: np.asarray(values, np.float32) for name, values in columns.items()}
-    return {**floats, "on_target": errors <= CONVERGED_PX}
+    return {**floats, "on_target": run["tracking"] <= CONVERGED_PX}

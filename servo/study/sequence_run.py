@@ -1,5 +1,8 @@
 """Runs of trackers on sequences with a truth: their subjects, and their records."""
 
+from __future__ import annotations
+
+import hashlib
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from servo.scenario.named_files import digests, named_by
+from servo.scenario.named_files import DIGITS, digest_of, digests, named_by
 from servo.study.run import SEQUENCE, Job, Record
 from sim.kinds import kind_of
 from tracking.evaluation.track import Track, follow
@@ -17,7 +20,7 @@ from tracking.evaluation.warm_up import warm_up
 from tracking.files import atomic
 from tracking.files.json_text import as_json
 from tracking.sequences.sequence import Sequence, read_all
-from tracking.sequences.sources import RATE
+from tracking.sequences.sources import RATE, Folder
 from tracking.sequences.truth import Format
 
 TRACKS = "tracks"
@@ -84,11 +87,33 @@ class Recorded:
     folder: Path
     name: str
     truth_format: Format = Format.AUTO
+    content: str = ""
+    """Digest of its pictures and its truth."""
+
+    @staticmethod
+    def all_in(folder: Path, form: Format = Format.AUTO) -> list[Recorded]:
+        """Return the sequences of a folder.
+
+        Raises:
+            ValueError: As for `read_all`.
+        """
+        found = list[Recorded]()
+        for sequence in read_all(folder, RATE, form):
+            pictures = sequence.source
+            assert isinstance(pictures, Folder)  # `read_all` makes no other one
+            content = hashlib.sha256(sequence.truth.tobytes())
+            content.update(" ".join(digest_of(str(file)) for file in pictures.files).encode())
+            found.append(Recorded(folder, sequence.name, form, content.hexdigest()[:DIGITS]))
+        return found
 
     def describe(self) -> dict[str, Any]:
-        """Where it is."""
-        form = self.truth_format.name.lower()
-        return {"folder": str(self.folder.resolve()), "name": self.name, "truth_format": form}
+        """Where it is, and what is in it."""
+        return {
+            "folder": str(self.folder.resolve()),
+            "name": self.name,
+            "truth_format": self.truth_format.name.lower(),
+            "content": self.content,
+        }
 
     def build(self, seed: int) -> Sequence:
         """Read it."""

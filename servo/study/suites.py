@@ -10,8 +10,7 @@ from servo.scenario import toml
 from servo.scenario.fill import fill_plugin
 from servo.study.sequence_run import Contender, Entry, Generated, Recorded
 from tracking.sequences.painted import KINDS as GENERATORS
-from tracking.sequences.sequence import is_folder, read_all
-from tracking.sequences.sources import RATE
+from tracking.sequences.sequence import is_folder
 from tracking.sequences.truth import Format
 from tracking.trackers import KINDS as TRACKERS
 from tracking.wrapped import OF_THE_USER
@@ -94,7 +93,7 @@ def _entry(table: dict[str, Any], place: str) -> Generated:
 
 def _recorded(folder: Path, form: Format = Format.AUTO) -> Sequence[Recorded]:
     with as_mistake():
-        return [Recorded(folder, s.name, form) for s in read_all(folder, RATE, form)]
+        return Recorded.all_in(folder, form)
 
 
 def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:

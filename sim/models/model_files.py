@@ -90,34 +90,6 @@ def leave_out(spec: mujoco.MjSpec, parts: Iterable[str]) -> None:
         spec.delete(element)
 
 
-def files_of(path: Path) -> set[Path]:
-    """Return the files that a model consists of, itself included: all that exist of those that it
-    names, or that an included model names.
-    """
-    found = {path}
-    folders = {path.parent, *path.resolve().parents}
-    waiting = [path]
-    while waiting:
-        try:
-            elements = list(ElementTree.parse(waiting.pop()).iter())
-        except (OSError, ElementTree.ParseError):
-            continue
-        for element in elements:
-            named = (value for key, value in element.items() if key.endswith("dir"))
-            folders |= {path.parent / folder for folder in named}
-        names = {
-            PLACE.sub("", value)
-            for element in elements
-            for key, value in element.items()
-            if key.startswith("file")
-        }
-        files = {folder / name for folder in folders for name in names}
-        new = {file.resolve() for file in files if file.is_file()} - found
-        waiting += [file for file in new if file.suffix.lower() == ".xml"]
-        found |= new
-    return found
-
-
 def _keep_no_log() -> None:
     """Stop MuJoCo from writing MUJOCO_LOG.TXT into the working directory, and to the terminal."""
     config = mujoco.MjLogConfig.get()

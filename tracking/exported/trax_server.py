@@ -12,6 +12,8 @@ import numpy as np
 from sim.files.bit_depth import BitDepth
 from sim.installed import plain
 from sim.types import Array
+from tracking import configured
+from tracking.evaluation.warm_up import warm_up
 from tracking.exported.toolkits import Follower
 from tracking.sequences.sources import RATE
 from tracking.types import Estimate, Status
@@ -47,6 +49,9 @@ def run_trax(
 ) -> None:
     """Follow what a TraX client shows until it quits.
 
+    What the tracker needs is compiled and loaded before the hello, as clients limit the time of
+    each answer: the VOT toolkit ends a server after 30 s.
+
     Args:
         kind: The tracker; see `tracking.create`.
         seed: Seed of its random draws.
@@ -56,9 +61,12 @@ def run_trax(
         **settings: The tracker's settings.
 
     Raises:
-        ValueError: The client shows no region or no picture, or a frame before a region.
+        ValueError: There is no such tracker or setting; or the client shows no region or no
+            picture, or a frame before a region.
+        TypeError: The tracker has no such setting.
     """
     out = answers or sys.stdout
+    warm_up(configured(kind, **settings))
     follower = Follower(kind, seed, rate, settings)
     for message in _conversation(kind, follower, requests or sys.stdin):
         out.write(message.line())

@@ -12,7 +12,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.types import Array, Frame, Truth
-from tracking.types import Estimate, Region, State, Status
+from tracking.types import Estimate, Region, State, Status, goes_around
 
 NO_TRUTH = "the tracker 'truth' is told where the target is by a simulation, and here is none"
 
@@ -72,6 +72,11 @@ class TruthTracker:
         size = frame.image.shape[1::-1]
         inside = truth.depth > 0 and bool(((truth.centre >= 0) & (truth.centre <= size)).all())
         dropped = self._rng.uniform() < c.dropouts
+        corners = truth.corners + c.noise * errors[2:] if c.corners else None
+        if corners is not None and not goes_around(corners):
+            dropped = (
+                True  # one of them is behind the camera, or the noise is larger than the target
+            )
         if not inside or dropped:
             self._state = self._state.moved(ego)
             status = Status.UNSURE if inside else Status.LOST
@@ -90,5 +95,5 @@ class TruthTracker:
             np.diag([c.noise, c.noise, turn, growth]) ** 2,
             0.0,
             Status.LOCKED,
-            corners=truth.corners + c.noise * errors[2:] if c.corners else None,
+            corners=corners,
         )

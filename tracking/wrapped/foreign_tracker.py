@@ -20,6 +20,7 @@ from tracking.types import (
     State,
     Status,
     check_region,
+    goes_around,
     unknown_covariance,
 )
 from tracking.wrapped.boxes import Box
@@ -170,7 +171,8 @@ class Placement:
         Returns:
             The corners in the order of the region's.
         """
-        seen = min((corners[order] for order in ORDERS), key=self._distance)
+        ordered = (corners[order] for order in ORDERS)
+        seen = min(filter(goes_around, ordered), key=self._distance)
         self._last = seen
         moved = seen.mean(axis=0) - self._corners.mean(axis=0)
         was, now = (_complex(c - c.mean(axis=0)) for c in (self._corners, seen))

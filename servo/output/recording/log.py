@@ -23,8 +23,9 @@ Timelines: `frame` and `sim_time`. Data is sent in columns, to a file once a sec
 calls for each entity and frame would take half as long as rendering.
 """
 
+from array import array
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -90,8 +91,8 @@ class RerunLog:
         self._before: Step | None = None
         self._steps = list[Step]()
         self._jpegs = list[bytes]()
-        self._way = list[Array]()
-        self._corners = list[Array]()
+        self._way = array("f")
+        self._corners = array("f")
         self._log_scene()
         self._name_series()
 
@@ -111,7 +112,8 @@ class RerunLog:
             text = f"{event.name}: {event.value}" + f" ({which})" * bool(which)
             self._rec.log("events", rr.TextLog(text, level=LEVELS.get(event, "INFO")))
         self._before = step
-        self._steps.append(step)
+        frame = replace(step.light().frame, depth=step.frame.depth)
+        self._steps.append(replace(step, frame=frame))  # a second of pictures would be large
         if self._every.due():
             self._send()
             self._file.flush()
@@ -161,8 +163,9 @@ class RerunLog:
         ]
         self._send_pictures(steps, jpegs, index)
         self._send_numbers(steps, index)
-        self._way += [s.truth.T_world_camera.translation for s in steps]
-        self._corners += [s.truth.corners for s in steps]
+        for step in steps:
+            self._way.extend(step.truth.T_world_camera.translation.tolist())
+            self._corners.extend(step.truth.corners.ravel().tolist())
         if self._ways_due.due():
             self._log_ways()
 
@@ -211,9 +214,10 @@ class RerunLog:
 
     def _log_ways(self) -> None:
         """The ways so far, as lines without a time: of the camera, of the corners in the image."""
-        way = rr.LineStrips3D([np.array(self._way)], colors=PARTICLES, radii=WAY_RADIUS)
+        places = np.array(self._way).reshape(-1, 3)
+        way = rr.LineStrips3D([places], colors=PARTICLES, radii=WAY_RADIUS)
         self._rec.log("world/way", way, static=True)
-        corners = np.stack(self._corners, axis=1)
+        corners = np.array(self._corners).reshape(-1, 4, 2).swapaxes(0, 1)
         ways = rr.LineStrips2D(list(corners), colors=PARTICLES, radii=solids.LINE_RADIUS / 2)
         self._rec.log(f"{IMAGE}/way", ways, static=True)
 
