@@ -14,6 +14,7 @@ from servo.report.run_section import section
 from servo.scenario.load import load
 from servo.study.bounds import missed_bounds
 from sim.geometry import exp_so3
+from sim.types import Pose
 from tracking.types import Status
 
 
@@ -131,33 +132,74 @@ def test_a_limit_of_joints_or_of_speed_saturates(steps):
     assert report(speed).measures["saturated_pct"] == pytest.approx(25.0)
 
 
-def test_a_joints_range_and_the_cameras_speed_at_the_end(steps):
+def test_a_joints_range(steps):
     at = steps[0].posture
     half = (at.upper[0] - at.lower[0]) / 2
     out = replace(at, joints=np.array([0.75 * half, 0.0, 0.0, 9.0, 0.0, 0.0]))
-    moving = replace(at, twist=np.array([0.03, 0.04, 0.0, 0.0, 0.0, 1.0]))
-    made = [replace(s, posture=out if s.frame.index == 7 else moving) for s in steps]
+    made = [replace(s, posture=out if s.frame.index == 7 else at) for s in steps]
     assert report(made).measures["joint_range_peak_pct"] == pytest.approx(75.0)
-    assert report(made).measures["end_speed_mm_s"] == pytest.approx(50.0)
     assert made[7].margins[0] == pytest.approx(0.25 * half)
     assert made[7].margins[3] == np.inf
 
 
-def test_effort_is_how_much_commands_and_speed_change(steps):
-    """Every second command is 30 mm/s and 0.2 rad/s more; the camera gains 0.1 m/s at once."""
+def test_effort_is_how_much_commands_change(steps):
+    """Every second command is 30 mm/s and 0.2 rad/s more."""
     made = []
     for s in steps:
-        k = s.frame.index
-        twist = np.array([0.03, 0.0, 0.0, 0.0, 0.0, 0.2]) * (k % 2)
-        at = replace(s.posture, twist=np.array([0.1 * (k >= 60), 0, 0, 0, 0, 0]))
-        made.append(replace(s, command=replace(s.command, twist=twist), posture=at, decided=True))
+        twist = np.array([0.03, 0.0, 0.0, 0.0, 0.0, 0.2]) * (s.frame.index % 2)
+        made.append(replace(s, command=replace(s.command, twist=twist), decided=True))
     measures = report(made).measures
     assert measures["effort_rms_mm_s"] == pytest.approx(30.0)
     assert measures["effort_rms_deg_s"] == pytest.approx(np.degrees(0.2))
-    assert measures["acceleration_peak_m_s2"] == pytest.approx(0.1 * 30)
     repeated = [replace(s, decided=s.frame.index % 2 == 0) for s in made]
     assert report(repeated).measures["effort_rms_mm_s"] == 0.0
-    assert report(made, after=3.0).measures["acceleration_peak_m_s2"] == 0.0
+
+
+def moved(step, place, heading, name="T_world_camera"):
+    """The step with the camera, or the target, somewhere in the room."""
+    pose = Pose(Pose.planar(0.0, 0.0, heading).rotation, np.array(place))
+    return replace(step, truth=replace(step.truth, **{name: pose}))
+
+
+def test_a_camera_that_gains_speed_at_once(steps):
+    """It stands for 60 frames, and then moves by 0.1 m/s."""
+    made = [moved(s, [0.1 / 30 * max(0, s.frame.index - 60), 0.0, 1.0], 0.0) for s in steps]
+    measures = report(made).measures
+    assert measures["acceleration_peak_m_s2"] == pytest.approx(0.1 * 30)
+    assert measures["end_speed_mm_s"] == pytest.approx(100.0)
+    assert report(made, after=3.0).measures["acceleration_peak_m_s2"] == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("turns", [0.0, 1.0, -2.0])
+def test_acceleration_is_the_rooms_however_the_camera_turns(steps, turns):
+    """On a circle of 0.3 m at 1 rad/s it is r w^2, on a line of constant speed nothing."""
+    angles = [s.frame.time for s in steps]
+    circle = [
+        moved(s, [0.3 * np.cos(a), 0.3 * np.sin(a), 1.0], turns * a)
+        for s, a in zip(steps, angles, strict=True)
+    ]
+    line = [moved(s, [0.3 * s.frame.time, 0.0, 1.0], turns * s.frame.time) for s in steps]
+    on_circle = report(circle, after=1.0).measures
+    on_line = report(line, after=1.0).measures
+    assert on_circle["acceleration_peak_m_s2"] == pytest.approx(0.3, rel=1e-3)
+    assert on_line["acceleration_peak_m_s2"] == pytest.approx(0.0, abs=1e-9)
+    for measures in (on_circle, on_line):
+        assert measures["end_speed_mm_s"] == pytest.approx(300.0, rel=1e-3)
+
+
+def test_before_a_camera_that_stands_it_is_the_targets_acceleration(steps):
+    """The target turns in place, which moves the camera as the target sees it, and then moves."""
+    changes = ["run.duration=0.1", "controller.kind=hold"]
+    with Episode(load("hand_plate", changes)) as episode:
+        stands = next(iter(episode)).scene
+    place = np.array([0.0, 0.0, 1.0])
+    turning = [moved(s, place, s.frame.time, "T_world_target") for s in steps]
+    ahead = np.array([0.1, 0.0, 0.0])
+    moving = [moved(s, place + ahead * s.frame.time**2, 0.0, "T_world_target") for s in steps]
+    for made, expected in ((turning, 0.0), (moving, 0.2)):
+        measures = report([replace(s, scene=stands) for s in made], after=1.0).measures
+        assert measures["acceleration_peak_m_s2"] == pytest.approx(expected, abs=1e-6)
+    assert report([replace(s, scene=stands) for s in turning]).measures["end_speed_mm_s"] == 0.0
 
 
 def test_the_way_of_the_joints_is_over_their_ranges(steps):

@@ -48,7 +48,7 @@ class WeightedFeatures(PointsAndPose):
 
     def _weights(self, corners: Array, camera: Camera) -> Array:
         """Return those of corners (4, 2)."""
-        pixels = corners * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+        pixels = camera.to_pixels(corners)
         half = np.array([camera.width, camera.height]) / 2
         out = np.abs(pixels - half) / half  # 0 in the middle, 1 at the border
         beyond = np.maximum(out - (1 - self._border), 0.0)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from servo.loop.settings import MeasureConfig
 from servo.loop.step import Step
 from sim.geometry import angle_of, half_turn
+from sim.kinematics.robot import CAMERA
 from sim.types import Array
 from tracking.types import Status
 
@@ -27,6 +28,8 @@ CONVERGED_SCALE = 0.25
 """The same of angle and tilt, and of size, where the features servo them: `six_motion` lags by up
 to 14 deg, and `bad_init` keeps the fifth by which its region is too large."""
 
+ROOM = 0
+"""The body of MuJoCo's models that never moves."""
 OFF_UNITS = {"centre": "px", "angle": "deg", "size": "%", "orientation": "deg"}
 """Units of what may be too far from the goal."""
 
@@ -120,6 +123,7 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
     servo = _series(counted, lambda s: s.servo_error)
     turned = np.degrees(_servo_angles(steps))
     grown = 100 * _series(steps, lambda s: s.truth.size / s.goal_size - 1)
+    velocities = _velocities(steps, period)
     late_turned, late_grown = turned[-len(counted) :], grown[-len(counted) :]
     estimated = [s for s in counted if s.decided] or counted  # a repeated estimate counts once
     tracked = _series(estimated, lambda s: s.tracking_error)
@@ -143,8 +147,9 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
         "tracking_scale_rms_pct": _rms(scale),
         "tilt_peak_deg": np.degrees(max(s.tilt for s in counted)),
         "joint_range_peak_pct": 100 * max(_range_used(s) for s in counted),
-        "end_speed_mm_s": 1e3 * _rms(_series(_final(steps), _speed)),
-        **_effort(counted, period),
+        "end_speed_mm_s": 1e3 * _rms_length(velocities[-len(_final(steps)) :]),
+        "acceleration_peak_m_s2": _largest_change(velocities[-len(counted) :]) / period,
+        **_effort(counted),
         "joint_way_pct": _joint_way(steps),
         "saturated_pct": 100 * np.mean([s.limited or s.command.saturated for s in steps]),
         "unseen_pct": 100 * np.mean([not s.seen for s in steps]),
@@ -192,16 +197,32 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _effort(steps: Sequence[Step], period: float) -> dict[str, float]:
-    """Measures of control effort: how much the commands change, and the camera's speed does."""
+def _velocities(steps: Sequence[Step], period: float) -> Array:
+    """Mean velocities (n, 3), since the frame before, of what the robot carries: the camera, or the
+    target before a camera that stands [m/s]; zero in the first.
+
+    They are the room's: in the camera's own frame a constant one changes where the camera turns.
+    """
+    stands = steps[0].scene.room.camera(CAMERA).bodyid == ROOM
+    carried = [s.truth.T_world_target if stands else s.truth.T_world_camera for s in steps]
+    places = np.array([pose.translation for pose in carried])
+    return np.diff(places, axis=0, prepend=places[:1]) / period
+
+
+def _largest_change(vectors: Array) -> float:
+    """Return the largest change from one of some vectors (n, 3) to the next; 0 where there is
+    none.
+    """
+    return float(np.linalg.norm(np.diff(vectors, axis=0), axis=1).max(initial=0.0))
+
+
+def _effort(steps: Sequence[Step]) -> dict[str, float]:
+    """Measures of control effort: how much the commands change, as the law gives them."""
     commands = np.array([s.command.twist for s in steps if s.decided]).reshape(-1, 6)
     linear, angular = np.hsplit(np.diff(commands, axis=0), 2)
-    speeds = np.array([s.posture.twist[:3] for s in steps])
-    accelerations = np.linalg.norm(np.diff(speeds, axis=0), axis=1) / period
     return {
         "effort_rms_mm_s": 1e3 * _rms_length(linear),
         "effort_rms_deg_s": float(np.degrees(_rms_length(angular))),
-        "acceleration_peak_m_s2": float(accelerations.max(initial=0.0)),
     }
 
 
@@ -313,11 +334,6 @@ def _range_used(step: Step) -> float:
     limited = np.isfinite(p.lower) & np.isfinite(p.upper)
     half = (p.upper[limited] - p.lower[limited]) / 2
     return float(np.max(1 - step.margins[limited] / half, initial=0.0))
-
-
-def _speed(step: Step) -> float:
-    """Return the speed of the camera [m/s]."""
-    return float(np.linalg.norm(step.posture.twist[:3]))
 
 
 def _path_measures(steps: Sequence[Step]) -> dict[str, float]:
