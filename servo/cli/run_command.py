@@ -32,7 +32,7 @@ from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from servo.study.bounds import check_expect, unjudged
+from servo.study.bounds import check_expect, doubtful_bounds, unjudged
 from servo.study.run import Job, Record
 from servo.study.run_report import RunReport
 from servo.study.scenario_run import LoadedScenario, record_of
@@ -173,7 +173,7 @@ def remarks(episode: Episode) -> list[str]:
         _hidden_line(episode),
         advice(episode.scenario.tracker, first.image, region, state),
         _tilt_line(episode),
-        measures_line(episode.scenario),
+        *measures_lines(episode.scenario),
         *idle_settings(episode),
     ]
     return [line for line in lines if line]
@@ -197,14 +197,19 @@ def _tilt_line(episode: Episode) -> str:
     )
 
 
-def measures_line(scenario: Setup) -> str:
-    """Return a sentence about measures that no frame of a run counts in; else nothing."""
-    if scenario.run.duration > scenario.measure.after:
-        return ""
-    return (
-        f"The run ends after {scenario.run.duration:g} s, and measure.after = "
-        f"{scenario.measure.after:g} s: measures that count from there on have no value"
-    )
+def measures_lines(scenario: Setup) -> list[str]:
+    """Return sentences about measures that no frame of a run counts in, and about bounds that every
+    run misses, or none.
+    """
+    lines = list[str]()
+    if scenario.run.duration <= scenario.measure.after:
+        lines.append(
+            f"The run ends after {scenario.run.duration:g} s, and measure.after = "
+            f"{scenario.measure.after:g} s: measures that count from there on have no value"
+        )
+    if isinstance(scenario, Scenario):
+        lines += doubtful_bounds(scenario.expect, scenario.run.duration)
+    return lines
 
 
 def _hidden_line(episode: Episode) -> str:
