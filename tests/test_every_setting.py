@@ -3,6 +3,7 @@
 import functools
 import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -66,6 +67,11 @@ VALUES = {
     "controller.fastest": 0.01,
     "controller.fastest_turn": 0.01,
     "controller.margin": 20.0,
+    "tracker.tolerance": 1000.0,
+    "tracker.occluded": 0.0,
+    "tracker.trust": 0.0,
+    "tracker.confidence": 1.0,
+    "tracker.steps": 1,
 }
 """Values of settings that the range does not suggest."""
 LENS = ('camera.distortion="plumb_bob"', "camera.coefficients=[-0.2,0.02,0.0,0.0,0.0]")
@@ -135,6 +141,9 @@ LEFT_OUT = {
     "camera.held": HAND,
     "camera.distortion": "with its coefficients: test_lens",
     "camera.mounted": "another robot and another task: test_eye_to_hand",
+    "tracker.scatter": "the first layers of a cloud that has lost the target: test_annealing",
+    "tracker.sudden": "a view that changes at once: test_pf_ssd",
+    "tracker.least_texture": "a target without texture: test_texture",
     "camera.renderer": "the same pictures, but for shadows: test_exact",
     "robot.home": "the same posture is found from everywhere: test_mjcf_robots",
     "controller.file": "a network's file: test_onnx_policy",
@@ -216,6 +225,51 @@ def test_every_setting_changes_a_run(place, kind, name, value):
     if needs and not {own, setting} & UNSAID.keys():
         assert name in said_or_refused(after)
     assert (seen((*before, *after))[0] == seen(before)[0]) is False
+
+
+NOT_HERE = ("opencv", "trax", "tag", "truth")
+"""Trackers of others, and those that this target is nothing for."""
+
+
+@functools.cache
+def shown():
+    """Four pictures of a target that moves, and where it is in the first."""
+    changes = [*PLAIN, "camera.width=160", "camera.height=120", "motion.kind=line"]
+    with Episode(load("still", [*changes, "controller.kind=hold"])) as episode:
+        return episode.shown[1:], [step.frame for step in episode]
+
+
+@functools.cache
+def estimates(config):
+    """All that a tracker reports of these pictures."""
+    target, (first, *frames) = shown()
+    tracker = config.build(np.random.default_rng(1))
+    tracker.start(first, *target)
+    return pickle.dumps([replace(tracker.update(frame), particles=None) for frame in frames])
+
+
+def tracker_cases():
+    """Every setting of every tracker, with another value; what several have, in the first."""
+    found = set()
+    for place, kind, config in KINDS:
+        if place != "tracker" or kind in NOT_HERE:
+            continue
+        for owner, name, values in settings_of(config):
+            setting = f"{place}.{name}"
+            if (owner, name) in found or setting in LEFT_OUT or not values:
+                continue
+            found.add((owner, name))
+            value = (
+                VALUES[setting] if setting in VALUES else another(getattr(config(), name), values)
+            )
+            yield pytest.param(config, name, value, id=f"{kind}-{name}")
+
+
+@pytest.mark.parametrize(("config", "name", "value"), [*tracker_cases()])
+def test_every_setting_changes_what_a_tracker_reports(config, name, value):
+    given = tuple(value) if isinstance(value, list) else value
+    changed = replace(config(), **{name: given})
+    assert (estimates(changed) == estimates(config())) is False
 
 
 TWO_JOINTS = (
