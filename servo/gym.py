@@ -51,8 +51,11 @@ ACTIONS = ("twist", "residual")
 LARGEST_FEATURE = 10.0
 """Values of the observation "features" are cut at this: errors are of the order of 1 at the most,
 and a network should not see one that exploded."""
+REDRAW = 20
+"""Seeds drawn for one start: on "line" one of 60 starts cannot be, so that this many never fail."""
 LAST_SEED = 2**31
 """A seed that is drawn is below this."""
+DRAWS_AGAIN = "so many more seeds were drawn for such a start; a larger number allows more"
 SEED = "the seed of a run is given as reset(seed=...)"
 LEVEL_DOF = [0, 1, 2, 5]
 """Parts of the twist of a law that does not say which it moves: vx, vy, vz, wz."""
@@ -73,7 +76,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         dof: Sequence[str] | None = None,
         render_mode: str | None = None,
         goal_picture: bool = False,
-        redraw: int = 0,
+        redraw: int = REDRAW,
         **settings: Any,
     ) -> None:
         """Prepare; nothing is rendered before `reset`.
@@ -88,8 +91,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             render_mode: "rgb_array", "human" (a window) or None.
             goal_picture: Whether `reset` tells the picture that the camera takes at the goal, as
                 info["goal_picture"]. It is taken first, so noise of the sensor is drawn anew.
-            redraw: How often `reset` draws another seed where the start of one cannot be: drawn
-                starts may be out of reach of an arm. Each search for one takes seconds.
+            redraw: How often `reset` draws another seed where a drawn start cannot be, such as one
+                out of reach of an arm; 0: never. Each search for one takes seconds.
             **settings: As for `servo.load`, such as gain=1.0 or vary={}.
 
         Raises:
@@ -153,7 +156,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
         Raises:
             Mistake: A setting is wrong, or the observations would have another shape.
-            ImpossibleStart: The start cannot be, nor that of any of the seeds that `redraw` drew.
+            ImpossibleStart: The start cannot be, nor that of any of the seeds that `redraw` drew;
+                where nothing is drawn, no other is tried.
         """
         super().reset(seed=seed)
         drawn = self._seed() if seed is None else seed
@@ -165,9 +169,11 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             try:
                 episode = self._prepared(scenario)
                 break
-            except ImpossibleStart:
-                if redrawn == self._redraw:
+            except ImpossibleStart as error:
+                if not scenario.drawn:
                     raise
+                if redrawn == self._redraw:
+                    raise ImpossibleStart(f"{error} (redraw = {redrawn}: {DRAWS_AGAIN})") from error
             redrawn += 1
             drawn = self._seed()
         self._end()  # only now: a run goes on where what shall follow it is refused

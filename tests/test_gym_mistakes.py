@@ -143,11 +143,20 @@ def test_a_drawn_start_that_cannot_be_is_drawn_again(monkeypatch):
     resets = [7, None, 1]
     told = []
     for _ in range(2):
-        env = made(redraw=20, **settings)
+        env = made(**settings)
         told.append([env.reset(seed=seed)[1] for seed in resets])
     seeds, redrawn, draws = ([info[k] for info in told[0]] for k in ("seed", "redrawn", "drawn"))
     assert redrawn == [2, 0, 0]
     assert seeds == [info["seed"] for info in told[1]]
     assert all(drawn["start.x"] < 0 for drawn in draws)
-    with pytest.raises(Mistake, match=r"^reversal: start, seed 7: it is on the right$"):
-        made(**settings).reset(seed=7)
+    refusal = "reversal: start, seed 7: it is on the right"
+    with pytest.raises(Mistake) as refused:
+        made(redraw=0, **settings).reset(seed=7)
+    assert str(refused.value) == (
+        f"{refusal} (redraw = 0: so many more seeds were drawn for such a start; a larger number "
+        "allows more)"
+    )
+    as_written = {"overrides": [*SHORT, "tracker.kind=truth", "start.x=5", "expect={}"], "vary": {}}
+    with pytest.raises(Mistake) as refused:
+        made(**as_written).reset(seed=7)  # no other seed could help
+    assert str(refused.value) == refusal

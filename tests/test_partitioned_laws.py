@@ -191,6 +191,42 @@ def test_what_a_law_learns_is_the_interaction_matrix():
     assert np.abs(there - goal_points).max() < 1e-4
 
 
+@pytest.mark.parametrize(
+    ("intervals", "forth"),
+    [
+        ([1 / 30], 6),
+        ([1 / 25], 5),
+        ([1 / 60], 12),
+        ([1 / 5], 1),
+        ([1.0], 1),
+        ([1 / 30, 2 / 30, 1 / 30], None),
+    ],
+)
+def test_each_probe_of_the_learning_law_comes_back(intervals, forth):
+    """However the frame interval divides its time: 0.2 s forth, and as long back."""
+    T, goal = pose_of(*STARTS["near"]), seen_in(pose_of(*GOAL))
+    sets = load("small_hybrid", ["features.kind=points"]).features.build(OUTLINE)
+    law = broyden.Config().build(np.random.default_rng(0))
+    law.start(Task(goal, sets, none.Config().build(np.random.default_rng(0)), CAMERA, OUTLINE))
+    place, steps = np.zeros(6), [[0, 0] for _ in range(6)]
+    twist = np.zeros(6)
+    for k in range(400):
+        dt = intervals[k % len(intervals)]
+        place += twist * dt
+        T = moved(T, twist * dt)
+        twist = law.command(seen_in(T, goal), posture_of(twist), dt).twist
+        (moving,) = np.flatnonzero(twist) if np.count_nonzero(twist) == 1 else (None,)
+        if moving is None:
+            break
+        others = np.delete(place, moving)
+        np.testing.assert_allclose(others, 0.0, atol=0.01 * 0.06 * max(intervals))
+        steps[moving][int(twist[moving] < 0)] += 1
+    np.testing.assert_allclose(place, 0.0, atol=0.01 * 0.06 * max(intervals))
+    assert min(steps) >= [1, 1]
+    if forth is not None:
+        assert steps == [[forth, forth]] * 6
+
+
 def test_without_a_target_the_learning_law_stands():
     law = broyden.Config().build(np.random.default_rng(0))
     sets = load("small_hybrid", ["features.kind=points"]).features.build(OUTLINE)

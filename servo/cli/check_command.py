@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 from rich.console import Console
 
 from servo.cli.jobs import print_estimate, progress
-from servo.cli.run_command import load, measures_line, print_missed
+from servo.cli.run_command import load, measures_lines, print_missed
 from servo.cli.terminal import complain, plain, print_table
 from servo.loop.run_measures import MEANINGS
 from servo.mistake import Mistake, Refused, check_suffix, one_line, writing
@@ -138,9 +138,10 @@ def check_scenarios(
 
 
 def _print_short(errors: Console, jobs: Sequence[Job]) -> None:
-    """Say which scenarios end before their errors count."""
-    for name, line in {job.subject.name: measures_line(_scenario(job)) for job in jobs}.items():
-        if line:
+    """Say which scenarios end before their errors count, or have bounds that judge nothing."""
+    found = {job.subject.name: measures_lines(_scenario(job)) for job in jobs}
+    for name, lines in found.items():
+        for line in lines:
             plain(errors, f"{name}: {line}")
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
+from servo.cli.idle_settings import OF_CORNERS, idle_settings, reports_corners
 from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
 from servo.cli.terminal import (
     COMPILING,
@@ -33,7 +34,7 @@ from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from servo.study.bounds import check_expect, unjudged
+from servo.study.bounds import check_expect, doubtful_bounds, unjudged
 from servo.study.run import Job, Record
 from servo.study.run_report import RunReport
 from servo.study.scenario_run import LoadedScenario, record_of
@@ -49,8 +50,6 @@ from tracking.trackers import KINDS
 if TYPE_CHECKING:
     from servo.ros2.server import Server
 
-OF_CORNERS = ("tag", "homography")
-"""Trackers of ours that report corners, and with them the target's tilt."""
 HIDDEN = 0.1
 """A target of which a smaller share is visible counts as hidden."""
 START_NEAR = 1e-3
@@ -176,7 +175,8 @@ def remarks(episode: Episode) -> list[str]:
         _hidden_line(episode),
         advice(episode.scenario.tracker, first.image, region, state),
         _tilt_line(episode),
-        measures_line(episode.scenario),
+        *measures_lines(episode.scenario),
+        *idle_settings(episode),
     ]
     return [line for line in lines if line]
 
@@ -186,7 +186,7 @@ def _tilt_line(episode: Episode) -> str:
     scenario = episode.scenario
     tracker = kind_of(scenario.tracker)
     ours = type(scenario.tracker).__module__.startswith(f"{KINDS.folder}.")
-    if not ours or tracker in OF_CORNERS or getattr(scenario.tracker, "corners", False):
+    if not ours or reports_corners(scenario.tracker):
         return ""
     goal = episode.running.goal_sight
     is_tilted = scenario.start.tilt_deg > degrees(START_TURNED) and not episode.loop.uses_pictures
@@ -199,14 +199,19 @@ def _tilt_line(episode: Episode) -> str:
     )
 
 
-def measures_line(scenario: Setup) -> str:
-    """Return a sentence about measures that no frame of a run counts in; else nothing."""
-    if scenario.run.duration > scenario.measure.after:
-        return ""
-    return (
-        f"The run ends after {scenario.run.duration:g} s, and measure.after = "
-        f"{scenario.measure.after:g} s: measures that count from there on have no value"
-    )
+def measures_lines(scenario: Setup) -> list[str]:
+    """Return sentences about measures that no frame of a run counts in, and about bounds that every
+    run misses, or none.
+    """
+    lines = list[str]()
+    if scenario.run.duration <= scenario.measure.after:
+        lines.append(
+            f"The run ends after {scenario.run.duration:g} s, and measure.after = "
+            f"{scenario.measure.after:g} s: measures that count from there on have no value"
+        )
+    if isinstance(scenario, Scenario):
+        lines += doubtful_bounds(scenario.expect, scenario.run.duration)
+    return lines
 
 
 def _hidden_line(episode: Episode) -> str:

@@ -28,6 +28,8 @@ pixel, so less of it is the corners' noise."""
 WEAK = 0.005
 """Directions that move the features by less than this share of the strongest are left out: what
 was learned of them is noise. A shift against a tilt moves a small target's corners by 0.008."""
+BACK = 0.01
+"""Share of a frame interval: a camera that is nearer than this to where it began is back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +68,18 @@ class Broyden:
         self._limits = Limits(c.fastest, c.fastest_turn, None, None)
         self._matrix = np.zeros((len(self._features.names), len(DOF)))
         self._before: Array | None = None
-        self._time = 0.0
+        self._direction = 0
+        """The one that is probed."""
+        self._pace = 0.0
+        """What the last command makes of the probe's speed: 1 forth, -1 back."""
+        self._away = 0.0
+        """How far the camera is from where the probe began, over the probe's speed [s]."""
+        self._returns = False
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return the twist for what is seen now; where it is not seen, none."""
+        self._away += self._pace * dt
+        self._pace = 0.0
         if seen is None or not self._features.known(seen).all():
             self._before = None
             return Command(np.zeros(6), mode=Mode.HOLDING)
@@ -77,11 +87,10 @@ class Broyden:
         if self._before is not None:
             self._learn(self._features.error(values, self._before), posture.twist * dt)
         self._before = values
-        twist = self._probe()
+        twist = self._probe(dt)
         if twist is None:
             error = self._features.error(values, self._features.values(seen.goal or self._goal))
             twist = -self._config.gain * np.linalg.pinv(self._matrix, rcond=WEAK) @ error
-        self._time += dt
         twist, saturated = self._limits.apply(twist, dt)
         return Command(twist, saturated)
 
@@ -89,13 +98,19 @@ class Broyden:
         surprise = change - self._matrix @ motion
         self._matrix += np.outer(surprise, motion) / (SEEN**2 + motion @ motion)
 
-    def _probe(self) -> Array | None:
-        """Return a twist that moves in one direction, forth and then back; None once it has been
-        through all.
+    def _probe(self, dt: float) -> Array | None:
+        """Return a twist that moves in one direction, forth and then back to where it began; None
+        once it has been through all.
+
+        It moves for whole frame intervals, at least for one, and goes by the time that they took.
         """
-        c = self._config
-        direction, time = divmod(self._time, c.probe_time)
-        if direction >= len(DOF):
+        if self._returns and abs(self._away) < BACK * dt:
+            self._direction += 1
+            self._away = 0.0
+            self._returns = False
+        if self._direction == len(DOF):
             return None
-        speed = c.probe if time < c.probe_time / 2 else -c.probe
-        return speed * np.eye(len(DOF))[int(direction)]
+        forth = max(dt, self._config.probe_time / 2)
+        self._returns |= self._away > forth - dt / 2
+        self._pace = float(np.clip(-self._away / dt, -1.0, 1.0)) if self._returns else 1.0
+        return self._pace * self._config.probe * np.eye(len(DOF))[self._direction]

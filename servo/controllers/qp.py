@@ -61,7 +61,7 @@ LEAVING = 1.0
 class Config(LawSettings):
     """The law of `ibvs`, and its limits."""
 
-    margin: Annotated[float, Ge(0), Le(1e4)] = 10.0
+    margin: Annotated[float, Ge(0), Le(10_000)] = 10.0
     """Way between the target's corners and the sides of the picture that is kept [px]."""
 
     def build(self, rng: np.random.Generator) -> ibvs.Ibvs:

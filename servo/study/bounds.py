@@ -14,6 +14,17 @@ from servo.scenario.load import Scenario
 from servo.scenario.toml import is_number
 from tracking.files.json_text import number
 
+SHARES = (
+    "not_held_pct",
+    "out_of_view_pct",
+    "saturated_pct",
+    "unseen_pct",
+    "lost_pct",
+    "skipped_pct",
+)
+"""Measures that are shares of a run's frames."""
+WHOLE = (*SHARES, "settle_s", "longest_off_s", "age_ms", "joint_way_pct")
+"""Measures that are exactly 0 in a good run: rounding is no part of them."""
 COUNTED = "No verdict: some drawn seeds may end otherwise (expect.drawn.success_rate)."
 
 
@@ -110,6 +121,41 @@ class DrawnShare:
         scenario, ended = counted[0][0], sum(success for _, success in counted)
         assert scenario.success_rate is not None
         return DrawnShare(scenario.name, ended, len(counted), scenario.success_rate)
+
+
+def doubtful_bounds(
+    bounds: Mapping[str, float | str], duration: float, place: str = "expect"
+) -> list[str]:
+    """Return a sentence for each bound that every run misses, or none.
+
+    Args:
+        bounds: Upper bounds by measure, and the expected `outcome`.
+        duration: Of the run [s].
+        place: Their table.
+    """
+    found = list[str]()
+    for key, bound in bounds.items():
+        name = key.removeprefix(DRAWN)
+        if isinstance(bound, str) or name not in MEANINGS:
+            continue
+        if why := _doubt(name, bound, duration):
+            found.append(f"{place}.{key} = {bound:g}: {why}")
+    return found
+
+
+def _doubt(name: str, bound: float, duration: float) -> str:
+    """Return why an upper bound on a measure says nothing of a run; else nothing."""
+    if bound < 0:
+        return "every run misses it, as no measure is below 0"
+    if bound == 0 and name not in WHOLE:
+        return "rounding alone misses it; it should be above 0"
+    if bound >= 100 and name in SHARES:
+        return "no run misses it"
+    if bound >= duration and name == "longest_off_s":
+        return f"no run of {duration:g} s misses it"
+    if bound >= duration and name == "settle_s":
+        return f"a run of {duration:g} s misses it only where it never settles"
+    return ""
 
 
 def missed_by_cells(

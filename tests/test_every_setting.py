@@ -1,0 +1,329 @@
+"""Every setting changes a run where it should; where it cannot, it is refused, or a line says so."""
+
+import functools
+import json
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from every_setting import KINDS, settings_of
+
+from servo.cli import main
+from servo.cli.run_command import remarks
+from servo.loop.episode import Episode
+from servo.loop.run_measures import TIMED, summarise
+from servo.mistake import Mistake
+from servo.output import steps_table
+from servo.scenario.catalogue import LISTS
+from servo.scenario.load import load
+
+HAND = "a leader needs a camera that stands: test_eye_to_hand"
+PLAIN = (
+    "run.duration=0.14",
+    "camera.width=64",
+    "camera.height=48",
+    "tracker.kind=truth",
+    "motion.kind=wander",
+    "start.x=5",
+    "start.y=-4",
+    "start.angle_deg=8",
+    "measure.after=0",
+    "expect={}",
+)
+"""Four pictures of a target that moves, by a camera that is not at its goal."""
+VALUES = {
+    "run.duration": 0.2,
+    "camera.noise": 10.0,
+    "camera.readout_ms": 20.0,
+    "camera.fovy_deg": 60.0,
+    "camera.fx": 80.0,
+    "camera.fy": 60.0,
+    "camera.coefficients": [-0.1, 0.01, 0.0, 0.0, 0.0],
+    "camera.depth_nearest": 0.83,
+    "camera.depth_farthest": 0.83,
+    "goal.depth_to": 2.0,
+    "sight.plane": "known",
+    "sight.depth": "known",
+    "measure.above": 100.0,
+    "ground.kind": "checker",
+    "clutter.number": 50,
+    "clutter.alike": 0.9,
+    "light.colour": [1.0, 0.5, 0.5],
+    "target.colour": "#c03020",
+    "target.picture": "pebbles",
+    "motion.go": 0.2,
+    "motion.stop": 0.2,
+    "features.border": 0.9,
+    "disturbances.share": 1.0,
+    "start.pose": [0.02, 0.01, 1.1, 5.0, 0.0, 10.0],
+    "controller.dof": ["vx", "vy"],
+    "controller.weights": [1.0, 1.0, 1.0, 1.0, 1.0, 0.1],
+    "controller.secondary": ["level"],
+    "controller.feed_forward": ["an"],
+    "controller.probe_time": 0.03,
+    "controller.coast": 0.03,
+    "controller.search_after": 0.03,
+    "controller.fastest": 0.01,
+    "controller.fastest_turn": 0.01,
+    "controller.margin": 20.0,
+    "tracker.tolerance": 1000.0,
+    "tracker.occluded": 0.0,
+    "tracker.trust": 0.0,
+    "tracker.confidence": 1.0,
+    "tracker.steps": 1,
+}
+"""Values of settings that the range does not suggest."""
+LENS = ('camera.distortion="plumb_bob"', "camera.coefficients=[-0.2,0.02,0.0,0.0,0.0]")
+SIX = ('controller.dof=["vx","vy","vz","wx","wy","wz"]',)
+UNSEEN = ("disturbances=[{kind='dropped_frames',share=1.0}]", "run.duration=0.6")
+CHANGE = ("goal.depth_to=2", "goal.change_start=0.02", "goal.change_duration=0.1")
+STOPS = ("motion.go=0.1", "motion.stop=0.1", "run.duration=0.4")
+PROBED = ("controller.probe_time=0.04", "run.duration=0.4")
+MATTERS = {
+    "run.ego": ("tracker.kind=frozen",),
+    "camera.fy": ("camera.fx=80",),
+    "camera.coefficients": LENS,
+    "camera.bands": ("camera.readout_ms=20",),
+    "camera.auto_gain": ("disturbances=[{kind='brightness',start=0.0,ramp=0.05}]",),
+    **dict.fromkeys(("camera.depth_noise", "camera.depth_holes"), ("camera.depth=true",)),
+    **dict.fromkeys(("camera.depth_nearest", "camera.depth_farthest"), ("camera.depth=true",)),
+    "goal.depth_to": CHANGE[1:],
+    "goal.change_start": CHANGE,
+    "goal.change_duration": CHANGE,
+    "start.tilt_towards_deg": ("start.tilt_deg=10",),
+    "start.pose": ("start={}",),
+    "sight.table_height": ('sight.plane="known"', 'sight.depth="known"'),
+    "believed.ignore_distortion": LENS,
+    "believed.goal": ("believed.fx_factor=1.2",),
+    "clutter.shape": ("clutter.number=50",),
+    "clutter.alike": ("clutter.number=50",),
+    "ground.tile": ('ground.kind="checker"',),
+    "motion.go": STOPS,
+    "motion.stop": STOPS,
+    "features.border": ("tracker.corners=true",),
+    "disturbances.share": ("run.duration=0.6",),
+    "broyden.gain": PROBED,
+    "broyden.fastest_turn": PROBED,
+    "controller.gain_slope": ("controller.gain_far=0.5",),
+    "controller.weights": SIX,
+    "controller.secondary": (*SIX, "start.tilt_deg=10"),
+    "controller.secondary_gain": (*SIX, "start.tilt_deg=10", 'controller.secondary=["level"]'),
+    "controller.coast": UNSEEN,
+    "controller.search_after": (*UNSEEN, "controller.coast=0.03"),
+    "controller.search_speed": (
+        *UNSEEN,
+        "controller.coast=0.03",
+        "controller.search_after=0.03",
+    ),
+}
+"""What a setting needs to have an effect."""
+UNSAID = {
+    "run.ego": "a tracker that is given the truth needs no prediction",
+    "camera.auto_gain": "the gain changes where the light does",
+    "goal.depth_to": "in a run that ends before goal.change_start",
+    "controller.secondary": "an optical axis that is level needs no task",
+    "motion.go": "a target that has not stopped yet",
+    "motion.stop": "a target that has not stopped yet",
+    "features.border": "a pose that is not measured",
+    "disturbances.share": "no frame is dropped in the first half second",
+    "broyden.gain": "a law that still probes",
+    "broyden.fastest_turn": "a law that has not turned yet",
+    "controller.coast": "it acts where the target is not seen",
+    "controller.search_after": "it acts where the target is not seen",
+}
+"""Settings that need more than others to have an effect: what happens in the run."""
+EARLY = {"start": 0.02, "ramp": 0.01, "duration": 0.03, "y": 0.0}
+"""Settings of a disturbance with which it acts within a short run, and in the picture."""
+LEFT_OUT = {
+    **dict.fromkeys(("leader.id", "leader.size", "leader.on", "leader.beside"), HAND),
+    "camera.pose": HAND,
+    "camera.held": HAND,
+    "camera.distortion": "with its coefficients: test_lens",
+    "camera.mounted": "another robot and another task: test_eye_to_hand",
+    "tracker.scatter": "a cloud that has lost the target: test_pf_ssd",
+    "tracker.sudden": "something that begins to hide the target: test_loss",
+    "tracker.least_texture": "a target without texture: test_texture",
+    "camera.renderer": "the same pictures, but for shadows: test_exact",
+    "robot.home": "the same posture is found from everywhere: test_mjcf_robots",
+    "controller.file": "a network's file: test_onnx_policy",
+}
+"""Settings that other tests change."""
+
+
+@functools.cache
+def seen(changes, name="still"):
+    """All that a run's steps say, with their pictures and measures, and the lines before it."""
+    scenario = load(name, [*PLAIN, *changes])
+    with Episode(scenario) as episode:
+        said = " ".join(remarks(episode))
+        steps = list(episode)
+        table = steps_table.table_of(steps, steps_table.quantities_of(episode))
+    columns = [c for c in table.column_names if not c.startswith(steps_table.TIMED)]
+    pictures = [(step.frame.image, step.frame.depth) for step in steps]
+    measures = summarise(steps, scenario.measure, 1 / scenario.camera.rate).measures
+    measures.pop(TIMED)
+    return pickle.dumps((table.select(columns).to_pydict(), pictures, measures)), said
+
+
+def said_or_refused(changes):
+    """The lines before a run with these changes, or why there is none."""
+    try:
+        return seen(changes)[1]
+    except Mistake as refused:
+        return str(refused)
+
+
+def another(default, values):
+    """A value of a setting that is not its default, well inside its range."""
+    low, high, *_ = *values, values[-1]
+    if isinstance(low, list) and len(low) == len(high):
+        parts = default or [None] * len(low)
+        return [another(*each) for each in zip(parts, zip(low, high, strict=True), strict=True)]
+    if isinstance(low, bool) or not isinstance(low, int | float):
+        return next(v for v in values if v != getattr(default, "value", default))
+    wanted = 1.3 * default if default else 0.1
+    if not low <= wanted <= high:
+        wanted = 0.7 * default if default else low
+    return type(low)(np.ceil(wanted) if isinstance(low, int) else wanted)
+
+
+def given(place, kind, settings):
+    """The changes of a scenario that give a part, or a disturbance, these settings."""
+    if place not in LISTS:
+        chosen = () if kind is None else (f"{place}.kind={kind}",)
+        return chosen + tuple(f"{place}.{k}={json.dumps(v)}" for k, v in settings.items())
+    early = {k: v for k, v in EARLY.items() if k in LISTS[place].config_of(kind).__slots__}
+    table = {"kind": kind} | early | settings
+    inside = ", ".join(f"{k}={json.dumps(v)}" for k, v in table.items())
+    return (f"{place}=[{{{inside}}}]",)
+
+
+def cases():
+    """Every setting of the tables and of the kinds that are not trackers, with another value."""
+    found = set()
+    for place, kind, config in KINDS:
+        if place == "tracker":
+            continue
+        for owner, name, values in settings_of(config):
+            setting = f"{place}.{name}"
+            if (owner, name) in found or setting in LEFT_OUT or not values:
+                continue
+            found.add((owner, name))
+            default = functools.reduce(getattr, name.split("."), config())
+            value = VALUES[setting] if setting in VALUES else another(default, values)
+            yield pytest.param(place, kind, name, value, id=f"{kind or place}-{name}")
+
+
+@pytest.mark.parametrize(("place", "kind", "name", "value"), [*cases()])
+def test_every_setting_changes_a_run(place, kind, name, value):
+    setting = f"{place}.{name}"
+    own = f"{kind}.{name}"
+    needs = MATTERS.get(own, MATTERS.get(setting, ()))
+    before = given(place, kind, {}) + needs
+    after = given(place, kind, {name: value})
+    if needs and not {own, setting} & UNSAID.keys():
+        assert name in said_or_refused(after)
+    assert (seen((*before, *after))[0] == seen(before)[0]) is False
+
+
+NOT_HERE = ("opencv", "trax", "tag", "truth")
+"""Trackers of others, and those that this target is nothing for."""
+
+
+@functools.cache
+def shown():
+    """Four pictures of a target that moves, and where it is in the first."""
+    changes = [*PLAIN, "camera.width=160", "camera.height=120", "motion.kind=line"]
+    with Episode(load("still", [*changes, "controller.kind=hold"])) as episode:
+        return episode.shown[1:], [step.frame for step in episode]
+
+
+@functools.cache
+def estimates(config):
+    """All that a tracker reports of these pictures."""
+    target, (first, *frames) = shown()
+    tracker = config.build(np.random.default_rng(1))
+    tracker.start(first, *target)
+    return pickle.dumps([replace(tracker.update(frame), particles=None) for frame in frames])
+
+
+def tracker_cases():
+    """Every setting of every tracker, with another value; what several have, in the first."""
+    found = set()
+    for place, kind, config in KINDS:
+        if place != "tracker" or kind in NOT_HERE:
+            continue
+        for owner, name, values in settings_of(config):
+            setting = f"{place}.{name}"
+            if (owner, name) in found or setting in LEFT_OUT or not values:
+                continue
+            found.add((owner, name))
+            value = (
+                VALUES[setting] if setting in VALUES else another(getattr(config(), name), values)
+            )
+            yield pytest.param(config, name, value, id=f"{kind}-{name}")
+
+
+@pytest.mark.parametrize(("config", "name", "value"), [*tracker_cases()])
+def test_every_setting_changes_what_a_tracker_reports(config, name, value):
+    given = tuple(value) if isinstance(value, list) else value
+    changed = replace(config(), **{name: given})
+    assert (estimates(changed) == estimates(config())) is False
+
+
+TWO_JOINTS = (
+    "robot.kind=mjcf",
+    "robot.model=pan_tilt",
+    "robot.base=[0.0, -0.9, 0.0, 90.0]",
+    "robot.camera=eye",
+    "start={}",
+)
+FEW = "the robot has fewer than six joints, and these decide what moves"
+INVERTS = "these features bring their own way from the error to the twist"
+BY_CORNERS = "pixels are servoed, or the tracker reports corners, which say how "
+
+
+@pytest.mark.parametrize(
+    ("changes", "setting", "why"),
+    [
+        (TWO_JOINTS, 'controller.dof=["vx"]', FEW),
+        (TWO_JOINTS, "controller.weights=[1, 1, 1, 0, 1, 1]", FEW),
+        ((*TWO_JOINTS, "controller.kind=qp"), 'controller.dof=["wx"]', FEW),
+        (("features.kind=weighted", "tracker.corners=true"), 'controller.dof=["vx"]', INVERTS),
+        (("features.kind=partitioned", "tracker.corners=true"), 'controller.dof=["vx"]', INVERTS),
+        (("tracker.corners=true",), "sight.plane=known", BY_CORNERS + "the target lies"),
+        (("tracker.corners=true",), "sight.depth=known", BY_CORNERS + "far the target is"),
+        (("features.kind=photometric", "estimator.kind=none"), "sight.depth=known", BY_CORNERS),
+        (("tracker.kind=cv_mil",), "run.ego=true", "this tracker takes no motion of the camera"),
+        (
+            ('camera.distortion="plumb_bob"', "camera.coefficients=[0.0, 0.0, 0.0, 0.0, 0.0]"),
+            "believed.ignore_distortion=true",
+            "the camera's lens does not distort",
+        ),
+    ],
+)
+def test_what_other_settings_leave_without_effect_is_said(changes, setting, why):
+    alone, said = seen((*changes, setting))
+    name = setting.partition("=")[0]
+    assert f"{name} has no effect: {why}" in said
+    assert (alone == seen(changes)[0]) is True
+    assert "has no effect" not in seen(changes)[1]
+
+
+@pytest.mark.parametrize("kind", ["arm", "free"])
+@pytest.mark.parametrize("setting", ["robot.backlash", "believed.joint_offsets"])
+def test_errors_of_drives_and_joints_act_on_a_free_camera_too(kind, setting):
+    robot = (f"robot.kind={kind}",)
+    assert (seen((*robot, f"{setting}=0.02"))[0] == seen(robot)[0]) is False
+
+
+def test_a_run_says_it_before_it_begins(tmp_path, capsys, monkeypatch):
+    changes = [*PLAIN, "believed.ignore_distortion=true"]
+    sets = [word for change in changes for word in ("--set", change)]
+    words = ["servobench", "run", "still", "--no-rerun", "--out", str(tmp_path / "run"), *sets]
+    monkeypatch.setattr("sys.argv", words)
+    with pytest.raises(SystemExit):
+        main.main()
+    found = "believed.ignore_distortion has no effect: the camera's lens does not distort"
+    assert found in " ".join(capsys.readouterr().out.split())
