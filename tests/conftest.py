@@ -10,6 +10,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 os.environ.setdefault("LP_NUM_THREADS", "0")  # before any GL context: tests run side by side
+# Programs that tests start do not print that OpenGL is missing: what they print is compared.
+os.environ.setdefault("SERVOBENCH_WITHOUT_OPENGL", "1")
 
 import cv2
 import numpy as np
@@ -18,6 +20,8 @@ from approved import approved, drawn, section  # noqa: F401  (fixtures)
 from commands import scheduler_with
 from hypothesis import HealthCheck, settings
 from seen_targets import model_folder, show_target  # noqa: F401  (fixtures)
+
+from sim.camera import gl
 
 # The same examples in each run: what CI finds anybody finds. The first call compiles: no deadline.
 settings.register_profile(
@@ -49,6 +53,23 @@ def sequences_folder():
     """The folder of annotated sequences that SERVOBENCH_SEQUENCES names; None where it is unset."""
     named = os.environ.get("SERVOBENCH_SEQUENCES")
     return Path(named) if named else None
+
+
+NO_OPENGL = "OpenGL is missing"
+"""Why a test that is marked `opengl` was skipped."""
+
+
+def pytest_runtest_setup(item):
+    if item.get_closest_marker("opengl") and not gl.is_there():
+        pytest.skip(NO_OPENGL)
+
+
+def pytest_terminal_summary(terminalreporter):
+    skipped = terminalreporter.getreports("skipped")
+    count = sum(report.longrepr[2] == f"Skipped: {NO_OPENGL}" for report in skipped)
+    if count:
+        line = f"{NO_OPENGL}: tests that need its pictures and were skipped: {count}"
+        terminalreporter.write_line(line, yellow=True)
 
 
 def pytest_report_header():

@@ -32,7 +32,7 @@ def poses():
         yield place, turn * rng.choice([0.0, 0.3, 1.0])
 
 
-def pictures(model, make=OpenGLRenderer):
+def pictures(model, make=ExactRenderer):
     data = mujoco.MjData(model)
     renderer = make(model, "eye", VIEW)
     groups = model.geom_group.copy()
@@ -47,7 +47,9 @@ def pictures(model, make=OpenGLRenderer):
     return np.array(seen)
 
 
-@pytest.mark.parametrize("make", [OpenGLRenderer, ExactRenderer])
+@pytest.mark.parametrize(
+    "make", [pytest.param(OpenGLRenderer, marks=pytest.mark.opengl), ExactRenderer]
+)
 def test_what_the_table_hides_need_not_be_drawn(make):
     hiding, all_of_it = (pictures(room(table), make) for table in ("table", "all_is_drawn"))
     np.testing.assert_array_equal(hiding, all_of_it)

@@ -126,6 +126,7 @@ def test_a_folder_of_other_settings_is_refused(monkeypatch, capfd, place):
     )
 
 
+@pytest.mark.usefixtures("no_progress")
 def test_a_run_that_fails_is_named_and_the_others_go_on(monkeypatch, capfd, place):
     run = Job.run
 

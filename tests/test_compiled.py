@@ -1,4 +1,4 @@
-"""Where the compiled loops are kept: beside their source, and in the temporary folder at worst."""
+"""Where compiled loops are kept: beside their source, and in the temporary folder at worst."""
 
 import stat
 import subprocess
@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from tracking.loops import compiled
-from tracking.loops.compiled import SLOW
+from sim import compiled
+from sim.compiled import SLOW
 
 pytestmark = pytest.mark.processes
 
@@ -17,8 +17,12 @@ for name in ("InTreeCacheLocator", "UserWideCacheLocator"):
     getattr(caching, name).from_function = classmethod(lambda *_: None)
 import numpy as np
 from tracking.loops.particle_loops import normalised
-print(normalised(np.zeros(4)).tolist(), numba.config.CACHE_DIR)
+from sim.camera.exact.raster import dot
+print(normalised(np.zeros(4)).tolist(), dot(np.ones(3), np.ones(3)), [numba.config.CACHE_DIR])
 """
+ANSWER = "[0.25, 0.25, 0.25, 0.25] 3.0 ['{}']\n"
+"""Of a tracker's loop, of one that draws, and the folder for loops of other packages."""
+RASTER_FIRST = "import sim.camera.exact.raster"
 
 
 def run(program, **environment):
@@ -27,22 +31,28 @@ def run(program, **environment):
     return subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
 
 
-def test_an_installation_that_cannot_be_written_keeps_loops_in_the_temporary_folder(tmp_path):
+@pytest.mark.parametrize("first", ["", RASTER_FIRST])
+def test_an_installation_that_cannot_be_written_keeps_loops_in_the_temporary_folder(
+    tmp_path, first
+):
+    """Those of trackers and those that draw, whichever are imported first."""
     places = {"TMPDIR": str(tmp_path), "HOME": "/nonexistent"}
-    ended = run(READ_ONLY, **places)
+    program = READ_ONLY.replace("import numpy as np", f"{first}\nimport numpy as np")
+    ended = run(program, **places)
     (folder,) = tmp_path.iterdir()
-    assert ended.stdout == f"[0.25, 0.25, 0.25, 0.25] {folder}\n"
+    assert ended.stdout == ANSWER.format("")
     assert ended.stderr == SLOW.format(f"only in {folder}, which may not last") + "\n"
-    assert list(folder.rglob("*.nbi"))
+    kept = {path.name.split(".")[0] for path in folder.rglob("*.nbi")}
+    assert kept == {"particle_loops", "raster"}
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
-    assert run(READ_ONLY, **places).stderr == ""
+    assert run(program, **places).stderr == ""
 
 
 def test_where_no_folder_can_be_written_a_line_says_what_that_costs(tmp_path):
     """The loops run all the same."""
     nowhere = f"import tempfile; tempfile.tempdir = '{tmp_path / 'none'}'"
     ended = run(nowhere + READ_ONLY, HOME="/nonexistent")
-    assert ended.stdout == "[0.25, 0.25, 0.25, 0.25] \n"
+    assert ended.stdout == ANSWER.format("")
     reason = f"[Errno 2] No such file or directory: '{tmp_path / 'none'}/"
     assert ended.stderr.startswith(SLOW.split("(")[0] + "(" + reason)
     assert ended.stderr.endswith("; set NUMBA_CACHE_DIR to a folder that can be written\n")
@@ -53,7 +63,7 @@ def test_a_full_disk_costs_a_line_and_not_the_run(tmp_path):
     full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (1024, 1024))\n"
     # Python 3.11 keeps bytecode that did not fit, and cannot import it afterwards.
     ended = run(full + READ_ONLY, NUMBA_CACHE_DIR=str(tmp_path), PYTHONDONTWRITEBYTECODE="1")
-    assert ended.stdout == f"[0.25, 0.25, 0.25, 0.25] {tmp_path}\n"
+    assert ended.stdout == ANSWER.format(tmp_path)
     assert ended.stderr.startswith(f"{SLOW.split('{')[0]}{tmp_path}")
     assert "File too large): compiling them takes 30 s in each run; set NUMBA" in ended.stderr
     assert ended.stderr.count("\n") == 1
@@ -63,8 +73,10 @@ def test_a_full_disk_costs_a_line_and_not_the_run(tmp_path):
 def test_a_folder_that_somebody_else_may_write_to_is_not_used(monkeypatch, tmp_path, trap):
     """Compiled code is executed: it comes from nobody else."""
     monkeypatch.setattr(compiled.tempfile, "tempdir", str(tmp_path))
+    compiled._private_folder.cache_clear()
     usual = compiled._private_folder()
     usual.rmdir()
+    compiled._private_folder.cache_clear()
     if trap == "link":
         (tmp_path / "elsewhere").mkdir()
         usual.symlink_to(tmp_path / "elsewhere")
@@ -74,5 +86,6 @@ def test_a_folder_that_somebody_else_may_write_to_is_not_used(monkeypatch, tmp_p
         usual.mkdir()
         usual.chmod(0o777)
     other = compiled._private_folder()
+    compiled._private_folder.cache_clear()
     assert other != usual
     assert stat.S_IMODE(other.stat().st_mode) == 0o700

@@ -75,6 +75,7 @@ def both(episode):
     return [make(world.model, CAMERA, world._lens.view) for make in (OpenGLRenderer, ExactRenderer)]
 
 
+@pytest.mark.opengl
 @pytest.mark.parametrize(
     ("name", "changes"),
     [
@@ -99,6 +100,7 @@ def test_pictures_and_silhouettes_are_near_those_of_opengl(name, changes):
         opengl.close()
 
 
+@pytest.mark.opengl
 @pytest.mark.newest  # before MuJoCo 4 a plane's repeated texture begins elsewhere
 @pytest.mark.parametrize(("name", "least"), [("eye", 0.97), ("up", 0.97), ("close", 0.95)])
 def test_every_shape_light_and_texture_is_near_that_of_opengl(name, least):

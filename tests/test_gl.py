@@ -64,6 +64,7 @@ def test_a_complete_machine_uses_egl(monkeypatch):
     assert gl.backend() == "egl"
 
 
+@pytest.mark.opengl
 def test_the_real_probe_agrees_that_this_machine_renders(monkeypatch):
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     assert gl.backend() in ("egl", "glfw")
@@ -104,6 +105,7 @@ def first_picture(*changes):
         return episode.world.look().image.copy()
 
 
+@pytest.mark.opengl
 def test_the_first_picture_does_not_depend_on_what_was_rendered_before():
     gl.call(gl.KEPT.__dict__.clear).result()
     alone = first_picture()
@@ -149,10 +151,10 @@ QUIET = {
 }
 
 
-@pytest.mark.parametrize("case", QUIET)
+@pytest.mark.parametrize("case", [pytest.param("no driver", marks=pytest.mark.opengl), "no home"])
 def test_libraries_write_nothing_before_the_sentence(tmp_path, case):
     arguments, variables, sentence, expected = QUIET[case]
-    unset = ("MUJOCO_GL", "MPLCONFIGDIR")
+    unset = ("MUJOCO_GL", "MPLCONFIGDIR", gl.WITHOUT)
     environment = {k: v for k, v in os.environ.items() if k not in unset} | variables
     code = "from servo.cli.main import main; main()"
     done = subprocess.run(
@@ -181,6 +183,7 @@ sys.exit(os.waitstatus_to_exitcode(os.wait()[1]))
 """
 
 
+@pytest.mark.opengl
 @pytest.mark.parametrize("threads", [None, "2"])
 def test_a_fork_of_a_process_that_has_rendered_renders_or_says_why_not(threads):
     others = {k: v for k, v in os.environ.items() if k != gl.MESA_THREADS}
@@ -208,6 +211,7 @@ def test_a_world_takes_the_same_picture_in_another_thread():
         assert np.array_equal(threads.submit(episode.world.look).result().image, here)
 
 
+@pytest.mark.opengl
 def test_an_opengl_that_is_too_old_is_a_sentence():
     done = subprocess.run(
         [sys.executable, "-m", "servo", "doctor"],

@@ -55,6 +55,7 @@ def lines(console):
 
 
 def test_the_doctor_says_this(console, monkeypatch, approved, capsys):
+    monkeypatch.setattr(doctor_command.gl, "is_there", lambda: True)
     monkeypatch.setattr(doctor_command.gl, "backend", lambda: "egl")
     monkeypatch.setattr(doctor_command.platform, "python_version", lambda: "3.x")
     monkeypatch.setattr(doctor_command, "versions", lambda: {"mujoco": "4.x"})

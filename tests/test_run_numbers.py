@@ -158,6 +158,8 @@ def test_the_recording_holds_these_values(scripted, approved):
         for name in (n for n in batch.schema.names if ":" in n):
             at = f"{chunk.entity_path} {name}{' static' * chunk.is_static}"
             if not any(part in at for part in MACHINE):
+                if chunk.is_static:
+                    found[at] = []  # the newest counts: a slow machine writes the ways more often
                 found.setdefault(at, []).extend(
                     zip(frames, batch.column(name).to_pylist(), strict=True)
                 )

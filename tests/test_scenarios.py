@@ -15,6 +15,7 @@ from servo.output.steps_table import TIMED
 from servo.scenario.catalogue import shipped
 from servo.scenario.load import load
 from servo.study.bounds import missed_bounds
+from sim.camera import gl
 
 
 def report_of(scenario):
@@ -63,10 +64,19 @@ the first.
 """
 
 
+FINER = ("plate_circle", "plate_line", "plate_still")
+"""Without OpenGL these take four samples a pixel: of a texture the exact renderer takes the nearest
+level, where OpenGL mixes two, so that details of a plate's picture jump. It is tracked to 0.48 to
+0.59 px rms with one sample, to 0.16 to 0.23 px with four, and to 0.15 to 0.20 px with OpenGL.
+"""
+
+
 @pytest.mark.parametrize("name", sorted({*shipped()} - CHECKED))
 @pytest.mark.newest
 def test_bounds_are_kept(name):
-    scenario = load(name, seed=3)  # not the seed that anybody looks at first
+    is_coarse = name in FINER and not gl.is_there()
+    changes = ["camera.supersample=2"] if is_coarse else []
+    scenario = load(name, changes, seed=3)  # not the seed that anybody looks at first
     steps = list(run(scenario))
     report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
     assert [

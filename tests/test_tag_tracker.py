@@ -6,11 +6,14 @@ import pytest
 from tilted import Scene, placed, rms, tilted
 
 from servo.testing import check_tracker
+from sim.camera.exact.raster import SEGMENT
 from sim.targets import tag
 from sim.types import Frame
 from tracking import create
 from tracking.types import Region, State, Status
 
+FOCAL = 600.0
+"""Of `Scene` [px]."""
 FAMILY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 
 
@@ -37,6 +40,16 @@ def begun(scene, depth, **settings):
     return tracker
 
 
+def moved(renderer, tilt):
+    """How far a renderer moves a tilted picture along its rows at most, in the mean [px].
+
+    Along 32 pixels of a row the exact one takes a texture's coordinates from a straight line, which
+    leaves the true curve by a sixth of the length's square times its slope over the depth.
+    """
+    return np.tan(np.radians(tilt)) / FOCAL * SEGMENT**2 / 6 if renderer == "exact" else 0.0
+
+
+@pytest.mark.parametrize("renderer", [pytest.param("opengl", marks=pytest.mark.opengl), "exact"])
 @pytest.mark.parametrize(
     ("px", "size", "camera"),
     [
@@ -47,21 +60,23 @@ def begun(scene, depth, **settings):
     ],
 )
 @pytest.mark.newest
-def test_corners_are_found_from_any_side(scene, px, size, camera):
-    shown, rng, depth = scene(size, **camera), np.random.default_rng(0), 600 * size / px
-    tracker, errors = begun(shown, depth), []
+def test_corners_are_found_from_any_side(scene, px, size, camera, renderer):
+    shown = scene(size, renderer=renderer, **camera)
+    rng, depth = np.random.default_rng(0), FOCAL * size / px
+    tracker = begun(shown, depth)
     for k, tilt in enumerate(np.linspace(0, 50, 12)):
         turn = rng.uniform(-180, 180) if k % 3 else 90 * k
         place = (*rng.uniform(-0.1, 0.1, 2) * depth, depth)
         frame, corners = shown.show(tilted(tilt, rng.uniform(0, 360), turn, place))
         found = tracker.update(frame)
         assert found.status is Status.LOCKED
-        errors.append(rms(found.corners, corners))
+        displaced = moved(renderer, tilt)
+        assert rms(found.corners, corners) < 0.12 + displaced
         truth = shown.world.truth()
-        assert np.hypot(*(truth.centre - (found.state.x, found.state.y))) < 0.15
+        centre = found.state.x, found.state.y
+        assert np.hypot(*(truth.centre - centre)) < 0.15 + displaced
         assert abs(np.exp(1j * found.state.theta) - np.exp(1j * truth.theta)) < 0.01
         assert found.state.scale == pytest.approx(truth.size * size / px, rel=0.01)
-    assert max(errors) < 0.12
 
 
 def test_the_region_keeps_its_place_in_the_plane_of_the_tag(scene):

@@ -203,6 +203,7 @@ def test_the_same_world_twice_gives_the_same_pixels():
     np.testing.assert_array_equal(images[0], images[1])
 
 
+@pytest.mark.opengl
 def test_worlds_of_one_model_have_the_same_buffers_one_after_another_and_their_own_at_once():
     def buffers(*worlds):
         found = [world._renderer._context for world in worlds]

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.compiled import compiled
 from sim.types import Image
-from tracking.loops.compiled import compiled
 
 
 @compiled()

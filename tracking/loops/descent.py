@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from sim.compiled import compiled
 from sim.types import Array, Image
-from tracking.loops.compiled import compiled
 from tracking.types import LARGEST_LOG
 
 Kernels = tuple[tuple[float, float], Array, tuple[float, float], int, int]

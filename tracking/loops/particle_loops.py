@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.compiled import compiled
 from sim.types import Array
-from tracking.loops.compiled import compiled
 
 BISECTIONS = 40
 LARGEST_BETA = 1e4

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.compiled import compiled
 from sim.types import Array
-from tracking.loops.compiled import compiled
 
 TUKEY = 4.685
 """Residuals beyond so many robust standard deviations have no weight: the usual constant, with 95 %

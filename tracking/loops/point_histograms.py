@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.compiled import compiled
 from sim.types import Array
-from tracking.loops.compiled import compiled
 
 Window = tuple[NDArray[Any], int, int]
 """Labels (h, w) of a part of the image, and its left and top [px]."""

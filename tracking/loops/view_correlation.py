@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from sim.compiled import compiled
 from sim.types import Array, Image
-from tracking.loops.compiled import compiled
 
 LEAST = 1e-6
 """A view with a smaller sum of squares has no contrast, and is like nothing."""

@@ -3,14 +3,12 @@
 The same scene gives the same bits on every machine: no fast-math, no sum whose order may change.
 """
 
-# pyright: reportUnknownMemberType=false, reportUntypedFunctionDecorator=false
-# numba's decorators have no types.
 from math import ceil, hypot, sqrt
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.compiled import compiled
 from sim.types import Array, Image
 
 Indices = NDArray[np.int64]
@@ -43,16 +41,14 @@ FADING = 16
 CONE = 19
 EXPONENT = 20
 
-compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
-
-@compiled
+@compiled(error_model="numpy")
 def dot(a: Array, b: Array) -> float:
     """The scalar product of the first three entries, in this order."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled
+@compiled(error_model="numpy")
 def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) -> None:
     """Colour a corner with the sum of what the lights give, at most 1 a channel.
 
@@ -90,7 +86,7 @@ def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) 
         corner[k] = min(corner[k], 1.0)
 
 
-@compiled
+@compiled(error_model="numpy")
 def project(corner: Array, view: Array) -> None:
     """Write where a corner in front of the camera is seen.
 
@@ -103,7 +99,7 @@ def project(corner: Array, view: Array) -> None:
     corner[V] = view[1] * corner[1] * corner[NEARNESS] + view[3]
 
 
-@compiled
+@compiled(error_model="numpy")
 def may_cover(corners: Array, height: int, width: int) -> bool:
     """Whether a triangle may cover a pixel's middle.
 
@@ -126,7 +122,7 @@ def may_cover(corners: Array, height: int, width: int) -> bool:
     return abs(area) > NO_AREA
 
 
-@compiled
+@compiled(error_model="numpy")
 def gradients(corners: Array, count: int, found: Array) -> None:
     """Write what changes evenly over the picture: 1 / z, and a corner's values over z.
 
@@ -153,7 +149,7 @@ def gradients(corners: Array, count: int, found: Array) -> None:
         found[k, 2] = ((b - first) * ax - (a - first) * bx) * part
 
 
-@compiled
+@compiled(error_model="numpy")
 def edges_of(corners: Array, found: Array) -> None:
     """Write of each edge the row where it begins, where it ends, the column where it begins, and
     its change by row (3, 4); both triangles that share an edge find the same.
@@ -169,7 +165,7 @@ def edges_of(corners: Array, found: Array) -> None:
         found[i, 3] = (corners[b, U] - corners[a, U]) / (corners[b, V] - corners[a, V])
 
 
-@compiled
+@compiled(error_model="numpy")
 def row_of(edges: Array, middle: float, width: int) -> tuple[int, int]:
     """First column of a triangle in a row, and the one after the last: of two triangles that share
     an edge, none overlap, and no gap is left between them.
@@ -186,7 +182,7 @@ def row_of(edges: Array, middle: float, width: int) -> tuple[int, int]:
     return int(ceil(max(left, 0.5) - 0.5)), int(ceil(min(right, width + 0.0) - 0.5))  # noqa: RUF046
 
 
-@compiled
+@compiled(error_model="numpy")
 def fill(
     corners: Array,
     edges: Array,
@@ -298,13 +294,13 @@ def fill(
                 y += dy
 
 
-@compiled
+@compiled(error_model="numpy")
 def is_beyond(first: int, last: int, size: int) -> bool:
     """Whether texture coordinates, in 1 / 65536, leave a level of this many pixels."""
     return min(first, last) < 0 or max(first, last) > size << 16
 
 
-@compiled
+@compiled(error_model="numpy")
 def level_of(s_right: float, t_right: float, s_down: float, t_down: float, levels: Indices) -> int:
     """The level of a texture whose pixels are nearest in size to the picture's.
 
@@ -327,7 +323,7 @@ def level_of(s_right: float, t_right: float, s_down: float, t_down: float, level
     return level
 
 
-@compiled
+@compiled(error_model="numpy")
 def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found: Array) -> int:
     """Write the part of a triangle that is in front of the camera; return its number of corners.
 
@@ -356,7 +352,7 @@ def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found:
     return count
 
 
-@compiled
+@compiled(error_model="numpy")
 def is_outside(middle: Array, radius: float, view: Array, height: int, width: int) -> bool:
     """Whether a ball in the camera's frame lies beside the picture or behind the camera."""
     x, y, z = middle
@@ -370,7 +366,7 @@ def is_outside(middle: Array, radius: float, view: Array, height: int, width: in
     )
 
 
-@compiled
+@compiled(error_model="numpy")
 def draw(
     order: Indices,
     first_row: Indices,

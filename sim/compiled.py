@@ -44,12 +44,15 @@ def compiled(
     def compile_(loop: Loop) -> Loop:
         with suppress(RuntimeError):  # numba found no folder to write to
             return _stored(njit(loop, cache=True))
+        of_user = config.CACHE_DIR
         try:
-            config.CACHE_DIR = str(_private_folder())
+            config.CACHE_DIR = str(_private_folder())  # numba reads it where a loop is defined
             return _stored(njit(loop, cache=True))
         except (OSError, RuntimeError) as error:
             _complain(str(error))
             return njit(loop)
+        finally:
+            config.CACHE_DIR = of_user  # loops of other packages are stored where they would be
 
     return compile_
 
@@ -68,8 +71,9 @@ def _stored(loop: Any) -> Any:
     return loop
 
 
+@functools.cache
 def _private_folder() -> Path:
-    """Return a temporary folder that only this user can write to: its content is executed."""
+    """Return the temporary folder that only this user can write to: its content is executed."""
     user = os.getuid() if hasattr(os, "getuid") else "user"
     folder = Path(tempfile.gettempdir()) / NAME.format(user)
     with suppress(FileExistsError):
