@@ -101,6 +101,57 @@ def test_a_calibration_of_opencv(here, values, model, wanted, more):
     check(camera_with(), model, wanted)
 
 
+NAMES = [
+    ("distortion_model", "equidistant", "fisheye"),
+    ("distortion_model", "Fisheye", "fisheye"),
+    ("camera_model", "KANNALA-BRANDT", "fisheye"),
+    ("Camera.type", "KannalaBrandt8", "fisheye"),
+    ("lens_type", "equidistant", "fisheye"),
+    ("fisheye_model", "true", "fisheye"),
+    ("distortion_model", "radtan", "plumb_bob"),
+    ("distortion_model", "", "plumb_bob"),
+    ("camera_model", "pinhole", "plumb_bob"),
+    ("fisheye_model", "0", "plumb_bob"),
+    ("camera_name", "fisheye", "plumb_bob"),
+]
+
+
+@pytest.mark.parametrize("kind", ["cam.xml", "cam.yaml", "ros"])
+@pytest.mark.parametrize(("key", "name", "model"), NAMES)
+def test_the_lens_is_the_one_that_the_file_names(here, kind, key, name, model):
+    """Four coefficients were those of plumb_bob in each of these files of OpenCV, 26 px off."""
+    coefficients = (0.04, 0.02, -0.02, 0.009)
+    if kind == "ros":
+        named = ROS.replace("camera_name: head\n", "")
+        named = named.replace("distortion_model: plumb_bob", f"{key}: {name!r}")
+        (here / kind).write_text(named.replace(str(list(PLUMB_BOB)), str(list(coefficients))))
+    else:
+        opencv(here / kind, coefficients, **{key.replace(".", "_"): name})
+    camera = load("still", [f"camera.calibration={kind}"]).camera
+    rays = np.array([[[np.tan(np.radians(angle)), 0.1, 1.0]] for angle in (10, 20, 30, 40)])
+    K = np.array([[520.0, 0, 330.5], [0, 518.0, 236.0], [0, 0, 1]])
+    project = cv2.fisheye.projectPoints if model == "fisheye" else cv2.projectPoints
+    pixels = project(rays, np.zeros(3), np.zeros(3), K, np.array(coefficients))[0].reshape(-1, 2)
+    bent = camera.lens.bend(rays[:, 0, :2])
+    found = bent * (camera.fx, camera.fy) + (camera.cx - 0.5, camera.cy - 0.5)
+    np.testing.assert_allclose(found, pixels, atol=1e-9)
+
+
+def test_a_map_of_rows_and_data_in_a_file_of_opencv_is_a_matrix(here):
+    """As rtabmap and drivers of cameras write it."""
+    text = ROS.replace("plumb_bob", "equidistant").replace("-0.0012, 0.0]", "-0.0012]")
+    (here / "cam.yaml").write_text(f"%YAML:1.0\n---\n{text}")
+    check(camera_with(), "fisheye", PLUMB_BOB[:4])
+
+
+def test_a_printed_message_of_ros(here):
+    (here / "cam.yaml").write_text(
+        "height: 480\nwidth: 640\ndistortion_model: equidistant\nd: [0.1, -0.02, 0.003, 0.0]\n"
+        "k: [520.0, 0.0, 330.5, 0.0, 518.0, 236.0, 0.0, 0.0, 1.0]\n---\n"
+    )
+    check(camera_with(), "fisheye", (0.1, -0.02, 0.003, 0.0))
+
+
 @pytest.mark.parametrize(
     ("old", "new"), [("rows: 3", "rows: 2"), ("cols: 3", "cols: 9"), ("dt: d", "dt: q")]
 )
@@ -174,6 +225,11 @@ MATRIX = "cam.yaml: camera_matrix.data should be a list of finite numbers"
 NO_MATRIX = "cam.yaml: camera_matrix is missing, or has no data"
 SHAPE = "cam.yaml: camera_matrix should be fx 0 cx, 0 fy cy, 0 0 1, without skew, with focal lengths above zero"
 VALUES = "cam.yaml: distortion_coefficients.data should be a list of finite numbers"
+EMPTY = "cam.yaml: distortion_coefficients.data is empty; a lens without distortion has zeros"
+LENSES = (
+    "plumb_bob, radtan, radial_tangential, rational_polynomial, rational, equidistant, fisheye, "
+    "kannala_brandt, kannala_brandt4, kannala_brandt8"
+)
 NO_VALUES = "cam.yaml: distortion_coefficients is missing, or has no data"
 NO_YAML = "cam.yaml: this is not YAML"
 WRONG = {
@@ -198,7 +254,7 @@ WRONG = {
         SHAPE,
     ),
     "no coefficients": ("distortion_coefficients", "coefficients", NO_VALUES),
-    "an empty list": (str(list(PLUMB_BOB)), "[]", VALUES),
+    "an empty list": (str(list(PLUMB_BOB)), "[]", EMPTY),
     "a coefficient that is none": ("-0.28", "k1", VALUES),
     "two coefficients": (
         str(list(PLUMB_BOB)),
@@ -218,14 +274,54 @@ WRONG = {
     "another model": (
         "plumb_bob",
         "kannala",
-        "cam.yaml: distortion_model = 'kannala' is not known; there is plumb_bob, "
-        "rational_polynomial, equidistant, fisheye",
+        f"cam.yaml: distortion_model = 'kannala' is not known; there is {LENSES}",
     ),
     "a model that is no word": (
         "plumb_bob",
         "[a]",
-        "cam.yaml: distortion_model = ['a'] is not known; there is plumb_bob, "
-        "rational_polynomial, equidistant, fisheye",
+        f"cam.yaml: distortion_model = ['a'] is not known; there is {LENSES}",
+    ),
+    "a lens that is not simulated": (
+        "head",
+        "head\ncamera_model: omni",
+        f"cam.yaml: camera_model = 'omni' is not known; there is {LENSES} (leave it out if it names "
+        "no lens)",
+    ),
+    "two lenses": (
+        "head",
+        "head\ncamera_model: fisheye",
+        "cam.yaml: camera_model = 'fisheye' and distortion_model = 'plumb_bob' are of different "
+        "lenses",
+    ),
+    "a fisheye that is none": (
+        "plumb_bob",
+        "equidistant\nfisheye_model: 0",
+        "cam.yaml: distortion_model = 'equidistant' and fisheye_model = 0 are of different lenses",
+    ),
+    "a fisheye that is neither": (
+        "head",
+        "head\nfisheye_model: 7",
+        "cam.yaml: fisheye_model = 7 should be 0 or 1",
+    ),
+    "a fisheye of five numbers": (
+        "plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.28, 0.08, 1e-05, -0.0012, 0.0]",
+        "Kannala-Brandt\ndistortion_coefficients: {data: [-0.28, 0.08, 1e-05, -0.0012, 0.1]}",
+        "cam.yaml: distortion_coefficients has 5 numbers; fisheye has 4",
+    ),
+    "no distortion, and its numbers": (
+        "plumb_bob",
+        "none",
+        "cam.yaml: distortion_model = 'none', but distortion_coefficients has some",
+    ),
+    "a model twice": (
+        "head",
+        "head\ndistortion_model: equidistant",
+        "cam.yaml: distortion_model is there twice; a calibration is that of one camera",
+    ),
+    "two cameras": (
+        "camera_name: head\n",
+        "camera_name: head\n---\nimage_width: 320\n",
+        "cam.yaml: image_width is there twice; a calibration is that of one camera",
     ),
     "binning": (
         "image_width",
@@ -241,7 +337,7 @@ WRONG = {
     ),
     "no width": (
         "image_width",
-        "width",
+        "breadth",
         "cam.yaml: image_width = None should be a number of pixels",
     ),
     "a width of zero": ("640", "0", "cam.yaml: image_width = 0 should be a number of pixels"),
@@ -278,6 +374,10 @@ def test_a_wrong_calibration_is_a_sentence(here, name):
     ("content", "sentence"),
     [
         (b"", "cam.yaml: this is no calibration: it should have camera_matrix"),
+        (
+            b"cam0: {intrinsics: [1, 1, 0, 0], distortion_model: equidistant}",
+            "cam.yaml: this is no calibration: it should have camera_matrix",
+        ),
         (b"[1, 2]", "cam.yaml: this is no calibration: it should have camera_matrix"),
         (b"\xff\xfe\x00", "cam.yaml: cannot read this calibration: it is not UTF-8 text"),
         (

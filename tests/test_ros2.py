@@ -201,6 +201,12 @@ WRONG = [
     ({"k": [np.nan] * 9}, "camera_matrix.data should be a list of finite numbers"),
     ({"d": [0.1] * 8, "distortion_model": "plumb_bob"}, "distortion_coefficients has 8 numbers; plumb_bob has 5"),
     (
+        {"d": [0.0] * 5, "distortion_model": "omni"},
+        "distortion_model = 'omni' is not known; there is plumb_bob, radtan, radial_tangential, "
+        "rational_polynomial, rational, equidistant, fisheye, kannala_brandt, kannala_brandt4, "
+        "kannala_brandt8",
+    ),
+    (
         {"binning_x": 2},
         "binning_x and binning_y are 2 and 1; they should be 0 or 1: calibrate the pictures as they are",
     ),
@@ -221,7 +227,10 @@ def test_a_message_of_no_calibration_is_one_sentence(change, sentence):
 
 def test_a_fisheye_whose_coefficients_are_zeros_is_no_pinhole():
     equidistant = dataclasses.replace(FISHEYE, distortion=Distortion("fisheye", (0.0,) * 4))
-    assert camera_of_info(calibration(equidistant), "/a/info") == equidistant
+    message = calibration(equidistant)
+    for name in ("equidistant", "Equidistant"):
+        message = dataclasses.replace(message, distortion_model=name)
+        assert camera_of_info(message, "/a/info") == equidistant
 
 
 def test_a_robot_knows_its_posture_from_joint_states_and_sends_twists():

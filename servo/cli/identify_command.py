@@ -1,5 +1,6 @@
 """`servobench identify`: from the log of a robot to the settings that simulate it."""
 
+import tomllib
 from pathlib import Path
 
 from rich.console import Console
@@ -62,7 +63,13 @@ def estimated(log: Log, scenario: str) -> tuple[Identified, str]:
         joints = world.robot.names
         fastest = dict(zip(joints, world.robot.fastest.tolist(), strict=True))
     found = identify(log, servos)
-    return found, lines(found, joints, tick, doubts(log, found, fastest))
+    text = lines(found, joints, tick, doubts(log, found, fastest))
+    parts = tomllib.loads(text).items()
+    try:
+        load(scenario, [f"{part}.{key}={keys[key]}" for part, keys in parts for key in keys])
+    except Mistake as mistake:
+        raise Mistake(f"this log shows what cannot be simulated: {mistake}") from None
+    return found, text
 
 
 def _check_names(log: Log, world: World, scenario: str) -> None:

@@ -1,11 +1,11 @@
 """Why what was identified is not to be trusted: a log's signs and units."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import floor, inf, isfinite, log10
 
 import numpy as np
 
-from servo.identify.fit import Identified
+from servo.identify.fit import LONGEST, SLOWEST, Identified
 from servo.identify.log import Channel, Log, Series
 from servo.mistake import Mistake
 from tracking.statistics.comparisons import Interval
@@ -18,6 +18,20 @@ FAST = 3.0
 """A rate so many times the largest of the simulated robot's joint is implausible."""
 FASTEST = {"m": 3.0, "rad": 10.0}
 """A larger rate of the camera, or of a joint without a limit, is implausible [m/s, rad/s]."""
+ENCODED = 1 / 3, 3.0
+"""Readings of an encoder that move less or more, relative to their joint, have another unit."""
+VAGUE = 0.2
+"""Largest width of a gain's interval, relative to the gain, where a motion is its command's."""
+ALIKE = 0.5
+"""Correlation of an encoder with its joint: play and noise leave more."""
+FOLLOWS = 0.9
+"""Positions that a command explains to this part, and"""
+BETTER = 3.0
+"""so many times better than its sum over time, are those that it asks for."""
+SHIFTS = 26
+"""Delays at which this is tried."""
+NEARLY = 0.99
+"""Of the longest delay or lag that is looked for: the true one may be longer."""
 LARGEST_PLAY = {"m": 0.05, "rad": 0.2}
 """A larger play is implausible [m, rad]: 11 degrees."""
 MISSING = 0.02
@@ -38,9 +52,22 @@ def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[st
         fastest: Largest rate of each joint of the simulated robot [m/s, rad/s].
 
     Raises:
-        Mistake: A joint's motion is not that of its command: a sign or a unit is wrong.
+        Mistake: A joint's motion is not that of its command, or its readings are not those of its
+            motion; or the log shows no delay or lag.
     """
-    sentences: list[str] = []
+    for channel, modelled in zip(log.channels, found.modelled, strict=True):
+        _check_meaning(channel, modelled)
+        _check_encoder(channel)
+        # Parts of a twist mix where joints differ, so a small one may move with another.
+        if channel.name in fastest:
+            _check_gain(channel.name, found.gain[channel.name])
+    sentences = [log.clock] if log.clock else []
+    sentences += [
+        f"{name} is asked to move, and its positions stay the same; it is left out"
+        for name in log.still
+    ]
+    sentences += _too_long("delay", (found.delay, found.whole.delay), LONGEST)
+    sentences += _too_long("lag", (found.lag, found.whole.lag), SLOWEST)
     if log.missing > MISSING:
         sentences.append(
             f"{100 * log.missing:.0f} % of the rows are missing, of one each "
@@ -59,29 +86,65 @@ def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[st
         for channel, modelled in zip(log.channels, found.modelled, strict=True):
             sentences += _misfit(channel, modelled, MISFIT + log.uncertain)
     for channel in log.channels:
-        name, unit = channel.name, channel.unit
-        gain = found.gain[name]
-        moves = f"{name} moves {said(gain)} times what it is asked for"
-        # Parts of a twist mix where joints differ, so a small one may move with another.
-        if name in fastest and _outside(gain, REFUSED):
-            wrong = "sign" if gain.value < 0 else "unit"
-            raise Mistake(f"{moves}: the {wrong} of its commands or of its positions is wrong")
-        if _outside(gain, DOUBTED):
-            sentences.append(f"{moves}, and simulated drives move as they are asked")
-        asked = float(abs(channel.command.values).max())
-        limit = FAST * fastest.get(name, inf)
-        limit = limit if isfinite(limit) else FASTEST[unit]
-        if asked > limit:
-            sentences.append(
-                f"{name} is asked for {asked:.3g} {unit}/s, which is implausible: are its "
-                f"columns in {MISTAKEN[unit]}?"
-            )
-        play = found.play.get(name)
-        if play is not None and play.low > LARGEST_PLAY[unit]:
-            sentences.append(
-                f"{name} has a play of {play.value:.3g} {unit}, which is implausible: are its "
-                f"columns in {MISTAKEN[unit]}?"
-            )
+        sentences += _of_gain(channel.name, found.gain[channel.name])
+        sentences += _of_unit(channel, found.play.get(channel.name), fastest)
+    return sentences
+
+
+def _too_long(what: str, intervals: Sequence[Interval], most: float) -> list[str]:
+    """Return a sentence where a time is as long as any that is looked for."""
+    interval = max(intervals, key=lambda each: each.high - each.low)
+    if not interval.high - interval.low < most:
+        raise Mistake(
+            f"this log does not show the {what}, {said(interval, MILLI)} ms: it needs more "
+            "movements, such as steps of 0.2 to 0.6 s in both directions for 40 s"
+        )
+    if interval.value < NEARLY * most:
+        return []
+    return [
+        f"the {what} is {MILLI * most:.3g} ms, the longest that is looked for; it may be longer"
+    ]
+
+
+def _check_gain(name: str, gain: Interval) -> None:
+    """Refuse the motion of a joint that is not that of its command."""
+    is_sure = gain.high - gain.low < VAGUE * abs(gain.value)
+    if not (is_sure or gain.low <= 1 <= gain.high):
+        raise Mistake(
+            f"{name} does not follow its commands with a delay and a lag of {LONGEST:g} s "
+            "at most: leave its columns out"
+        )
+    if not _outside(gain, REFUSED):
+        return
+    wrong = "sign" if gain.value < 0 else "unit"
+    raise Mistake(
+        f"{name} moves {said(gain)} times what it is asked for: the {wrong} of its commands or of "
+        "its positions is wrong"
+    )
+
+
+def _of_gain(name: str, gain: Interval) -> list[str]:
+    """Return a sentence where a joint, or a part of a twist, does not move as it is asked."""
+    if not _outside(gain, DOUBTED):
+        return []
+    return [
+        f"{name} moves {said(gain)} times what it is asked for, and simulated drives move as they "
+        "are asked"
+    ]
+
+
+def _of_unit(channel: Channel, play: Interval | None, fastest: Mapping[str, float]) -> list[str]:
+    """Return sentences where a rate or a play is one of another unit."""
+    name, unit = channel.name, channel.unit
+    asked = float(abs(channel.command.values).max())
+    limit = FAST * fastest.get(name, inf)
+    limit = limit if isfinite(limit) else FASTEST[unit]
+    question = f"which is implausible: are its columns in {MISTAKEN[unit]}?"
+    sentences: list[str] = []
+    if asked > limit:
+        sentences.append(f"{name} is asked for {asked:.3g} {unit}/s, {question}")
+    if play is not None and play.low > LARGEST_PLAY[unit]:
+        sentences.append(f"{name} has a play of {play.value:.3g} {unit}, {question}")
     return sentences
 
 
@@ -89,6 +152,43 @@ def _outside(gain: Interval, limits: tuple[float, float]) -> bool:
     """Return True where a whole interval is less or more than the limits."""
     low, high = limits
     return gain.high < low or gain.low > high
+
+
+def _check_meaning(channel: Channel, modelled: Series) -> None:
+    """Refuse commands that are positions, or positions that are rates."""
+    moved = channel.moved
+    command = channel.command
+    left = np.var(moved.values - modelled.values) / np.var(moved.values)
+    for shift in np.linspace(0.0, LONGEST, SHIFTS):
+        place = np.searchsorted(command.times, moved.times - shift, side="right") - 1
+        held = command.values[np.maximum(place, 0)]
+        explained = np.corrcoef(held, moved.values)[0, 1] ** 2 if np.ptp(held) > 0 else 0.0
+        if explained > FOLLOWS and BETTER * (1 - explained) < left:
+            raise Mistake(
+                f"the positions of {channel.name} are proportional to its commands, not to their "
+                "sum over time: commands should be rates, and positions positions"
+            )
+
+
+def _check_encoder(channel: Channel) -> None:
+    """Refuse readings of an encoder that are not those of its joint."""
+    encoder = channel.encoder
+    if not (channel.shows_play and len(encoder.values)):
+        return
+    moved = channel.moved
+    read = np.interp(moved.times, encoder.times, encoder.values)
+    alike = np.corrcoef(read, moved.values)[0, 1] if encoder.varies else 0.0
+    if abs(alike) < ALIKE:
+        raise Mistake(
+            f"the encoder of {channel.name} does not move with its joint: leave its column out"
+        )
+    ratio = float(np.sign(alike) * np.std(read) / np.std(moved.values))
+    if not ENCODED[0] < ratio < ENCODED[1]:
+        wrong = "sign" if ratio < 0 else "unit"
+        raise Mistake(
+            f"the encoder of {channel.name} moves {ratio:.3g} times as far as its joint: the "
+            f"{wrong} of one of them is wrong"
+        )
 
 
 def _misfit(channel: Channel, modelled: Series, most: float) -> list[str]:

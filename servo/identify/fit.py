@@ -8,15 +8,20 @@ the rest by least squares. Intervals are those of a bootstrap over blocks of the
 limit: residuals of neighbours are not independent, those of blocks are.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
+from itertools import accumulate
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from servo.identify.log import Channel, Log, Series
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 GRID = 2e-3
 """Interval of the modelled motion [s]: a step of the physics."""
@@ -38,6 +43,11 @@ DRIFT = 2.0
 """A channel's drift may bend this often [s]: what is not modelled adds up in positions."""
 MOST_KNOTS = 40
 """Bends of a drift at most; longer logs have longer pieces."""
+NEARLY = 1e-6
+"""Relative change of the squared error, or of the parameters, at which a fit ends: far below what
+the intervals say."""
+KEPT = 4
+"""Motions of a channel that are kept: one play is changed where all others stay."""
 STILL = 0.02
 """Part of a channel's largest rate below which friction holds it."""
 FEWEST = 3
@@ -103,9 +113,10 @@ def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
     """
     channels = log.channels
     model_of = partial(_Model, channels, resolution=GRID + log.uncertain)
-    orders = [False, True] if model_of(servos, is_behind=False).has_play.any() else [False]
-    fits = [_solved(model_of(servos, is_behind=each)) for each in orders]
-    fitted = min(fits, key=lambda fit: fit.model.misfit(fit.values))
+    fitted = _solved(model_of(servos, is_behind=False))
+    if fitted.model.has_play.any():
+        behind = _solved(model_of(servos, is_behind=True), fitted.values)
+        fitted = min(fitted, behind, key=lambda fit: fit.model.misfit(fit.values))
     model = fitted.model
     none = np.zeros(len(servos))
     start = fitted.values + np.mean(servos) * (np.arange(len(fitted.values)) == 1)
@@ -168,9 +179,13 @@ class _Model:
         self._blocks = np.concatenate(self._blocks_of)
         self._factor = _student(len(np.unique(self._blocks)))
         self._scales = [np.std(c.moved.values) for c in channels]
-        self._drifts = [_drift(c.moved.times) for c in channels]
-        pairs = zip(self._drifts, channels, strict=True)
-        self._moved = [_less(drift, c.moved.values) for drift, c in pairs]
+        self._moved: list[Array] = []
+        self._bases_of: list[Callable[[float, float, float], Array]] = []
+        for channel, servo in zip(channels, servos, strict=True):
+            drift = _drift(channel.moved.times)
+            self._moved.append(_less(drift, channel.moved.values))
+            basis = partial(_basis, channel, float(servo), drift, is_behind)
+            self._bases_of.append(lru_cache(KEPT)(basis))
 
     def residuals(self, parameters: Array) -> Array:
         """Positions less the modelled ones, over each channel's scale (n,)."""
@@ -210,7 +225,7 @@ class _Model:
     def slopes(self, parameters: Array) -> list[float]:
         """Motion of each channel over the modelled one, friction left out of it."""
         pairs = zip(self._moved, self._bases(parameters), strict=True)
-        return [float(np.linalg.lstsq(basis.T, moved)[0][0]) for moved, basis in pairs]
+        return [float(_weights(basis, moved)[0]) for moved, basis in pairs]
 
     def covariance(self, jacobian: Array, residuals: Array) -> Array:
         """Covariance of the parameters by the scores of blocks (the sandwich of Huber 1967 and
@@ -223,16 +238,13 @@ class _Model:
     def _errors(self, parameters: Array) -> list[Array]:
         """Positions less the modelled ones, of each channel."""
         pairs = zip(self._moved, self._bases(parameters), strict=True)
-        return [moved - basis.T @ np.linalg.lstsq(basis.T, moved)[0] for moved, basis in pairs]
+        return [moved - _weights(basis, moved) @ basis for moved, basis in pairs]
 
     def _bases(self, parameters: Array) -> list[Array]:
         """The motion asked for and the friction of each channel, less what its drift takes."""
-        delay, lag, *plays = parameters
-        each = zip(self._channels, self._servos, plays, self._drifts, strict=True)
-        return [
-            _less(drift, _basis(channel, (lag, servo), delay, play, self.is_behind).T).T
-            for channel, servo, play, drift in each
-        ]
+        delay, lag, *plays = parameters.tolist()
+        pairs = zip(self._bases_of, plays, strict=True)
+        return [basis(delay, lag, play) for basis, play in pairs]
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,6 +337,8 @@ def _solved(model: _Model, start: Array | None = None) -> _Fitted:
         bounds=(0.0, most + 1e-12),
         x_scale=most / 10,
         diff_step=1e-3,
+        ftol=NEARLY,
+        xtol=NEARLY,
     )
     first = solve(np.clip(start, 0.0, most)).x
     model.weigh(first)
@@ -349,10 +363,23 @@ def _of_blocks(scores: Array, blocks: Array) -> Array:
     return np.array([scores[blocks == block].sum(axis=0) for block in np.unique(blocks)])
 
 
+def _weights(basis: Array, moved: Array) -> Array:
+    """The weights (2,) of a basis (2, n) whose sum is nearest to a motion (n,)."""
+    return np.linalg.pinv(basis @ basis.T, hermitian=True) @ (basis @ moved)
+
+
 def _basis(
-    channel: Channel, lags: tuple[float, float], delay: float, play: float, is_behind: bool
+    channel: Channel,
+    servo: float,
+    drift: tuple["csr_array", Array],
+    is_behind: bool,
+    delay: float,
+    lag: float,
+    play: float,
 ) -> Array:
-    """The motion asked for and the friction (2, n), whose weighted sum is a channel's motion."""
+    """The motion asked for and the friction (2, n), whose weighted sum is a channel's motion, less
+    what its drift takes.
+    """
     moved = channel.moved
     command = channel.command
     grid = _grid(moved.times)
@@ -362,14 +389,14 @@ def _basis(
     motion = np.interp(grid - delay - GRID / 2, knots, asked)
     if not is_behind:
         motion = _after_play(motion, play)
-    for lag in lags:
-        motion = _after_lag(motion, lag)
+    motion = _after_lag(_after_lag(motion, lag), servo)
     if is_behind:
         motion = _after_play(motion, play)
     rate = np.diff(motion, prepend=motion[0])
     slides = np.sign(rate) * (np.abs(rate) > STILL * np.abs(rate).max())
-    friction = _after_lag(GRID * np.cumsum(slides), lags[-1])
-    return np.stack([np.interp(moved.times, grid, each) for each in (motion, friction)])
+    friction = _after_lag(GRID * np.cumsum(slides), servo)
+    both = [np.interp(moved.times, grid, each) for each in (motion, friction)]
+    return np.stack([_less(drift, each) for each in both])
 
 
 def _grid(times: Array) -> Array:
@@ -377,19 +404,21 @@ def _grid(times: Array) -> Array:
     return np.arange(times[0] - GRID, times[-1] + GRID, GRID)
 
 
-def _drift(times: Array) -> Array:
-    """Orthonormal columns whose weighted sum is a line that bends."""
+def _drift(times: Array) -> tuple["csr_array", Array]:
+    """Columns (n, k) whose weighted sum is a line that bends, and the inverse of their products."""
+    from scipy.sparse import csr_array
+
     grid = _grid(times)
     knots = np.linspace(grid[0], grid[-1], 1 + min(MOST_KNOTS, 1 + int(np.ptp(grid) / DRIFT)))
-    hats = np.stack([np.interp(times, knots, hat) for hat in np.eye(len(knots))], axis=1)
-    columns, sizes, _ = np.linalg.svd(hats, full_matrices=False)
+    hats = csr_array(np.stack([np.interp(times, knots, hat) for hat in np.eye(len(knots))], axis=1))
     # A gap of the log may leave a hat without readings.
-    return columns[:, sizes > 1e-9 * sizes[0]]
+    return hats, np.linalg.pinv((hats.T @ hats).toarray(), rcond=1e-12, hermitian=True)
 
 
-def _less(drift: Array, values: Array) -> Array:
-    """What a drift leaves of values (n,) or (n, k)."""
-    return values - drift @ (drift.T @ values)
+def _less(drift: tuple["csr_array", Array], values: Array) -> Array:
+    """What a drift leaves of values (n,)."""
+    hats, inverse = drift
+    return values - hats @ (inverse @ (hats.T @ values))
 
 
 def _after_play(motion: Array, play: float) -> Array:
@@ -397,15 +426,15 @@ def _after_play(motion: Array, play: float) -> Array:
     if play == 0.0:
         return motion
     half = play / 2
-    joint = motion.copy()
-    last = motion[0]
-    way = np.sign(np.diff(motion))
-    turns = np.flatnonzero(np.diff(way)) + 1
-    for piece in np.split(np.arange(len(motion)), turns + 1):
-        low = np.maximum(motion[piece] - half, last)
-        joint[piece] = np.minimum(low, motion[piece] + half) if motion[piece[-1]] < last else low
-        last = joint[piece[-1]]
-    return joint
+    ends = np.append(np.flatnonzero(np.diff(np.sign(np.diff(motion)))) + 1, len(motion) - 1)
+    # Between two turns of the motor the joint is pushed one way from its place at the first.
+    places = accumulate(
+        motion[ends].tolist(),
+        lambda last, to: min(max(last, to - half), to + half),
+        initial=float(motion[0]),
+    )
+    last = np.repeat(list(places)[:-1], np.diff(ends, prepend=-1))
+    return np.clip(last, motion - half, motion + half)
 
 
 def _after_lag(motion: Array, lag: float) -> Array:

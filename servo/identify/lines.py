@@ -15,7 +15,7 @@ MILLI = 1e3
 BEFORE = 0.3
 SHOWN = 3.0
 """Of each channel so much is drawn, from so long before its largest change of command on [s]."""
-NO_JITTER = "# jitter_ms: not known; the log has no column arrived_s with varied times"
+NO_JITTER = "# jitter_ms: not known; it needs arrived_s with varied times of the clock of time_s"
 NO_PLAY = (
     "# backlash: not known; it needs command_JOINT_m_s (or _rad_s) of a joint that reverses, and "
     "its positions behind the gear, joint_JOINT_m"

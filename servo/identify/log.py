@@ -21,6 +21,7 @@ from sim.files import reading
 from sim.types import Array
 
 COMMAND = re.compile("command_(.+)_(m|rad)_s")
+POSITION = re.compile("command_(.+)_(m|rad)")
 STAMPS = ("time_s", "asked_s", "arrived_s")
 PICTURES = ("age_s", "picture", "frame", "decided")
 """Columns of a run's own log that say when pictures were made, and which were used."""
@@ -28,10 +29,31 @@ SHORTEST = 2.0
 """A shorter log has too few movements [s]."""
 LONGEST = 600.0
 """A longer one takes long, and adds little [s]."""
+FEWEST = 40
+"""Fewer positions cannot show delay, lag, play, gain and friction."""
+SPARSEST = 0.1
+"""Rows that come less often [s] miss the commands between them."""
+LEAST = 1e-9
+"""A motion or a rate that changes by less [m, rad, m/s, rad/s] is none."""
+FARTHEST = 1e12
+"""A larger number [m, rad, m/s, rad/s] is none of a robot, whatever its unit."""
+JUMP = 2.0, 5.0
+"""A position jumps that changes by more than so many times the way of the fastest command, and so
+many times what nine of ten changes are less than."""
+LATEST = 1.0
+"""A picture or a command that is farther from its row [s] has the stamp of another clock."""
+DRIFTS = 6.0
+"""Standard deviations of a trend of the arrivals that is none of chance, and"""
+LEAST_DRIFT = 1e-3
+"""the least one [s] that is a clock's."""
+RARE = 0.05
+"""Largest part of the pictures whose wait, far from that of the others, is an exception."""
 OFF_WHOLE = 0.2
 """An interval of rows is regular if it is less than this off a multiple of the usual interval."""
 REGULAR = 0.9
 """Rows are looked for that are missing if at least this part of the intervals is regular."""
+FINEST = 5e-3
+"""Positions that come faster [s] are averaged: delay and lag are known to 2 ms at best."""
 BRIDGED = 10
 """In a longer gap, of so many intervals, nothing is known of the commands."""
 LARGEST = 1 << 30
@@ -57,7 +79,7 @@ class Series:
     @property
     def varies(self) -> bool:
         """True where the values are not all the same."""
-        return len(self.values) > 1 and bool(np.ptp(self.values) > 0)
+        return len(self.values) > 1 and bool(np.ptp(self.values) > LEAST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +117,10 @@ class Log:
     """Part of the rows that are missing, by this interval."""
     cut: str
     """What was left out at the end, in a sentence; empty where nothing was."""
+    clock: str
+    """What is wrong with the arrivals, in a sentence; empty where nothing is."""
+    still: list[str]
+    """Names of what was asked to move, and whose positions stay the same."""
 
     @property
     def uncertain(self) -> float:
@@ -106,8 +132,45 @@ def read(path: Path) -> Log:
     """Read a log: CSV, Parquet, or MCAP with JSON messages, such as /step of our own.
 
     Raises:
-        Mistake: It cannot be read, or nothing in it was asked to move and moved.
+        Mistake: It cannot be read, its columns contradict what they should have, or nothing in it
+            was asked to move and moved.
     """
+    names, columns, cut = _columns(path)
+    time = columns.get("time_s", np.empty(0))
+    if not (len(time) and np.isfinite(time).all() and np.all(time[1:] > time[:-1])):
+        raise Mistake(f"{path}: time_s should increase from row to row")
+    span = float(time[-1]) - float(time[0])
+    if not SHORTEST <= span <= LONGEST:
+        length = f"{span:.3g} s long; {SHORTEST:g} to {LONGEST:g} s are needed"
+        raise Mistake(f"{path}: this log is {length}")
+    lost = _lost(time)
+    asked, waited = _pictures(columns, lost)
+    late = _late(time, asked)
+    if abs(late) > LATEST:
+        raise Mistake(f"{path}: asked_s is {late:.6g} s after time_s; they should have one clock")
+    clock, transport = _arrivals(waited, is_with_commands=late < 0)
+    named = [found.groups() for name in columns if (found := COMMAND.fullmatch(name))]
+    for name, unit in named:
+        _check_positions(columns, name, unit, path)
+    channels = [_channel(columns, asked, name, unit) for name, unit in named]
+    moving = [c for c in channels if c.command.varies and c.moved.varies]
+    _check_enough(moving, names, path)
+    used = {*STAMPS, *PICTURES, *(of for each in named for of in _parts(*each))}
+    return Log(
+        moving,
+        transport,
+        [name for name in names if name not in used & columns.keys()],
+        [(c.name, c.unit) for c in channels],
+        float(np.median(np.diff(time))),
+        float(lost.sum() / (lost.sum() + len(time))),
+        cut,
+        clock,
+        [c.name for c in channels if c.command.varies and len(c.moved.values) and c not in moving],
+    )
+
+
+def _columns(path: Path) -> tuple[list[str], dict[str, Array], str]:
+    """Return the names of all columns, those of numbers, and a sentence about what was cut."""
     try:
         table, cut = _table(path)
         columns = _numbers(table)
@@ -116,44 +179,50 @@ def read(path: Path) -> Log:
             raise Mistake(str(error)) from None
         kind = path.suffix[1:].upper()
         raise Mistake(f"{path}: cannot read this log: it is damaged, or no {kind} file") from error
-    if "time_s" not in table.column_names:
-        has = listed(table.column_names, NAMED) or "none"
+    names = table.column_names
+    if "time_s" not in names:
+        has = listed(names, NAMED) or "none"
         raise Mistake(
             f"{path}: this log has no column time_s; it needs time_s, {COLUMNS}; it has {has}"
         )
-    named = [found for name in table.column_names if (found := COMMAND.fullmatch(name))]
-    used = set(STAMPS)
-    for name, unit in (found.groups() for found in named):
-        of = f"{name}_{unit}"
-        used |= {f"command_{of}_s", f"joint_{of}", f"encoder_{of}", f"measured_{of}_s"}
-    for name, column in zip(table.column_names, table.columns, strict=True):
+    used = {*STAMPS}
+    for found in filter(None, map(COMMAND.fullmatch, names)):
+        used |= {*_parts(*found.groups())}
+    for name, column in zip(names, table.columns, strict=True):
+        if names.count(name) > 1:
+            raise Mistake(f"{path}: the column {name} is there {names.count(name)} times")
         if name in used - columns.keys() and not pa.types.is_null(column.type):
             raise Mistake(f"{path}: {name} should have numbers; {_no_number(column)}")
-    used |= set(PICTURES)
-    time = columns.get("time_s", np.empty(0))
-    if not (len(time) and np.isfinite(time).all() and np.all(np.diff(time) > 0)):
-        raise Mistake(f"{path}: time_s should increase from row to row")
-    if not SHORTEST <= np.ptp(time) <= LONGEST:
-        length = f"{np.ptp(time):.3g} s long; {SHORTEST:g} to {LONGEST:g} s are needed"
-        raise Mistake(f"{path}: this log is {length}")
-    lost = _lost(time)
-    asked, transport = _pictures(columns, lost)
-    named = [found for found in named if found[0] in columns]
-    channels = [_channel(columns, asked, *found.groups()) for found in named]
-    moving = [c for c in channels if c.command.varies and c.moved.varies]
-    if not moving:
-        raise Mistake(
-            f"{path}: nothing in this log was asked to move and moved; it needs columns {COLUMNS}"
-        )
-    unused = [name for name in table.column_names if name not in used & columns.keys()]
-    return Log(
-        moving,
-        transport,
-        unused,
-        [(c.name, c.unit) for c in channels],
-        float(np.median(np.diff(time))),
-        float(lost.sum() / (lost.sum() + len(time))),
-        cut,
+    return names, columns, cut
+
+
+def _parts(name: str, unit: str) -> tuple[str, str, str, str]:
+    """Return the columns of a joint, or of a part of a twist: rates first."""
+    of = f"{name}_{unit}"
+    return f"command_{of}_s", f"measured_{of}_s", f"joint_{of}", f"encoder_{of}"
+
+
+def _check_enough(moving: Sequence[Channel], names: Sequence[str], path: Path) -> None:
+    """Refuse a log that has nothing that moves, or too little of it."""
+    for channel in moving:
+        positions = len(channel.moved.values)
+        if positions < FEWEST:
+            raise Mistake(
+                f"{path}: this log has {positions} positions of {channel.name}; at least {FEWEST} "
+                "are needed, and more than one movement"
+            )
+        if (interval := np.median(np.diff(channel.moved.times))) > SPARSEST:
+            raise Mistake(
+                f"{path}: the positions of {channel.name} come each {interval:.3g} s; delay and "
+                f"lag need one each {SPARSEST:g} s at least"
+            )
+    if moving:
+        return
+    if not any(map(COMMAND.fullmatch, names)):
+        for name in filter(POSITION.fullmatch, names):
+            raise Mistake(f"{path}: {name} has positions by its name; rates are needed, {name}_s")
+    raise Mistake(
+        f"{path}: nothing in this log was asked to move and moved; it needs columns {COLUMNS}"
     )
 
 
@@ -268,8 +337,8 @@ def _lost(time: Array) -> Array:
 
 
 def _pictures(columns: dict[str, Array], lost: Array) -> tuple[Array, Array]:
-    """Return the stamps (n,) of the commands, nan where there is none; and from each picture's
-    stamp to its arrival (k,) [s].
+    """Return the stamps (n,) of the commands, nan where there is none; and from each row's stamp
+    to its picture's arrival (n,) [s].
 
     A command after missing rows came with one of them or with its own row: the middle of these
     stamps is right on average.
@@ -278,10 +347,88 @@ def _pictures(columns: dict[str, Array], lost: Array) -> tuple[Array, Array]:
     if set(PICTURES) <= columns.keys():
         at = np.searchsorted(columns["frame"], columns["picture"])
         made = np.where(columns["decided"] > 0, time[at] + columns["age_s"], np.nan)
-        return made, columns["age_s"][columns["decided"] > 0]
+        return made, np.where(columns["decided"] > 0, columns["age_s"], np.nan)
     waited = columns.get("arrived_s", np.full(len(time), np.nan)) - time
     since = np.where(lost < BRIDGED, lost * np.diff(time, prepend=time[0]) / (lost + 1), 0.0)
-    return columns.get("asked_s", time - since / 2), waited[np.isfinite(waited)]
+    return columns.get("asked_s", time - since / 2), waited
+
+
+def _late(time: Array, asked: Array) -> float:
+    """Return how much later than its row a command is, at the median of those that are new [s]."""
+    new = np.isfinite(asked) & (np.diff(asked, prepend=np.nan) != 0)
+    return float(np.median((asked - time)[new])) if new.any() else 0.0
+
+
+def _arrivals(waited: Array, *, is_with_commands: bool) -> tuple[str, Array]:
+    """Return what is wrong with the waits of pictures, and those (k,) [s] that can be used.
+
+    A clock that is off leaves the differences of the waits, which show jitter. It leaves the sum of
+    wait and delay where commands have its stamps too: both are off by as much, in opposite ways.
+    One that is faster, and a wait that is an exception, leave nothing.
+
+    Args:
+        waited: From each row's stamp to its picture's arrival (n,) [s]; nan where there is none.
+        is_with_commands: True where commands are before their rows, as arrivals may be.
+    """
+    rows = np.flatnonzero(np.isfinite(waited))
+    found = waited[rows].clip(-FARTHEST, FARTHEST)
+    ordered = np.sort(found)
+    few = f"{len(found)} rows have arrived_s, fewer than {FEWEST}; it is not used"
+    if len(found) < FEWEST:
+        return few if len(found) else "", np.empty(0)
+    place = (rows - rows.mean()) / np.std(rows)
+    slope = float(np.mean(place * found))
+    error = float(np.std(found - slope * place)) / np.sqrt(len(found))
+    trend = slope * float(np.ptp(place))
+    if abs(slope) > DRIFTS * error and abs(trend) > LEAST_DRIFT:
+        return (
+            f"arrived_s drifts by {trend:.3g} s against time_s, so it is in another unit or of "
+            "another clock; it is not used"
+        ), np.empty(0)
+    gaps = np.diff(ordered)
+    at = int(np.argmax(gaps))
+    apart = min(at + 1, len(gaps) - at)
+    if 2 * gaps[at] > gaps.sum() and apart <= RARE * len(found):
+        return (
+            f"{apart} of {len(found)} pictures arrive {gaps[at]:.3g} s apart from all others, and "
+            "a simulated wait has no exceptions; arrived_s is not used"
+        ), np.empty(0)
+    if ordered[0] >= 0 and ordered[-1] <= LATEST:
+        return "", found
+    other = f"pictures arrive {ordered[0]:.6g} to {ordered[-1]:.6g} s after their stamps, so "
+    if is_with_commands and ordered[0] > -LATEST:
+        return (
+            f"{other}arrived_s and asked_s are of another clock than time_s; latency_ms is right "
+            "if both are of the same"
+        ), found
+    return (
+        f"{other}arrived_s is of another clock, and the shortest wait, not known, is not in "
+        "latency_ms"
+    ), found - ordered[0]
+
+
+def _check_positions(columns: dict[str, Array], name: str, unit: str, path: Path) -> None:
+    """Refuse numbers and changes of positions that no robot has."""
+    time = columns["time_s"]
+    fastest = 0.0
+    for key in _parts(name, unit):
+        series = _series(time, columns.get(key, np.full(len(time), np.nan)))
+        largest = float(np.abs(series.values).max(initial=0.0))
+        if largest > FARTHEST:
+            raise Mistake(f"{path}: {key} has {largest:.3g}, which no robot has")
+        fastest = largest if key.startswith("command_") else fastest
+        changes = np.abs(np.diff(series.values))
+        # One that is not asked to move is not used.
+        if key.endswith("_s") or len(changes) < FEWEST or not changes.any() or not fastest:
+            continue
+        limits = JUMP[0] * fastest * np.diff(series.times)
+        limits += JUMP[1] * np.quantile(changes[changes > 0], 0.9)
+        if np.any(changes > limits):
+            at = int(np.argmax(changes - limits))
+            raise Mistake(
+                f"{path}: {key} jumps by {changes[at]:.3g} {unit} at time_s = "
+                f"{series.times[at + 1]:.6g}, which no command explains: leave out what is wrong"
+            )
 
 
 def _channel(columns: dict[str, Array], asked: Array, name: str, unit: str) -> Channel:
@@ -298,7 +445,7 @@ def _channel(columns: dict[str, Array], asked: Array, name: str, unit: str) -> C
         name,
         unit,
         _series(asked, columns[f"command_{name}_{unit}_s"]),
-        _series(time, moved),
+        _averaged(_series(time, moved)),
         _series(time, encoder),
         is_behind,
     )
@@ -309,3 +456,14 @@ def _series(times: Array, values: Array) -> Series:
     known = np.flatnonzero(np.isfinite(times) & np.isfinite(values))
     order = known[np.argsort(times[known], kind="stable")]
     return Series(times[order], values[order])
+
+
+def _averaged(series: Series) -> Series:
+    """The means of the numbers in each piece of time, where they come faster."""
+    times = series.times
+    if len(times) < FEWEST or np.median(np.diff(times)) > FINEST / 2:
+        return series
+    first = np.flatnonzero(np.diff((times - times[0]) // FINEST, prepend=-1))
+    counts = np.diff(first, append=len(times))
+    means = [np.add.reduceat(each, first) / counts for each in (times, series.values)]
+    return Series(*means)

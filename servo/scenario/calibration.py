@@ -1,8 +1,9 @@
-"""A camera's calibration file, as ROS (camera_info) or OpenCV (FileStorage) write it in YAML.
+"""A camera's calibration file, as ROS (camera_info) or OpenCV (FileStorage, YAML or XML) write it.
 
 Both start pixel coordinates at the middle of the first pixel, and we at its corner: 0.5 px more.
 """
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -24,23 +25,47 @@ GIVES = ("fovy_deg", "fx", "fy", "cx", "cy", "distortion", "coefficients")
 """Settings that a calibration gives, or replaces."""
 MODELS: dict[str, Model] = {
     "plumb_bob": "plumb_bob",
+    "radtan": "plumb_bob",
+    "radial_tangential": "plumb_bob",
     "rational_polynomial": "rational",
+    "rational": "rational",
     "equidistant": "fisheye",
     "fisheye": "fisheye",
+    "kannala_brandt": "fisheye",
+    "kannala_brandt4": "fisheye",
+    "kannala_brandt8": "fisheye",
 }
-"""Our distortion by ROS's name."""
+"""Our distortion by the names of ROS, Kalibr, OKVIS and ORB-SLAM, where the formula is the same."""
 ROS_NAMES = {own: name for name, own in reversed(MODELS.items())}
 """ROS's name of a distortion; the first one where there are two."""
 MIDDLE = 0.5
 """Place of the first pixel's middle: zero in ROS and OpenCV [px]."""
 BY_COUNT: dict[int, Model] = {4: "plumb_bob", 5: "plumb_bob", 8: "rational"}
 """OpenCV's distortion by the number of its coefficients that are not zero at the end."""
-OPENCV = "%YAML"
+OPENCV = ("%YAML", "<?xml")
 """The beginning of OpenCV's files."""
 MATRICES = ("camera_matrix", "distortion_coefficients")
+KEYS = {
+    "imagewidth": "image_width",
+    "width": "image_width",
+    "imageheight": "image_height",
+    "height": "image_height",
+    "cameramatrix": "camera_matrix",
+    "k": "camera_matrix",
+    "distortioncoefficients": "distortion_coefficients",
+    "d": "distortion_coefficients",
+}
+"""The keys by their letters; a message of ROS, printed, has the short ones."""
+NAMING = re.compile("(camera|distortion|lens|projection)?(model|type)|distortion|projection|lens")
+"""Letters of the keys whose value names a lens."""
+NO_DISTORTION = "none"
+UNSAID = ("", NO_DISTORTION, "pinhole", "perspective")
+"""Letters of values that leave open which distortion there is."""
+FISHEYE_KEYS = ("fisheyemodel", "fisheye", "isfisheye", "usefisheye")
+YES = ("1", "true", "yes")
+NO = ("0", "false", "no")
 BINNING = ("binning_x", "binning_y")
 ROI = ("x_offset", "y_offset", "width", "height")
-WHOLE = ("image_width", "image_height", "fisheye_model")
 
 
 def calibrated(camera: Any, place: str) -> Any:
@@ -94,17 +119,12 @@ def camera_of_info(info: Any, topic: str) -> Camera:
     Raises:
         Mistake: It is no calibration of whole pictures, with a distortion that is known.
     """
-    model = info.distortion_model
-    coefficients = list(info.d)
-    if not any(coefficients) and MODELS.get(model) != "fisheye":
-        model = "plumb_bob"
-        coefficients = [0.0] * COEFFICIENTS[model]
     document = {
         "image_width": info.width,
         "image_height": info.height,
         "camera_matrix": list(info.k),
-        "distortion_model": model,
-        "distortion_coefficients": coefficients,
+        "distortion_model": info.distortion_model,
+        "distortion_coefficients": list(info.d) or [0.0],
         "roi": vars(info.roi),
     }
     found = settings_of(document | {key: getattr(info, key) for key in BINNING}, topic)
@@ -119,20 +139,30 @@ def _read(path: Path) -> Table:
     """Return the size (width, height) of a calibration's image, and its settings for it."""
     with as_mistake():
         text = reading.text(path, "calibration", LARGEST_FILE)
-    return settings_of(
-        _of_opencv(text, path) if text.startswith(OPENCV) else _of_ros(text, path), str(path)
-    )
+    pairs = _of_opencv(text, path) if text.startswith(OPENCV) else _of_yaml(text, path)
+    document: Table = {}
+    for written, value in pairs:
+        key = KEYS.get(_letters(written), str(written))
+        if key in document:
+            raise Mistake(f"{path}: {key} is there twice; a calibration is that of one camera")
+        document[key] = value
+    if document.keys().isdisjoint(KEYS.values()):
+        raise Mistake(f"{path}: this is no calibration: it should have camera_matrix")
+    for key in MATRICES:
+        matrix = document.get(key)
+        document[key] = matrix.get("data") if isinstance(matrix, dict) else matrix
+    return settings_of(document, str(path))
 
 
 def settings_of(document: Table, place: str) -> Table:
     """Return the size (width, height) of a calibration's image, and its settings for it.
 
     Args:
-        document: The keys of ROS's file, with the data of its matrices in their place.
+        document: The keys of the file, with the data of its matrices in their place.
         place: Its file or topic, for messages.
 
     Raises:
-        Mistake: It is no calibration of whole pictures.
+        Mistake: It is no calibration of whole pictures, or of another lens than is simulated.
     """
     size = [document.get(key) for key in ("image_width", "image_height")]
     for key, value in zip(("image_width", "image_height"), size, strict=True):
@@ -151,6 +181,8 @@ def settings_of(document: Table, place: str) -> Table:
         values = values[:-1]
     if model == "plumb_bob" and len(values) == COEFFICIENTS[model] - 1:
         values = [*values, 0.0]  # without k3
+    if not any(values):
+        values = [0.0] * COEFFICIENTS[model]
     if len(values) != COEFFICIENTS[model]:
         raise Mistake(
             f"{place}: distortion_coefficients has {written} numbers; "
@@ -177,55 +209,101 @@ def _check_whole(document: Table, size: Sequence[Any], place: str) -> None:
         )
 
 
-def _of_ros(text: str, path: Path) -> Table:
-    """Return the top table of a file of ROS, with the data of its matrices in their place."""
+def _of_yaml(text: str, path: Path) -> list[tuple[Any, Any]]:
+    """Return the keys and values of a file of ROS, whose documents may be several or empty."""
     import yaml  # few scenarios need it
 
+    pairs: list[tuple[Any, Any]] = []
+    loader = yaml.SafeLoader(text)
     try:
-        document = yaml.safe_load(text)
+        while loader.check_node():
+            node = loader.get_node()
+            if isinstance(node, yaml.MappingNode):
+                # A dictionary would keep the last of two equal keys.
+                pairs += loader.construct_pairs(node, deep=True)
     except (ValueError, yaml.YAMLError) as error:
         mark = getattr(error, "problem_mark", None)
         line = "" if mark is None else f": line {mark.line + 1} is wrong"
         raise Mistake(f"{path}: this is not YAML{line}") from None
-    if not isinstance(document, dict):
-        raise Mistake(f"{path}: this is no calibration: it should have camera_matrix")
-    matrices = {key: document.get(key) for key in MATRICES}
-    data = {key: m.get("data") if isinstance(m, dict) else None for key, m in matrices.items()}
-    return document | data
+    return pairs
 
 
-def _of_opencv(text: str, path: Path) -> Table:
-    """Return what a file of OpenCV's has of a calibration."""
+def _of_opencv(text: str, path: Path) -> list[tuple[str, Any]]:
+    """Return the keys and values of a file of OpenCV."""
     try:
         file = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        matrices: Table = {key: file.getNode(key).mat() for key in MATRICES}
-        whole = {key: int(file.getNode(key).real()) for key in WHOLE}
+        root = file.root()
+        return [(key, _value(root.getNode(key))) for key in root.keys()]  # noqa: SIM118
     # SystemError: OpenCV failed in its constructor, as it does on a file that is cut.
     except (cv2.error, SystemError, ValueError, OverflowError):
         raise Mistake(f"{path}: this is no file that OpenCV wrote, or it is damaged") from None
-    found: Table = {key: None if m is None else m.ravel().tolist() for key, m in matrices.items()}
-    return found | whole
+
+
+def _value(node: cv2.FileNode) -> Any:
+    """Return what a node has: a number, a text, a list, a table, or the numbers of a matrix."""
+    if node.isInt():
+        return int(node.real())
+    if node.isReal():
+        return node.real()
+    if node.isString():
+        return node.string()
+    if node.isSeq():
+        return [_value(node.at(place)) for place in range(node.size())]
+    if not node.isMap():
+        return None
+    if "dt" in node.keys():  # noqa: SIM118
+        return node.mat().ravel().tolist() if node.getNode("data").size() else []
+    return {key: _value(node.getNode(key)) for key in node.keys()}  # noqa: SIM118
 
 
 def _model(document: Table, place: str, values: list[float]) -> Model:
-    """Return the distortion that ROS names; OpenCV has the number of its coefficients only."""
+    """Return the distortion that the file names; else that of the number of its coefficients."""
+    possible = {key: _possible(f"{place}: {key}", key, value) for key, value in document.items()}
+    left = set(COEFFICIENTS).intersection(*possible.values())
+    if not left:
+        said = [
+            f"{key} = {document[key]!r}"
+            for key in possible
+            if len(possible[key]) < len(COEFFICIENTS)
+        ]
+        raise Mistake(f"{place}: {' and '.join(said)} are of different lenses")
+    if len(left) == 1:
+        return left.pop()
     name = document.get("distortion_model")
-    if name is None:
-        if document.get("fisheye_model"):
-            return "fisheye"
-        last = max((i + 1 for i, value in enumerate(values) if value), default=0)
-        return BY_COUNT[min((n for n in BY_COUNT if n >= last), default=max(BY_COUNT))]
-    if not isinstance(name, str) or name not in MODELS:
-        raise Mistake(
-            f"{place}: distortion_model = {name!r} is not known; there is {', '.join(MODELS)}"
-        )
-    return MODELS[name]
+    if name is not None and _letters(name) == NO_DISTORTION and any(values):
+        raise Mistake(f"{place}: distortion_model = {name!r}, but distortion_coefficients has some")
+    last = max((i + 1 for i, value in enumerate(values) if value), default=0)
+    return BY_COUNT[min((n for n in BY_COUNT if n >= last), default=max(BY_COUNT))]
+
+
+def _possible(place: str, key: str, value: Any) -> set[Model]:
+    """Return the distortions that a key of the file leaves open."""
+    letters = "" if value is None else _letters(value)
+    if _letters(key) in FISHEYE_KEYS:
+        if letters not in (*YES, *NO):
+            raise Mistake(f"{place} = {value!r} should be 0 or 1")
+        return {"fisheye"} if letters in YES else {"plumb_bob", "rational"}
+    if letters in UNSAID or not NAMING.fullmatch(_letters(key)):
+        return set(COEFFICIENTS)
+    found: set[Model] = {model for name, model in MODELS.items() if _letters(name) == letters}
+    if not found:
+        known = f"{place} = {value!r} is not known; there is {', '.join(MODELS)}"
+        more = "" if key == "distortion_model" else " (leave it out if it names no lens)"
+        raise Mistake(known + more)
+    return found
+
+
+def _letters(text: object) -> str:
+    """Return a word without what its spellings differ in: capitals, underscores, hyphens."""
+    return re.sub("[^a-z0-9]", "", str(text).lower())
 
 
 def _numbers(data: Any, key: str, place: str) -> list[float]:
     """Return the numbers of a matrix; YAML takes one such as 1e-05 for a text."""
     if data is None:
         raise Mistake(f"{place}: {key} is missing, or has no data")
+    if data == []:
+        raise Mistake(f"{place}: {key}.data is empty; a lens without distortion has zeros")
     try:
         numbers = np.array(data, np.float64)
     except (TypeError, ValueError, OverflowError):

@@ -120,6 +120,10 @@ LOGS: dict[str, str | bytes] = {
     "log_ragged.csv": f"{HEAD}0,1,0\n1,0,5,1\n2,0,0\n",
     "log_mixed.csv": f"{HEAD}0,1,0\n1,off,1\n3,0,1\n",
     "log_foreign.csv": GOOD.replace("_x_", "_A6x_"),
+    "log_twice.csv": GOOD.replace("time_s", "command_x_m_s,time_s", 1).replace("\n", "\n0,"),
+    "log_huge.csv": f"{HEAD}0,1,0\n1,1e300,1\n3,0,1\n",
+    "log_few.csv": f"{HEAD}0,1,0\n1,-1,1\n3,0,0\n",
+    "log_positions.csv": GOOD.replace("command_x_m_s", "command_x_m", 1),
     "log_sign.csv": HEAD
     + "".join(f"{k / 30},{0.5 - k // 15 % 2},{abs(k % 30 - 15) / 60}\n" for k in range(90)),
 }

@@ -1,0 +1,253 @@
+"""Logs that contradict themselves: another clock, another unit, too little, or a wrong reading."""
+
+import time
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pytest
+from gear_log import gear_log
+
+from servo.cli.identify_command import estimated
+from servo.identify.doubts import doubts
+from servo.identify.fit import identify
+from servo.identify.log import read
+from servo.mistake import Mistake
+
+COMMAND = "command_x_m_s"
+JOINT = "joint_x_m"
+ENCODER = "encoder_x_m"
+WAIT = 0.0125
+"""Shortest wait of the pictures [s]; the longest is 4 ms more."""
+
+
+@pytest.fixture(scope="module")
+def columns(tmp_path_factory):
+    """A log of the slide x: 12 s, 45 ms of delay, 30 ms of lag, and arrivals after their stamps."""
+    path = tmp_path_factory.mktemp("contradictions") / "log.csv"
+    gear_log(path, joint="x_m", play=0.002, lag=0.03, noise=1e-4, factor=0.1, seconds=12.0)
+    table = pyarrow.csv.read_csv(path)
+    found = {name: table[name].to_numpy() for name in table.column_names}
+    waits = WAIT + 0.004 * np.random.default_rng(1).random(len(found["time_s"]))
+    return found | {"arrived_s": found["time_s"] + waits}
+
+
+def written(folder, columns, **changes):
+    path = folder / "log.csv"
+    pyarrow.csv.write_csv(pa.table({**columns, **changes}), path)
+    return path
+
+
+def refused(folder, columns, **changes):
+    with pytest.raises(Mistake) as caught:
+        estimated(read(written(folder, columns, **changes)), "line")
+    return str(caught.value).removeprefix(f"{folder / 'log.csv'}: ")
+
+
+CLOCKS = {
+    "another clock": (
+        lambda stamps, arrived: arrived + 37,
+        "pictures arrive 37.0125 to 37.0165 s after their stamps, so arrived_s is of another clock, "
+        "and the shortest wait, not known, is not in latency_ms",
+        0.004,
+    ),
+    "a clock that is behind": (
+        lambda stamps, arrived: arrived - 0.05,
+        "pictures arrive -0.0374918 to -0.0335008 s after their stamps, so arrived_s is of another clock, "
+        "and the shortest wait, not known, is not in latency_ms",
+        0.004,
+    ),
+    "milliseconds": (
+        lambda stamps, arrived: 1e3 * arrived,
+        "arrived_s drifts by 1.2e+04 s against time_s, so it is in another unit or of another "
+        "clock; it is not used",
+        None,
+    ),
+    "a clock that is fast": (
+        lambda stamps, arrived: arrived + 1e-3 * stamps,
+        "arrived_s drifts by 0.0122 s against time_s, so it is in another unit or of another clock; "
+        "it is not used",
+        None,
+    ),
+    "one late picture": (
+        lambda stamps, arrived: np.where(stamps == 5, stamps + 0.5, arrived),
+        "1 of 1200 pictures arrive 0.484 s apart from all others, and a simulated wait has no "
+        "exceptions; arrived_s is not used",
+        None,
+    ),
+    "few arrivals": (
+        lambda stamps, arrived: np.where(stamps < 0.2, arrived, np.nan),
+        "20 rows have arrived_s, fewer than 40; it is not used",
+        None,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CLOCKS)
+def test_arrivals_of_another_clock_are_doubted_and_leave_the_delay(tmp_path, columns, name):
+    """37 s more were a latency of 37 s; milliseconds were a jitter of hours."""
+    change, sentence, jitter = CLOCKS[name]
+    arrived = change(columns["time_s"], columns["arrived_s"])
+    log = read(written(tmp_path, columns, arrived_s=arrived))
+    found = identify(log, [1e-4])
+    assert doubts(log, found, {}) == [sentence]
+    assert found.transport == 0
+    assert found.whole.delay.value == pytest.approx(0.045, abs=1e-3)
+    assert (found.jitter and found.jitter.value) == (jitter and pytest.approx(jitter, rel=0.02))
+
+
+def test_arrivals_of_the_clock_of_the_rows_are_not_doubted(tmp_path, columns):
+    log = read(written(tmp_path, columns))
+    found = identify(log, [1e-4])
+    assert doubts(log, found, {}) == []
+    assert found.transport == pytest.approx(WAIT, abs=1e-4)
+
+
+def test_the_sum_is_right_where_commands_and_arrivals_are_of_one_other_clock(tmp_path, columns):
+    """The command is given as its picture arrives, which is 12.5 ms after the stamp of its row."""
+    off = 0.05
+    asked = columns["time_s"] - off
+    log = read(
+        written(tmp_path, columns, asked_s=asked, arrived_s=columns["arrived_s"] - WAIT - off)
+    )
+    found = identify(log, [1e-4])
+    [sentence] = doubts(log, found, {})
+    assert sentence.endswith(
+        "so arrived_s and asked_s are of another clock than time_s; latency_ms is right if both are "
+        "of the same"
+    )
+    assert found.whole.delay.value + found.transport == pytest.approx(0.045, abs=1e-3)
+
+
+def test_commands_of_another_clock_are_refused(tmp_path, columns):
+    assert refused(tmp_path, columns, asked_s=columns["time_s"] + 37) == (
+        "asked_s is 37 s after time_s; they should have one clock"
+    )
+
+
+def spiked(values, height):
+    values = values.copy()
+    values[700] += height
+    return values
+
+
+WRONG = {
+    "a reversed encoder": (
+        lambda c: {ENCODER: -c[ENCODER]},
+        "the encoder of x moves -1.01 times as far as its joint: the sign of one of them is wrong",
+    ),
+    "a dead encoder": (
+        lambda c: {ENCODER: np.full(len(c[ENCODER]), 0.1)},
+        "the encoder of x does not move with its joint: leave its column out",
+    ),
+    "counts": (
+        lambda c: {ENCODER: 4096 * c[ENCODER]},
+        "the encoder of x moves 4.12e+03 times as far as its joint: the unit of one of them is wrong",
+    ),
+    "a spike": (
+        lambda c: {JOINT: spiked(c[JOINT], 5.0)},
+        "joint_x_m jumps by 5 m at time_s = 7, which no command explains: leave out what is wrong",
+    ),
+    "a spike of the encoder": (
+        lambda c: {ENCODER: spiked(c[ENCODER], 0.05)},
+        "encoder_x_m jumps by 0.0503 m at time_s = 7, which no command explains: leave out what "
+        "is wrong",
+    ),
+    "a joint that only has noise": (
+        lambda c: {JOINT: c[ENCODER][np.random.default_rng(2).permutation(len(c[JOINT]))]},
+        "the encoder of x does not move with its joint: leave its column out",
+    ),
+    "positions for rates": (
+        lambda c: {COMMAND: np.cumsum(c[COMMAND]) / 100},
+        "the positions of x are proportional to its commands, not to their sum over time: commands "
+        "should be rates, and positions positions",
+    ),
+    "a delay of 1 s": (
+        lambda c: {name: np.append(np.zeros(100), c[name][:-100]) for name in (JOINT, ENCODER)},
+        "this log does not show the delay, ",
+    ),
+    "one movement": (
+        lambda c: {
+            COMMAND: np.where(c["time_s"] > 6, 0.03, 0.0),
+            JOINT: 0.03 * np.clip(c["time_s"] - 6.1, 0, None),
+            ENCODER: 0.03 * np.clip(c["time_s"] - 6.1, 0, None),
+        },
+        "this log does not show the delay, ",
+    ),
+    "numbers that overflow": (
+        lambda c: {JOINT: 1e300 * c[JOINT]},
+        "joint_x_m has 2.23e+298, which no robot has",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_contradiction_is_a_sentence(tmp_path, columns, name):
+    change, sentence = WRONG[name]
+    assert refused(tmp_path, columns, **change(columns)).startswith(sentence)
+
+
+@pytest.mark.parametrize(
+    ("every", "sentence"),
+    [
+        (600, "this log has 2 positions of x; at least 40 are needed, and more than one movement"),
+        (100, "this log has 12 positions of x; at least 40 are needed, and more than one movement"),
+        (20, "the positions of x come each 0.2 s; delay and lag need one each 0.1 s at least"),
+    ],
+)
+def test_too_few_rows_are_refused(tmp_path, columns, every, sentence):
+    """They gave a delay of 0 (0 to 390000) ms, and a gain of nan."""
+    few = {name: values[::every] for name, values in columns.items()}
+    assert refused(tmp_path, few) == sentence
+
+
+def test_a_joint_that_never_moves_is_named(tmp_path, columns):
+    still = {"command_y_m_s": columns[COMMAND], "joint_y_m": np.full(len(columns[COMMAND]), 0.3)}
+    log = read(written(tmp_path, columns, **still))
+    assert [channel.name for channel in log.channels] == ["x"]
+    assert doubts(log, identify(log, [1e-4]), {}) == [
+        "y is asked to move, and its positions stay the same; it is left out"
+    ]
+
+
+def test_settings_that_no_run_takes_are_refused(tmp_path, columns):
+    large = {name: 1e4 * columns[name] for name in (COMMAND, JOINT, ENCODER)}
+    assert refused(tmp_path, columns, **large) == (
+        "this log shows what cannot be simulated: --set robot.backlash=[2.03, 0.0, 0.0, 0.0, 0.0, "
+        "0.0]: robot.backlash.0 = 2.03: input should be less than or equal to 1"
+    )
+
+
+def test_positions_at_1_khz_are_averaged_to_5_ms(tmp_path):
+    times, columns = fast(10)
+    log = read(written(tmp_path, columns))
+    [channel] = log.channels
+    assert len(channel.moved.times) == 2000
+    assert channel.moved.times[1] == pytest.approx(times[5:10].mean())
+    assert channel.moved.values[1] == pytest.approx(columns[JOINT][5:10].mean())
+    found = identify(log, [1e-4])
+    assert found.whole.delay.value == pytest.approx(0.044, abs=1e-3)
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(("seconds", "joints"), [(100, 1), (16, 6)])
+def test_a_log_of_1e5_rows_takes_seconds(tmp_path, seconds, joints):
+    """Processor time of one core; they took 34 and 25 s, most of it for the drift and the play."""
+    _, columns = fast(seconds)
+    for name in ("y_m", "z_m", "yaw_rad", "pitch_rad", "roll_rad")[: joints - 1]:
+        columns |= {f"command_{name}_s": columns[COMMAND], f"joint_{name}": columns[JOINT]}
+    log = read(written(tmp_path, columns))
+    begin = time.process_time()
+    identify(log, [1e-4] * joints)
+    assert time.process_time() - begin < 10
+
+
+def fast(seconds):
+    """The times, and a log at 1 kHz of commands that are new in each row; 45 ms of delay."""
+    rng = np.random.default_rng(4)
+    times = np.arange(1000 * seconds) * 1e-3
+    asked = np.repeat(rng.choice([-0.05, 0.0, 0.08, -0.03, 0.0], 3 * seconds), 400)[: len(times)]
+    asked = asked + rng.normal(0, 1e-3, len(times))
+    moved = 1e-3 * np.cumsum(np.append(np.zeros(45), asked)[: len(times)])
+    noise = rng.normal(0, 1e-4, len(times))
+    return times, {"time_s": times, COMMAND: asked, JOINT: moved + noise}
