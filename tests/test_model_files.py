@@ -10,7 +10,8 @@ from robot_files import write_obj, write_stl
 
 from sim.camera.camera import CameraConfig
 from sim.models.assembly import build_model
-from sim.models.model_files import compiled, files_of, read_spec
+from sim.models.model_files import compiled, files_of
+from sim.models.model_reader import read_spec
 from sim.robots import arm
 from sim.targets import mjcf
 

@@ -31,7 +31,7 @@ from sim.kinematics.inverse_kinematics import comfort
 from sim.kinematics.model import camera_chain
 from sim.kinematics.robot import CAMERA, Robot
 from sim.models.assembly import ROBOT, build_model
-from sim.models.model_files import read_spec
+from sim.models.model_reader import read_spec
 from sim.motions import still
 from sim.robots import mjcf
 from sim.targets import car
@@ -98,7 +98,7 @@ def examine(given: dict[str, Any], out: Path) -> int:
     console = Console()
     config = fill(mjcf.Config, given, "robot")
     try:
-        spec = read_spec(mjcf.model_path(config.model), mjcf.WHAT)
+        spec = read_spec(mjcf.model_path(config.model), mjcf.WHAT, whole=False)
         model, chain = camera_chain(spec, config.flange, config.camera)
         if not given.keys() & {"flange", "mount", "camera"}:
             config = dataclasses.replace(config, camera=_own_camera(model))
