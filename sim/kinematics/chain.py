@@ -21,6 +21,8 @@ TOOL = re.compile(
     r"tool|tcp|grasp|pinch|end_?eff|(^|_)(tip|eef?)(_|\d|$)|gripper_(frame|cent)", re.IGNORECASE
 )
 """Names of frames and sites at which a hand works."""
+OUTWARD = re.compile("tool|tcp", re.IGNORECASE)
+"""Those of them that are taken first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,14 +139,21 @@ def _is_jaw(model: mujoco.MjModel, body: int, *, is_last: bool) -> bool:
     """
     if model.body_jntnum[body] != 1:
         return False
-    joint = model.joint(model.body_jntadr[body]).name
+    joints = joints_to(model, body)
+    *arm, joint = [model.joint(j).name for j in joints]
+    first = model.body(model.jnt_bodyid[joints[0]]).name
     hand = int(model.body_parentid[body])
     frames = [model.body(c).name for c in _children(model, hand)]
     frames += [model.site(i).name for i in np.flatnonzero(model.site_bodyid == hand)]
-    by_name = not TURNS.search(joint) and (
-        GRIPS.search(joint) or (is_last and FINGER.search(model.body(body).name))
-    )
-    return bool(by_name) or (is_last and any(map(TOOL.search, frames)))
+    # Of a robot that is a finger all joints and bodies are named so.
+    moves_jaw = _grips(joint) and not any(map(_grips, arm))
+    is_finger = FINGER.search(model.body(body).name) and not FINGER.search(first)
+    has_tool = any(map(TOOL.search, frames))
+    return moves_jaw or (is_last and bool(has_tool or (is_finger and not TURNS.search(joint))))
+
+
+def _grips(joint: str) -> bool:
+    return bool(GRIPS.search(joint) and not TURNS.search(joint))
 
 
 def _tool(model: mujoco.MjModel, hand: int) -> int:
@@ -154,7 +163,8 @@ def _tool(model: mujoco.MjModel, hand: int) -> int:
     while children := _children(model, body):
         tools = [c for c in children if not below[c] and TOOL.search(model.body(c).name)]
         if tools:
-            body = tools[0]
+            # ROS-Industrial's tool0 looks out of the robot, ee_link across.
+            body = next((c for c in tools if OUTWARD.search(model.body(c).name)), tools[0])
         elif len(children) == 1 and not below[children[0]]:
             body = children[0]
         else:

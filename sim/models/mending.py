@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from sim.models.mesh_file import read_mesh, why_not
+from sim.models.mesh_file import Lost, first_of, listed, read_mesh, why_not
 from sim.models.model_files import compiled, files_of
 from sim.models.shapes import fill
 
@@ -23,8 +23,6 @@ LEAST_INERTIA = 1e-6
 """Of a moving body [kg, kg m^2]."""
 STICK = 0.015
 """Radius of what is drawn of a robot without shapes [m]."""
-SHOWN = 4
-"""Largest number of names in a sentence."""
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
 SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
@@ -33,7 +31,7 @@ SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 class Mended:
     """The differences between a model and its file."""
 
-    lost: list[str] = field(default_factory=list)
+    lost: list[Lost] = field(default_factory=list)
     """What is not drawn."""
     corrected: list[str] = field(default_factory=list)
     """Bodies whose mass or inertia cannot be."""
@@ -42,15 +40,10 @@ class Mended:
         return bool(self.lost or self.corrected)
 
     def __str__(self) -> str:
-        said = {"not drawn": self.lost, "mass or inertia corrected": self.corrected}
-        return "; ".join(f"{what}: {_listed(names)}" for what, names in said.items() if names)
-
-
-def _listed(names: list[str]) -> str:
-    """The first of some names, and the number of the others."""
-    each = list(dict.fromkeys(names))
-    more = f" and {len(each) - SHOWN} more" if len(each) > SHOWN else ""
-    return ", ".join(each[:SHOWN]) + more
+        said = [f"not drawn: {listed(self.lost)}"] if self.lost else []
+        if self.corrected:
+            said.append(f"mass or inertia corrected: {first_of(self.corrected)}")
+        return "; ".join(said)
 
 
 def mend(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> mujoco.MjModel:
@@ -79,7 +72,7 @@ def mend(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> muj
 def draw_sticks(spec: mujoco.MjSpec) -> None:
     """Draw the links of a robot that has no shape as sticks from joint to joint."""
     for body in spec.bodies[1:]:
-        if np.any(body.pos):
+        if np.linalg.norm(body.pos) > STICK:
             body.parent.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_CAPSULE,
                 fromto=[0, 0, 0, *body.pos],
@@ -95,10 +88,11 @@ def _correct_weights(spec: mujoco.MjSpec, mended: Mended) -> None:
     spec.compiler.boundmass = max(spec.compiler.boundmass, LEAST_MASS)
     spec.compiler.boundinertia = max(spec.compiler.boundinertia, LEAST_INERTIA)
     for body in spec.bodies:
-        if not (is_bounded or body.mass or body.geoms) and body.joints:
+        if not is_bounded and body.joints and _is_light(body):
             mended.corrected.append(body.name)
-        if not np.isfinite(body.mass):
-            body.mass = 0
+        if not np.isfinite([body.mass, *body.inertia]).all():
+            body.mass = np.nan_to_num(body.mass, posinf=0, neginf=0)
+            body.inertia = np.zeros(3)
             mended.corrected.append(body.name)
         xx, yy, zz, xy, xz, yz = body.fullinertia
         if np.isnan(xx):
@@ -111,11 +105,19 @@ def _correct_weights(spec: mujoco.MjSpec, mended: Mended) -> None:
             mended.corrected.append(body.name)
 
 
+def _is_light(body: mujoco.MjsBody) -> bool:
+    """Return whether a moving body has no mass, or moments of inertia that no body has."""
+    if not body.explicitinertial:
+        return not any(geom.mass > 0 or np.isnan(geom.mass) for geom in body.geoms)
+    least, middle, largest = sorted(body.inertia)
+    return bool(body.mass <= 0 or least + middle < largest)
+
+
 def _leave_out_sizes(spec: mujoco.MjSpec, mended: Mended) -> None:
     for geom in list(spec.geoms):
         sizes = geom.size[: SIZES.get(geom.type, 0)]
         if not geom.meshname and not (sizes > 0).all():
-            mended.lost.append(f"a shape of '{geom.parent.name}' (its size is {sizes.min():g})")
+            mended.lost.append((f"a shape of '{geom.parent.name}'", "it has no size"))
             spec.delete(geom)
 
 
@@ -126,7 +128,7 @@ def _leave_out_textures(spec: mujoco.MjSpec, path: Path, mended: Mended) -> None
                 for role, name in enumerate(material.textures):
                     if name == texture.name:
                         material.textures[role] = ""
-            mended.lost.append(f"{texture.file} (no such file)")
+            mended.lost.append((texture.file, "no such file"))
             spec.delete(texture)
 
 
@@ -138,14 +140,20 @@ def _replace_meshes(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: b
         shape.name = shape.name or file.stem
         try:
             fill(shape, read_mesh(file, (file.suffix.lower(),)), None)
+            for geom in _geoms_of(spec, shape):
+                geom.contype = geom.conaffinity = 0  # a flat mesh has no convex hull
         except ValueError:
             if not whole:
-                mended.lost.append(f"{file.name} ({why_not(file)})")
+                mended.lost.append((file.name, why_not(file)))
                 _delete(spec, shape)
 
 
+def _geoms_of(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> list[mujoco.MjsGeom]:
+    return [geom for geom in spec.geoms if geom.meshname == shape.name]
+
+
 def _delete(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> None:
-    for geom in [geom for geom in spec.geoms if geom.meshname == shape.name]:
+    for geom in _geoms_of(spec, shape):
         spec.delete(geom)
     spec.delete(shape)
 

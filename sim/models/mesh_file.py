@@ -1,6 +1,9 @@
 """Triangles and materials of a mesh file, read by trimesh."""
 
 import importlib
+import re
+from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path, PureWindowsPath
 from typing import Any, Self
@@ -17,6 +20,12 @@ OBJ = ".obj"
 COLLADA = ".dae"
 SUFFIXES = (OBJ, ".stl")
 """Files that may be a target."""
+USED = re.compile(rb"^usemtl\s+(\S.*?)\s*$", re.MULTILINE)
+"""The name of a material in an OBJ file."""
+SHOWN = 4
+"""Largest number of names in a sentence."""
+Lost = tuple[str, str]
+"""Something that a file names, and the reason why it is left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +53,8 @@ class Triangles:
     """The number of each triangle's material (m,)."""
     materials: tuple[Material | None, ...] = (None,)
     """Materials by their numbers; None where the file has none."""
-    missing: tuple[str, ...] = ()
-    """Materials and pictures that the file names and that cannot be read, each with the reason."""
+    missing: tuple[Lost, ...] = ()
+    """Materials and pictures that the file names and that cannot be read."""
 
     def parts(self) -> list[tuple[Self, Material | None]]:
         """Return the triangles of each material, and the material."""
@@ -64,7 +73,7 @@ class _Beside:
     """The files that a mesh names: where it says, or, as it may come from elsewhere, beside it."""
 
     folder: Path
-    missing: list[str] = field(default_factory=list)
+    missing: list[Lost] = field(default_factory=list)
 
     def get(self, name: str) -> bytes:
         """Return the content of a file.
@@ -81,7 +90,7 @@ class _Beside:
                 read_image(file)
             return file.read_bytes()
         except (OSError, ValueError) as error:
-            self.missing.append(f"{file.name} ({why_not(file)})")
+            self.missing.append((file.name, why_not(file)))
             raise FileNotFoundError from error
 
     __getitem__ = get
@@ -90,6 +99,21 @@ class _Beside:
 def trimesh() -> Any:
     """Import trimesh, only now: it takes half a second."""
     return importlib.import_module("trimesh")
+
+
+def listed(lost: Iterable[Lost]) -> str:
+    """Return what is left out as part of a sentence, by its reasons."""
+    names = defaultdict[str, list[str]](list)
+    for name, why in lost:
+        names[why].append(name)
+    return ", ".join(f"{first_of(each)} ({why})" for why, each in names.items())
+
+
+def first_of(names: Iterable[str]) -> str:
+    """Return the first of some names that differ, and the number of the others."""
+    each = list(dict.fromkeys(names))
+    more = f" and {len(each) - SHOWN} more" if len(each) > SHOWN else ""
+    return ", ".join(each[:SHOWN]) + more
 
 
 def is_readable(file: Path) -> bool:
@@ -128,6 +152,9 @@ def read_mesh(
                 file, suffix[1:], process=False, resolver=files, skip_materials=not materials
             )
             points, corners, places, looks, found = _joined(scene, suffix, files.missing)
+            if suffix == OBJ and materials and not files.missing:
+                file.seek(0)
+                files.missing.extend(_unknown(file.read(), scene))
             vertices, same = np.unique(points, axis=0, return_inverse=True)
             faces = same.reshape(-1)[corners]
             if suffix == ".stl" and not len(faces):
@@ -153,8 +180,16 @@ def read_mesh(
     )
 
 
+def _unknown(obj: bytes, scene: Any) -> list[Lost]:
+    """The materials that an OBJ file uses, and that no .mtl file describes."""
+    used = {name.decode("utf-8", "replace") for name in USED.findall(obj)}
+    parts = scene.geometry.values()
+    known = {getattr(getattr(p.visual, "material", None), "name", None) for p in parts}
+    return [(name, "no .mtl file describes it") for name in sorted(used - known)]
+
+
 def _joined(
-    scene: Any, suffix: str, missing: list[str]
+    scene: Any, suffix: str, missing: list[Lost]
 ) -> tuple[Array, Indices, Array | None, Indices, tuple[Material | None, ...]]:
     """The corners of all parts of a scene, its triangles, their places in pictures, and the number
     of each one's material; and the materials.
@@ -171,7 +206,7 @@ def _joined(
         uv: Array | None = getattr(part.visual, "uv", None)
         material = _material(part.visual, suffix)
         if material is not None and material.picture is not None and uv is None:
-            missing.append(f"the picture of {part.visual.material.name} (no vt says where it lies)")
+            missing.append((f"the picture of {part.visual.material.name}", "the mesh has no vt"))
             material = Material(material.colour)
         corners = np.asarray(part.faces)
         placed = np.full((len(corners), 3, 2), np.nan) if uv is None else np.asarray(uv)[corners]

@@ -54,12 +54,14 @@ def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
         spec = spec_of_urdf(path, mended) if urdf else mujoco.MjSpec.from_file(str(path.resolve()))
         try:
             model = compiled(spec.copy())
+            if not np.isfinite(np.hstack([model.body_mass, *model.body_inertia])).all():
+                raise ValueError("the mass or the inertia of a body is not finite")
         except ValueError:
             model = mend(spec, path, mended, whole=whole)
         if mended.lost and not spec.geoms:
             draw_sticks(spec)
-        if not np.isfinite(np.hstack([model.body_pos, model.body_ipos, model.body_inertia])).all():
-            raise ValueError("the place or the inertia of a body is not finite")
+        if not np.isfinite(np.hstack([model.body_pos, model.body_ipos])).all():
+            raise ValueError("the place of a body is not finite")
     except (ValueError, RecursionError, ElementTree.ParseError, mujoco.FatalError) as error:
         raise ValueError(f"{path}: cannot read this {what}: {said_by_mujoco(error)}") from None
     if mended:
@@ -177,7 +179,7 @@ def _keep_visible(link: Element, mended: Mended) -> None:
         mesh = shape.find("geometry/mesh")
         if shape in gone and mesh is not None:
             file = Path(mesh.get("filename", ""))
-            mended.lost.append(f"{file.name} ({why_not(file)})")
+            mended.lost.append((file.name, why_not(file)))
 
 
 def _is_readable(shape: Element) -> bool:
@@ -212,6 +214,7 @@ def _show_materials(spec: mujoco.MjSpec, shape: mujoco.MjsMesh, mended: Mended) 
         fill(spec.add_mesh(name=name, scale=shape.scale) if k else shape, part, material)
         for geom in geoms:
             drawn = _twin(geom, name) if k else geom
+            drawn.contype = drawn.conaffinity = 0  # a flat part has no convex hull
             if material is not None:
                 paint(spec, drawn, material, name)
 

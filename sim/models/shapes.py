@@ -22,7 +22,11 @@ def fill(shape: mujoco.MjsMesh, mesh: Triangles, material: Material | None) -> N
     """
     shape.file = ""
     shape.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # it may be flat
-    shape.uservert = mesh.vertices.ravel()
+    vertices = mesh.vertices
+    # MuJoCo wants four, of a triangle too.
+    shape.uservert = np.concatenate(
+        [vertices, vertices[:1]] if len(vertices) < 4 else [vertices]
+    ).ravel()
     shape.userface = mesh.faces.ravel()
     if material is not None and material.picture is not None and mesh.places is not None:
         # Triangles without places are left where they fall; the places of others are right.

@@ -9,7 +9,7 @@ import numpy as np
 
 from sim.files.notices import notice
 from sim.files.shipped import file_of
-from sim.models.mesh_file import Material, Triangles, read_mesh, trimesh
+from sim.models.mesh_file import Material, Triangles, listed, read_mesh, trimesh
 from sim.models.model_files import said_by_mujoco
 from sim.models.shapes import fill, paint
 from sim.models.target import Target
@@ -58,7 +58,7 @@ class Config(Outlined):
         own = self.colour is None and self.texture is None
         mesh = _seen_from_outside(read_mesh(path, materials=own))
         if mesh.missing:
-            notice(f"{path}: left out: {', '.join(mesh.missing)}")
+            notice(f"{path}: not drawn: {listed(mesh.missing)}")
         picture = None if self.texture is None else picture_named(self.texture, "texture")
         given = Material(tuple(rgba(self.colour or YELLOW)), picture)
         try:
