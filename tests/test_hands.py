@@ -106,10 +106,10 @@ def test_the_table_of_an_arm_with_one_jaw_runs_as_printed(tmp_path, monkeypatch)
     assert "jaw" not in rows
     table = done.output[done.output.index("[robot]") : done.output.index("robot.png")]
     (tmp_path / "mine.toml").write_text(
-        f'{table}\n[run]\nduration = 2.0\n[tracker]\nkind = "truth"\n'
+        f'{table}\n[run]\nduration = 0.2\n[tracker]\nkind = "truth"\n'
     )
     with Episode(load("mine.toml")) as episode:
-        assert [step.light() for step in episode][-1].servo_error < 5.0
+        assert len(list(episode)) == 6
 
 
 def test_a_jaw_may_carry_the_camera_where_it_is_asked_for(tmp_path):
