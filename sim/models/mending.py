@@ -36,9 +36,6 @@ class Mended:
     corrected: list[str] = field(default_factory=list)
     """Bodies whose mass or inertia cannot be."""
 
-    def __bool__(self) -> bool:
-        return bool(self.lost or self.corrected)
-
     def __str__(self) -> str:
         said = [f"not drawn: {listed(self.lost)}"] if self.lost else []
         if self.corrected:

@@ -64,7 +64,7 @@ def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
             raise ValueError("the place of a body is not finite")
     except (ValueError, RecursionError, ElementTree.ParseError, mujoco.FatalError) as error:
         raise ValueError(f"{path}: cannot read this {what}: {said_by_mujoco(error)}") from None
-    if mended:
+    if str(mended):
         notice(f"{path}: {mended}")
     return spec
 
