@@ -2,6 +2,7 @@
 
 import re
 
+import cv2
 import numpy as np
 import pytest
 from seen_targets import (
@@ -15,6 +16,8 @@ from seen_targets import (
     stl_text,
 )
 
+from sim.files.notices import Notice, notice
+from sim.models.mesh_file import read_mesh
 from sim.targets import mesh
 
 
@@ -83,4 +86,102 @@ def test_binary_and_written_stl_files_are_read(model_folder, data):
 
 def test_equal_vertices_become_one(model_folder):
     (model_folder / "part.stl").write_bytes(stl_of(FACES))
-    assert mesh.read_mesh(model_folder / "part.stl").vertices.shape == (4, 3)
+    assert read_mesh(model_folder / "part.stl").vertices.shape == (4, 3)
+
+
+TOPS = """mtllib the two.mtl
+v 0 0 0
+v 10 0 0
+v 20 0 0
+v 0 10 0
+v 10 10 0
+v 20 10 0
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+usemtl left side
+f 1/1 2/2 5/3 4/4
+usemtl right
+f 2/1 3/2 6/3 5/4
+"""
+"""A sheet of two materials."""
+RED_AND_GREEN = "newmtl left side\nKd 1 0 0\nnewmtl right\nKd 0 1 0\n"
+BLUE = RED_AND_GREEN + "map_Kd -s 1 1 1 C:\\Users\\me\\blue.png\n"
+BOTH = {
+    "colours": (RED_AND_GREEN, {}, "rg"),
+    "a picture, of another computer": (BLUE, {}, "rb"),
+    "a colour of the scenario": (BLUE, {"colour": "#0000ff"}, "bb"),
+    "a picture of the scenario": (RED_AND_GREEN, {"texture": "blue.png"}, "bb"),
+    "windows' line ends": (RED_AND_GREEN.replace("\n", "\r\n"), {}, "rg"),
+}
+
+
+def _strongest(pixel):
+    k = int(pixel.argmax())
+    return "rgb"[k] if pixel[k] > 2 * pixel.sum() / 3 else "-"
+
+
+@pytest.fixture
+def show_sides(show_target, model_folder):
+    """Returns the strongest of red, green and blue on the left and the right side of a mesh."""
+
+    def sides(materials, text=TOPS, renderer="opengl", **settings):
+        blue = np.zeros((4, 4, 3), np.uint8)
+        blue[..., 0] = 255
+        cv2.imwrite(str(model_folder / "blue.png"), blue)
+        (model_folder / "the two.mtl").write_text(materials, newline="")
+        config = mesh.Config(file=mesh_file_of(model_folder, text), size=0.2, **settings)
+        image, truth, _ = show_target(config, renderer=renderer)
+        (x, y), shift = truth.centre.astype(int), 10
+        pixels = image[y, [x - shift, x + shift]].astype(int)
+        return "".join(_strongest(pixel) for pixel in pixels)
+
+    return sides
+
+
+@pytest.mark.parametrize("renderer", ["opengl", "exact"])
+@pytest.mark.parametrize("case", BOTH)
+def test_an_obj_has_the_colours_and_pictures_of_its_materials(show_sides, case, renderer):
+    materials, settings, expected = BOTH[case]
+    assert show_sides(materials, renderer=renderer, **settings) == expected
+
+
+LESS = {
+    "no file of materials": (
+        RED_AND_GREEN,
+        TOPS.replace("the two", "gone"),
+        "--",
+        "gone.mtl (no such file)",
+    ),
+    "no picture": (
+        RED_AND_GREEN + "map_Kd lost.png",
+        TOPS,
+        "rg",
+        "lost.png (no such file)",
+    ),
+    "no places": (
+        BLUE,
+        re.sub("/[1-4]", "", TOPS),
+        "rg",
+        "the picture of right (the mesh has no vt)",
+    ),
+    "another material": (
+        RED_AND_GREEN,
+        TOPS.replace("usemtl right", "usemtl wrong"),
+        "r-",
+        "wrong (no .mtl file describes it)",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LESS)
+def test_materials_that_are_missing_are_named(show_sides, case):
+    materials, text, expected, missing = LESS[case]
+    notice.cache_clear()
+    with pytest.warns(Notice, match=f"^part.obj: not drawn: {re.escape(missing)}$"):
+        assert show_sides(materials, text) == expected
+
+
+def test_materials_that_are_not_wanted_are_not_missed(show_sides):
+    assert show_sides("", TOPS.replace("the two", "gone"), colour="#00ff00") == "gg"

@@ -4,14 +4,19 @@ import re
 from pathlib import Path
 
 import cv2
+import mujoco
 import numpy as np
 import pytest
 from robot_files import write_obj, write_stl
+from seen_targets import FACES, stl_of, stl_text
 
 from sim.camera.camera import CameraConfig
 from sim.files.behind import files_behind
+from sim.files.notices import Notice
 from sim.models.assembly import build_model
-from sim.models.model_files import compiled, read_spec
+from sim.models.mesh_file import read_mesh
+from sim.models.model_files import SIMULATION, compiled, leave_out
+from sim.models.model_reader import read_spec
 from sim.robots import arm
 from sim.targets import mjcf
 
@@ -135,8 +140,192 @@ def test_a_urdf_shows_its_visual_meshes_and_keeps_its_limits(package, mesh, exte
 
 def test_a_urdf_without_readable_visuals_shows_its_collision_shapes(package):
     path = written(package, URDF.format(mesh="meshes/part.dae", extension=""), "mine.urdf")
-    model = compiled(read_spec(path, "robot"))
+    with pytest.warns(Notice, match=r"mine.urdf: not drawn: part.dae \(no such file\)$"):
+        model = compiled(read_spec(path, "robot"))
     assert (model.ngeom, model.nmesh, model.geom_size[0, 0]) == (1, 0, 0.1)
+
+
+PACKAGES = {
+    "a package beside": ("src/cell/urdf", "src/arm_description/meshes", ""),
+    "the package around": ("src/arm_description/urdf", "src/arm_description/meshes", ""),
+    "a package whose folder has another name": ("src/main/urdf", "src/main/meshes", "src/main"),
+    "no package": ("src/cell/urdf", "src/meshes", ""),
+}
+
+
+@pytest.mark.parametrize("layout", PACKAGES)
+def test_a_mesh_is_taken_from_its_own_package(tmp_path, layout):
+    models, meshes, named = PACKAGES[layout]
+    (tmp_path / models).mkdir(parents=True)
+    (tmp_path / meshes).mkdir(parents=True, exist_ok=True)
+    write_stl(tmp_path / meshes / "part.stl")
+    if layout == "a package beside":
+        other = tmp_path / "src" / "cell" / "meshes"
+        other.mkdir()
+        (other / "part.stl").write_text("another package's mesh of this name")
+    if named:
+        text = "<package>\n<name> arm_description </name></package>"
+        (tmp_path / named / "package.xml").write_text(text)
+    path = tmp_path / models / "mine.urdf"
+    path.write_text(URDF.format(mesh="package://arm_description/meshes/part.stl", extension=""))
+    assert compiled(read_spec(path, "robot")).nmeshface == 12
+    assert tmp_path / meshes / "part.stl" in files_behind(path)
+
+
+def test_a_package_may_be_the_folder_of_meshes_itself(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    write_stl(tmp_path / "meshes" / "part.stl")
+    path = tmp_path / "mine.urdf"
+    path.write_text(URDF.format(mesh="package://meshes/part.stl", extension=""))
+    assert compiled(read_spec(path, "robot")).nmeshface == 12
+
+
+ODD_MESHES = {
+    "text.stl": stl_text(FACES),
+    "flat.stl": stl_of(FACES),
+    "flat.ply": b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+    b"property float z\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n"
+    b"0 0 0\n40 0 0\n40 10 0\n0 10 0\n3 0 1 2\n3 0 2 3\n",
+}
+
+
+@pytest.mark.parametrize("name", ODD_MESHES)
+@pytest.mark.parametrize("kind", ["xml", "urdf"])
+def test_meshes_that_mujoco_refuses_are_read_all_the_same(package, name, kind):
+    (package / "meshes" / name).write_bytes(ODD_MESHES[name])
+    urdf = URDF.format(mesh=f"../meshes/{name}", extension="")
+    both = f'<asset><mesh name="part" file="{name}"/></asset>'
+    text = mjcf_text(both, BODY, '<compiler meshdir="../meshes"/>') if kind == "xml" else urdf
+    model = compiled(read_spec(written(package, text, f"mine.{kind}"), "robot"))
+    assert (model.nmesh, model.nmeshface) == (1, 2)
+    np.testing.assert_allclose(sorted(2 * model.geom_aabb[0, 3:]), [0, 10, 40], atol=1e-4)
+
+
+@pytest.mark.processes  # it takes seconds
+def test_a_mesh_may_have_more_triangles_than_mujoco_reads(package):
+    path = package / "meshes" / "large.stl"
+    path.write_bytes(stl_of(np.tile(FACES, (100_001, 1, 1))))
+    text = mjcf_text('<asset><mesh name="part" file="../meshes/large.stl"/></asset>', BODY)
+    assert compiled(read_spec(written(package, text), "robot")).nmeshface == 200_002
+    assert len(read_mesh(path).faces) == 200_002
+
+
+INERTIAL = (
+    '<inertial><mass value="{}"/><inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="1"/>'
+    "</inertial><visual>"
+)
+UNSOUND = {
+    "inertia.urdf": (URDF.replace("<visual>", INERTIAL.format(1, -1, 1)), "part"),
+    "mass.urdf": (URDF.replace("<visual>", INERTIAL.format("inf", 1, 1)), "part"),
+    "full.xml": (
+        mjcf_text(
+            bodies='<body name="arm"><joint/>'
+            '<inertial pos="0 0 0" mass="1" fullinertia="-1 1 1 0 0 0"/></body>'
+        ),
+        "arm",
+    ),
+    "unequal.xml": (
+        mjcf_text(
+            bodies='<body name="arm"><joint/>'
+            '<inertial pos="0 0 0" mass="1" diaginertia="1 1 3"/></body>'
+        ),
+        "arm",
+    ),
+    "none.xml": (mjcf_text(bodies='<body name="arm"><joint/></body>'), "arm"),
+}
+
+
+@pytest.mark.parametrize("name", UNSOUND)
+def test_an_inertia_that_no_body_has_is_corrected(package, name):
+    text, body = UNSOUND[name]
+    text = text.replace("{mesh}", "../meshes/part.stl").replace("{extension}", "")
+    path = written(package, text, name)
+    with pytest.warns(Notice, match=f"{name}: mass or inertia corrected: {body}$"):
+        model = compiled(read_spec(path, "robot"))
+    assert np.isfinite(model.body_mass).all()
+    assert (model.body_inertia[model.body(body).id] > 0).all()
+
+
+GONE = {
+    "a mesh": ('<mesh name="part" file="gone.stl"/>', BODY, r"gone.stl \(no such file\)"),
+    "a damaged mesh": (
+        '<mesh name="part" file="../meshes/damaged.stl"/>',
+        BODY,
+        r"damaged.stl \(it cannot be read\)",
+    ),
+    "Collada": ('<mesh name="part" file="../meshes/part.dae"/>', BODY, "part.dae"),
+    "a picture": (
+        '<texture name="t" type="2d" file="gone.png"/><material name="m" texture="t"/>',
+        '<body name="link"><joint/><geom size=".1" material="m"/></body>',
+        r"gone.png \(no such file\)",
+    ),
+    "a shape without a size": (
+        "",
+        '<body name="link"><joint/><geom size=".1"/><geom size="0"/></body>',
+        r"a shape of 'link' \(it has no size\)",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", GONE)
+def test_what_cannot_be_drawn_of_a_robot_is_left_out_and_named(package, what):
+    (package / "meshes" / "damaged.stl").write_bytes(b"damaged")
+    (package / "meshes" / "part.dae").write_bytes(b"<COLLADA/>")
+    assets, bodies, said = GONE[what]
+    path = written(package, mjcf_text(f"<asset>{assets}</asset>", bodies))
+    with pytest.raises(ValueError, match="cannot read this target: "):
+        read_spec(path, "target")  # a target is what is seen of it
+    with pytest.warns(Notice, match=f"mine.xml: not drawn: {said}"):
+        model = compiled(read_spec(path, "robot", whole=False))
+    assert (model.njnt, model.nmesh, model.ngeom) == (1, 0, "size" in bodies)
+
+
+def test_a_robot_without_shapes_is_drawn_as_sticks(package):
+    text = (
+        URDF.replace("<axis", '<origin xyz="0 0 .3"/><axis')
+        .replace("<sphere", "<mesh")
+        .replace('radius="0.1"', 'filename="part.dae"')
+    )
+    path = written(package, text.format(mesh="part.dae", extension=""), "mine.urdf")
+    with pytest.warns(Notice, match=r"not drawn: part.dae \(no such file\)"):
+        model = compiled(read_spec(path, "robot", whole=False))
+    assert model.geom_size[0, 1] == pytest.approx(0.15)  # half of the link
+
+
+def test_a_material_may_show_a_sky(package):
+    sky = (
+        '<asset><texture name="sky" type="skybox" builtin="flat" width="8" height="8"/>'
+        '<texture name="other" type="skybox" builtin="flat" width="8" height="8"/>'
+        '<material name="chrome" texture="sky"/></asset>'
+    )
+    body = '<body name="link"><joint/><geom size=".1" material="chrome"/></body>'
+    spec = read_spec(written(package, mjcf_text(sky, body)), "robot")
+    leave_out(spec, SIMULATION)
+    room = mujoco.MjSpec()
+    room.attach(spec, prefix="robot/", frame=room.worldbody.add_frame())
+    model = compiled(room)
+    assert model.ntex == 1
+    assert model.mat_texid[0, mujoco.mjtTextureRole.mjTEXROLE_RGB] == 0
+
+
+def test_an_obj_of_a_urdf_has_the_colours_of_its_materials(package):
+    (package / "meshes" / "two.obj").write_text(
+        "mtllib two.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+        "usemtl red\nf 1 2 3\nusemtl blue\nf 1 2 4\n"
+    )
+    (package / "meshes" / "two.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n")
+    text = URDF.format(mesh="../meshes/two.obj", extension="")
+    model = compiled(read_spec(written(package, text, "mine.urdf"), "robot"))
+    assert sorted(model.geom_rgba.tolist()) == [[0, 0, 1, 1], [1, 0, 0, 1]]
+    own = '<material name="m"><color rgba="0 1 0 1"/></material></visual>'
+    path = written(package, text.replace("</visual>", own), "own.urdf")
+    assert compiled(read_spec(path, "robot")).geom_rgba.tolist() == [[0, 1, 0, 1]]
+
+
+def test_elements_of_other_programs_are_skipped(package):
+    sensor = '<gazebo xmlns:sensor="http://x.org/s"><sensor:camera name="c"/></gazebo></robot>'
+    text = URDF.format(mesh="../meshes/part.stl", extension="").replace("</robot>", sensor)
+    assert compiled(read_spec(written(package, text, "mine.urdf"), "robot")).njnt == 1
 
 
 XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arm/></robot>'
@@ -148,9 +337,6 @@ WRONG = {
     ("mine.xml", mjcf_text(MESH.format("gone.stl"))): "Error opening file",
     ("mine.xml", mjcf_text(bodies='<geom size="1" foo="2"/>')): (
         "Schema violation: unrecognized attribute: 'foo', Element 'geom', line 1"
-    ),
-    ("mine.xml", mjcf_text(bodies='<body name="arm"><joint/></body>')): (
-        "mass and inertia of moving bodies must be larger than mjMINVAL, Element name 'arm'"
     ),
     ("mine.xml", mjcf_text(bodies='<geom type="mesh" mesh="none"/>')): "mesh 'none' not found",
     ("mine.urdf", "<robot>"): "no element found: line 1, column 7",

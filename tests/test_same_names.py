@@ -12,7 +12,8 @@ import servo
 from servo.mistake import Mistake
 from servo.study import parse
 from sim import robots
-from sim.files.shipped import SameName, _warn, file_of
+from sim.files.notices import notice
+from sim.files.shipped import SameName, file_of
 from sim.robots import mjcf
 
 SCENES = Path(str(resources.files("scenes")))
@@ -27,7 +28,7 @@ NAMES = [
 @pytest.fixture(autouse=True)
 def _folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    _warn.cache_clear()
+    notice.cache_clear()
 
 
 def own_arm() -> None:

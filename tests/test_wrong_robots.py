@@ -104,14 +104,24 @@ def test_a_robot_that_is_no_chain_of_hinges_and_slides_is_a_sentence(seven, join
 @pytest.mark.parametrize(
     ("constraint", "name"),
     [
-        ('<connect name="bar" body1="link2" body2="link4" anchor="0 0 0"/>', "bar"),
-        ('<weld body1="link7" anchor="0 0 0"/>', "1"),
-        ('<joint name="coupled" joint1="joint3" joint2="joint5"/>', "coupled"),
+        (
+            '<connect name="bar" body1="link2" body2="link4" anchor="0 0 0"/>',
+            "connection 'bar' of the bodies 'link2' and 'link4'",
+        ),
+        ('<weld body1="link7" anchor="0 0 0"/>', "weld of the bodies 'link7' and 'world'"),
+        (
+            '<joint name="coupled" joint1="joint3" joint2="joint5"/>',
+            "coupling (mimic) 'coupled' of the joints 'joint3' and 'joint5'",
+        ),
+        ('<joint joint1="joint3"/>', "coupling (mimic) of the joints 'joint3'"),
+        ('<tendon tendon1="arm"/>', "coupling of the tendons 'arm'"),
     ],
 )
 def test_a_closed_loop_is_a_sentence(seven, constraint, name):
-    seven.write_text(seven.read_text().replace("</equality>", f"{constraint}</equality>"))
-    with pytest.raises(ValueError, match=re.escape(f"arm.xml: the constraint '{name}' closes a")):
+    arm = '<fixed name="arm"><joint joint="joint2" coef="1"/></fixed></tendon>'
+    text = seven.read_text().replace("</equality>", f"{constraint}</equality>")
+    seven.write_text(text.replace("</tendon>", arm))
+    with pytest.raises(ValueError, match=re.escape(f"arm.xml: the {name} closes a loop or couple")):
         mjcf.Config(model=str(seven)).build(np.random.default_rng(0))
 
 
@@ -155,6 +165,8 @@ def test_the_command_prints_a_table_that_runs(tmp_path, seven):
     )
     assert re.search(r"joint2 .* rad +0.3 rad/s +[0-9.]+ ms +velocity: replaced", done.output)
     assert re.search(r"left +slide +0 .. 0.04 +held still", done.output)
+    again = CliRunner().invoke(app, ["robot", str(seven), "--out", str(out)])
+    assert str(again.exception) == f"{out}: there is such a file already; choose another name"
     assert re.search(r"attachment +site \(taken\) +7", done.output)
     assert "From the base below the camera can be 1 m above the target." in done.output
     table = done.output[done.output.index("[robot]") : done.output.index(str(out))]
@@ -162,6 +174,21 @@ def test_the_command_prints_a_table_that_runs(tmp_path, seven):
     (tmp_path / "mine.toml").write_text(f"{table}\n[run]\nduration = 0.1\n")
     with Episode(load(str(tmp_path / "mine.toml"))) as episode:
         assert len(list(episode)) == 3
+
+
+def test_the_picture_takes_a_free_name_and_the_names_of_joints_are_whole(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "robot.png").write_text("mine")
+    text = urdf_arm().replace("wrist_3_link", "the_last_link_of_all_its_links")
+    (tmp_path / "arm.urdf").write_text(text.replace('"wrist_3"', '"the_last_joint_of_the_robot"'))
+    done = CliRunner().invoke(app, ["robot", "arm.urdf"])
+    assert done.output.endswith("\nrobot-2.png\n")
+    assert (tmp_path / "robot.png").read_text() == "mine"
+    row = (
+        r"the_last_joint_of_the_robot +hinge +-6.28 .. 6.28 rad +3.15 rad/s +\d.* ms +none: one is"
+    )
+    assert re.search(row, done.output)
+    assert re.search(r"the_last_link_of_all_its_links +body +6", done.output)
 
 
 @pytest.mark.parametrize(("robot", "height"), [("gantry", 1.55), ("scara", 1.25), ("arm7", 1.2)])
@@ -248,7 +275,7 @@ def test_a_model_that_no_file_can_be_is_a_sentence(model):
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
-        ('xyz="0 0.09 0"', 'xyz="nan 0 0"', "the place or the inertia of a body is not finite"),
+        ('xyz="0 0.09 0"', 'xyz="nan 0 0"', "the place of a body is not finite"),
         (
             'lower="-6.28" upper="6.28"',
             'lower="6.28" upper="-6.28"',

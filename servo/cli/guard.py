@@ -22,7 +22,7 @@ from typing import Any, TextIO, cast
 
 from servo.mistake import MISPLACED, Mistake, Refused, refusal
 from sim.camera.gl import NoRenderer, check_environment
-from sim.files.shipped import SameName
+from sim.files.notices import Notice
 from sim.kinds import UnknownKind
 
 MISTAKEN = 2
@@ -84,11 +84,11 @@ def _set_environment() -> None:
 
 
 def _say_warnings_in_a_line() -> None:
-    """Print our warning without Python's place in the code."""
+    """Print our warnings without Python's place in the code."""
     of_python = warnings.formatwarning
 
     def formatted(message: Warning | str, category: type[Warning], *place: Any) -> str:
-        if category is SameName:
+        if issubclass(category, Notice):
             return f"servobench: {message}\n"
         return of_python(message, category, *place)
 

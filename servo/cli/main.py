@@ -464,9 +464,9 @@ def docs(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
     help="Where it stands in the room [m, deg] (default: proposed from its reach).",
 )
 @click.option(
-    "--out", type=opt.PATH, default=Path("robot.png"), show_default=True, help="Picture to write."
+    "--out", type=opt.PATH, help="Picture to write (default: robot.png, or robot-2.png, ...)."
 )
-def robot(model: str, out: Path, **given: Any) -> None:
+def robot(model: str, out: Path | None, **given: Any) -> None:
     """Print a robot's joints, flanges, reach and [robot] table; draw it in the room."""
     from servo.cli.robot_command import examine
 

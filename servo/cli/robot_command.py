@@ -31,7 +31,7 @@ from sim.kinematics.inverse_kinematics import comfort
 from sim.kinematics.model import camera_chain
 from sim.kinematics.robot import CAMERA, Robot
 from sim.models.assembly import ROBOT, build_model
-from sim.models.model_files import read_spec
+from sim.models.model_reader import read_spec
 from sim.motions import still
 from sim.robots import mjcf
 from sim.targets import car
@@ -83,13 +83,19 @@ class Workspace:
     table's middle."""
 
 
-def examine(given: dict[str, Any], out: Path) -> int:
-    """Print joints, flanges, reach and the table of a robot; draw it into the PNG `out`.
+def examine(given: dict[str, Any], out: Path | None) -> int:
+    """Print joints, flanges, reach and the table of a robot; draw it into the PNG `out`, by default
+    the first of robot.png, robot-2.png and so on that is free.
 
     Raises:
-        Mistake: The model cannot be used, a setting does not fit it, or `out` is no PNG.
+        Mistake: The model cannot be used, a setting does not fit it, or `out` is no PNG or
+            exists.
     """
+    out = out or _free_name()
     check_suffix(out, ".png")
+    with writing(out, "this picture"):
+        if out.exists():
+            raise Mistake(f"{out}: there is such a file already; choose another name")
     if given["model"].endswith(".toml"):
         raise Mistake(
             f"robot: {given['model']}: this looks like a scenario; give the robot's model file "
@@ -98,7 +104,7 @@ def examine(given: dict[str, Any], out: Path) -> int:
     console = Console()
     config = fill(mjcf.Config, given, "robot")
     try:
-        spec = read_spec(mjcf.model_path(config.model), mjcf.WHAT)
+        spec = read_spec(mjcf.model_path(config.model), mjcf.WHAT, whole=False)
         model, chain = camera_chain(spec, config.flange, config.camera)
         if not given.keys() & {"flange", "mount", "camera"}:
             config = dataclasses.replace(config, camera=_own_camera(model))
@@ -120,6 +126,11 @@ def examine(given: dict[str, Any], out: Path) -> int:
         out.write_bytes(encoded(picture))
     plain(console, str(out))
     return 0
+
+
+def _free_name() -> Path:
+    names = (Path(f"robot-{k}.png" if k > 1 else "robot.png") for k in itertools.count(1))
+    return next(name for name in names if not name.exists())
 
 
 def _robot(config: mjcf.Config) -> Robot:
@@ -238,7 +249,7 @@ def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
         else:
             rows.append([name, kind, limits, "held still", "", ""])
     head = ("joint", "type", "limits", "largest rate", "servo's lag", "actuator")
-    return Table(head, rows, words=range(6))
+    return Table(head, rows, words=(0, 1))
 
 
 def _actuator(model: mujoco.MjModel, joint: int, *, kept: bool) -> str:

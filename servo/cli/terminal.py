@@ -18,7 +18,8 @@ ROOMY = 6
 """Most columns with wide gaps."""
 WAITING = f"preparing {COMPILING}"
 NARROWEST = 12
-"""Width of a column of words where the numbers beside it leave no room [characters]."""
+"""Least width of a column of words where the numbers beside it leave no room [characters]; a word,
+such as a name, is not broken."""
 COLOURS = {words.Tone.GOOD: "green", words.Tone.BAD: "red", words.Tone.PLAIN: "bold"}
 
 
@@ -50,14 +51,16 @@ def print_table(console: Console, shown: words.Table) -> None:
     table = Table(box=None, pad_edge=False, collapse_padding=len(shown.head) > ROOMY)
     for i, title in enumerate(shown.head):
         is_text = i in shown.words
-        longest = max(map(len, _lines(shown, i)))
+        lines = _lines(shown, i)
+        longest = max(map(len, lines))
+        word = max((len(word) for line in lines for word in line.split()), default=0)
         justify = "left" if is_text else "right"
         table.add_column(
             escape(title),
             justify=justify,
             overflow="fold",
             no_wrap=not is_text,
-            min_width=min(longest, NARROWEST) if is_text else longest,
+            min_width=min(longest, max(word, NARROWEST)) if is_text else longest,
         )
     for i, row in enumerate(shown.rows):
         table.add_row(*map(_marked, row), style="dim" if i in shown.faint else "")

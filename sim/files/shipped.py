@@ -1,10 +1,10 @@
 """Files that a setting names: the user's own, or those that are shipped in `scenes`."""
 
-import functools
 import os
-import warnings
 from importlib import resources
 from pathlib import Path
+
+from sim.files.notices import Notice, notice
 
 FOLDER_NAMES = (".", "..")
 """Paths without a slash."""
@@ -12,7 +12,7 @@ FOLDERS = ("robots", "targets")
 """Folders of shipped files in `scenes`."""
 
 
-class SameName(UserWarning):
+class SameName(Notice):
     """The user's file and a shipped one have the same name; the sentence says which is taken."""
 
 
@@ -51,18 +51,16 @@ def warn_of_shipped(name: str) -> None:
     if "/" not in name and any(
         (resources.files("scenes") / folder / name).is_file() for folder in FOLDERS
     ):
-        _warn(f"{name} is your file of this name, not the shipped one")
+        notice(f"{name} is your file of this name, not the shipped one", SameName)
 
 
 def warn_of_own(name: str, file: str, what: str) -> None:
     """Say that a bare name stands for something shipped, where the user has such a file."""
     if _is_file(file):
-        _warn(f"{what} = {name!r} is the shipped one, not your {file}: write {file} for that")
-
-
-@functools.cache  # a part is built several times, and it is said once
-def _warn(sentence: str) -> None:
-    warnings.warn(sentence, SameName, stacklevel=3)
+        notice(
+            f"{what} = {name!r} is the shipped one, not your {file}: write {file} for that",
+            SameName,
+        )
 
 
 def _is_file(name: str) -> bool:

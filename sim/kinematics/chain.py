@@ -1,5 +1,6 @@
 """The chain of joints from a robot's base to its flange, found in a model of any shape."""
 
+import re
 from dataclasses import dataclass
 from difflib import get_close_matches
 
@@ -11,6 +12,17 @@ from sim.types import Pose
 
 ALL_WAYS = 6
 """Joints that a camera needs to be moved and turned in all directions."""
+GRIPS = re.compile("grip|jaw|finger|thumb|claw|knuckle|pinch|clamp", re.IGNORECASE)
+TURNS = re.compile("roll|pitch|yaw|rot|turn|twist|wrist|flex|pan|tilt", re.IGNORECASE)
+"""Names of joints: those that move a jaw, and those of an arm, as in `gripper_roll`."""
+FINGER = re.compile("jaw|finger|thumb|claw|knuckle|mover|mobile|moving", re.IGNORECASE)
+"""Names of bodies that a last joint moves."""
+TOOL = re.compile(
+    r"tool|tcp|grasp|pinch|end_?eff|(^|_)(tip|eef?)(_|\d|$)|gripper_(frame|cent)", re.IGNORECASE
+)
+"""Names of frames and sites at which a hand works."""
+OUTWARD = re.compile("tool|tcp", re.IGNORECASE)
+"""Those of them that are taken first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,43 +90,106 @@ def joints_to(model: mujoco.MjModel, body: int) -> tuple[int, ...]:
 
 def flanges(model: mujoco.MjModel) -> list[tuple[str, str, int]]:
     """Return candidates for the flange: kind, name and number of joints, the most joints first;
-    with six joints or more if there are any.
+    with six joints or more if there are any, and none that the joints of a gripper move.
     """
+    hand = _hand(model)
+    most = len(joints_to(model, hand))
     bodies = [("body", model.body(i).name, i) for i in range(1, model.nbody)]
     sites = [("site", model.site(i).name, int(model.site_bodyid[i])) for i in range(model.nsite)]
-    found = [(what, name, len(joints_to(model, b))) for what, name, b in sites + bodies if name]
+    found = [
+        (what, name, joints)
+        for what, name, body in sites + bodies
+        if name
+        and ((joints := len(joints_to(model, body))) <= most or not _carries(model, hand, body))
+    ]
     least = min(ALL_WAYS, max((joints for _, _, joints in found), default=1)) or 1
     return sorted((f for f in found if f[2] >= least), key=lambda f: -f[2])
 
 
 def _default(model: mujoco.MjModel) -> str:
-    """The name of the last body's only site, or of the last body."""
-    body = _end(model)
+    """The name of the tool's only site, or of its body."""
+    body = _tool(model, _hand(model))
     sites = [
         name for i in np.flatnonzero(model.site_bodyid == body) if (name := model.site(i).name)
     ]
     return sites[0] if len(sites) == 1 else model.body(body).name
 
 
-def _end(model: mujoco.MjModel) -> int:
-    """The last body of the longest chain, or the one where it branches into fingers."""
-    parents = model.body_parentid.tolist()
-    children = {
-        i: [c for c in range(1, model.nbody) if parents[c] == i] for i in range(model.nbody)
-    }
-    below = model.body_jntnum.tolist()  # the most joints from each body on
-    for i in range(model.nbody - 1, 0, -1):
-        below[i] = model.body_jntnum[i] + max((below[c] for c in children[i]), default=0)
+def _hand(model: mujoco.MjModel) -> int:
+    """The last body of the longest chain, or the one that carries fingers or a jaw."""
+    below = _joints_below(model)
     body = 0
-    while children[body]:
-        moving = [c for c in children[body] if below[c]]
-        if not moving and len(children[body]) == 1 and body:
-            body = children[body][0]  # a link fixed to the last one, such as a tool's frame
-        elif not moving or (len(moving) > 1 and len(joints_to(model, body)) >= ALL_WAYS):
+    while moving := [c for c in _children(model, body) if below[c]]:
+        longest = max(moving, key=lambda c: below[c])
+        above = len(joints_to(model, body))
+        branches = len(moving) > 1 and (above >= ALL_WAYS or above > below[longest])
+        if above and (branches or _is_jaw(model, longest, is_last=below[longest] == 1)):
             break
-        else:
-            body = max(moving, key=lambda c: below[c])
+        body = longest
     return body
+
+
+def _is_jaw(model: mujoco.MjModel, body: int, *, is_last: bool) -> bool:
+    """Return whether a body that one joint moves is the finger or jaw of the hand before it.
+
+    Args:
+        model: The robot.
+        body: It, the only part of the hand that moves.
+        is_last: No further joint follows.
+    """
+    if model.body_jntnum[body] != 1:
+        return False
+    joints = joints_to(model, body)
+    *arm, joint = [model.joint(j).name for j in joints]
+    first = model.body(model.jnt_bodyid[joints[0]]).name
+    hand = int(model.body_parentid[body])
+    frames = [model.body(c).name for c in _children(model, hand)]
+    frames += [model.site(i).name for i in np.flatnonzero(model.site_bodyid == hand)]
+    # Of a robot that is a finger all joints and bodies are named so.
+    moves_jaw = _grips(joint) and not any(map(_grips, arm))
+    is_finger = FINGER.search(model.body(body).name) and not FINGER.search(first)
+    has_tool = any(map(TOOL.search, frames))
+    return moves_jaw or (is_last and bool(has_tool or (is_finger and not TURNS.search(joint))))
+
+
+def _grips(joint: str) -> bool:
+    return bool(GRIPS.search(joint) and not TURNS.search(joint))
+
+
+def _tool(model: mujoco.MjModel, hand: int) -> int:
+    """The frame of a tool that is fixed to a hand, or the hand."""
+    below = _joints_below(model)
+    body = hand
+    while children := _children(model, body):
+        tools = [c for c in children if not below[c] and TOOL.search(model.body(c).name)]
+        if tools:
+            # ROS-Industrial's tool0 looks out of the robot, ee_link across.
+            body = next((c for c in tools if OUTWARD.search(model.body(c).name)), tools[0])
+        elif len(children) == 1 and not below[children[0]]:
+            body = children[0]
+        else:
+            break
+    return body
+
+
+def _children(model: mujoco.MjModel, body: int) -> list[int]:
+    return [c for c in range(1, model.nbody) if model.body_parentid[c] == body]
+
+
+def _joints_below(model: mujoco.MjModel) -> list[int]:
+    """The most joints in a row from each body on, its own included."""
+    below = model.body_jntnum.tolist()
+    for body in range(model.nbody - 1, 0, -1):
+        parent = int(model.body_parentid[body])
+        own = int(model.body_jntnum[parent])
+        below[parent] = max(below[parent], own + below[body])
+    return below
+
+
+def _carries(model: mujoco.MjModel, hand: int, body: int) -> bool:
+    while body > hand:  # a body's number is higher than its parent's
+        body = int(model.body_parentid[body])
+    return body == hand
 
 
 def _near(model: mujoco.MjModel, name: str) -> str:

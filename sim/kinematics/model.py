@@ -28,6 +28,11 @@ FARTHEST = 10_000.0
 """A limit is nearer than this [m, rad or deg]: exporters write infinity or 1e20 for none."""
 CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 """Constraints that close a loop of bodies."""
+COUPLED = {
+    mujoco.mjtEq.mjEQ_JOINT: (mujoco.mjtObj.mjOBJ_JOINT, "coupling (mimic)", "joints"),
+    mujoco.mjtEq.mjEQ_TENDON: (mujoco.mjtObj.mjOBJ_TENDON, "coupling", "tendons"),
+}
+"""Constraints on joints: what they hold together, and the words for them in messages."""
 
 
 def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.MjModel, Chain]:
@@ -152,9 +157,22 @@ def _check_loops(model: mujoco.MjModel, carried: Chain) -> None:
             ends = [j for t in ends if t >= 0 for j in _joints_of_tendon(model, t)]
         if own & set(ends):
             raise ValueError(
-                f"the constraint '{model.equality(i).name or i}' closes a loop or couples joints "
-                "between base and flange; they have to move independently"
+                f"the {_named_constraint(model, i)} closes a loop or couples joints between base "
+                "and flange; they have to move independently"
             )
+
+
+def _named_constraint(model: mujoco.MjModel, number: int) -> str:
+    """Name a constraint with what it holds together, as many have no name of their own."""
+    kind = mujoco.mjtEq(int(model.eq_type[number]))
+    of = mujoco.mjtObj(int(model.eq_objtype[number]))
+    things = "sites" if of == mujoco.mjtObj.mjOBJ_SITE else "bodies"
+    closing = "weld" if kind == mujoco.mjtEq.mjEQ_WELD else "connection"
+    of, word, things = COUPLED.get(kind, (of, closing, things))
+    ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
+    names = " and ".join(f"'{mujoco.mj_id2name(model, of, e)}'" for e in ends if e >= 0)
+    name = f" '{model.equality(number).name}'" if model.equality(number).name else ""
+    return f"{word}{name} of the {things} {names}"
 
 
 def _joints_of_tendon(model: mujoco.MjModel, tendon: int) -> list[int]:

@@ -17,7 +17,7 @@ from annotated_types import Ge, Le, MinLen
 from sim.files.shipped import file_of
 from sim.kinematics.model import camera_chain, drive, make_robot, mount_pose
 from sim.kinematics.robot import Design, Drives, Inversion
-from sim.models.model_files import joint_speeds, read_spec
+from sim.models.model_reader import joint_speeds, read_spec
 from sim.ranges import Degrees, File, Place
 from sim.types import Pose
 
@@ -69,7 +69,7 @@ class Config(Drives):
             ValueError: The model is wrong, or a setting does not fit it.
         """
         path = model_path(self.model)
-        spec = read_spec(path, WHAT)
+        spec = read_spec(path, WHAT, whole=False)
         try:
             self._prepare(spec, joint_speeds(path))
         except ValueError as error:

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import cv2
 import mujoco
 import numpy as np
 from annotated_types import Ge, Le
 
 from sim.files.picture_file import read_image
 from sim.files.shipped import file_of
+from sim.models.shapes import add_picture
 from sim.models.target import Target, rectangle, target_of
 from sim.ranges import Length, Share
 from sim.types import Image
@@ -58,9 +58,6 @@ def rgba(colour: Colour) -> list[float]:
     return [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)] + [1.0]
 
 
-PICTURE = "picture"
-LARGEST_SIDE = 2048
-"""A larger picture is made smaller [px]: no camera sees more of it."""
 PLAIN: dict[str, Any] = {"mass": 0, "contype": 0, "conaffinity": 0, "group": 2}
 """A geom that is seen and not touched."""
 
@@ -72,31 +69,6 @@ def picture_named(name: str, setting: str) -> Image:
         ValueError: There is none of that name, or it cannot be read.
     """
     return read_image(file_of(name, "targets", ".png", setting))
-
-
-def add_picture(spec: mujoco.MjSpec, picture: Image) -> str:
-    """Add a picture to a model; the name of its material."""
-    side = max(picture.shape[:2])
-    if side > LARGEST_SIDE:
-        scale = LARGEST_SIDE / side
-        size = [max(1, round(n * scale)) for n in picture.shape[1::-1]]
-        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-    lay(spec, picture, spec.add_material(name=PICTURE, specular=0, shininess=0), PICTURE)
-    return PICTURE
-
-
-def lay(spec: mujoco.MjSpec, picture: Image, material: mujoco.MjsMaterial, name: str) -> None:
-    """Lay a picture on all that is of a material; `name` is that of the new texture."""
-    height, width, channels = picture.shape
-    texture = spec.add_texture(
-        name=name,
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        width=width,
-        height=height,
-        nchannel=channels,
-    )
-    texture.data = picture.tobytes()
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
 
 
 def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -> mujoco.MjSpec:

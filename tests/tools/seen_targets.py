@@ -5,6 +5,7 @@ import struct
 import numpy as np
 import pytest
 
+from sim.camera.choice import renderer_of
 from sim.motions import still
 from sim.robots import gantry
 from sim.world import World, WorldConfig, WorldParts
@@ -40,7 +41,7 @@ def build(config):
 def show_target(request):
     """Shows a target to the camera; the picture and the truth."""
 
-    def show(config, theta=0.0, disturbances=(), x=0.0):
+    def show(config, theta=0.0, disturbances=(), x=0.0, renderer="opengl"):
         parts = WorldParts(
             gantry.Config().build(RNG),
             build(config),
@@ -48,7 +49,7 @@ def show_target(request):
             disturbances,
             config=WorldConfig(visibility=True),
         )
-        world = World(parts, np.random.default_rng(1))
+        world = World(parts, np.random.default_rng(1), renderer_of(renderer))
         request.addfinalizer(world.close)
         assert world.start(MIDDLE, theta, 1.0)
         return world.look().image, world.truth(), world

@@ -16,7 +16,7 @@ import dask.config
 from distributed import Client, Future, KilledWorker, as_completed
 
 from servo.study.run import ClusterLost, Failure
-from sim.files.shipped import SameName
+from sim.files.notices import Notice
 
 DEATHS = 2
 """Most workers that may die at a task; after one more, the task has failed."""
@@ -149,5 +149,5 @@ def _work_alone(work: Callable[[Any], Any], task: Any) -> Any:
     for name, value in ONE_THREAD.items():
         os.environ.setdefault(name, value)
     cv2.setNumThreads(1)
-    warnings.simplefilter("ignore", SameName)  # the process that planned the study says it
+    warnings.simplefilter("ignore", Notice)  # the process that planned the study says it
     return work(task)

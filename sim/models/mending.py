@@ -1,0 +1,179 @@
+"""Sound models that MuJoCo refuses for what is drawn or weighed: mended, or without it."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from sim.files.behind import files_behind
+from sim.models.mesh_file import Lost, first_of, listed, read_mesh, why_not
+from sim.models.model_files import compiled
+from sim.models.shapes import fill
+
+SIZES = {
+    mujoco.mjtGeom.mjGEOM_SPHERE: 1,
+    mujoco.mjtGeom.mjGEOM_CAPSULE: 1,
+    mujoco.mjtGeom.mjGEOM_CYLINDER: 1,
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: 3,
+    mujoco.mjtGeom.mjGEOM_BOX: 3,
+}
+"""Numbers of sizes that may not be zero; the height of a capsule may be given by its ends."""
+LEAST_MASS = 0.001
+LEAST_INERTIA = 1e-6
+"""Of a moving body [kg, kg m^2]."""
+STICK = 0.015
+"""Radius of what is drawn of a robot without shapes [m]."""
+TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
+SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+@dataclass(frozen=True, slots=True)
+class Mended:
+    """The differences between a model and its file."""
+
+    lost: list[Lost] = field(default_factory=list)
+    """What is not drawn."""
+    corrected: list[str] = field(default_factory=list)
+    """Bodies whose mass or inertia cannot be."""
+
+    def __str__(self) -> str:
+        said = [f"not drawn: {listed(self.lost)}"] if self.lost else []
+        if self.corrected:
+            said.append(f"mass or inertia corrected: {first_of(self.corrected)}")
+        return "; ".join(said)
+
+
+def mend(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> mujoco.MjModel:
+    """Mend what MuJoCo does not take, or leave it out.
+
+    Args:
+        spec: The model, which is changed.
+        path: Its file.
+        mended: Notes what was done.
+        whole: Leave nothing out.
+
+    Returns:
+        The compiled model.
+
+    Raises:
+        ValueError: It is refused for another reason.
+    """
+    _correct_weights(spec, mended)
+    if not whole:
+        _leave_out_sizes(spec, mended)
+        _leave_out_textures(spec, path, mended)
+    _replace_meshes(spec, path, mended, whole=whole)
+    return compiled(spec.copy())
+
+
+def draw_sticks(spec: mujoco.MjSpec) -> None:
+    """Draw the links of a robot that has no shape as sticks from joint to joint."""
+    for body in spec.bodies[1:]:
+        if np.linalg.norm(body.pos) > STICK:
+            body.parent.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+                fromto=[0, 0, 0, *body.pos],
+                size=[STICK, 0, 0],
+                mass=0,
+            )
+
+
+def _correct_weights(spec: mujoco.MjSpec, mended: Mended) -> None:
+    """Replace what is no inertia by the mean of its parts; MuJoCo lifts what is too small."""
+    is_bounded = spec.compiler.boundmass > 0
+    spec.compiler.balanceinertia = True
+    spec.compiler.boundmass = max(spec.compiler.boundmass, LEAST_MASS)
+    spec.compiler.boundinertia = max(spec.compiler.boundinertia, LEAST_INERTIA)
+    for body in spec.bodies:
+        if not is_bounded and body.joints and _is_light(body):
+            mended.corrected.append(body.name)
+        if not np.isfinite([body.mass, *body.inertia]).all():
+            body.mass = np.nan_to_num(body.mass, posinf=0, neginf=0)
+            body.inertia = np.zeros(3)
+            mended.corrected.append(body.name)
+        xx, yy, zz, xy, xz, yz = body.fullinertia
+        if np.isnan(xx):
+            continue  # it is not given in this way
+        matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        parts = np.linalg.eigvalsh(matrix) if np.isfinite(matrix).all() else np.zeros(3)
+        if not (parts > 0).all():
+            body.fullinertia = [np.nan, 0, 0, 0, 0, 0]
+            body.inertia = np.full(3, np.abs(parts).mean())
+            mended.corrected.append(body.name)
+
+
+def _is_light(body: mujoco.MjsBody) -> bool:
+    """Return whether a moving body has no mass, or moments of inertia that no body has."""
+    if not body.explicitinertial:
+        return not any(geom.mass > 0 or np.isnan(geom.mass) for geom in body.geoms)
+    least, middle, largest = sorted(body.inertia)
+    return bool(body.mass <= 0 or least + middle < largest)
+
+
+def _leave_out_sizes(spec: mujoco.MjSpec, mended: Mended) -> None:
+    for geom in list(spec.geoms):
+        sizes = geom.size[: SIZES.get(geom.type, 0)]
+        if not geom.meshname and not (sizes > 0).all():
+            mended.lost.append((f"a shape of '{geom.parent.name}'", "it has no size"))
+            spec.delete(geom)
+
+
+def _leave_out_textures(spec: mujoco.MjSpec, path: Path, mended: Mended) -> None:
+    for texture in list(spec.textures):
+        if texture.file and not _file_of(texture.file, path).is_file():
+            for material in spec.materials:
+                for role, name in enumerate(material.textures):
+                    if name == texture.name:
+                        material.textures[role] = ""
+            mended.lost.append((texture.file, "no such file"))
+            spec.delete(texture)
+
+
+def _replace_meshes(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> None:
+    """Read the meshes that MuJoCo refuses by trimesh, and leave out those that it cannot read."""
+    wrong = [shape for k, shape in enumerate(spec.meshes) if not _compiles(spec, k)]
+    for shape in wrong:
+        file = _file_of(shape.file, path)
+        shape.name = shape.name or file.stem
+        try:
+            fill(shape, read_mesh(file, (file.suffix.lower(),)), None)
+            for geom in _geoms_of(spec, shape):
+                geom.contype = geom.conaffinity = 0  # a flat mesh has no convex hull
+        except ValueError:
+            if not whole:
+                mended.lost.append((file.name, why_not(file)))
+                _delete(spec, shape)
+
+
+def _geoms_of(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> list[mujoco.MjsGeom]:
+    return [geom for geom in spec.geoms if geom.meshname == shape.name]
+
+
+def _delete(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> None:
+    for geom in _geoms_of(spec, shape):
+        spec.delete(geom)
+    spec.delete(shape)
+
+
+def _compiles(spec: mujoco.MjSpec, number: int) -> bool:
+    """Return whether MuJoCo takes a mesh, when small ones take the places of all others."""
+    alone = spec.copy()
+    for k, shape in enumerate(alone.meshes):
+        if k != number:
+            shape.name = shape.name or Path(shape.file).stem
+            shape.file = ""
+            shape.uservert = TETRAHEDRON.ravel()
+            shape.userface = SIDES.ravel()
+    try:
+        compiled(alone)
+    except ValueError:
+        return False
+    return True
+
+
+def _file_of(name: str, path: Path) -> Path:
+    """The file of a model's mesh or picture, which may not exist."""
+    parts = tuple(part for part in Path(name).parts if part not in ("..", "."))
+    found = [file for file in files_behind(path) if file.parts[-len(parts) :] == parts]
+    return min(found, default=Path(name))

@@ -1,0 +1,241 @@
+"""Triangles and materials of a mesh file, read by trimesh."""
+
+import importlib
+import re
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path, PureWindowsPath
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.files import reading
+from sim.files.picture_file import read_image
+from sim.types import Array, Image
+
+Indices = NDArray[np.int64]
+OBJ = ".obj"
+COLLADA = ".dae"
+SUFFIXES = (OBJ, ".stl")
+"""Files that may be a target."""
+USED = re.compile(rb"^usemtl\s+(\S.*?)\s*$", re.MULTILINE)
+"""The name of a material in an OBJ file."""
+SHOWN = 4
+"""Largest number of names in a sentence."""
+Lost = tuple[str, str]
+"""Something that a file names, and the reason why it is left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """The look of some triangles."""
+
+    colour: tuple[float, ...]
+    """Red, green, blue and opacity, 0 to 1."""
+    picture: Image | None = None
+    """A picture in place of the colour."""
+
+
+@dataclass(frozen=True, slots=True)
+class Triangles:
+    """A surface of triangles. No two vertices are the same; no triangle has two equal corners."""
+
+    vertices: Array
+    """Points (n, 3), in the file's unit; of Collada in m."""
+    faces: Indices
+    """Three vertices of each triangle (m, 3), counter-clockwise as seen from outside."""
+    places: Array | None = None
+    """Places of the triangles' corners in a picture (m, 3, 2): 0..1 from its left and from its
+    bottom; None where the file does not say."""
+    looks: Indices = field(default_factory=lambda: np.zeros(0, np.int64))
+    """The number of each triangle's material (m,)."""
+    materials: tuple[Material | None, ...] = (None,)
+    """Materials by their numbers; None where the file has none."""
+    missing: tuple[Lost, ...] = ()
+    """Materials and pictures that the file names and that cannot be read."""
+
+    def parts(self) -> list[tuple[Self, Material | None]]:
+        """Return the triangles of each material, and the material."""
+        found: list[tuple[Self, Material | None]] = []
+        for look in np.unique(self.looks):
+            own = self.looks == look
+            used, faces = np.unique(self.faces[own], return_inverse=True)
+            places = None if self.places is None else self.places[own]
+            part = type(self)(self.vertices[used], faces.reshape(-1, 3), places)
+            found.append((part, self.materials[look]))
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Beside:
+    """The files that a mesh names: where it says, or, as it may come from elsewhere, beside it."""
+
+    folder: Path
+    missing: list[Lost] = field(default_factory=list)
+
+    def get(self, name: str) -> bytes:
+        """Return the content of a file.
+
+        Raises:
+            FileNotFoundError: There is none.
+        """
+        bare = PureWindowsPath(name).name
+        # The last one is without options, such as "-s 1 1 1 wood.png".
+        files = [self.folder / n for n in (name, bare, *bare.split()[-1:])]
+        file = next((f for f in files if f.is_file()), files[1])
+        try:
+            if file.suffix.lower() != ".mtl":
+                read_image(file)
+            return file.read_bytes()
+        except (OSError, ValueError) as error:
+            self.missing.append((file.name, why_not(file)))
+            raise FileNotFoundError from error
+
+    __getitem__ = get
+
+
+def trimesh() -> Any:
+    """Import trimesh, only now: it takes half a second."""
+    return importlib.import_module("trimesh")
+
+
+def listed(lost: Iterable[Lost]) -> str:
+    """Return what is left out as part of a sentence, by its reasons."""
+    names = defaultdict[str, list[str]](list)
+    for name, why in lost:
+        names[why].append(name)
+    return ", ".join(f"{first_of(each)} ({why})" for why, each in names.items())
+
+
+def first_of(names: Iterable[str]) -> str:
+    """Return the first of some names that differ, and the number of the others."""
+    each = list(dict.fromkeys(names))
+    more = f" and {len(each) - SHOWN} more" if len(each) > SHOWN else ""
+    return ", ".join(each[:SHOWN]) + more
+
+
+def is_readable(file: Path) -> bool:
+    """Return whether files of this kind can be read: those of Collada need pycollada."""
+    return file.suffix.lower()[1:] in trimesh().available_formats()
+
+
+def why_not(file: Path) -> str:
+    """Return the reason why a mesh could not be read."""
+    if not file.is_file():
+        return "no such file"
+    needs = file.suffix.lower() == COLLADA and not is_readable(file)
+    return "pip install pycollada" if needs else "it cannot be read"
+
+
+def read_mesh(
+    path: Path, suffixes: tuple[str, ...] = SUFFIXES, *, materials: bool = True
+) -> Triangles:
+    """Return the surface in a mesh file.
+
+    Args:
+        path: The file.
+        suffixes: The kinds of files that are read.
+        materials: Read the materials of an OBJ file too, from the .mtl file that it names.
+
+    Raises:
+        ValueError: It cannot be read, or has no triangle.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in suffixes:
+        raise ValueError(f"{path}: a mesh is an .obj or an .stl file")
+    files = _Beside(path.parent)
+    with reading.opened(path, "mesh") as file:
+        try:
+            scene = trimesh().load_scene(
+                file, suffix[1:], process=False, resolver=files, skip_materials=not materials
+            )
+            points, corners, places, looks, found = _joined(scene, suffix, files.missing)
+            if suffix == OBJ and materials and not files.missing:
+                file.seek(0)
+                files.missing.extend(_unknown(file.read(), scene))
+            vertices, same = np.unique(points, axis=0, return_inverse=True)
+            faces = same.reshape(-1)[corners]
+            if suffix == ".stl" and not len(faces):
+                file.seek(0)
+                file.read().decode("ascii")  # where it is no text, trimesh may take it for one
+        except Exception:  # trimesh's readers raise what they meet in a broken file
+            raise ValueError(f"{path}: this mesh is damaged, or not what its name says") from None
+    broken = ~np.isfinite(vertices).all(axis=1)
+    if broken.any():
+        vertex = " ".join(f"{number:g}" for number in vertices[broken][0])
+        raise ValueError(f"{path}: the vertex {vertex} is not finite")
+    # Corners that fell together leave triangles without an area, which MuJoCo refuses.
+    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    if not whole.any():
+        raise ValueError(f"{path}: there is no triangle in this mesh")
+    return Triangles(
+        vertices,
+        faces[whole],
+        None if places is None else places[whole],
+        looks[whole],
+        found,
+        tuple(files.missing),
+    )
+
+
+def _unknown(obj: bytes, scene: Any) -> list[Lost]:
+    """The materials that an OBJ file uses, and that no .mtl file describes."""
+    used = {name.decode("utf-8", "replace") for name in USED.findall(obj)}
+    parts = scene.geometry.values()
+    known = {getattr(getattr(p.visual, "material", None), "name", None) for p in parts}
+    return [(name, "no .mtl file describes it") for name in sorted(used - known)]
+
+
+def _joined(
+    scene: Any, suffix: str, missing: list[Lost]
+) -> tuple[Array, Indices, Array | None, Indices, tuple[Material | None, ...]]:
+    """The corners of all parts of a scene, its triangles, their places in pictures, and the number
+    of each one's material; and the materials.
+    """
+    points: list[Array] = [np.zeros((0, 3))]
+    faces: list[Indices] = [np.zeros((0, 3), np.int64)]
+    places: list[Array] = [np.zeros((0, 3, 2))]
+    looks: list[Indices] = [np.zeros(0, np.int64)]
+    materials: list[Material | None] = []
+    scale = trimesh().units.unit_conversion(scene.units, "meters") if scene.units else 1.0
+    for node in scene.graph.nodes_geometry:
+        pose, name = scene.graph[node]
+        part = scene.geometry[name]
+        uv: Array | None = getattr(part.visual, "uv", None)
+        material = _material(part.visual, suffix)
+        if material is not None and material.picture is not None and uv is None:
+            missing.append((f"the picture of {part.visual.material.name}", "the mesh has no vt"))
+            material = Material(material.colour)
+        corners = np.asarray(part.faces)
+        placed = np.full((len(corners), 3, 2), np.nan) if uv is None else np.asarray(uv)[corners]
+        places.append(placed)
+        faces.append(corners + sum(map(len, points)))
+        points.append(scale * trimesh().transform_points(part.vertices, pose))
+        looks.append(np.full(len(corners), len(materials)))
+        materials.append(material)
+    every = np.concatenate(places)
+    return (
+        np.concatenate(points),
+        np.concatenate(faces),
+        None if np.isnan(every).all() else every,
+        np.concatenate(looks),
+        tuple(materials),
+    )
+
+
+def _material(visual: Any, suffix: str) -> Material | None:
+    """The material of a part; None where it has none."""
+    if visual.kind is None:
+        return None
+    if visual.kind != "texture":
+        return Material(tuple((np.asarray(visual.main_color) / 255).tolist()))
+    material = visual.material
+    if suffix == OBJ and material.name is None:
+        return None  # it has places in a picture, but no material
+    picture = getattr(material, "image", None)
+    return Material(
+        tuple((np.asarray(material.main_color) / 255).tolist()),
+        None if picture is None else np.asarray(picture.convert("RGB")),
+    )

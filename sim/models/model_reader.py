@@ -1,0 +1,224 @@
+"""Models of robots and targets in files, MJCF or URDF, read by MuJoCo, which reads neither
+package:// nor Collada, and not every mesh: files are made ready for it.
+"""
+
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
+
+from sim.files import reading
+from sim.files.notices import notice
+from sim.models.mending import Mended, draw_sticks, mend
+from sim.models.mesh_file import OBJ, is_readable, read_mesh, why_not
+from sim.models.model_files import PLACE, SCHEME, compiled, keep_no_log, said_by_mujoco
+from sim.models.shapes import fill, paint
+
+READABLE = (".stl", OBJ, ".msh")
+"""Suffixes of meshes that MuJoCo reads."""
+SLOWEST = 0.001
+FASTEST = 1000.0
+"""Rates that a URDF gives in earnest [rad/s or m/s]: exporters write 0, 1e10 or infinity too."""
+GREY = (0.5, 0.5, 0.5, 1.0)
+"""MuJoCo's colour of a geom that is given none."""
+COMPILER = {
+    "discardvisual": "false",
+    "fusestatic": "false",
+    "strippath": "false",
+    "balanceinertia": "true",
+    "boundmass": "0.001",
+    "boundinertia": "1e-6",
+}
+"""Every link stays, as the camera may be at any of them. Many exporters write zeros for an unknown
+mass or inertia, which MuJoCo refuses: the least ones take their place."""
+
+
+def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
+    """Return the model in an MJCF or URDF file, which compiles.
+
+    Args:
+        path: Its file.
+        what: The kind of model, for messages: "robot".
+        whole: Refuse a model of which a shape cannot be drawn; otherwise a notice says so.
+
+    Raises:
+        ValueError: It cannot be read or compiled; the sentence begins with the file's name.
+    """
+    reading.opened(path, what).close()
+    keep_no_log()
+    try:
+        urdf = path.suffix.lower() == ".urdf"
+        mended = Mended()
+        spec = spec_of_urdf(path, mended) if urdf else mujoco.MjSpec.from_file(str(path.resolve()))
+        try:
+            model = compiled(spec.copy())
+            if not np.isfinite(np.hstack([model.body_mass, *model.body_inertia])).all():
+                raise ValueError("the mass or the inertia of a body is not finite")
+        except ValueError:
+            model = mend(spec, path, mended, whole=whole)
+        if mended.lost and not spec.geoms:
+            draw_sticks(spec)
+        if not np.isfinite(np.hstack([model.body_pos, model.body_ipos])).all():
+            raise ValueError("the place of a body is not finite")
+    except (ValueError, RecursionError, ElementTree.ParseError, mujoco.FatalError) as error:
+        raise ValueError(f"{path}: cannot read this {what}: {said_by_mujoco(error)}") from None
+    if str(mended):
+        notice(f"{path}: {mended}")
+    return spec
+
+
+def spec_of_urdf(path: Path, mended: Mended) -> mujoco.MjSpec:
+    """Return the model in a URDF file, with absolute paths of meshes.
+
+    Links show their visual shapes, or those for collisions where no visual one can be read;
+    `mended` notes what is left out.
+
+    Raises:
+        ParseError: It is not XML.
+        ValueError: It is not expanded xacro, or MuJoCo cannot read it.
+    """
+    tree = ElementTree.parse(path).getroot()
+    _leave_out_namespaces(tree)
+    for joint in tree.iter("joint"):
+        _check_limit(joint)
+    given = tree.find("mujoco/compiler")
+    folder = path.parent / ("" if given is None else given.get("meshdir", ""))
+    for mesh in tree.iter("mesh"):
+        mesh.set("filename", str(_mesh_file(mesh.get("filename", ""), path, folder)))
+    for link in tree.iter("link"):
+        _keep_visible(link, mended)
+    for extension in tree.findall("mujoco"):
+        tree.remove(extension)
+    extension = ElementTree.SubElement(tree, "mujoco")
+    ElementTree.SubElement(extension, "compiler", COMPILER)
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(tree, "unicode"))
+    for shape in list(spec.meshes):
+        _show_materials(spec, shape, mended)
+    return spec
+
+
+def _leave_out_namespaces(tree: Element) -> None:
+    """Delete elements that belong to other programs, such as a simulator's sensors."""
+    for parent in list(tree.iter()):
+        for element in list(parent):
+            if "xacro}" in element.tag:
+                raise ValueError(
+                    "it has elements of a namespace; expand xacro files first (xacro IN > OUT)"
+                )
+            if element.tag.startswith("{"):
+                parent.remove(element)
+
+
+def _check_limit(joint: Element) -> None:
+    """Refuse a range that ends before it begins, which MuJoCo takes for none at all."""
+    limit = joint.find("limit")
+    if limit is None:
+        return
+    lower, upper = (float(limit.get(key, "0")) for key in ("lower", "upper"))
+    if lower > upper:
+        raise ValueError(
+            f"joint '{joint.get('name', '')}': its lower limit {lower:g} is above its upper "
+            f"limit {upper:g}"
+        )
+
+
+def joint_speeds(path: Path) -> dict[str, float]:
+    """Return the largest rates of a URDF's joints by name [rad/s or m/s], which MuJoCo skips; of
+    an MJCF file none.
+    """
+    if path.suffix.lower() != ".urdf":
+        return {}
+    found: dict[str, float] = {}
+    for joint in ElementTree.parse(path).iter("joint"):
+        limit = joint.find("limit")
+        speed = 0.0 if limit is None else float(limit.get("velocity", "0"))
+        if SLOWEST <= speed <= FASTEST:
+            found[joint.get("name", "")] = speed
+    return found
+
+
+def _mesh_file(name: str, model: Path, folder: Path) -> Path:
+    """Find a mesh: in its ROS package, which is beside or around the model, else at its path in a
+    folder around the model or in the folder for meshes.
+    """
+    above = model.resolve().parents
+    inside = PLACE.sub("", name)
+    places = [place / inside for place in (*above, folder)]
+    if not name.startswith("file:") and (scheme := SCHEME.match(name)):
+        whole = name[scheme.end() :].lstrip("/")
+        package = whole.partition("/")[0]
+        own = (p / rest for p in above for rest in _ways_into(p, package, whole, inside))
+        places = [*own, *places]
+    files = [place.resolve() for place in places]
+    return next((file for file in files if file.is_file()), files[-1])
+
+
+def _ways_into(folder: Path, package: str, whole: str, inside: str) -> list[str]:
+    """The paths at which a folder may have a file of a ROS package."""
+    try:
+        found = ElementTree.parse(folder / "package.xml").findtext("name", "").strip()
+    except (OSError, ElementTree.ParseError):
+        found = folder.name
+    return [whole, inside] if package in (found, folder.name) else [whole]
+
+
+def _keep_visible(link: Element, mended: Mended) -> None:
+    """Keep the visual shapes of a link that can be read, else those for collisions."""
+    visuals = link.findall("visual")
+    collisions = link.findall("collision")
+    kept = [shape for shape in visuals if _is_readable(shape)]
+    kept = kept or [shape for shape in collisions if _is_readable(shape)]
+    gone = [shape for shape in (*visuals, *collisions) if shape not in kept]
+    for shape in gone:
+        link.remove(shape)
+    for shape in kept:
+        shape.attrib.pop("name", None)  # MuJoCo complains of names that are there twice
+    for shape in gone if not kept else visuals:
+        mesh = shape.find("geometry/mesh")
+        if shape in gone and mesh is not None:
+            file = Path(mesh.get("filename", ""))
+            mended.lost.append((file.name, why_not(file)))
+
+
+def _is_readable(shape: Element) -> bool:
+    mesh = shape.find("geometry/mesh")
+    file = Path("" if mesh is None else mesh.get("filename", ""))
+    return mesh is None or file.suffix.lower() in READABLE or is_readable(file)
+
+
+def _has_materials(file: Path) -> bool:
+    """Return whether a mesh has materials of its own, which MuJoCo does not read."""
+    if file.suffix.lower() == OBJ:
+        return file.is_file() and b"mtllib" in file.read_bytes()
+    return file.suffix.lower() not in READABLE
+
+
+def _show_materials(spec: mujoco.MjSpec, shape: mujoco.MjsMesh, mended: Mended) -> None:
+    """Give the geoms of a mesh its own materials, of which MuJoCo reads none."""
+    file = Path(shape.file)
+    if not _has_materials(file):
+        return
+    try:
+        mesh = read_mesh(file, (file.suffix.lower(),))
+    except ValueError:
+        return  # it is left out where the model does not compile
+    geoms = [geom for geom in spec.geoms if geom.meshname == shape.name]
+    if any(geom.material or not np.array_equal(geom.rgba, GREY) for geom in geoms):
+        fill(shape, mesh, None)
+        return
+    mended.lost.extend(mesh.missing)
+    for k, (part, material) in enumerate(mesh.parts()):
+        name = f"{shape.name}_{k}" if k else shape.name
+        fill(spec.add_mesh(name=name, scale=shape.scale) if k else shape, part, material)
+        for geom in geoms:
+            drawn = _twin(geom, name) if k else geom
+            drawn.contype = drawn.conaffinity = 0  # a flat part has no convex hull
+            if material is not None:
+                paint(spec, drawn, material, name)
+
+
+def _twin(geom: mujoco.MjsGeom, mesh: str) -> mujoco.MjsGeom:
+    """Add a geom of another mesh at the same place, without mass."""
+    return geom.parent.add_geom(type=geom.type, meshname=mesh, pos=geom.pos, quat=geom.quat, mass=0)

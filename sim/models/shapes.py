@@ -1,0 +1,69 @@
+"""Meshes and pictures in MuJoCo's models."""
+
+import cv2
+import mujoco
+import numpy as np
+
+from sim.models.mesh_file import Material, Triangles
+from sim.types import Image
+
+PICTURE = "picture"
+LARGEST_SIDE = 2048
+"""A larger picture is made smaller [px]: no camera sees more of it."""
+
+
+def fill(shape: mujoco.MjsMesh, mesh: Triangles, material: Material | None) -> None:
+    """Give a mesh of a model these triangles, in place of a file.
+
+    Args:
+        shape: The mesh of the model.
+        mesh: The triangles.
+        material: Its material; only for a picture their places in it are needed.
+    """
+    shape.file = ""
+    shape.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # it may be flat
+    vertices = mesh.vertices
+    # MuJoCo wants four, of a triangle too.
+    shape.uservert = np.concatenate(
+        [vertices, vertices[:1]] if len(vertices) < 4 else [vertices]
+    ).ravel()
+    shape.userface = mesh.faces.ravel()
+    if material is not None and material.picture is not None and mesh.places is not None:
+        # Triangles without places are left where they fall; the places of others are right.
+        shape.usertexcoord = np.nan_to_num(mesh.places * (1, -1) + (0, 1)).ravel()
+        shape.userfacetexcoord = np.arange(mesh.faces.size)
+
+
+def paint(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, material: Material, name: str) -> None:
+    """Give a geom the colour or the picture of a material; `name` is that of a new one."""
+    if material.picture is None:
+        geom.rgba = material.colour
+    elif spec.material(name) is None:
+        geom.material = add_picture(spec, material.picture, name)
+    else:
+        geom.material = name
+
+
+def add_picture(spec: mujoco.MjSpec, picture: Image, name: str = PICTURE) -> str:
+    """Add a picture to a model; the name of its material."""
+    side = max(picture.shape[:2])
+    if side > LARGEST_SIDE:
+        scale = LARGEST_SIDE / side
+        size = [max(1, round(n * scale)) for n in picture.shape[1::-1]]
+        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    lay(spec, picture, spec.add_material(name=name, specular=0, shininess=0), name)
+    return name
+
+
+def lay(spec: mujoco.MjSpec, picture: Image, material: mujoco.MjsMaterial, name: str) -> None:
+    """Lay a picture on all that is of a material; `name` is that of the new texture."""
+    height, width, channels = picture.shape
+    texture = spec.add_texture(
+        name=name,
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        width=width,
+        height=height,
+        nchannel=channels,
+    )
+    texture.data = picture.tobytes()
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
