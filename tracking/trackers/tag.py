@@ -2,9 +2,9 @@
 
 Olson 2011, "AprilTag: A robust and flexible visual fiducial system" (ICRA); Wang, Olson 2016,
 "AprilTag 2: Efficient and robust fiducial detection" (IROS), as OpenCV's aruco module has it; where
-it finds no tag, the quadrangles of Garrido-Jurado, Munoz-Salinas, Madrid-Cuevas, Marin-Jimenez 2014,
-"Automatic generation and detection of highly reliable fiducial markers under occlusion" (Pattern
-Recognition 47(6)).
+it finds no tag, the quadrangles of Garrido-Jurado, Munoz-Salinas, Madrid-Cuevas, Marin-Jimenez
+2014, "Automatic generation and detection of highly reliable fiducial markers under occlusion"
+(Pattern Recognition 47(6)).
 """
 
 from dataclasses import dataclass
