@@ -22,6 +22,7 @@ from servo.cli.terminal import (
     waiting,
 )
 from servo.loop.episode import Episode
+from servo.loop.events import uncertain
 from servo.loop.part_failures import PartFailed
 from servo.loop.run_measures import MEANINGS, Outcome, timed
 from servo.loop.settings import DOES_NOT_REPEAT, Setup
@@ -106,8 +107,10 @@ def run_scenario(
     _print_record(console, scenario, record)
     if why := unjudged(scenario, record.success):
         plain(console, why)
+    if doubt := uncertain(steps):
+        plain(console, doubt)
     console.print(_stage_line(steps, writing))
-    paths = output.finish(steps, RunReport.of(record, scenario, steps[0].scene))
+    paths = output.finish(steps, RunReport.of(record, scenario, steps[0].scene, doubt))
     for path in paths:
         plain(console, f"  {path}")
     print_missed(Console(stderr=True), record)

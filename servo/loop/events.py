@@ -1,8 +1,12 @@
 """What happens in a run, in words: occluded, lost, searched, found again, saturated."""
 
+from collections.abc import Sequence
 from enum import Enum
 
+import numpy as np
+
 from servo.loop.step import Step
+from servo.sight.certainty import certain
 from servo.types import Mode
 from tracking.types import Status
 
@@ -22,6 +26,8 @@ class Event(Enum):
     LEAVING = "The camera cannot keep the whole target in its view."
 
 
+PARTS = ("centre", "angle", "size")
+"""What a tracker may be uncertain of, as `certain` has it."""
 STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED: Event.FOUND}
 
 
@@ -42,6 +48,24 @@ def events(before: Step | None, step: Step) -> list[Event]:
     if step.command.violated and not (before and before.command.violated):
         found.append(Event.LEAVING)
     return found
+
+
+def uncertain(steps: Sequence[Step]) -> str:
+    """Return a sentence about what the tracker saw, but stated too uncertainly to be servoed; else
+    nothing.
+    """
+    seen = [step for step in steps if step.seen and step.decided]
+    if not seen or seen[-1].goal_sight.picture is not None:
+        return ""  # pixels are servoed
+    left_out = ~np.array([certain(step.estimate, step.region) for step in seen])
+    counts = (left_out & (True, *seen[-1].servoed)).sum(axis=0).tolist()
+    parts = [f"{n} {name}s" for name, n in zip(PARTS, counts, strict=True) if n]
+    if not parts:
+        return ""
+    return (
+        f"Of {len(seen)} pictures in which the tracker saw the target, it stated "
+        f"{', '.join(parts)} too uncertainly to be servoed"
+    )
 
 
 def _slowed(step: Step) -> bool:
