@@ -25,10 +25,11 @@ WITH_COVARIANCE = {
     "kams",
     "kernel_pf",
     "mk_pf",
+    "mk_ssd",
     "pf_ssd",
     "texture_pf",
 }
-"""Trackers with particles; the others have no covariance."""
+"""Trackers with particles or a descent; the others have no covariance."""
 ESTIMATORS = estimators.KINDS.names()
 CONTROLLERS = [kind for kind in controllers.KINDS.names() if kind != "onnx"]  # needs a file
 FIRST = State(80.0, 60.0, 0.3, 1.0)

@@ -5,11 +5,14 @@ import numpy as np
 import pytest
 from tilted import Scene, placed, rms, tilted
 
+from servo.loop.episode import Episode
+from servo.scenario.load import load
 from servo.testing import check_tracker
 from sim.camera.exact.raster import SEGMENT
 from sim.targets import tag
 from sim.types import Frame
 from tracking import create
+from tracking.trackers.tag import Tag
 from tracking.types import Region, State, Status
 
 FOCAL = 600.0
@@ -104,6 +107,36 @@ def test_a_region_that_is_nearly_the_tag_is_the_tag(scene):
         side = 1.03 * 0.1 * truth.size
         tracker.start(frame, Region(side, side), State(*(truth.centre + 2.0), truth.theta))
         assert rms(tracker.update(frame).corners, corners) < 0.1
+
+
+@pytest.fixture(scope="module", params=[32, 34, 35])
+def upright(request):
+    """A picture in which AprilTag's own method finds no tag, its region, state and true corners."""
+    settings = ["tracker.kind=tag", "run.duration=0.2"]
+    with Episode(load("tag_still", settings, seed=request.param)) as episode:
+        yield *episode.shown, episode.world.truth().corners, episode
+
+
+def test_an_upright_tag_is_found_that_one_detector_misses(upright):
+    """In the first picture and in those after it."""
+    steps = list(upright[-1])
+    assert {step.estimate.status for step in steps} == {Status.LOCKED}
+    assert max(rms(s.estimate.corners, s.truth.corners) for s in steps[1:]) < 0.06
+
+
+def test_an_upright_tag_leads(upright):
+    frame, *_, corners, episode = upright
+    found = Tag().find(frame.image, episode.scenario.target.id, None)
+    assert rms(found, corners) < 0.06
+
+
+def test_the_nearest_tag_is_taken_where_one_detector_sees_another_one_only(upright):
+    frame, region, state, corners, _ = upright
+    both = frame.image.copy()
+    both[150:230, 230:310] = picture_of(21)
+    tracker = create("tag")
+    tracker.start(Frame(both, 0.0, 0), region, state)
+    assert rms(tracker.update(Frame(both, 0.1, 1)).corners, corners) < 0.06
 
 
 def flat(*tags, size=(200, 300)):

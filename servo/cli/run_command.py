@@ -25,6 +25,7 @@ from servo.cli.terminal import (
 )
 from servo.loop.columns import Columns
 from servo.loop.episode import Episode
+from servo.loop.events import uncertain
 from servo.loop.part_failures import PartFailed
 from servo.loop.run_measures import MEANINGS, Outcome, timed
 from servo.loop.settings import DOES_NOT_REPEAT, Setup
@@ -107,8 +108,10 @@ def run_scenario(
     _print_record(console, scenario, record)
     if why := unjudged(scenario, record.success):
         plain(console, why)
+    if doubt := uncertain(run):
+        plain(console, doubt)
     console.print(_stage_line(run, writing))
-    paths = output.finish(RunReport.of(record, scenario, run.first.scene))
+    paths = output.finish(RunReport.of(record, scenario, run.first.scene, doubt))
     for path in paths:
         plain(console, f"  {path}")
     print_missed(Console(stderr=True), record)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from servo.loop.step import Step
+from servo.sight.certainty import certain
 from sim.kinematics.robot import CAMERA
 from tracking.types import Status
 
@@ -126,6 +127,7 @@ NUMBERS: dict[str, Callable[[Step], Any]] = {
     "seconds": lambda s: astuple(s.seconds),
     "decided": lambda s: s.decided,
     "tracked": lambda s: s.tracked,
+    "uncertain": lambda s: np.logical_not(certain(s.estimate, s.region)),
     "saturated": lambda s: s.limited or s.command.saturated,
     "seen": lambda s: s.seen,
     "lost": lambda s: s.estimate.status is Status.LOST,

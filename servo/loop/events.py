@@ -2,6 +2,7 @@
 
 from enum import Enum
 
+from servo.loop.columns import Columns
 from servo.loop.step import Step
 from servo.types import Mode
 from tracking.types import Status
@@ -22,6 +23,8 @@ class Event(Enum):
     LEAVING = "The camera cannot keep the whole target in its view."
 
 
+PARTS = ("centre", "angle", "size")
+"""What a tracker may be uncertain of, as `certain` has it."""
 STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED: Event.FOUND}
 
 
@@ -42,6 +45,24 @@ def events(before: Step | None, step: Step) -> list[Event]:
     if step.command.violated and not (before and before.command.violated):
         found.append(Event.LEAVING)
     return found
+
+
+def uncertain(run: Columns) -> str:
+    """Return a sentence about what the tracker saw, but stated too uncertainly to be servoed; else
+    nothing.
+    """
+    last = run.final[-1]
+    if last.goal_sight.picture is not None:
+        return ""  # pixels are servoed
+    seen = run["seen"] & run["decided"]
+    counts = (run["uncertain"][seen] & (True, *last.servoed)).sum(axis=0).tolist()
+    parts = [f"{n} {name}s" for name, n in zip(PARTS, counts, strict=True) if n]
+    if not parts:
+        return ""
+    return (
+        f"Of {seen.sum()} pictures in which the tracker saw the target, it stated "
+        f"{', '.join(parts)} too uncertainly to be servoed"
+    )
 
 
 def _slowed(step: Step) -> bool:

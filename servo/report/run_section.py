@@ -91,6 +91,8 @@ def _bounds(run: RunReport) -> Block:
         text = [run.unjudged or "This scenario has no bounds."]
     if not run.repeats:
         text.append(f"{DOES_NOT_REPEAT}.")
+    if run.uncertain:
+        text.append(f"{run.uncertain}.")
     table = Table(head, rows, words=(0, 2, 4, 5))
     return Block("Measures and bounds", text, list(map(str, run.missed)), [table])
 

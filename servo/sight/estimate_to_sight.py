@@ -7,6 +7,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from servo.sight import shape_moments
+from servo.sight.certainty import certain
 from servo.sight.depth_points import DepthPoints
 from servo.sight.exact import plane_in, sight_of
 from servo.sight.planar_pose import CornersToPose
@@ -78,7 +79,8 @@ class EstimateToSight:
         goal: Sight | None = None,
         depth: DepthPicture | None = None,
     ) -> Sight | None:
-        """Return the sight of an estimate; None where the tracker does not see the target.
+        """Return the sight of an estimate; None where the tracker does not see the target, or is
+        not certain of its centre. An angle or a size of which it is not certain is not known.
 
         Args:
             estimate: What the tracker reported.
@@ -87,7 +89,8 @@ class EstimateToSight:
             depth: The depth picture (H, W) [m]; with too few depths of the target, its depth is
                 that of its size, and its plane parallel.
         """
-        if estimate.status is not Status.LOCKED:
+        is_placed, is_turned, is_sized = certain(estimate, self._region)
+        if estimate.status is not Status.LOCKED or not is_placed:
             return None
         if estimate.corners is not None:
             return self._see_corners(estimate.corners, posture, goal, depth)
@@ -96,7 +99,8 @@ class EstimateToSight:
         points = self._points(corners, depth)
         plane = self._plane_at(m, posture, points)
         self._plane = self._scaled(plane)
-        angle, size = estimate.follows
+        angle = estimate.follows[0] and is_turned
+        size = estimate.follows[1] and is_sized
         is_tilt_seen = self._config.plane == "picture" and points is not None
         seen = self._camera.normalise(corners)
         sight = Sight(m, plane, angle, size, is_tilt_seen, corners=seen, goal=goal)

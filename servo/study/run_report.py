@@ -53,10 +53,12 @@ class RunReport(Made):
     sides lie: x, y, z [m]."""
     unjudged: str = ""
     """Why there is no verdict: the bounds are made for another tracker, or for many seeds."""
+    uncertain: str = ""
+    """What the tracker saw, but stated too uncertainly to be servoed."""
 
     @staticmethod
-    def of(record: Record, scenario: Scenario, scene: Scene) -> "RunReport":
-        """The report of a run."""
+    def of(record: Record, scenario: Scenario, scene: Scene, uncertain: str = "") -> "RunReport":
+        """The report of a run, with a sentence about what was uncertain."""
         why = unjudged(scenario, record.success)
         settings = scenario.settings()
         if "outline" in settings["target"]:  # by default it is measured on the model
@@ -81,4 +83,5 @@ class RunReport(Made):
             rates=scenario.rates_changed,
             outline_centre=scene.outline.mean(axis=0).tolist(),
             unjudged=why,
+            uncertain=uncertain,
         )

@@ -10,8 +10,9 @@ import cv2
 import matplotlib as mpl
 import numpy as np
 
-from servo.bench.benchmark import NAMES, load
+from servo.bench.benchmark import NAMES, Band, load
 from servo.bench.row import Row, check_version, file_name, shipped_rows
+from servo.bench.score import standings
 from servo.report.benchmark_section import (
     by_pictures,
     difficulty_of,
@@ -23,6 +24,8 @@ from servo.report.words import Table
 
 FIRST_PAGE = Path("README.md")
 PAGES = (Path("scenes/benchmarks/README.md"), FIRST_PAGE)
+LIMITED = " †"
+"""Marks a guest, whose row shows its interface as well."""
 FEW = 8
 """Rows of a table on the first page, all guests among them."""
 FOLDER = Path("scenes/benchmarks")
@@ -53,16 +56,36 @@ def _block(name: str, rendering: str, rows: list[Row], most: int | None) -> str:
     text = f"{name} `{load(name).hash}`, band v1{pictures}."
     table = standings_table(load(name), rows)
     if most is None:
-        return f"{text}\n\n{markdown(table)}\n\n{table.note} {difficulty_of(rows)}\n"
+        whole = f"{text}\n\n{markdown(table)}\n\n{table.note} {difficulty_of(rows)}\n"
+        return whole + (by_target(name, rows) if load(name).score == "held" else "")
     guests = [i for i in range(len(table.rows)) if table.faint and i not in table.faint]
     first = [i for i in range(len(table.rows)) if i not in guests][: most - len(guests)]
     shown = sorted([*first, *guests])
     columns = [0, *range(2, 4)]  # without the division
     head = [table.head[c] for c in columns]
-    rows = [[table.rows[i][c] for c in columns] for i in shown]
+    few = [[table.rows[i][c] for c in columns] for i in shown]
     which = f", {len(guests)} of them guests" if guests else ""
     text += f" {most} of {len(table.rows)} contestants{which}."
-    return f"{text}\n\n{markdown(Table(head, rows, range(1)))}\n"
+    return f"{text}\n\n{markdown(Table(head, few, range(1)))}\n"
+
+
+def by_target(name: str, rows: list[Row]) -> str:
+    """Return the table of points, and of shares of worlds held, by target."""
+    worlds = load(name).every_world(Band(rows[0].band, rows[0].value, rows[0].digest))
+    keys: dict[str, list[str]] = {}
+    for world in worlds:
+        keys.setdefault(world.levels["target"], []).append(world.key)
+    lines = []
+    for one in standings(rows):
+        cells = [f"{one.name}{LIMITED if one.row.division == 'CLOSED' else ''}"]
+        for target in sorted(keys):
+            points = np.mean([one.points[key] for key in keys[target]])
+            held = np.mean([one.row.worlds[key].held for key in keys[target]])
+            cells.append(f"{points:.0f}, {100 * held:.0f} %")
+        lines.append(cells)
+    head = ("contestant", *(f"{target} ({len(keys[target])})" for target in sorted(keys)))
+    table = markdown(Table(head, lines, range(1)))
+    return f"\nPoints, and worlds held, by target (with the number of its worlds):\n\n{table}\n"
 
 
 def picture(name: str) -> None:

@@ -39,6 +39,11 @@ UNITS = np.array([1.0, 1.0, 1 / 20, 1 / 20])
 
 HELD = 1e-9
 """Unit of an angle that is not searched: the damping keeps it where it is."""
+USUAL = 0.025
+"""Distance d_m that noise and parallax leave at the right place; chosen by hand on shipped targets
+(tests/benchmarks/nees.py)."""
+FLAT = 1e-9
+"""Least curvature of the objective in `UNITS`: covariances stay finite where nothing is seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +55,10 @@ class Descent:
     """The distance d_m there: the objective is O = 2 d_m^2."""
     evaluations: int
     """Number of times the histograms were computed."""
+    covariance: Array
+    """Covariance (4, 4) of (x, y, theta, ln scale): one standard deviation away, the objective is
+    larger by 2 `USUAL`^2. It is large where the target slips inside something of one colour; nan
+    for an angle that is not searched."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,9 +142,9 @@ class KernelModel:
             hopeless: A start with a larger distance than this is returned as it is.
 
         Returns:
-            The last state, its distance, and the number of evaluations.
+            The last state, with its distance and covariance, and the number of evaluations.
         """
-        x, cost, evaluations = loops.descend(
+        x, cost, evaluations, curvature = loops.descend(
             image,
             state.vector,
             self.kernels,
@@ -145,7 +154,13 @@ class KernelModel:
             tolerance,
             2 * hopeless**2,
         )
-        return Descent(State.of(x), sqrt(min(cost / 2, 1.0)), evaluations)
+        units = np.diag(self._units)
+        inverse = np.linalg.inv(units @ curvature @ units + FLAT * np.eye(4))
+        searched = self._units > HELD
+        covariance = np.where(
+            np.outer(searched, searched), 2 * USUAL**2 * units @ inverse @ units, np.nan
+        )
+        return Descent(State.of(x), sqrt(min(cost / 2, 1.0)), evaluations, covariance)
 
 
 def changes(image: Image, region: Region, state: State) -> tuple[float, float]:

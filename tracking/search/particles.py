@@ -52,12 +52,8 @@ class ParticleFilter:
         return State.of(particle_loops.mean(self.samples, self.weights))
 
     def covariance(self) -> Array:
-        """Return the covariance (4, 4) of the samples; nan in what does not vary between them."""
-        found = particle_loops.covariance(self.samples, self.weights)
-        kept = np.array([False, False, *(not on for on in self.follows)])
-        found[kept] = np.nan
-        found[:, kept] = np.nan
-        return found
+        """Return the covariance (4, 4) of the samples."""
+        return particle_loops.covariance(self.samples, self.weights)
 
     @property
     def follows(self) -> tuple[bool, bool]:
@@ -68,11 +64,16 @@ class ParticleFilter:
         """Return the sample with the largest weight."""
         return State.of(self.samples[int(np.argmax(self.weights))])
 
-    def estimate(self, state: State, distance: float, status: Status, evaluations: int) -> Estimate:
-        """Return the report of a filter that found this state in the frame."""
+    def estimate(
+        self, state: State, covariance: Array, distance: float, status: Status, evaluations: int
+    ) -> Estimate:
+        """Return the report of a filter that found this state, with a covariance (4, 4), in the
+        frame; nan stands in it for what does not vary between the samples.
+        """
+        kept = np.array([False, False, *(not on for on in self.follows)])
         return Estimate(
             state=state,
-            covariance=self.covariance(),
+            covariance=np.where(kept | kept[:, None], np.nan, covariance),
             distance=distance,
             status=status,
             follows=self.follows,

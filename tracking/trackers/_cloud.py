@@ -105,8 +105,8 @@ class ParticleTracker(ABC):
         # In many places after views were searched: their mean is none of them.
         searched = lost and self._recogniser is not None
         proposed = cloud.best() if self._settings.method.best or searched else cloud.mean()
-        state, distance, more = self._judge(image, proposed, frame.time)
-        estimate = cloud.estimate(state, distance, self._status, evaluations + more)
+        state, covariance, distance, more = self._judge(image, proposed, frame.time)
+        estimate = cloud.estimate(state, covariance, distance, self._status, evaluations + more)
         seen = self._status is Status.LOCKED
         # States of strewn particles carry no information on the target's motion; while the target
         # is hidden the velocity stays, and the mean moves by it and by chance.
@@ -149,8 +149,10 @@ class ParticleTracker(ABC):
     @abstractmethod
     def _judge(
         self, image: LabelledImage, proposed: State, time: float
-    ) -> tuple[State, float, int]:
-        """Set the status; return the state and distance to report, and the histograms read."""
+    ) -> tuple[State, Array, float, int]:
+        """Set the status; return the state, covariance and distance to report, and the histograms
+        read.
+        """
 
 
 @final
@@ -178,10 +180,10 @@ class CloudTracker(ParticleTracker):
 
     def _judge(
         self, image: LabelledImage, proposed: State, time: float
-    ) -> tuple[State, float, int]:
+    ) -> tuple[State, Array, float, int]:
         if self._recogniser is None:
             distance = float(self._model.distances(image, proposed.vector[None])[0])
         else:
             distance = self._recogniser.doubt(image, proposed, self._cloud, time)
         self._status = self._loss.judge(distance, time)
-        return proposed, distance, 1
+        return proposed, self._cloud.covariance(), distance, 1

@@ -81,11 +81,12 @@ class MkSsd:
         image = as_seen(frame.image, even=self._config.even)
         descent = self._kernels.descend(image, begin, most=STEPS)
         status = self._loss.judge(descent.distance, frame.time)
-        self._state = descent.state if status is Status.LOCKED else self._state.moved(ego)
-        self._velocity.learn(self._state, seen=status is Status.LOCKED)
+        seen = status is Status.LOCKED
+        self._state = descent.state if seen else self._state.moved(ego)
+        self._velocity.learn(self._state, seen=seen)
         return Estimate(
             self._state,
-            unknown_covariance(),
+            descent.covariance if seen else unknown_covariance(),
             descent.distance,
             status,
             follows=(self._turns, True),

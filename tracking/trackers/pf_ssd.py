@@ -114,8 +114,9 @@ class PfSsd(ParticleTracker):
 
     def _judge(
         self, image: LabelledImage, proposed: State, time: float
-    ) -> tuple[State, float, int]:
-        """Descend if the target is seen.
+    ) -> tuple[State, Array, float, int]:
+        """Descend if the target is seen. The end of a descent has its own covariance: the particles
+        spread as they are moved, whether the picture shows the state or not.
 
         With views, the end of the descent, which knows the first picture only, must resemble
         what was learned more than its beginning does.
@@ -130,14 +131,17 @@ class PfSsd(ParticleTracker):
         if self._recogniser is None:
             jump = self._velocity.jump(end.state, self._cloud.size)
             self._status = self._loss.judge(end.distance, time, jump)
-            state = end.state if self._status is Status.LOCKED else proposed
-            return state, end.distance, evaluations
-        ends = (proposed, end.state)
-        energy = self._model.energy(image, np.stack([end.vector for end in ends]))
-        state = ends[int(np.argmin(energy))]
-        distance = self._recogniser.doubt(image, state, self._cloud, time)
-        self._status = self._loss.judge(distance, time)
-        return state, distance, evaluations
+            ends_there = self._status is Status.LOCKED
+            distance = end.distance
+        else:
+            both = np.stack([proposed.vector, end.state.vector])
+            ends_there = bool(np.argmin(self._model.energy(image, both)))
+            state = end.state if ends_there else proposed
+            distance = self._recogniser.doubt(image, state, self._cloud, time)
+            self._status = self._loss.judge(distance, time)
+        if ends_there:
+            return end.state, end.covariance, distance, evaluations
+        return proposed, self._cloud.covariance(), distance, evaluations
 
     def _descend(self, image: Image, proposed: State) -> Descent:
         """Descend from the proposal; return the proposal itself if that leads too far away."""
@@ -145,4 +149,4 @@ class PfSsd(ParticleTracker):
         moved = descent.state.vector - proposed.vector
         if float(np.hypot(moved[0], moved[1])) <= self._config.trust * self._cloud.size:
             return descent
-        return Descent(proposed, 1.0, descent.evaluations)
+        return Descent(proposed, 1.0, descent.evaluations, self._cloud.covariance())

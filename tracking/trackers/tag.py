@@ -1,7 +1,10 @@
 """An AprilTag of the family 36h11, found anew in each picture, its edges fitted by lines.
 
 Olson 2011, "AprilTag: A robust and flexible visual fiducial system" (ICRA); Wang, Olson 2016,
-"AprilTag 2: Efficient and robust fiducial detection" (IROS), as OpenCV's aruco module has it.
+"AprilTag 2: Efficient and robust fiducial detection" (IROS), as OpenCV's aruco module has it; where
+it finds no tag, the quadrangles of Garrido-Jurado, Munoz-Salinas, Madrid-Cuevas, Marin-Jimenez
+2014, "Automatic generation and detection of highly reliable fiducial markers under occlusion"
+(Pattern Recognition 47(6)).
 """
 
 from dataclasses import dataclass
@@ -26,6 +29,8 @@ from tracking.types import (
 )
 
 Grey = NDArray[np.uint8]
+Numbered = tuple[int, Array]
+"""Number and corners (4, 2) [px] of a tag."""
 # Chosen by hand on rendered tags of 30 to 200 px (tracking/RESULTS.md has the errors).
 CELLS = 8
 """Cells along a side of the black square."""
@@ -45,6 +50,9 @@ REACH = 0.8
 """Distance from an edge up to which it is sampled, in cells: beyond are other edges."""
 FARTHEST = 3.0
 """Largest distance from an edge at which it is sampled [px]."""
+METHODS = (cv2.aruco.CORNER_REFINE_APRILTAG, cv2.aruco.CORNER_REFINE_NONE)
+"""Quadrangles are found by AprilTag's own method, and where it finds no tag by OpenCV's: each
+misses upright tags that the other one finds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +71,12 @@ class Tag:
     _state: State = SET_BY_START
 
     def __init__(self) -> None:
-        options = cv2.aruco.DetectorParameters()
-        # Its quadrangles are found by AprilTag's own method; OpenCV's misses upright tags.
-        options.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG
         family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-        self._detector = cv2.aruco.ArucoDetector(family, options)
+        self._detectors: list[cv2.aruco.ArucoDetector] = []
+        for method in METHODS:
+            options = cv2.aruco.DetectorParameters()
+            options.cornerRefinementMethod = method
+            self._detectors.append(cv2.aruco.ArucoDetector(family, options))
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Find the tag, and the region in its plane.
@@ -104,12 +113,10 @@ class Tag:
         grey = _grey(frame.image)
         expected = self._state.moved(ego)
         place = np.array([expected.x, expected.y])
-        found = None
+        around = None
         if self._seen is not None:
             around = self._seen + place - (self._state.x, self._state.y)
-            found = self._nearest(grey, place, self._number, around)
-        if found is None:
-            found = self._nearest(grey, place, self._number)
+        found = self._nearest(grey, place, self._number, around)
         if found is None:
             self._state = expected
             self._seen = None
@@ -128,45 +135,62 @@ class Tag:
             number: Number of the tag.
             seen: Its corners in the picture before, around which it is searched first.
         """
-        grey = _grey(image)
-        found = None if seen is None else self._nearest(grey, seen.mean(axis=0), number, seen)
-        found = found or self._nearest(grey, np.zeros(2), number)
+        place = np.zeros(2) if seen is None else seen.mean(axis=0)
+        found = self._nearest(_grey(image), place, number, seen)
         return None if found is None else found[1]
 
     def _nearest(
         self, grey: Grey, place: Array, number: int | None, around: Array | None = None
-    ) -> tuple[int, Array] | None:
+    ) -> Numbered | None:
         """Return the number and corners (4, 2) of the tag nearest to a place (2,).
 
         Args:
             grey: The picture (H, W).
             place: Where the tag is expected [px].
             number: Number of the tag; None: any.
-            around: Quadrangle (4, 2) around which it is searched; None: in the whole picture.
+            around: Quadrangle (4, 2) around which it is searched first; None: nowhere is.
         """
-        low = np.zeros(2, int)
-        high = np.array(grey.shape[::-1])
-        if around is not None:
-            margin = AROUND * np.ptp(around, axis=0)
-            low = np.clip(around.min(axis=0) - margin, 0, high).astype(int)
-            high = np.clip(around.max(axis=0) + margin, 0, high).astype(int)
-        shrink = 1 if around is None else max(1, int(np.ptp(around, axis=0).min() / ENOUGH))
-        width, height = ((high - low) // shrink).tolist()
-        if min(width, height) < SMALLEST_SIDE:
-            return None
-        part = grey[low[1] :, low[0] :][: height * shrink, : width * shrink]
-        part = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA)
-        seen, numbers, _ = self._detector.detectMarkers(part)
-        found = [
-            (int(n), corners[0].astype(np.float64) * shrink + low)
-            for corners, n in zip(seen, np.ravel(numbers), strict=False)  # None if there is none
-            if number in (None, int(n))
-        ]
-        if not found:
-            return None
-        number, corners = min(found, key=lambda tag: np.hypot(*(tag[1].mean(axis=0) - place)))
-        fitted = _fitted(grey, corners)
-        return None if fitted is None else (number, fitted)
+        if number is None:
+            seen = [tag for detector in self._detectors for tag in _tags_in(detector, grey)]
+            if not seen:
+                return None
+            number = _nearest_of(seen, place)[0]
+        parts = (None,) if around is None else (around, None)
+        for detector in self._detectors:
+            for part in parts:
+                seen = [tag for tag in _tags_in(detector, grey, part) if tag[0] == number]
+                fitted = _fitted(grey, _nearest_of(seen, place)[1]) if seen else None
+                if fitted is not None:
+                    return number, fitted
+        return None
+
+
+def _nearest_of(seen: list[Numbered], place: Array) -> Numbered:
+    """Return the tag nearest to a place (2,)."""
+    return min(seen, key=lambda tag: np.hypot(*(tag[1].mean(axis=0) - place)))
+
+
+def _tags_in(
+    detector: cv2.aruco.ArucoDetector, grey: Grey, around: Array | None = None
+) -> list[Numbered]:
+    """Return the tags that a detector finds around a quadrangle (4, 2), or in the whole picture."""
+    low = np.zeros(2, int)
+    high = np.array(grey.shape[::-1])
+    if around is not None:
+        margin = AROUND * np.ptp(around, axis=0)
+        low = np.clip(around.min(axis=0) - margin, 0, high).astype(int)
+        high = np.clip(around.max(axis=0) + margin, 0, high).astype(int)
+    shrink = 1 if around is None else max(1, int(np.ptp(around, axis=0).min() / ENOUGH))
+    width, height = ((high - low) // shrink).tolist()
+    if min(width, height) < SMALLEST_SIDE:
+        return []
+    part = grey[low[1] :, low[0] :][: height * shrink, : width * shrink]
+    part = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA)
+    seen, numbers, _ = detector.detectMarkers(part)
+    return [
+        (int(n), corners[0].astype(np.float64) * shrink + low)
+        for corners, n in zip(seen, np.ravel(numbers), strict=False)  # None if there is none
+    ]
 
 
 def _grey(image: Image) -> Grey:

@@ -1,0 +1,28 @@
+"""Which parts of an estimate are certain enough to be servoed, by what its tracker states."""
+
+import numpy as np
+
+from tracking.types import Estimate, Region
+
+# Beyond these no run counts as holding its target (servo/loop/run_measures.py): an estimate that is
+# as uncertain turns the camera away from the target as often as towards it.
+MOST_CENTRE = 0.5
+"""Largest standard deviation of x and y, over the target's size: farther off is beside it."""
+MOST_ANGLE = np.radians(20.0)
+"""Largest standard deviation of the angle [rad]."""
+MOST_SIZE = 0.25
+"""Largest standard deviation of ln scale."""
+
+
+def certain(estimate: Estimate, region: Region) -> tuple[bool, bool, bool]:
+    """Return whether centre, angle and size are certain enough: also where their tracker states
+    nothing, and where it reports corners.
+    """
+    if estimate.corners is not None:
+        return True, True, True
+    x, y, angle, size = np.diagonal(estimate.covariance).tolist()
+    return (
+        not max(x, y) > MOST_CENTRE**2 * region.area(estimate.state),  # nan is not
+        not angle > MOST_ANGLE**2,
+        not size > MOST_SIZE**2,
+    )
