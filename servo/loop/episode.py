@@ -20,7 +20,7 @@ from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Schedule, Timeline, mean_twist
 from servo.mistake import Mistake
 from servo.sight.exact import sight_of
-from servo.types import Sight
+from servo.types import Command, Sight
 from sim.camera.renderer import MakeRenderer, Unseen
 from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
@@ -347,14 +347,28 @@ class Episode:
         elif self._moment is not None:
             self._pass(self._timeline.acting(later=1))
         passed = self._passages.popleft()
+        command = self._timeline.latest.decision.command
+        held = () if twist is not None else self._held_by(command)
+        limits = tuple(dict.fromkeys((*passed.limits, *held)))
         return replace(
             step,
-            command=self._timeline.latest.decision.command,
+            command=command,
             twist_acting=passed.twist,
-            limited=bool(passed.limits),
-            joint_limits=passed.limits,
+            limited=bool(limits),
+            joint_limits=limits,
             seconds=replace(step.seconds, physics=passed.seconds),
         )
+
+    def _held_by(self, command: Command) -> list[str]:
+        """Return the joints that a law leaves out, as `World.step` names them."""
+        held = None if command.trace is None else command.trace.held
+        if held is None:
+            return []
+        return [
+            f"{name} (range)"
+            for name, is_held in zip(self.world.robot.names, held, strict=True)
+            if is_held
+        ]
 
 
 def run(scenario: Setup) -> Iterator[Step]:
