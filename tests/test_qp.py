@@ -165,7 +165,7 @@ def test_it_slides_along_the_limit_of_a_joint(kind):
         moved = command.twist.clip(-8.0 * (q + 0.09), 8.0 * (0.09 - q)) * DT
         q, T = q + moved, exp_se3(moved).inverse() @ T
     np.testing.assert_allclose(q[:2], [0.09, 0.09], atol=1e-3)
-    assert names == ({"joint 1", "joint 2"} if kind is qp else set())
+    assert names == {"joint 1", "joint 2"}
 
 
 @pytest.mark.parametrize("to", [1.0, -1.0])

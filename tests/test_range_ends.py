@@ -3,11 +3,14 @@
 import mujoco
 import numpy as np
 import pytest
+from robot_files import urdf_arm
 
-from servo.loop.episode import measured_run
+from servo.cli.run_command import remarks
+from servo.loop.episode import Episode, measured_run
 from servo.loop.run_measures import Outcome
 from servo.scenario.load import load
 from sim.camera.camera import CameraConfig
+from sim.kinematics.inverse_kinematics import reach
 from sim.kinematics.robot import Robot
 from sim.models.assembly import build_model
 from sim.robots import arm, gantry
@@ -121,3 +124,48 @@ def test_a_gantry_at_the_end_of_its_rail_goes_on_level():
     assert abs(across[-1][1]) < 0.01
     assert summary.measures["tilt_peak_deg"] < 0.05
     assert steps[-1].joint_limits == ("x (range)",)
+
+
+def hanging(folder, *changes):
+    """Episode of a six-joint arm over the table whose joints turn by two turns, about a circle."""
+    (folder / "arm.urdf").write_text(urdf_arm())
+    robot = ["robot.kind=mjcf", f"robot.model={folder / 'arm.urdf'}", "robot.flange=tool"]
+    return load("circle", [*robot, "tracker.kind=truth", *changes])
+
+
+def test_a_start_that_the_way_would_take_to_an_end_is_a_whole_turn_away(tmp_path):
+    base = "robot.base=[0.0, 0.45, 0.82, -90.0]"
+    with Episode(hanging(tmp_path, base), seen=False) as episode:
+        plain = episode.world.robot.joints(episode.world.data)
+        assert episode.begun.rollout.joint == ""
+    # The circle turns the last joint by one and a half turns.
+    ahead = plain - 2 * np.pi * np.eye(6)[5]
+    with Episode(hanging(tmp_path, base, f"robot.home=[{ahead.tolist()}]"), seen=False) as episode:
+        begun = episode.world.robot.joints(episode.world.data)
+        np.testing.assert_allclose(begun, plain, atol=1e-6)
+        assert episode.begun.rollout.joint == ""
+
+
+def test_a_joint_that_no_start_keeps_inside_is_told_before_the_run():
+    with Episode(load("joint_limits", ["tracker.kind=truth"]), seen=False) as episode:
+        assert remarks(episode)[0] == (
+            "Along this motion the joint x comes to the end of its range after 1.6 s, and no other "
+            "start posture was found that stays inside the ranges"
+        )
+
+
+def test_a_start_whose_way_stays_inside_is_kept():
+    with Episode(load("arm7_line", ["tracker.kind=truth"]), seen=False) as episode:
+        robot, data = episode.world.robot, episode.world.data
+        begun = robot.joints(data)
+        reach(robot, data, robot.eye(data))
+        np.testing.assert_allclose(robot.joints(data), begun, atol=1e-6)
+        assert episode.begun.rollout.room > 0.1
+
+
+def test_a_joint_that_ends_where_the_robot_does_not_believe_it_is_named(tmp_path):
+    """The encoder says 0.1 m more: the lift stands at 0, and the robot drives it on."""
+    steps, summary = head_run(tmp_path, "believed.joint_offsets=[0.1, 0.0, 0.0]")
+    assert steps[-1].joints[0] == pytest.approx(0.0, abs=1e-3)
+    assert summary.outcome is Outcome.LIMIT_HIT
+    assert "lift (range)" in summary.limits

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from servo.controllers._limits import DesiredTwist
 from servo.sight.point_rows import corner_rows, corners_of
@@ -52,7 +53,7 @@ class Bounds:
         at = self.A @ v
         return at - at.clip(self.lower, self.upper)
 
-    def names_at(self, sides: Array) -> tuple[str, ...]:
+    def names_at(self, sides: NDArray[np.generic]) -> tuple[str, ...]:
         """Return the names of the upper bounds where sides (m,) are positive, of the lower where
         negative.
         """

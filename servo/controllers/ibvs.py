@@ -9,11 +9,11 @@ The paper prints both lines of its law without lambda. All six degrees of freedo
 minimum-norm pseudo-inverse tilt the camera while every error is small, so the default moves only
 vx, vy, vz and wz.
 
-With fewer than six joints, one at the end of its range leaves the solution: the law goes on with
-what the others can do, and where that is not all features, with the first of them.
+A joint at the end of its range leaves the solution: the law goes on with what the others can do,
+and where that is not all features, with the first of them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -235,9 +235,8 @@ class Ibvs:
     def _left_by_ranges(
         self, predicted: Prediction, posture: Posture, way: Array, dt: float
     ) -> tuple[Inverse, Array | None]:
-        """Return the inverse over what a robot of few joints can do, and the twist (6,) of those at
-        the ends of their ranges, which leave it; None where there are none. Of more joints, the
-        drives keep the ranges.
+        """Return the inverse over what joints inside their ranges can do, and the twist (6,) that
+        the others still make; None where there are no others.
 
         Args:
             predicted: What the twist shall answer.
@@ -247,19 +246,25 @@ class Ibvs:
         """
         inverse = self._inverse(posture)
         made: Array | None = None
-        ends = RangeEnds.of(posture, way, dt) if self._has_few_joints(posture) else None
+        ends = RangeEnds.of(posture, way, dt)
+        moves = inverse.moves
+        may_move = moves & (self._weights > 0)
         while ends is not None:
             twist, _, _ = self._asked(inverse, predicted, made)
             fast = max(1.0, excess(twist, self._config.fastest, self._config.fastest_turn))
             more = ends.holding(twist / fast)
-            if more is ends:
+            left = None if more is ends else more.left(may_move)
+            if left is None:
                 break
             self._ends = ends = more
-            made = ends.twist
-            rows = self._known & servoed_by(self._goal_matrix, ends.others)
+            motions, made = left
+            rows = servoed_by(self._goal_matrix, motions)
+            # Both of the centre: in the order alone, the first took a direction from the second.
+            rows[:2] = True
+            rows &= self._known
             # A guard weighs only the features that are servoed still.
             L = self._chosen_matrix() * rows[:, None]
-            inverse = Inverse.through_joints(L, rows, ends.others)
+            inverse = replace(Inverse.through_joints(L, rows, motions), moves=moves)
         return inverse, made
 
     def _faded(self, asked: Array, dt: float, seen: Sight | None) -> Array:
@@ -279,7 +284,7 @@ class Ibvs:
         while the depth or the angle is not known, the part of the twist that it alone controls is
         zero. With fewer than six joints these decide what may move.
         """
-        if self._has_few_joints(posture):
+        if 0 < posture.jacobian.shape[1] < len(DOF):  # none: a robot that takes any twist
             rows = self._known & self._servoed_by(posture)
             return Inverse.through_joints(self._chosen_matrix(), rows, posture.jacobian)
         if self._own_inverse is not None and self._known.all():
@@ -292,10 +297,6 @@ class Ibvs:
             for name, dof in self._features.sole_dof.items():
                 moves[DOF.index(dof)] &= self._known[self._features.names.index(name)]
         return Inverse.of(self._chosen_matrix(), self._known, moves, self._weights)
-
-    @staticmethod
-    def _has_few_joints(posture: Posture) -> bool:
-        return 0 < posture.jacobian.shape[1] < len(DOF)  # none: a robot that takes any twist
 
     def _servoed_by(self, posture: Posture) -> NDArray[np.bool_]:
         """Return the features (k,) that the robot's joints can servo, as found in the beginning."""

@@ -108,7 +108,8 @@ class Summary:
     measures: dict[str, float]
     """Values by name, in the order of `MEANINGS`; infinite or nan where there is none."""
     limits: tuple[str, ...] = ()
-    """The joints whose limits were hit in the end, where this is the outcome."""
+    """The joints whose limits were hit in the end, where this is the outcome; those whose ranges
+    ended before the target was lost."""
     off: tuple[str, ...] = ()
     """What was too far from the goal in the end, such as "angle 27 deg", where time ran out."""
 
@@ -157,8 +158,7 @@ def summarise(steps: Sequence[Step], config: MeasureConfig, period: float) -> Su
     if not late:
         values |= dict.fromkeys(COUNTED, np.nan)
     outcome = _outcome(steps)
-    hit = [name for s in _final(steps) for name in s.joint_limits]
-    limits = tuple(dict.fromkeys(hit)) if outcome is Outcome.LIMIT_HIT else ()
+    limits = () if outcome is Outcome.CONVERGED else _limits_met(steps, outcome)
     off = _worst_off(_final(steps)) if outcome is Outcome.TIMED_OUT else ()
     return Summary(outcome, {name: float(values[name]) for name in MEANINGS}, limits, off)
 
@@ -255,9 +255,27 @@ def _outcome(steps: Sequence[Step]) -> Outcome:
         return Outcome.DIVERGED
     if not any(_off(s) for s in final):
         return Outcome.CONVERGED
-    if all(s.limited for s in final):
+    if all(s.limited for s in final) or any(map(_ends_a_range, _limits(final))):
         return Outcome.LIMIT_HIT
     return Outcome.TIMED_OUT if inside else Outcome.DIVERGED
+
+
+def _limits_met(steps: Sequence[Step], outcome: Outcome) -> tuple[str, ...]:
+    """Return the limits of joints in the last second; of a lost target the ends of ranges in the
+    second before it was lost.
+    """
+    if outcome is Outcome.LIMIT_HIT:
+        return _limits(_final(steps))
+    followed = [s for s in steps if s.estimate.status is not Status.LOST]
+    return tuple(filter(_ends_a_range, _limits(_final(followed)))) if followed else ()
+
+
+def _limits(steps: Sequence[Step]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name for s in steps for name in s.joint_limits))
+
+
+def _ends_a_range(limit: str) -> bool:
+    return limit.endswith("(range)")
 
 
 def _off(step: Step) -> dict[str, float]:

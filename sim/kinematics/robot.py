@@ -31,6 +31,8 @@ STOP_GAIN = 8.0
 """Largest rate towards a joint limit, per unit of room left [1/s]."""
 STOP_MARGIN = 0.01
 """Room that is kept before a joint limit [m or rad]."""
+AT_END = 1e-3
+"""A joint that is nearer to an end of its range than this stands there [m or rad]."""
 NEAR_LIMIT = 0.1
 """Share of the way from middle to limit that is near it: there the freedom of an arm of more than
 six joints moves the joint back; over as much before it, gradually. Chosen by hand."""
@@ -227,6 +229,11 @@ class Robot:
         self._jacobians = np.zeros((2, 3, model.nv))
         self._ahead = mujoco.MjData(model)
 
+    @property
+    def has_ranges(self) -> bool:
+        """Return whether a joint has a limited range."""
+        return bool(self._limited.any())
+
     def servos(self) -> Array:
         """Return the time constants of the drives' own servos (n,) [s], for implicit steps."""
         model = self.model
@@ -345,6 +352,15 @@ class Robot:
         back = [-_stopping(at - end, a) for at, end, a in zip(q, lower, most, strict=True)]
         on = [_stopping(end - at, a) for at, end, a in zip(q, upper, most, strict=True)]
         return np.array(back), np.array(on)
+
+    def stopped(self, data: mujoco.MjData, rates: Array) -> list[str]:
+        """Return the joints that rates (n,) drive on where their range has ended, as `rates` names
+        them.
+        """
+        q = data.qpos[self.qpos]
+        back = (q < self.lower + AT_END) & (rates < 0)
+        on = (q > self.upper - AT_END) & (rates > 0)
+        return [f"{self.names[k]} (range)" for k in np.flatnonzero(back | on)]
 
     def driven(self, rates: Array, hold: float) -> Array:
         """Return the rates (n,) of joints that are driven at these for a time [s]: the same."""
