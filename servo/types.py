@@ -184,6 +184,8 @@ class Trace:
     """de/dt (k,) that the camera's own motion caused since the last frame, over `scales`."""
     servoed: NDArray[np.bool_] | None = None
     """The features (k,) that the joints can servo; None: all."""
+    held: NDArray[np.bool_] | None = None
+    """The joints (n,) that the law leaves out, as their ranges end there; None: it leaves none."""
 
 
 @dataclass(frozen=True, slots=True)

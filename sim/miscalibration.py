@@ -134,9 +134,12 @@ class BelievedRobot:
     def rates(
         self, data: mujoco.MjData, twist: Array, hold: float, before: Array
     ) -> tuple[Array, Array, tuple[str, ...]]:
-        """As `Robot.rates`, for the believed camera."""
+        """As `Robot.rates`, for the believed camera; joints that in truth stand at an end of their
+        range are named, too.
+        """
         self._read(data)
-        return self._robot.rates(self._data, twist, hold, before)
+        rates, made, limits = self._robot.rates(self._data, twist, hold, before)
+        return rates, made, (*limits, *self._true.stopped(data, rates))
 
     def driven(self, rates: Array, hold: float) -> Array:
         """Return the joints' rates (n,) over a time [s]: the motors', less the play."""

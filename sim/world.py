@@ -174,10 +174,16 @@ class World:
         self._renderer.close()
 
     def start(
-        self, pixel: Array, theta: float, depth: float, tilt: float = 0.0, towards: float = 0.0
+        self,
+        pixel: Array,
+        theta: float,
+        depth: float,
+        tilt: float = 0.0,
+        towards: float = 0.0,
+        way: Callable[[], Sequence[Pose]] | None = None,
     ) -> Reach:
         """Put the camera where it sees the target at a pixel, an angle and a depth, and then around
-        the target's centre by a tilt, or near that.
+        the target's centre by a tilt, or near that; `way` is as for `reach`.
 
         Raises:
             ValueError: No camera sees the target there.
@@ -186,33 +192,51 @@ class World:
         heading = float(np.arctan2(target.rotation[1, 0], target.rotation[0, 0]))
         point = target.apply(self.outline.mean(axis=0))
         pose = placement.camera_above(self.camera, point, heading, pixel, theta, depth)
-        return self._go(placement.tilted(pose, point, tilt, towards) if tilt else pose)
+        return self._go(placement.tilted(pose, point, tilt, towards) if tilt else pose, way)
 
-    def start_facing(self, T_camera_object: Pose) -> Reach:
+    def start_facing(
+        self, T_camera_object: Pose, way: Callable[[], Sequence[Pose]] | None = None
+    ) -> Reach:
         """Put the camera where the target has this pose, or near it; the object's frame is that of
-        `camera_facing`.
+        `camera_facing`, and `way` as for `reach`.
 
         Raises:
             ValueError: No camera sees the target there.
         """
         target = self._target_seen()
-        return self._go(placement.camera_facing(self.outline, target, T_camera_object))
+        return self._go(placement.camera_facing(self.outline, target, T_camera_object), way)
 
-    def _target_seen(self) -> Pose:
-        """The target at first, in the frame in which `Robot.eye` is given."""
-        return self._stage.target(0.0) if self._held is None else Pose.planar(0.0, 0.0, 0.0)
+    def eye_at_goal(self, time: float, T_camera_object: Pose, *, turns: bool) -> Pose:
+        """Return the camera, as `Robot.eye` has it, where it shall be at a time [s].
+
+        Args:
+            time: Of the motion.
+            T_camera_object: How the target shall be seen; beside a leader it is where it leads to.
+            turns: Whether the camera turns with the target.
+        """
+        led = self._stage.goal(time)
+        if led is not None:
+            return led.inverse() @ self.robot.camera(self.data)
+        target = self._target_seen(time)
+        if not turns:
+            target = Pose(self._target_seen().rotation, target.translation)
+        return placement.camera_facing(self.outline, target, T_camera_object)
+
+    def _target_seen(self, time: float = 0.0) -> Pose:
+        """The target at a time [s], in the frame in which `Robot.eye` is given."""
+        return self._stage.target(time) if self._held is None else Pose.planar(0.0, 0.0, 0.0)
 
     def _eye_seen(self) -> Pose:
         """The camera in this frame."""
         return self._eye_at if self._held is None else self.robot.eye(self.data)
 
-    def _go(self, T_world_camera: Pose) -> Reach:
+    def _go(self, T_world_camera: Pose, way: Callable[[], Sequence[Pose]] | None) -> Reach:
         target = self._target_seen()
         if self._held is None:  # else the pose is seen from the target
             placement.check_above_table(T_world_camera)
         placement.check_sight(self.outline, T_world_camera, target)
         point = target.apply(self.outline.mean(axis=0))
-        reached = reach(self.robot, self.data, T_world_camera, point)
+        reached = reach(self.robot, self.data, T_world_camera, point, way)
         mujoco.mj_forward(self.model, self.data)
         self._eye_at = self._set_stage(0.0)
         return reached

@@ -9,6 +9,7 @@ import pytest
 
 import servo
 from servo.cli.run_command import run_scenario
+from servo.loop.columns import Columns
 from servo.loop.events import uncertain
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from sim.types import Camera
@@ -39,11 +40,11 @@ def test_a_region_that_slips_inside_one_colour_turns_no_camera(block):
     """It was turned by 100 degrees, and lost, with a stated standard deviation of 4 to 7."""
     steps = list(servo.run(servo.load("circle", [*block, "run.duration=2"])))
     assert {step.estimate.status for step in steps} == {Status.LOCKED}
-    assert max(turned(s.truth.theta - s.goal_theta) for s in steps) < 8.0
+    assert max(turned(s.truth.theta - s.goal.theta) for s in steps) < 8.0
     assert max(s.tracking_error for s in steps) < 3.0
     count = sum(s.estimate.covariance[2, 2] > np.radians(20.0) ** 2 for s in steps)
     assert count > 10
-    assert f"{count} angles" in uncertain(steps)
+    assert f"{count} angles" in uncertain(Columns.of(steps))
 
 
 def test_a_run_says_so_once_and_so_does_its_report(block, tmp_path, capsys):
@@ -104,5 +105,4 @@ def test_errors_are_those_that_the_tracker_states(tracker, least):
 
 def test_nothing_is_said_where_all_is_certain():
     steps = list(servo.run(servo.load("still", ["run.duration=0.3"])))
-    assert uncertain(steps) == ""
-    assert uncertain([]) == ""
+    assert uncertain(Columns.of(steps)) == ""

@@ -223,6 +223,14 @@ def test_outcomes(steps):
     limited = [replace(s, limited=True, joint_limits=("elbow (range)",)) for s in far]
     assert report(limited).outcome is Outcome.LIMIT_HIT
     assert report(limited).limits == ("elbow (range)",)
+    now_and_then = [*far[:-9], replace(far[-9], limited=True, joint_limits=("elbow (range)",))]
+    now_and_then += far[-8:]
+    assert report(now_and_then).outcome is Outcome.LIMIT_HIT
+    assert report(now_and_then).limits == ("elbow (range)",)
+    fast = [*far[:-1], replace(far[-1], limited=True, joint_limits=("elbow (speed)",))]
+    assert (report(fast).outcome, report(fast).limits) == (Outcome.TIMED_OUT, ())
+    lost = report(with_status(limited, Status.LOST, range(60, 120)))
+    assert (lost.outcome, lost.limits) == (Outcome.TARGET_LOST, ("elbow (range)",))
     assert (report(far).limits, report(far).off) == ((), ("centre 40 px",))
     assert (report(near).off, report(out).off) == ((), ())
     assert report(with_status(near, Status.LOST, [119])).outcome is Outcome.TARGET_LOST

@@ -24,21 +24,26 @@ from sim.camera.camera import CameraConfig, pinhole
 from sim.camera.choice import renderer_of
 from sim.camera.renderer import Unseen
 from sim.geometry import tilt
+from sim.kinds import PartConfig, kind_of
 from sim.kinematics.chain import ALL_WAYS, Chain, flanges
 from sim.kinematics.doubts import doubts
 from sim.kinematics.drives import drive_of, has_velocity_drives, kind_of_joint, random_joints
-from sim.kinematics.inverse_kinematics import comfort
+from sim.kinematics.inverse_kinematics import Reach, comfort
 from sim.kinematics.model import camera_chain
 from sim.kinematics.robot import CAMERA, Robot
+from sim.kinematics.rollout import STEP
 from sim.models.assembly import ROBOT, build_model
 from sim.models.model_reader import read_spec
-from sim.motions import still
+from sim.motions import circle, line, still, wander
 from sim.robots import mjcf
+from sim.stage import Motion
 from sim.targets import car
-from sim.types import Array, Image
+from sim.types import Array, Image, Pose
 from sim.world import World, WorldParts
 from tracking.drawing.picture_bytes import encoded
 
+Base = tuple[float, float, float, float]
+"""x, y, z [m] and yaw [deg]."""
 DEPTH = 1.0
 """How far from the target a scenario begins by default [m]."""
 PICTURE = CameraConfig(width=640, height=480)
@@ -54,6 +59,12 @@ LEVEL = np.radians(25.0)
 """A camera whose axis is nearer than this to straight down looks at the table."""
 BESIDE = (0.0, -DEPTH, 0.0, 90.0)
 """The base of a robot that cannot be above the target, but can look there from aside."""
+BESIDE_BY = (0.0, -0.1, 0.1)
+"""Bases that are tried, from the first on, along y [m]."""
+ACROSS = line.Config()
+MOTIONS = (ACROSS, circle.Config(), wander.Config())
+DRIVEN = 10.0
+"""How long these drive, as a scenario does by default [s]."""
 NO_BASE = "No base was found from which a run can begin: give --base, or turn the camera (--mount)."
 BEST = 0.2
 """The part of the postures, the most comfortable ones, from which a base is proposed."""
@@ -78,9 +89,8 @@ class Workspace:
     """Height over the base at which it looks down at the table [m]; nan where it never does."""
     highest: float
     """Height over the base at which it looks down at the table [m]."""
-    base: tuple[float, float, float, float]
-    """A place for the base, x, y, z [m] and yaw [deg], at which the camera is comfortable over the
-    table's middle."""
+    base: Base
+    """A place at which the camera is comfortable over the table's middle."""
 
 
 def examine(given: dict[str, Any], out: Path | None) -> int:
@@ -113,14 +123,17 @@ def examine(given: dict[str, Any], out: Path | None) -> int:
         reach = sample_workspace(robot, DEPTH)
         bases = [config.base] if "base" in given else [reach.base, BESIDE]
         proposed = next((base for base in bases if _begins(config, base)), None)
+        if proposed is not None and proposed == reach.base and "base" not in given:
+            proposed = _inside(config, proposed)
         config = dataclasses.replace(config, base=proposed or bases[0])
         picture, left = _drawn(config)
+        ways = _ways_text(config) if proposed else ""
     except ValueError as error:
         raise Mistake(f"robot: {error}") from None
     print_table(console, _joint_table(model, chain, robot))
     print_table(console, _flange_table(model, chain))
     table = _toml(config, chain) if proposed or "base" in given else NO_BASE
-    text = "\n".join([_reach_text(reach), *doubts(robot), left])
+    text = "\n".join([_reach_text(reach), *doubts(robot), left, *([ways] if ways else [])])
     plain(console, f"{text}\n\n{table}\n")
     with writing(out, "this picture"):
         out.write_bytes(encoded(picture))
@@ -145,14 +158,58 @@ def _own_camera(model: mujoco.MjModel) -> str:
     return model.camera(moved[0]).name if len(moved) == 1 else ""
 
 
-def _begins(config: mjcf.Config, base: tuple[float, float, float, float]) -> bool:
+def _begins(config: mjcf.Config, base: Base) -> bool:
     """Return whether a run can begin from a base: above the target, or beside it looking there."""
-    rng = np.random.default_rng(0)
-    design = dataclasses.replace(config, base=base).build(rng)
-    parts = WorldParts(design, car.Config().build(rng), still.Config().build(rng), camera=PICTURE)
-    world = World(parts, rng, renderer=Unseen)
-    reach = world.start(np.array([PICTURE.width, PICTURE.height]) / 2, 0.0, DEPTH)
+    reach = _begun(dataclasses.replace(config, base=base), still.Config())
     return reach.there and (reach.distance < NEAR or base == BESIDE)
+
+
+def _begun(config: mjcf.Config, motion: PartConfig[Motion]) -> Reach:
+    """Return how a run with a motion begins, and how the joints follow it."""
+    rng = np.random.default_rng(0)
+    parts = WorldParts(
+        config.build(rng), car.Config().build(rng), motion.build(rng), camera=PICTURE
+    )
+    world = World(parts, rng, renderer=Unseen)
+    facing = Pose(np.eye(3), np.array([0.0, 0.0, DEPTH]))
+    times = np.arange(0.0, DRIVEN, STEP).tolist()
+    middle = np.array([PICTURE.width, PICTURE.height]) / 2
+    return world.start(
+        middle, 0.0, DEPTH, way=lambda: [world.eye_at_goal(t, facing, turns=True) for t in times]
+    )
+
+
+def _inside(config: mjcf.Config, base: Base) -> Base:
+    """Return a base, or the first one beside it from which the joints stay inside their ranges
+    while the target drives straight across the table; the base itself where none is.
+    """
+    x, y, z, yaw = base
+    beside = [(x, round(y + dy, 2), z, yaw) for dy in BESIDE_BY]
+    drives = (b for b in beside if _follows(_begun(dataclasses.replace(config, base=b), ACROSS)))
+    return next(drives, base)
+
+
+def _follows(reach: Reach) -> bool:
+    """Return whether a run begins and no joint comes to the end of its range."""
+    return reach.there and (reach.rollout is None or not reach.rollout.joint)
+
+
+def _ways_text(config: mjcf.Config) -> str:
+    """Return a sentence about the joints' ranges along usual motions; empty for few joints."""
+    found = list[str]()
+    for motion in MOTIONS:
+        reach = _begun(config, motion)
+        if reach.there and reach.rollout is None:
+            return ""
+        name = kind_of(motion)
+        if reach.rollout is None:
+            found.append(f"{name} begins out of reach")
+        elif reach.rollout.joint:
+            time = f"{reach.rollout.time:.1f} s"
+            found.append(f"{name} takes {reach.rollout.joint} to the end of its range in {time}")
+        else:
+            found.append(f"{name} stays inside all ranges")
+    return f"The motions as they are: {'; '.join(found)}."
 
 
 def _drawn(config: mjcf.Config) -> tuple[Image, str]:

@@ -175,6 +175,7 @@ def remarks(episode: Episode) -> list[str]:
         _outline_line(episode.world.outline) if episode.world.outline_found else "",
         *doubts(episode.world.robot),
         _start_line(episode.begun),
+        _range_line(episode.begun),
         _hidden_line(episode),
         advice(episode.scenario.tracker, first.image, region, state),
         _tilt_line(episode),
@@ -232,6 +233,17 @@ def _start_line(begun: Reach) -> str:
     return (
         "No posture takes the start pose: the robot begins where it sees the target in the same "
         f"direction, {begun.distance:.2f} m and {degrees(begun.angle):.0f} deg from it"
+    )
+
+
+def _range_line(begun: Reach) -> str:
+    """Return a sentence about a joint that will come to the end of its range; else nothing."""
+    rollout = begun.rollout
+    if rollout is None or not rollout.joint:
+        return ""
+    return (
+        f"Along this motion the joint {rollout.joint} comes to the end of its range after "
+        f"{rollout.time:.1f} s, and no other start posture was found that stays inside the ranges"
     )
 
 

@@ -1,8 +1,9 @@
 """Linear bounds on a camera twist, of its speed, of joints and of the view, each with its name."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from servo.controllers._limits import DesiredTwist
 from servo.sight.point_rows import corner_rows, corners_of
@@ -12,6 +13,11 @@ from sim.types import Array, Camera, Posture
 
 SINGULAR = 0.01
 """Singular values of a robot's Jacobian below this share of the largest count as zero."""
+RANGE_MARGIN = 0.01
+"""Way to the end of a joint's range that is kept [m or rad]: the robot itself stops there."""
+RANGE_GAIN = 8.0
+"""How fast a joint may use up its way to there [1/s], as the robot has it; at most the frame rate
+counts."""
 STEP = 1e-6
 """Step of the differences by which the bending of a lens is linearised."""
 NEVER = 1e30
@@ -47,7 +53,7 @@ class Bounds:
         at = self.A @ v
         return at - at.clip(self.lower, self.upper)
 
-    def names_at(self, sides: Array) -> tuple[str, ...]:
+    def names_at(self, sides: NDArray[np.generic]) -> tuple[str, ...]:
         """Return the names of the upper bounds where sides (m,) are positive, of the lower where
         negative.
         """
@@ -63,33 +69,43 @@ def speed_bounds(fastest: float, fastest_turn: float) -> Bounds:
     return Bounds(np.eye(6), -most, most, (("speed", "speed"),) * 6)
 
 
-def joint_bounds(posture: Posture, way: Array, margin: float, gain: float) -> Bounds | None:
+def joint_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
     """Return those of the joint rates J# v that drives make of a twist; a joint that stands always
     keeps them.
 
     Args:
         posture: The robot.
         way: What the camera still moves (6,) before the twist acts [m, rad].
-        margin: Way to the limits that is kept [m or rad].
-        gain: How fast a joint may use up the rest [1/s].
+        dt: Time since the last frame [s].
 
     Returns:
         None where the posture has no joints, or no Jacobian that can be used.
     """
+    ranges = range_bounds(posture, way, dt)
+    if ranges is None:
+        return None
+    lower = np.maximum(ranges.lower, posture.slowest)
+    upper = np.minimum(ranges.upper, posture.fastest)
+    return replace(ranges, lower=lower, upper=upper)
+
+
+def range_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
+    """Return those of `joint_bounds` that come from the joints' ranges."""
     p = posture
     J = posture.jacobian
     if J.size == 0 or not np.isfinite(J).all():
         return None
-    A = _inverse_of(J)
+    A = inverse_of(J)
     q = p.joints + A @ way
-    back = (gain * (p.lower + margin - q)).clip(-NEVER, 0.0)
-    on = (gain * (p.upper - margin - q)).clip(0.0, NEVER)
+    gain = min(RANGE_GAIN, 1 / dt)
+    back = (gain * (p.lower + RANGE_MARGIN - q)).clip(-NEVER, 0.0)
+    on = (gain * (p.upper - RANGE_MARGIN - q)).clip(0.0, NEVER)
     joints = [f"joint {i + 1}" for i in range(len(q))]
     names = tuple(zip(joints, joints, strict=True))
-    return Bounds(A, np.maximum(back, p.slowest), np.minimum(on, p.fastest), names)
+    return Bounds(A, back, on, names)
 
 
-def _inverse_of(J: Array) -> Array:
+def inverse_of(J: Array) -> Array:
     """Return J# (n, 6), without its singular part."""
     plain = inverse_if_strong(J, SINGULAR) if J.shape[0] == J.shape[1] else None
     return np.linalg.pinv(J, SINGULAR).astype(np.float64) if plain is None else plain

@@ -92,7 +92,7 @@ def servoed_by(L: Array, jacobian: Array) -> NDArray[np.bool_]:
     if jacobian.shape[1] >= len(DOF) or len(L) > len(DOF):
         return np.ones(len(L), bool)
     basis, strengths, _ = np.linalg.svd(jacobian, full_matrices=False)
-    moved = L @ basis[:, strengths > RANK_TOLERANCE * strengths[0]]
+    moved = L @ basis[:, strengths > RANK_TOLERANCE * strengths.max(initial=0.0)]
     servoed = np.zeros(len(L), bool)
     for i, row in enumerate(moved):
         others = moved[servoed]

@@ -8,9 +8,12 @@ task:
 The paper prints both lines of its law without lambda. All six degrees of freedom with the
 minimum-norm pseudo-inverse tilt the camera while every error is small, so the default moves only
 vx, vy, vz and wz.
+
+A joint at the end of its range leaves the solution: the law goes on with what the others can do,
+and where that is not all features, with the first of them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -18,8 +21,9 @@ from numpy.typing import NDArray
 
 from servo.controllers._inverse import Inverse, servoed_by, twist_of
 from servo.controllers._law_settings import LawSettings, adaptive_gain
-from servo.controllers._limits import DesiredTwist, Guard, LimitedTwist, Limits
+from servo.controllers._limits import DesiredTwist, Guard, LimitedTwist, Limits, excess
 from servo.controllers._pending_commands import PendingCommands
+from servo.controllers._range_ends import RangeEnds
 from servo.controllers._target_loss import TargetLoss
 from servo.mistake import unknown
 from servo.parts import FeatureSet, OwnInverse, Task
@@ -99,6 +103,7 @@ class Ibvs:
         self._faded_features = np.zeros(len(self._scales), bool)
         self._time = 0.0
         self._servoed: NDArray[np.bool_] | None = None
+        self._ends: RangeEnds | None = None
 
     def _aim(self, goal: Sight) -> None:
         """Take over another goal."""
@@ -123,14 +128,25 @@ class Ibvs:
             mode = self._loss.wait(dt)
         predicted = predicted.times(scales)
         asked = self._twist(predicted, mode, posture, dt, seen)
+        ends = self._ends
+        joints = () if ends is None else ends.bounds.names_at(ends.held)
+        limits = tuple(dict.fromkeys((*joints, *asked.limits)))
         twist, saturated = self._limits.apply(asked.twist, dt)
         self._pending.add(twist)
         return Command(
             twist,
-            saturated or bool(asked.limits),
+            saturated or bool(limits),
             mode,
-            Trace(self._seen, error, predicted, scales, own.past, self._servoed),
-            asked.limits,
+            Trace(
+                self._seen,
+                error,
+                predicted,
+                scales,
+                own.past,
+                self._servoed,
+                None if ends is None else ends.held,
+            ),
+            limits,
             asked.violated,
         )
 
@@ -176,28 +192,83 @@ class Ibvs:
     def _twist(
         self, predicted: Prediction, mode: Mode, posture: Posture, dt: float, seen: Sight | None
     ) -> LimitedTwist:
-        """Return the twist of the law before limits of speed; a guard has limited it."""
+        """Return the twist of the law before limits of speed; a guard has limited it. `_ends` are
+        then those of the joints that it left out.
+        """
+        self._ends = None
         if mode is Mode.HOLDING:
             return LimitedTwist(np.zeros(6))
         if mode is Mode.SEARCHING:
             return LimitedTwist(self._loss.search(dt))
         c = self._config
-        inverse = self._inverse(posture)
-        ahead = inverse.pseudo @ predicted.error
-        gain = adaptive_gain(c, ahead)
-        target = inverse.pseudo @ (self._fed * predicted.motion)
-        twist = -gain * ahead - target
+        pieces = self._pending.coming(posture, dt)
+        way = sum((twist * share for twist, share in pieces), start=np.zeros(6)) * dt
+        inverse, made = self._left_by_ranges(predicted, posture, way, dt)
+        twist, asked, target = self._asked(inverse, predicted, made)
         if c.smooth_start > 0:
-            twist = twist + self._faded(gain * ahead, dt, seen)
+            twist = twist + self._faded(asked, dt, seen)
         if c.secondary:
             twist = twist + c.secondary_gain * inverse.free @ twist_of(c.secondary, posture)
         if self._guard is None:
             return LimitedTwist(twist)
         L = (inverse.L / self._scales[:, None])[self._known]
-        pieces = self._pending.coming(posture, dt)
-        way = sum((twist * share for twist, share in pieces), start=np.zeros(6)) * dt
         moves = inverse.moves & (self._weights > 0)
         return self._guard.limited(DesiredTwist(twist, target, L, moves, way, seen, posture, dt))
+
+    def _asked(
+        self, inverse: Inverse, predicted: Prediction, made: Array | None
+    ) -> tuple[Array, Array, Array]:
+        """Return the twist (6,) of the law, and its two parts with the other sign: for the error,
+        and for the target's own motion.
+
+        Args:
+            inverse: Of what may move.
+            predicted: What the twist answers.
+            made: What joints at the ends of their ranges still make (6,); the others answer that,
+                too.
+        """
+        ahead = inverse.pseudo @ predicted.error
+        asked = adaptive_gain(self._config, ahead) * ahead
+        target = inverse.pseudo @ (self._fed * predicted.motion)
+        twist = -asked - target
+        if made is not None:
+            twist += made - inverse.pseudo @ (inverse.L @ made)
+        return twist, asked, target
+
+    def _left_by_ranges(
+        self, predicted: Prediction, posture: Posture, way: Array, dt: float
+    ) -> tuple[Inverse, Array | None]:
+        """Return the inverse over what joints inside their ranges can do, and the twist (6,) that
+        the others still make; None where there are no others.
+
+        Args:
+            predicted: What the twist shall answer.
+            posture: The robot.
+            way: What the camera still moves (6,) before the twist acts [m, rad].
+            dt: Time since the last frame [s].
+        """
+        inverse = self._inverse(posture)
+        made: Array | None = None
+        ends = RangeEnds.of(posture, way, dt)
+        moves = inverse.moves
+        may_move = moves & (self._weights > 0)
+        while ends is not None:
+            twist, _, _ = self._asked(inverse, predicted, made)
+            fast = max(1.0, excess(twist, self._config.fastest, self._config.fastest_turn))
+            more = ends.holding(twist / fast)
+            left = None if more is ends else more.left(may_move)
+            if left is None:
+                break
+            self._ends = ends = more
+            motions, made = left
+            rows = servoed_by(self._goal_matrix, motions)
+            # Both of the centre: in the order alone, the first took a direction from the second.
+            rows[:2] = True
+            rows &= self._known
+            # A guard weighs only the features that are servoed still.
+            L = self._chosen_matrix() * rows[:, None]
+            inverse = replace(Inverse.through_joints(L, rows, motions), moves=moves)
+        return inverse, made
 
     def _faded(self, asked: Array, dt: float, seen: Sight | None) -> Array:
         """Return the part of a twist (6,) that a smooth start takes away. It begins again where

@@ -5,7 +5,7 @@ With v* the twist that `ibvs` asks for, and L the interaction matrix of the feat
 
     minimise |L (v - v*)|^2 + DAMPING |v - v*|^2, so that
     |v_i| <= fastest, |w_i| <= fastest_turn                                          (speed)
-    JOINT_GAIN (lower - q) <= J# v <= JOINT_GAIN (upper - q), and the joints' rates  (joints)
+    RANGE_GAIN (lower - q) <= J# v <= RANGE_GAIN (upper - q), and the joints' rates  (joints)
     dh/dt >= -VIEW_GAIN h, for the way h of each corner to each side of the picture  (view)
 
 Where nothing limits it, v is v*. With the last line h is a control barrier function: it decays
@@ -48,11 +48,6 @@ EXACT = 1e-9
 VIEW_GAIN = 5.0
 """How fast a corner may use up its way to a side [1/s]; at most the frame rate counts. Chosen by
 hand: a way is used up to 1 % in a second."""
-JOINT_MARGIN = 0.02
-"""Way to the joints' limits that is kept [m or rad]; the robot itself stops at 0.01."""
-JOINT_GAIN = 5.0
-"""How fast a joint may use up its way to a limit [1/s]; at most the frame rate counts. The robot
-slows the whole motion from 8 on, so the programme acts first."""
 LEAVING = 1.0
 """A corner that is faster than the view allows by more than this violates it [px/s]."""
 
@@ -119,13 +114,12 @@ class Programme:
     def _bounds(self, desired: DesiredTwist) -> tuple[Bounds, Bounds | None]:
         """Return the hard bounds, and those of the view where the target's corners are seen."""
         seen = desired.seen
-        rate = 1 / desired.dt
         view = None
-        joints = joint_bounds(
-            desired.posture, desired.way, JOINT_MARGIN, gain=min(JOINT_GAIN, rate)
-        )
+        joints = joint_bounds(desired.posture, desired.way, desired.dt)
         if seen is not None and seen.corners is not None:
-            view = view_bounds(desired, seen, self._camera, self._margin, min(VIEW_GAIN, rate))
+            view = view_bounds(
+                desired, seen, self._camera, self._margin, min(VIEW_GAIN, 1 / desired.dt)
+            )
         return self._speed if joints is None else self._speed + joints, view
 
 

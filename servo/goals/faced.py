@@ -89,15 +89,19 @@ class Faced:
         )
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight:
-        """Return the desired sight at the time of a frame.
+        """Return the desired sight at the time of a frame; the arguments are those of `sight_at`."""
+        return self.sight_at(frame.time, by_corners=by_corners)
+
+    def sight_at(self, time: float, *, by_corners: bool = False) -> Sight:
+        """Return the desired sight at a time of the run [s].
 
         Args:
-            frame: Any picture of the run.
+            time: Of the run [s].
             by_corners: Whether the tracker reports the target's corners: a lens that distorts, or
                 pixels that are not square, show them as no rectangle of the target's shape. Other
                 trackers report a rectangle, so their goal is one.
         """
-        depth = self._config.depth_at(frame.time)
+        depth = self._config.depth_at(time)
         if (depth, by_corners) not in self._sights:
             self._sights = {(depth, by_corners): self._sight(depth, by_corners=by_corners)}
         return self._sights[depth, by_corners]

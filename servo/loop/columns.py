@@ -37,6 +37,8 @@ class Columns:
         self._rows = bytearray()
         self.final = deque[Step]()
         """Those of the last `FINAL_SPAN`."""
+        self.followed = deque[Step]()
+        """The same of the steps in which the target was not LOST."""
 
     @staticmethod
     def of(steps: Columns | Iterable[Step]) -> Columns:
@@ -66,9 +68,17 @@ class Columns:
             self.first = step.light()
             self._kind = np.dtype([(name, _kind(each), each.shape) for name, each in row.items()])
         self._rows += np.array(tuple(row.values()), self._kind).tobytes()
-        self.final.append(step.light())
-        while self.final[0].frame.time <= step.frame.time - FINAL_SPAN:
-            self.final.popleft()
+        light = step.light()
+        _append(self.final, light)
+        if step.estimate.status is not Status.LOST:
+            _append(self.followed, light)
+
+
+def _append(steps: deque[Step], step: Step) -> None:
+    """Append a step, and let go of those that are older than `FINAL_SPAN`."""
+    steps.append(step)
+    while steps[0].frame.time <= step.frame.time - FINAL_SPAN:
+        steps.popleft()
 
 
 def _kind(value: NDArray[Any]) -> type[bool] | type[float]:

@@ -20,10 +20,11 @@ from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Schedule, Timeline, mean_twist
 from servo.mistake import Mistake
 from servo.sight.exact import sight_of
-from servo.types import Sight
+from servo.types import Command, Sight
 from sim.camera.renderer import MakeRenderer, Unseen
 from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
+from sim.kinematics.rollout import FORESEEN, STEP
 from sim.placement import object_frame
 from sim.robots import mjcf
 from sim.surroundings import Surroundings
@@ -102,8 +103,8 @@ class Episode:
             goal = self._picture_at_goal() if self.loop.uses_pictures or shows_goal else None
             self.goal_picture = goal
             """The picture (H, W, 3) that the camera takes at the goal, if it was taken."""
-            self.begun = self._place_camera(scenario.start)
-            """How near the robot came to the start pose."""
+            self.begun = self._place_camera(scenario.start, self._way)
+            """How near the robot came to the start pose, and how its joints follow the motion."""
             moment = self.world.moment()
             first = moment.picture()
             self._moment: Moment | None = replace(moment, picture=lambda: first)
@@ -177,11 +178,27 @@ class Episode:
         self._place_camera(StartConfig())
         return self.world.look().image
 
-    def _place_camera(self, start: StartConfig) -> Reach:
+    def _way(self) -> list[Pose]:
+        """Return the poses of the camera that the goal asks for along the run."""
+        known = self.loop.features.known
+        goal = self.goal.sight_at(0.0)
+        turns = bool((known(goal) & ~known(replace(goal, angle_known=False))).any())
+        times = np.arange(0.0, min(self.scenario.run.duration, FORESEEN), STEP).tolist()
+        depths = [self.scenario.goal.depth_at(time) for time in times]
+        ends = dict(zip(depths, times, strict=True))
+        faced = {depth: self.goal.sight_at(time).pose for depth, time in ends.items()}
+        return [
+            self.world.eye_at_goal(time, faced[depth], turns=turns)
+            for time, depth in zip(times, depths, strict=True)
+        ]
+
+    def _place_camera(
+        self, start: StartConfig, way: Callable[[], list[Pose]] | None = None
+    ) -> Reach:
         seed = self.scenario.run.seed
         drawn = f", seed {seed}" * (seed != 0)  # of seed 0 nothing is drawn
         with self._refusals(f"start{drawn}: ", ImpossibleStart):
-            reach = self._start(start)
+            reach = self._start(start, way)
             if not reach:
                 what = "camera" if self.scenario.camera.mounted == "robot" else "target"
                 hint = HINT * isinstance(self.scenario.robot, mjcf.Config)
@@ -190,10 +207,10 @@ class Episode:
                 )
         return reach
 
-    def _start(self, start: StartConfig) -> Reach:
+    def _start(self, start: StartConfig, way: Callable[[], list[Pose]] | None) -> Reach:
         if start.pose is not None:
             turn = exp_so3(np.radians(start.pose[3:]))
-            return self.world.start_facing(Pose(turn, np.array(start.pose[:3])))
+            return self.world.start_facing(Pose(turn, np.array(start.pose[:3])), way)
         first = self.world.goal()
         if first is None:
             goal, theta, depth = self.goal.pixel, self.goal.theta, self.scenario.goal.depth
@@ -203,7 +220,7 @@ class Episode:
         theta = theta + radians(start.angle_deg)
         depth = float(depth) / start.scale
         tilt = radians(start.tilt_deg), radians(start.tilt_towards_deg)
-        return self.world.start(pixel, theta, depth, *tilt)
+        return self.world.start(pixel, theta, depth, *tilt, way)
 
     def _start_loop(self, first: Frame, truth: Truth, goal: Image | None, *, steered: bool) -> None:
         """Start the loop with the region that the scenario gives."""
@@ -339,14 +356,28 @@ class Episode:
         elif self._moment is not None:
             self._pass(self._timeline.acting(later=1))
         passed = self._passages.popleft()
+        command = self._timeline.latest.decision.command
+        held = () if twist is not None else self._held_by(command)
+        limits = tuple(dict.fromkeys((*passed.limits, *held)))
         return replace(
             step,
-            command=self._timeline.latest.decision.command,
+            command=command,
             twist_acting=passed.twist,
-            limited=bool(passed.limits),
-            joint_limits=passed.limits,
+            limited=bool(limits),
+            joint_limits=limits,
             seconds=replace(step.seconds, physics=passed.seconds),
         )
+
+    def _held_by(self, command: Command) -> list[str]:
+        """Return the joints that a law leaves out, as `World.step` names them."""
+        held = None if command.trace is None else command.trace.held
+        if held is None:
+            return []
+        return [
+            f"{name} (range)"
+            for name, is_held in zip(self.world.robot.names, held, strict=True)
+            if is_held
+        ]
 
 
 def run(scenario: Setup) -> Iterator[Step]:

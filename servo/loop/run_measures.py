@@ -106,7 +106,8 @@ class Summary:
     measures: dict[str, float]
     """Values by name, in the order of `MEANINGS`; infinite or nan where there is none."""
     limits: tuple[str, ...] = ()
-    """The joints whose limits were hit in the end, where this is the outcome."""
+    """The joints whose limits were hit in the end, where this is the outcome; those whose ranges
+    ended before the target was lost."""
     off: tuple[str, ...] = ()
     """What was too far from the goal in the end, such as "angle 27 deg", where time ran out."""
 
@@ -157,8 +158,7 @@ def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: fl
     if not late.any():
         values |= dict.fromkeys(COUNTED, np.nan)
     outcome = _outcome(final)
-    hit = [name for s in final for name in s.joint_limits]
-    limits = tuple(dict.fromkeys(hit)) if outcome is Outcome.LIMIT_HIT else ()
+    limits = () if outcome is Outcome.CONVERGED else _limits_met(run, outcome)
     off = _worst_off(final) if outcome is Outcome.TIMED_OUT else ()
     return Summary(outcome, {name: float(values[name]) for name in MEANINGS}, limits, off)
 
@@ -175,10 +175,6 @@ def timed(run: Columns) -> Array:
 def _where(flags: NDArray[np.bool_], values: Array) -> Array:
     """Return the values that have a flag, or all if none has one."""
     return values[flags] if flags.any() else values
-
-
-def _final(steps: Sequence[Step]) -> list[Step]:
-    return [s for s in steps if s.frame.time > steps[-1].frame.time - FINAL_SPAN]
 
 
 def _rms(values: Array) -> float:
@@ -248,9 +244,9 @@ def _settling_time(times: Array, servo: Array, turned: Array, grown: Array) -> f
     return float(times[last + 1])
 
 
-def _outcome(steps: Sequence[Step]) -> Outcome:
-    last = steps[-1]
-    final = _final(steps)
+def _outcome(final: Sequence[Step]) -> Outcome:
+    """Return the outcome of a run by the steps of its last second."""
+    last = final[-1]
     height, width = last.frame.image.shape[:2]
     inside = np.all((last.truth.centre >= 0) & (last.truth.centre <= (width, height)))
     pixels = last.goal_sight.picture is not None  # nobody asks the tracker then
@@ -260,9 +256,26 @@ def _outcome(steps: Sequence[Step]) -> Outcome:
         return Outcome.DIVERGED
     if not any(_off(s) for s in final):
         return Outcome.CONVERGED
-    if all(s.limited for s in final):
+    if all(s.limited for s in final) or any(map(_ends_a_range, _limits(final))):
         return Outcome.LIMIT_HIT
     return Outcome.TIMED_OUT if inside else Outcome.DIVERGED
+
+
+def _limits_met(run: Columns, outcome: Outcome) -> tuple[str, ...]:
+    """Return the limits of joints in the last second; of a lost target the ends of ranges in the
+    second before it was lost.
+    """
+    if outcome is Outcome.LIMIT_HIT:
+        return _limits(run.final)
+    return tuple(filter(_ends_a_range, _limits(run.followed)))
+
+
+def _limits(steps: Iterable[Step]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name for s in steps for name in s.joint_limits))
+
+
+def _ends_a_range(limit: str) -> bool:
+    return limit.endswith("(range)")
 
 
 def _off(step: Step) -> dict[str, float]:

@@ -4,7 +4,7 @@ where these find none by least squares in a trust region from the same places.
 """
 
 import importlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import degrees
@@ -18,11 +18,14 @@ from sim.geometry import angle_of
 from sim.kinematics.chain import ALL_WAYS
 from sim.kinematics.drives import random_joints
 from sim.kinematics.robot import Robot
+from sim.kinematics.rollout import Rollout, roll_out
 from sim.types import Array, Pose
 
 RESTARTS = 40
 ENOUGH = 8
 """The search begins at so many places at most, and ends with so many solutions."""
+MOST_WAYS = 40
+"""Postures from which a way is tried where it does not stay inside the ranges."""
 OUT_OF_REACH = 0.5
 """Where all programmes end farther from a pose [m and rad], least squares are not tried."""
 SEARCH_STEPS = 60
@@ -57,6 +60,8 @@ class Reach:
     """The joint that is nearest to a limit, for its range; empty where none has limits."""
     room: float
     """How far it is from the limit, as a part of its range."""
+    rollout: Rollout | None = None
+    """How the joints follow the way from there; None where nobody asked."""
 
     def __bool__(self) -> bool:
         return self.there
@@ -71,25 +76,39 @@ class Reach:
 
 
 def reach(
-    robot: Robot, data: mujoco.MjData, T_world_camera: Pose, point: Array | None = None
+    robot: Robot,
+    data: mujoco.MjData,
+    T_world_camera: Pose,
+    point: Array | None = None,
+    way: Callable[[], Sequence[Pose]] | None = None,
 ) -> Reach:
     """Set the joints so that the camera takes a pose, or comes near it; how near.
 
-    The first of the robot's homes that leads there is taken. A robot of fewer than six joints, for
-    which there is no way, is there where the camera sees a point in the right direction.
+    The first of the robot's homes that leads there is taken, without homes the most comfortable
+    posture. Where a joint would come to the end of its range on the way, the posture that keeps
+    most room is taken in its place, if there is one from which none does. A robot of fewer than six
+    joints, for which there is no way, is there where the camera sees a point in the right
+    direction.
 
     Args:
         robot: Its joints, their limits and its homes.
         data: What is set.
         T_world_camera: The pose.
         point: What the camera looks at (3,), in the world; by default what is on its axis.
+        way: Returns what follows, for `roll_out`.
     """
-    there = any(robot.converge(data, home, T_world_camera) for home in robot.homes)
+    homes = (home for home in robot.homes if robot.converge(data, home, T_world_camera))
+    found: Iterator[Array] = (data.qpos[robot.qpos].copy() for _ in homes)
+    there = next(found, None) is not None
     if not there and len(robot.ids) < ALL_WAYS:
         axis = T_world_camera.apply(np.array([0.0, 0.0, 1.0]))
         there = _look(robot, data, T_world_camera, axis if point is None else point)
     elif not there:
-        there = _search(robot, data, T_world_camera)
+        found = iter(_search(robot, data, T_world_camera))
+        there = next(found, None) is not None
+    rollout = None
+    if there and way is not None and len(robot.ids) >= ALL_WAYS and robot.has_ranges:
+        rollout = _keep_inside(robot, data, found, way())
     error = robot.eye(data).inverse() @ T_world_camera
     q = data.qpos[robot.qpos]
     span = robot.upper - robot.lower
@@ -103,7 +122,46 @@ def reach(
         angle=angle_of(error.rotation),
         joint=robot.names[tightest] if limited.any() else "",
         room=float(room[tightest]),
+        rollout=rollout,
     )
+
+
+def _keep_inside(
+    robot: Robot, data: mujoco.MjData, others: Iterable[Array], way: Sequence[Pose]
+) -> Rollout:
+    """Stay in this posture if all joints stay inside their ranges on the way; else take the one of
+    some others, and of those a whole turn of a joint away, from which they keep most room. Where
+    they do from none, stay.
+    """
+    begin = data.qpos[robot.qpos].copy()
+    first = roll_out(robot, data, way)
+    if not first.joint:
+        return first
+    best = first, begin
+    waiting = [*_turned(robot, begin, first.joint), *others]
+    for _ in range(MOST_WAYS):
+        if not waiting:
+            break
+        q = waiting.pop(0)
+        data.qpos[robot.qpos] = q
+        robot.refresh(data)
+        tried = roll_out(robot, data, way)
+        if tried.joint:
+            waiting += _turned(robot, q, tried.joint)
+        elif best[0].joint or tried.room > best[0].room:
+            best = tried, q
+    rollout, data.qpos[robot.qpos] = best
+    robot.refresh(data)
+    return rollout
+
+
+def _turned(robot: Robot, q: Array, joint: str) -> list[Array]:
+    """Return postures (n,) that differ by a whole turn of a hinge, inside its range."""
+    at = robot.names.index(joint)
+    if robot.units[at] != "rad":
+        return []
+    turn = 2 * np.pi * np.eye(len(q))[at]
+    return [p for p in (q - turn, q + turn) if robot.lower[at] <= p[at] <= robot.upper[at]]
 
 
 def _look(robot: Robot, data: mujoco.MjData, T_world_camera: Pose, point: Array) -> bool:
@@ -145,8 +203,10 @@ def _direction(T_world_camera: Pose, point: Array) -> Array:
     return towards / np.linalg.norm(towards)
 
 
-def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> bool:
-    """Take the most comfortable of several solutions, or the posture that came nearest."""
+def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> list[Array]:
+    """Take the most comfortable of several solutions, or the posture that came nearest; the
+    solutions (n,), the most comfortable first.
+    """
     rng = np.random.default_rng(0)
     starts = [*robot.homes, *random_joints(robot.model, robot.ids, rng, RESTARTS)]
     found: list[tuple[float, Array]] = []
@@ -160,9 +220,10 @@ def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> bool:
             nearest = left, q
         if left < NEAR and robot.converge(data, q, T_world_camera):
             found.append((comfort(robot, data), data.qpos[robot.qpos].copy()))
-    _, data.qpos[robot.qpos] = max(found, key=lambda f: f[0]) if found else nearest
+    solutions = [q for _, q in sorted(found, key=lambda f: -f[0])]
+    data.qpos[robot.qpos] = solutions[0] if solutions else nearest[1]
     robot.refresh(data)
-    return bool(found)
+    return solutions
 
 
 def _descend(

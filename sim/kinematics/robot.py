@@ -31,6 +31,8 @@ STOP_GAIN = 8.0
 """Largest rate towards a joint limit, per unit of room left [1/s]."""
 STOP_MARGIN = 0.01
 """Room that is kept before a joint limit [m or rad]."""
+AT_END = 1e-3
+"""A joint that is nearer to an end of its range than this stands there [m or rad]."""
 NEAR_LIMIT = 0.1
 """Share of the way from middle to limit that is near it: there the freedom of an arm of more than
 six joints moves the joint back; over as much before it, gradually. Chosen by hand."""
@@ -47,6 +49,8 @@ SECOND_TASK = 1e-8
 limits allow, wherever the arm is not near a singular pose."""
 EXACT = 1e-4
 """A twist that differs by less than this [m/s, rad/s] is the one asked for."""
+STAYS = 1e3
+"""Weight of the parts of a twist that are to stay zero, over that of the others."""
 UNLIMITED = 1e6
 """A rate that no joint has: DAQP takes no infinities."""
 HALF_TURN = np.pi - 1e-5
@@ -225,6 +229,11 @@ class Robot:
         self._jacobians = np.zeros((2, 3, model.nv))
         self._ahead = mujoco.MjData(model)
 
+    @property
+    def has_ranges(self) -> bool:
+        """Return whether a joint has a limited range."""
+        return bool(self._limited.any())
+
     def servos(self) -> Array:
         """Return the time constants of the drives' own servos (n,) [s], for implicit steps."""
         model = self.model
@@ -282,9 +291,10 @@ class Robot:
         """Joint rates (n,) for a camera twist (6,), the twist (6,) that they make, and the joints
         whose limits changed it, such as "elbow (range)".
 
-        A saturated camera still moves in the direction asked for, where its accelerations allow it:
-        a programme decides where joints have such limits, or there are more than six; otherwise
-        one factor slows all.
+        A joint at the end of its range leaves the solution: it is as fast as its range allows, and
+        the others make the rest of the twist. Rates that are too fast keep the direction, where
+        accelerations allow it: a programme decides where joints have such limits, or there are
+        more than six; otherwise one factor slows all.
 
         Args:
             data: Where the joints are.
@@ -308,9 +318,49 @@ class Robot:
             if np.abs(made - J @ wanted).max() < EXACT:
                 return rates, made, ()
             names = self._outside(data, wanted, box) or self._outside(data, liked, box)
+            left = self._inside_ranges(data, J, twist, wanted)
+            if left is not wanted:
+                rates = _programme(J, left, left + liked - wanted, box)
+                made = J @ rates
             return rates, made, names
-        slowed = wanted * _slowed(wanted, box)
+        left = self._inside_ranges(data, J, twist, wanted)
+        slowed = left * _slowed(left, box)
         return slowed, J @ slowed, self._outside(data, wanted, box)
+
+    def _inside_ranges(self, data: mujoco.MjData, J: Array, twist: Array, wanted: Array) -> Array:
+        """Return rates (n,) with which no joint leaves its range: one that would is as fast as its
+        range allows, and the others come as near to the rest of the twist as they can. Parts of
+        the twist that are zero stay so first: a level camera stays level.
+        """
+        weights = np.where(twist == 0.0, STAYS, 1.0)
+        low, high = self._ends(data)
+        rates = wanted
+        free = np.ones(len(wanted), bool)
+        while (over := free & ((rates < low) | (rates > high))).any():
+            rates = np.where(over, rates.clip(low, high), rates)
+            free &= ~over
+            if free.any():
+                rest = twist - J[:, ~free] @ rates[~free]
+                weighted = weights[:, None] * J[:, free]
+                rates[free] = damped_inverse(weighted, self._inversion) @ (weights * rest)
+        return rates
+
+    def _ends(self, data: mujoco.MjData) -> tuple[Array, Array]:
+        """Return the least and the largest rates (n,) that the ranges allow."""
+        lower, upper, _, _, most = self._bounds
+        q = data.qpos[self.qpos].tolist()
+        back = [-_stopping(at - end, a) for at, end, a in zip(q, lower, most, strict=True)]
+        on = [_stopping(end - at, a) for at, end, a in zip(q, upper, most, strict=True)]
+        return np.array(back), np.array(on)
+
+    def stopped(self, data: mujoco.MjData, rates: Array) -> list[str]:
+        """Return the joints that rates (n,) drive on where their range has ended, as `rates` names
+        them.
+        """
+        q = data.qpos[self.qpos]
+        back = (q < self.lower + AT_END) & (rates < 0)
+        on = (q > self.upper - AT_END) & (rates > 0)
+        return [f"{self.names[k]} (range)" for k in np.flatnonzero(back | on)]
 
     def driven(self, rates: Array, hold: float) -> Array:
         """Return the rates (n,) of joints that are driven at these for a time [s]: the same."""
