@@ -14,10 +14,7 @@ from servo.scenario.load import Scenario
 from servo.scenario.tables import TABLES
 from servo.types import DOF
 from sim.kinds import kind_of
-from tracking.trackers import KINDS
 
-OF_CORNERS = ("tag", "homography")
-"""Trackers of ours that report corners, and with them the target's tilt."""
 WITHOUT_EGO = ("cv_mil", "opencv", "trax")
 """Trackers of others, which are given pictures only."""
 
@@ -32,12 +29,6 @@ class Need:
     """Whether they have one in an episode."""
     otherwise: str
     """Why they have none."""
-
-
-def reports_corners(tracker: object) -> bool:
-    """Return whether a tracker with these settings reports the target's corners."""
-    ours = type(tracker).__module__.startswith(f"{KINDS.folder}.")
-    return ours and (kind_of(tracker) in OF_CORNERS or bool(getattr(tracker, "corners", False)))
 
 
 def idle_settings(episode: Episode) -> list[str]:
@@ -88,15 +79,8 @@ def _weights_choose(episode: Episode) -> bool:
     return bool((np.array(law.weights)[moves] == 0).any() or moves.sum() > features)
 
 
-def _tilt_is_sought(episode: Episode) -> bool:
-    return not (episode.loop.uses_pictures or reports_corners(episode.scenario.tracker))
-
-
-def _depth_is_sought(episode: Episode) -> bool:
-    if episode.loop.uses_pictures:
-        return False
-    by_picture = episode.scenario.sight.depth == "picture"
-    return by_picture or not reports_corners(episode.scenario.tracker)
+def _sight_is_servoed(episode: Episode) -> bool:
+    return not episode.loop.uses_pictures
 
 
 NEEDS = (
@@ -136,14 +120,9 @@ NEEDS = (
         'nothing is taken from the table without sight.plane or sight.depth = "known"',
     ),
     Need(
-        ("sight.plane", "sight.table_height"),
-        _tilt_is_sought,
-        "pixels are servoed, or the tracker reports corners, which say how the target lies",
-    ),
-    Need(
-        ("sight.depth",),
-        _depth_is_sought,
-        "pixels are servoed, or the tracker reports corners, which say how far the target is",
+        ("sight.plane", "sight.depth", "sight.table_height"),
+        _sight_is_servoed,
+        "pixels are servoed",
     ),
     Need(
         ("run.ego",),

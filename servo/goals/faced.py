@@ -89,7 +89,7 @@ class Faced:
         )
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight:
-        """Return the desired sight at the time of a frame; the arguments are those of `sight_at`."""
+        """Return the desired sight at the time of a frame, as `sight_at` does."""
         return self.sight_at(frame.time, by_corners=by_corners)
 
     def sight_at(self, time: float, *, by_corners: bool = False) -> Sight:

@@ -7,7 +7,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from servo.loop.columns import FINAL_SPAN, Columns
+from servo.loop.columns import Columns
 from servo.loop.settings import MeasureConfig
 from servo.loop.step import Step
 from sim.geometry import angle_of, half_turn
