@@ -106,6 +106,7 @@ NAMES = [
     ("distortion_model", "Fisheye", "fisheye"),
     ("camera_model", "KANNALA-BRANDT", "fisheye"),
     ("Camera.type", "KannalaBrandt8", "fisheye"),
+    ("model_type", "KANNALA_BRANDT", "fisheye"),
     ("lens_type", "equidistant", "fisheye"),
     ("fisheye_model", "true", "fisheye"),
     ("distortion_model", "radtan", "plumb_bob"),
@@ -287,6 +288,13 @@ WRONG = {
         f"cam.yaml: camera_model = 'omni' is not known; there is {LENSES} (leave it out if it names "
         "no lens)",
     ),
+    "another lens that is not simulated": (
+        "head",
+        "head\nmodel_type: MEI",
+        f"cam.yaml: model_type = 'MEI' is not known; there is {LENSES} (leave it out if it names "
+        "no lens)",
+    ),
+    "a matrix of nothing": (K, "[]", "cam.yaml: camera_matrix.data is empty"),
     "two lenses": (
         "head",
         "head\ncamera_model: fisheye",

@@ -153,7 +153,7 @@ WRONG = {
         "encoder_x_m jumps by 0.0503 m at time_s = 7, which no command explains: leave out what "
         "is wrong",
     ),
-    "a joint that only has noise": (
+    "an encoder of another motion": (
         lambda c: {JOINT: c[ENCODER][np.random.default_rng(2).permutation(len(c[JOINT]))]},
         "the encoder of x does not move with its joint: leave its column out",
     ),

@@ -56,7 +56,9 @@ KEYS = {
     "d": "distortion_coefficients",
 }
 """The keys by their letters; a message of ROS, printed, has the short ones."""
-NAMING = re.compile("(camera|distortion|lens|projection)?(model|type)|distortion|projection|lens")
+NAMING = re.compile(
+    "(cam(era)?|calibration|distortion|lens|projection)?(model|type)+|distortion|lens|projection"
+)
 """Letters of the keys whose value names a lens."""
 NO_DISTORTION = "none"
 UNSAID = ("", NO_DISTORTION, "pinhole", "perspective")
@@ -303,7 +305,8 @@ def _numbers(data: Any, key: str, place: str) -> list[float]:
     if data is None:
         raise Mistake(f"{place}: {key} is missing, or has no data")
     if data == []:
-        raise Mistake(f"{place}: {key}.data is empty; a lens without distortion has zeros")
+        zeros = "" if key == "camera_matrix" else "; a lens without distortion has zeros"
+        raise Mistake(f"{place}: {key}.data is empty{zeros}")
     try:
         numbers = np.array(data, np.float64)
     except (TypeError, ValueError, OverflowError):

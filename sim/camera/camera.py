@@ -66,8 +66,8 @@ class CameraConfig:
     coefficients: tuple[Annotated[float, Ge(-10_000), Le(10_000)], ...] = ()
     """Coefficients of the distortion, in OpenCV's order."""
     calibration: File | None = None
-    """YAML file (ROS camera_info or OpenCV) that gives fx, fy, cx, cy, distortion and image size;
-    beside the scenario's file, or in the working directory where --set names it."""
+    """File (ROS camera_info, or OpenCV's YAML or XML) that gives fx, fy, cx, cy, distortion and
+    image size; beside the scenario's file, or in the working directory where --set names it."""
     supersample: Annotated[int, Ge(1), Le(4)] = 1
     """Each pixel is the mean of this many times as many in both directions: edges then move
     smoothly, and not from pixel to pixel. Rendering takes three times as long with 2."""
