@@ -21,6 +21,7 @@ from servo.cli.terminal import (
     progress_bar,
     waiting,
 )
+from servo.closing import closing
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
 from servo.loop.run_measures import MEANINGS, Outcome, timed
@@ -95,11 +96,11 @@ def run_scenario(
         try:
             output = RunFolder(folder, episode, rerun=rerun, more=more)
             writing = _write(episode, output, console, steps)
-        except PartFailed as error:
-            raise with_traceback(error, folder) from None
-        except KeyboardInterrupt:
+        except (PartFailed, KeyboardInterrupt) as error:
             if not steps:
                 discard(folder, outputs.files)
+            if isinstance(error, PartFailed):
+                raise with_traceback(error, folder) from None
             raise
     job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
     record = record_of(job, scenario, steps)
@@ -120,19 +121,16 @@ def run_scenario(
 def _write(episode: Episode, output: RunFolder, console: Console, steps: list[Step]) -> list[float]:
     """Add the steps, without their pictures, to a list; how long each took to write [s]."""
     writing: list[float] = []
-    try:
-        with progress_bar(console) as progress:
-            name = escape(episode.scenario.name)
-            task = progress.add_task(name, total=episode.frames, note=COMPILING)
-            for step in episode:
-                note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
-                progress.update(task, advance=1, note=note)
-                began = time.perf_counter()
-                output.add(step)
-                writing.append(time.perf_counter() - began)
-                steps.append(step.light())
-    finally:
-        output.close()
+    with closing(output.close), progress_bar(console) as progress:
+        name = escape(episode.scenario.name)
+        task = progress.add_task(name, total=episode.frames, note=COMPILING)
+        for step in episode:
+            note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
+            progress.update(task, advance=1, note=note)
+            began = time.perf_counter()
+            output.add(step)
+            writing.append(time.perf_counter() - began)
+            steps.append(step.light())
     return writing
 
 

@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from servo.closing import closing
 from servo.loop.episode import Episode
 from servo.loop.step import Step
 from servo.mistake import Mistake
@@ -192,11 +193,9 @@ class McapFile:
         Raises:
             OSError: It cannot be written.
         """
-        try:
+        with closing(self._file.close):
             self._writer.close()
-        finally:
             self._file.check()
-            self._file.close()
 
     def abandon(self) -> None:
         """Close the file after an error: what the disk refuses is left out."""
