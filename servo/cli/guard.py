@@ -3,6 +3,7 @@ signal raises an exception, as Ctrl-C does, so that files are closed.
 """
 
 import errno
+import importlib
 import io
 import logging
 import os
@@ -39,6 +40,10 @@ ENVIRONMENT = {
 }
 """Settings that keep libraries from writing to the terminal: a command prints one sentence about a
 failure. Values that the user has set stay."""
+STORE = "NUMBA_CACHE_DIR"
+"""The one setting of Numba that README names; it can be any text."""
+OF_NUMBA = Path(".numba_config.yaml")
+"""Numba reads its settings in this file of the current folder, too."""
 WINDOWS = "this runs on Linux and macOS; on Windows use WSL (wsl --install)"
 
 
@@ -54,6 +59,7 @@ def guarded(command: Callable[[], Any]) -> None:
         if platform.system() == "Windows":
             raise Mistake(WINDOWS)
         check_environment()
+        _check_numba()
         command()
     except SystemExit as end:  # of every command that click has run
         printer.flush()
@@ -81,6 +87,27 @@ def _set_environment() -> None:
         os.environ.pop("COLUMNS", None)  # rich cannot print with a width of 0
     if os.environ.get("NO_COLOR"):
         os.environ.pop("FORCE_COLOR", None)  # rich would still print bold words
+
+
+def _check_numba() -> None:
+    """Refuse settings of Numba that it cannot read: importing it would end in a traceback.
+
+    Raises:
+        Mistake: There are some.
+    """
+    given = [f"{k}={v}" for k, v in os.environ.items() if k.startswith("NUMBA_") and k != STORE]
+    if not given and not OF_NUMBA.exists():
+        return
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        try:
+            importlib.import_module("numba")
+        except (MemoryError, ImportError):
+            raise
+        except Exception as error:
+            reason = next(iter(str(error).splitlines()), type(error).__name__)
+            settings = ", ".join(given or [str(OF_NUMBA)])
+            raise Mistake(f"Numba cannot begin with {settings}: {reason}") from None
 
 
 def _say_warnings_in_a_line() -> None:

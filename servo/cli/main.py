@@ -306,7 +306,7 @@ def papers(
 )
 @click.option(
     "--figure-width",
-    type=click.FloatRange(2.0, 20.0),
+    type=opt.FiniteRange(2.0, 20.0),
     metavar="INCHES",
     help="Width of these figures, such as 3.5 for a column (default: 4.9).",
 )
