@@ -227,6 +227,9 @@ class StopSignal(KeyboardInterrupt):
         self.number = number
 
 
+CTRL_C = 128 + signal.SIGINT
+
+
 def exit_code(cause: KeyboardInterrupt) -> int:
     """The exit code that shells use for a program ended by a signal."""
     return 128 + (cause.number if isinstance(cause, StopSignal) else signal.SIGINT)
