@@ -214,7 +214,7 @@ ENDING = tuple(
 IMPORTER = "<frozen importlib._bootstrap>"
 """File of Python's own code that imports modules."""
 SOON = 0.02
-"""Time until a signal that comes during an import is tried again [s]."""
+"""Time until a signal that comes at the wrong moment is tried again [s]."""
 LONGEST_IMPORT = 5.0
 """From then on the import is stopped as well: it may hang [s]."""
 
@@ -251,13 +251,22 @@ def ending_signals() -> Generator[list[StopSignal]]:
         nonlocal latest
         latest = min(latest, monotonic() + LONGEST_IMPORT)
         if _imports(frame) and monotonic() < latest:
-            again = Timer(SOON, os.kill, (os.getpid(), number))
-            again.daemon = True
-            again.start()
+            _signal_soon(number)
         elif not raised:
             raised.append(StopSignal(number))
             raise raised[0]
 
+    def try_again(lost: "sys.UnraisableHookArgs") -> None:
+        # It was raised where Python has nobody to give it to: in a function that LLVM calls while
+        # it compiles, in a finalizer.
+        if isinstance(lost.exc_value, StopSignal):
+            raised.clear()
+            _signal_soon(lost.exc_value.number)
+        else:
+            hook(lost)
+
+    hook = sys.unraisablehook
+    sys.unraisablehook = try_again
     ours = (signal.SIG_DFL, signal.default_int_handler)
     before = {number: signal.getsignal(number) for number in ENDING}
     before = {number: handler for number, handler in before.items() if handler in ours}
@@ -266,8 +275,16 @@ def ending_signals() -> Generator[list[StopSignal]]:
     try:
         yield raised
     finally:
+        sys.unraisablehook = hook
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _signal_soon(number: int) -> None:
+    """Send this process a signal again."""
+    again = Timer(SOON, os.kill, (os.getpid(), number))
+    again.daemon = True
+    again.start()
 
 
 def _imports(frame: FrameType | None) -> bool:
