@@ -89,9 +89,12 @@ class ScenarioTest(pytest.Item):
     seed: int
 
     def runtest(self) -> None:
+        from servo.study.bounds import missed_lines
+
         _, record = self.parent.end_of(self.seed)
         if record.missed:
-            raise MissedBounds("\n".join(f"missed: {m}" for m in record.missed))
+            lines = missed_lines(record.missed, record.measures)
+            raise MissedBounds("\n".join(f"missed: {line}" for line in lines))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> str:
         """The sentence, and the command that repeats the run."""

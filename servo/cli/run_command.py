@@ -32,7 +32,7 @@ from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from servo.study.bounds import check_expect, unjudged
+from servo.study.bounds import check_expect, missed_lines, unjudged
 from servo.study.run import Job, Record
 from servo.study.run_report import RunReport
 from servo.study.scenario_run import LoadedScenario, record_of
@@ -255,7 +255,7 @@ def _stage_line(steps: Sequence[Step], writing: Sequence[float]) -> str:
 
 def print_missed(console: Console, record: Record) -> None:
     """Print missed bounds and the command that repeats the run; nothing if none was missed."""
-    for bound in record.missed:
-        plain(console, f"missed: {bound}")
+    for line in missed_lines(record.missed, record.measures):
+        plain(console, f"missed: {line}")
     if record.missed:
         plain(console, f"  again: {record.command}")
