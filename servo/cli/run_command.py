@@ -27,6 +27,7 @@ from servo.loop.part_failures import PartFailed
 from servo.loop.run_measures import MEANINGS, Outcome, timed
 from servo.loop.settings import DOES_NOT_REPEAT, Setup
 from servo.loop.step import DOF, Step
+from servo.mistake import Refused
 from servo.output.formats import command_line
 from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
@@ -96,7 +97,7 @@ def run_scenario(
         try:
             output = RunFolder(folder, episode, rerun=rerun, more=more)
             writing = _write(episode, output, console, steps)
-        except (PartFailed, KeyboardInterrupt) as error:
+        except (PartFailed, Refused, KeyboardInterrupt) as error:
             if not steps:
                 discard(folder, outputs.files)
             if isinstance(error, PartFailed):
