@@ -76,6 +76,17 @@ def check_estimate(estimate: object, *_: object) -> None:
         e.distance,
     )
     require(type(e.status) is Status, "the status is {!r}; use tracking.types.Status", e.status)
+    require(
+        isinstance(e.ess, Real) and not e.ess < 0,
+        "the effective sample size is {!r}; it is a number from 0 on, or nan",
+        e.ess,
+    )
+    whole = isinstance(e.evaluations, Real) and 0 <= e.evaluations <= MOST
+    require(
+        whole and e.evaluations == int(e.evaluations),
+        "evaluations is {!r}; it is a whole number from 0 on",
+        e.evaluations,
+    )
     flags = np.asarray(e.follows)
     require(
         flags.shape == (2,) and flags.dtype == np.bool_,
@@ -91,17 +102,6 @@ def check_estimate(estimate: object, *_: object) -> None:
     require(
         e.corners is None or _is_array(e.corners, (4, 2)),
         "the corners are not four points (4, 2) of finite numbers",
-    )
-    require(
-        isinstance(e.ess, Real) and not e.ess < 0,
-        "the effective sample size is {!r}; it is a number from 0 on, or nan",
-        e.ess,
-    )
-    whole = isinstance(e.evaluations, Real) and 0 <= e.evaluations <= MOST
-    require(
-        whole and e.evaluations == int(e.evaluations),
-        "evaluations is {!r}; it is a whole number from 0 on",
-        e.evaluations,
     )
     count = len(e.particles) if isinstance(e.particles, np.ndarray) and e.particles.ndim else 0
     require(

@@ -151,6 +151,6 @@ def test_a_page_that_has_no_room_is_not_written(tmp_path):
 
 def test_a_film_of_two_runs_that_cannot_be_played_is_not_left(tmp_path):
     run = f"'still {QUICK} --set run.duration=0.1'"
-    code, err = limited(8, f"film {run} {run} --out film.mp4", tmp_path)
+    code, err = limited(8, f"film {run} {run} --out film.mp4 -q", tmp_path)
     assert (code, err) == (1, "servobench: film.mp4: File too large\n")
     assert list(tmp_path.iterdir()) == []
