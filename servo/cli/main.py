@@ -366,8 +366,11 @@ def view(
     recording: Path, web: bool, port: int | None, png: Path | None, at: float, panel: str | None
 ) -> None:
     """Open a recording in the Rerun viewer, or draw a PNG."""
+    from servo.mistake import Mistake
     from servo.output.recording import view as viewer
 
+    if port is not None and not web:
+        raise Mistake("--port needs --web")
     path = viewer.recording_in(recording) if recording.is_dir() else recording
     viewer.check(path)
     if png is not None:
