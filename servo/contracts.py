@@ -14,7 +14,7 @@ from typing import Any, TypeVar, cast, final
 import numpy as np
 
 from servo.parts import FeatureSet
-from servo.types import DOF, Command, OwnMotion, Prediction, Sight, Trace
+from servo.types import DOF, Command, Mode, OwnMotion, Prediction, Sight, Trace
 from sim.geometry import is_rotation
 from sim.types import Array, Effect, Pose
 from tracking.types import Estimate, State, Status, goes_around
@@ -27,6 +27,9 @@ ROUNDING = 1e-9
 product of a rotation with its transpose leave the identity."""
 LARGEST = 1e9
 """Largest number of a state: products of larger ones would overflow."""
+
+MOST = 2**63 - 1
+"""Largest whole number of a table."""
 
 
 class BrokenContract(AssertionError):
@@ -73,6 +76,17 @@ def check_estimate(estimate: object, *_: object) -> None:
         e.distance,
     )
     require(type(e.status) is Status, "the status is {!r}; use tracking.types.Status", e.status)
+    require(
+        isinstance(e.ess, Real) and not e.ess < 0,
+        "the effective sample size is {!r}; it is a number from 0 on, or nan",
+        e.ess,
+    )
+    whole = isinstance(e.evaluations, Real) and 0 <= e.evaluations <= MOST
+    require(
+        whole and e.evaluations == int(e.evaluations),
+        "evaluations is {!r}; it is a whole number from 0 on",
+        e.evaluations,
+    )
     flags = np.asarray(e.follows)
     require(
         flags.shape == (2,) and flags.dtype == np.bool_,
@@ -231,8 +245,29 @@ def check_command(command: object, *_: object) -> None:
         "the twist is {}; it should be six finite numbers (vx, vy, vz, wx, wy, wz)",
         command.twist,
     )
-    trace = type(command.trace)
-    require(trace in (Trace, type(None)), "the trace is {}; use a Trace or None", trace.__name__)
+    flag = command.saturated
+    require(type(flag) in (bool, np.bool_), "saturated is {!r}; it is True or False", flag)
+    require(type(command.mode) is Mode, "the mode is {!r}; use servo.types.Mode", command.mode)
+    named: dict[str, object] = {"limits": command.limits, "violated": command.violated}
+    for name, limits in named.items():
+        right = isinstance(limits, tuple) and all(type(each) is str for each in limits)
+        require(right, "{} is {!r}; it is a tuple of names", name, limits)
+    _check_trace(command.trace)
+
+
+def _check_trace(trace: object) -> None:
+    """Check how a law says that it came to its twist: numbers, as many as there are features."""
+    if trace is None:
+        return
+    if not isinstance(trace, Trace):
+        raise BrokenContract(f"the trace is {type(trace).__name__}; use a Trace or None")
+    k = np.size(trace.features)
+    for name in ("features", "error", "scales", "own"):
+        values = getattr(trace, name)
+        right = _is_array(values, (k,), finite=False)
+        require(
+            right, "the trace's {} is {!r}; it should be {} numbers, nan for none", name, values, k
+        )
 
 
 def check_pose(pose: object, time: float) -> None:

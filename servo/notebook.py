@@ -74,6 +74,8 @@ class TextTable:
     arrow: pa.Table
 
     def __getattr__(self, name: str) -> Any:
+        if name == "arrow":  # a copy is asked before it has one
+            raise AttributeError(name)
         return getattr(self.arrow, name)
 
     def __repr__(self) -> str:

@@ -42,6 +42,8 @@ def compiled(
     )
 
     def compile_(loop: Loop) -> Loop:
+        if config.DISABLE_JIT:
+            return loop
         with suppress(RuntimeError):  # numba found no folder to write to
             return _stored(njit(loop, cache=True))
         of_user = config.CACHE_DIR

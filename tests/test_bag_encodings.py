@@ -47,10 +47,10 @@ def test_every_encoding_gives_its_colours(tmp_path, encoding):
     np.testing.assert_array_equal(picture.image[4:-4, 4:-4], np.broadcast_to(colour, (12, 22, 3)))
 
 
-@pytest.mark.parametrize("encoding", ["yuv422", "yuv422_yuy2"])
+@pytest.mark.parametrize("encoding", ["yuv422", "UYVY", "yuv422_yuy2", "YUYV"])
 def test_yuv_is_read_in_both_orders(tmp_path, encoding):
     luma, blue, red = 120, 90, 200
-    pair = (blue, luma, red, luma) if encoding == "yuv422" else (luma, blue, luma, red)
+    pair = (blue, luma, red, luma) if encoding in ("yuv422", "UYVY") else (luma, blue, luma, red)
     pixels = np.tile(np.array(pair, np.uint8).reshape(2, 2), (HEIGHT, WIDTH // 2, 1))
 
     def make(store):
@@ -60,6 +60,18 @@ def test_yuv_is_read_in_both_orders(tmp_path, encoding):
     y, u, v = 1.164 * (luma - 16), blue - 128, red - 128  # ITU-R BT.601
     expected = (y + 1.596 * v, y - 0.392 * u - 0.813 * v, y + 2.017 * u)
     np.testing.assert_allclose(picture.image[5, 6], expected, atol=1.5)
+
+
+@pytest.mark.parametrize("encoding", ["RGB8", "Mono8", "BAYER_RGGB8", "8uc3"])
+def test_capitals_are_those_of_some_drivers(tmp_path, encoding):
+    plain = next(each for each in ENCODINGS if each.lower() == encoding.lower())
+    pixels, colour = ENCODINGS[plain]
+
+    def make(store):
+        return [(bags.START, bags.RAW, bags.raw(store, 1.0, pixels, encoding))]
+
+    (picture,) = Bag(bags.write(tmp_path / "log.mcap", {"/eye": make}), None)
+    np.testing.assert_array_equal(picture.image[10, 10], colour)
 
 
 @pytest.mark.parametrize("big", [0, 1])

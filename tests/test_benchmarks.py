@@ -15,7 +15,7 @@ from publish import FEW, FIRST_PAGE, PAGES, with_tables
 
 from servo.bench import audit
 from servo.bench import benchmark as benchmarks
-from servo.bench.benchmark import NAMES, Band, load
+from servo.bench.benchmark import NAMES, Band, condition_of, load
 from servo.bench.contestant import Contestant, Division, contestants, scale_of
 from servo.bench.row import (
     TAUS,
@@ -630,6 +630,24 @@ def test_the_shipped_rows_have_a_page(monkeypatch, capfd, tmp_path):
         assert page.count("<td>home</td>") + page.count("<td>closed</td>") == count
         assert "What the worlds do" in page
     assert "others, see" not in (tmp_path / "loop-v1.html").read_text()
+
+
+def test_a_row_without_a_condition_has_an_empty_cell_there(public):
+    first, *others = shipped_rows(public)
+    missing = public.conditions[0].name
+    part = {key: won for key, won in first.worlds.items() if condition_of(key) != missing}
+    rows = [replace(first, worlds=part), *others]
+    (block, _) = benchmark_section.blocks_of(public, public.every_world(Band("v1")), {"": rows})
+    (points,) = (each for each in block.figures if each.title == "Points by condition")
+    cells = len(public.conditions) * len(standings(rows))
+    assert len(points.drawing.axes[0].texts) == cells - 1
+
+
+def test_a_row_without_a_world_of_the_others_is_a_sentence():
+    rows = [row("still", [0.0] * 3), replace(row("a", [1.0]), worlds={"x-00": Won(1.0, True)})]
+    sentence = "^the row 'a' has no world of the rows that fix the scale$"
+    with pytest.raises(Mistake, match=sentence):
+        standings(rows)
 
 
 def test_home_rows_are_grey_and_guests_are_named(public):

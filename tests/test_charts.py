@@ -56,6 +56,14 @@ def test_a_heat_map_has_its_numbers(chart, options, request):
     chart(f"heat-{request.node.callspec.id}", figure)
 
 
+@pytest.mark.parametrize("options", [{}, {"limits": (0.0, 1.0)}, {"log_from": 5.0}])
+def test_a_heat_map_of_nothing_but_nan_is_empty(options):
+    figure = charts.heat("t", "x", "y", ["p"], ["u", "v"], np.full((2, 1), np.nan), **options)
+    (axes,) = figure.drawing.axes
+    assert [text.get_text() for text in axes.texts] == []
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["u", "v"]
+
+
 def test_a_heat_map_of_many_columns_has_none(chart):
     columns = [f"column {i}" for i in range(14)]
     values = np.arange(28.0).reshape(2, 14)

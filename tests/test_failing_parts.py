@@ -15,7 +15,7 @@ from servo.loop.part_failures import PartFailed
 from servo.mistake import Mistake
 from servo.scenario.load import load
 from servo.testing import check_tracker
-from servo.types import Command, Prediction
+from servo.types import Command, Prediction, Trace
 from sim.types import Pose
 from tracking.types import Estimate, State, Status, check_region, unknown_covariance
 
@@ -88,6 +88,32 @@ FAILURES = {
         lambda e: dataclasses.replace(e, status="LOST")),
     "tracker 'odd': the corners are not four points (4, 2) of finite numbers":
         tracker(lambda e: dataclasses.replace(e, corners=np.full((4, 2), np.nan))),
+    "tracker 'odd': evaluations is 'x'; it is a whole number from 0 on": tracker(
+        lambda e: dataclasses.replace(e, evaluations="x")),
+    "tracker 'odd': evaluations is -5; it is a whole number from 0 on": tracker(
+        lambda e: dataclasses.replace(e, evaluations=-5)),
+    "tracker 'odd': evaluations is 2.5; it is a whole number from 0 on": tracker(
+        lambda e: dataclasses.replace(e, evaluations=2.5)),
+    f"tracker 'odd': evaluations is {2**63}; it is a whole number from 0 on": tracker(
+        lambda e: dataclasses.replace(e, evaluations=2**63)),
+    "tracker 'odd': evaluations is nan; it is a whole number from 0 on": tracker(
+        lambda e: dataclasses.replace(e, evaluations=np.nan)),
+    "tracker 'odd': the effective sample size is 'a'; it is a number from 0 on, or nan": tracker(
+        lambda e: dataclasses.replace(e, ess="a")),
+    "tracker 'odd': the effective sample size is -1.0; it is a number from 0 on, or nan": tracker(
+        lambda e: dataclasses.replace(e, ess=-1.0)),
+    "controller 'odd': saturated is 'no'; it is True or False": controller(
+        Command(np.zeros(6), saturated="no")),
+    "controller 'odd': the mode is 'SERVOING'; use servo.types.Mode": controller(
+        Command(np.zeros(6), mode="SERVOING")),
+    "controller 'odd': limits is 'speed'; it is a tuple of names": controller(
+        Command(np.zeros(6), limits="speed")),
+    "controller 'odd': violated is (3,); it is a tuple of names": controller(
+        Command(np.zeros(6), violated=(3,))),
+    "controller 'odd': the trace is str; use a Trace or None": controller(
+        Command(np.zeros(6), trace="x")),
+    "controller 'odd': the trace's error is 'x'; it should be 4 numbers, nan for none": controller(
+        Command(np.zeros(6), trace=Trace(np.zeros(4), "x", None, np.ones(4), np.zeros(4)))),
     "controller 'odd': command returned list; return a Command": controller([0.0] * 6),
     "controller 'odd': the twist is [nan  0.  0.  0.  0.  0.]; it should be six finite numbers":
         controller(Command(np.array([np.nan, 0, 0, 0, 0, 0]))),

@@ -1,6 +1,7 @@
 """Films: what they show and when, what a kill leaves of them, and that browsers play them."""
 
 import re
+import resource
 from contextlib import nullcontext
 from types import SimpleNamespace
 
@@ -76,6 +77,48 @@ def test_what_is_not_finished_can_be_played_but_for_a_second(tmp_path):
         writer.add(np.full((48, 64, 3), 7 * k, np.uint8), k / 10)
     writer.abandon()
     assert times_of(tmp_path / "a.mp4") == pytest.approx([k / 10 for k in range(30)])
+
+
+@pytest.fixture
+def no_file_over():
+    """Refuse to let a file grow over a size [bytes], as a full disk does."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+NOISE = np.random.default_rng(0).integers(0, 255, (25, 48, 64, 3), np.uint8)
+
+
+def write_noise(path):
+    writer = VideoWriter(path, 10.0, 64, 48)
+    try:
+        for k, picture in enumerate(NOISE):
+            writer.add(picture, k / 10)
+    finally:
+        writer.close()
+
+
+@pytest.mark.parametrize(
+    ("missing", "playable"),
+    [(1, 20), (8, 20), (600, 20), (13_000, 20), (20_000, 10), (39_000, 0), (64_800, 0)],
+)
+def test_what_a_full_disk_leaves_can_be_played_or_is_not_there(
+    tmp_path, no_file_over, missing, playable
+):
+    write_noise(tmp_path / "whole.mp4")
+    assert len(times_of(tmp_path / "whole.mp4")) == 25
+    no_file_over((tmp_path / "whole.mp4").stat().st_size - missing)
+    path = tmp_path / "cut.mp4"
+    with pytest.raises(OSError, match=r"File too large: '.*cut\.mp4'"):
+        write_noise(path)
+    assert path.exists() == (playable > 0)
+    assert not playable or times_of(path) == pytest.approx([k / 10 for k in range(playable)])
+
+
+def test_a_film_without_a_frame_is_not_there(tmp_path):
+    VideoWriter(tmp_path / "a.mp4", 10.0, 64, 48).close()
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.newest

@@ -68,12 +68,12 @@ def test_a_recording_that_cannot_grow_costs_neither_rows_nor_report(tmp_path):
 
 
 def test_without_room_for_the_rows_a_run_does_not_begin(tmp_path):
-    code, err = limited(300, f"run still --out out {QUICK}", tmp_path)
+    code, err = limited(300, f"run still --out out --mcap out.mcap {QUICK}", tmp_path)
     assert (code, err) == (
         1,
         "servobench: out/steps.arrows: there is no room for the rows: File too large\n",
     )
-    assert list((tmp_path / "out").iterdir()) == []
+    assert list(tmp_path.rglob("*")) == [tmp_path / "out"]
 
 
 @pytest.fixture
@@ -127,6 +127,7 @@ def test_a_video_or_a_recording_that_cannot_grow_costs_no_row(pictures, extra):
     code, err = limited(30, f"track seen --tracker frozen --out out -q {extra}", pictures)
     assert code == 1
     assert err.startswith(f"servobench: {file}: it ends too early: ")
+    assert not (pictures / "out.mp4").exists()  # not a second of it has found room
     assert err.count("\n") == 1
     assert len((pictures / "out" / "track.csv").read_text().splitlines()) == 91
     assert json.loads((pictures / "out" / "report.json").read_text())["frames"] == 90
@@ -146,3 +147,10 @@ def test_a_page_that_has_no_room_is_not_written(tmp_path):
     code, err = limited(8, "report out --out page.html", tmp_path)
     assert (code, err) == (1, "servobench: page.html: cannot write this page: File too large\n")
     assert list(tmp_path.iterdir()) == [tmp_path / "out"]
+
+
+def test_a_film_of_two_runs_that_cannot_be_played_is_not_left(tmp_path):
+    run = f"'still {QUICK} --set run.duration=0.1'"
+    code, err = limited(8, f"film {run} {run} --out film.mp4 -q", tmp_path)
+    assert (code, err) == (1, "servobench: film.mp4: File too large\n")
+    assert list(tmp_path.iterdir()) == []

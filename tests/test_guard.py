@@ -139,6 +139,42 @@ def test_an_odd_environment_is_a_sentence(tmp_path):
     assert printed(RUN, "", tmp_path, MUJOCO_GL="nonsense") == said
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        (
+            "NUMBA_NUM_THREADS",
+            "abc",
+            "Environment variable 'NUMBA_NUM_THREADS' is defined but its associated value 'abc' "
+            "could not be parsed.",
+        ),
+        ("NUMBA_NUM_THREADS", "0", "Number of threads specified must be > 0."),
+        (
+            "NUMBA_OPT",
+            "9",
+            "Environment variable 'NUMBA_OPT' is defined but its associated value '9' could not be "
+            "parsed.",
+        ),
+    ],
+)
+def test_settings_of_numba_that_it_cannot_read_are_named(tmp_path, name, value, sentence):
+    said = f"servobench: Numba cannot begin with {name}={value}: {sentence}\n"
+    assert printed(("list", "camera"), "", tmp_path, **{name: value}) == (2, said)
+
+
+def test_so_is_its_file(tmp_path):
+    (tmp_path / ".numba_config.yaml").write_text("num_threads: 0")
+    said = "Numba cannot begin with .numba_config.yaml: Number of threads specified must be > 0."
+    assert printed(("list", "camera"), "", tmp_path) == (2, f"servobench: {said}\n")
+
+
+def test_loops_run_uncompiled_where_numba_is_switched_off(tmp_path):
+    told = "import tracking.loops.particle_loops; print('there')"
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    command = [sys.executable, "-c", told]
+    assert subprocess.check_output(command, env=environment, text=True) == "there\n"
+
+
 def test_no_columns_are_the_usual_ones(tmp_path):
     ended = subprocess.run(
         [BIN, "list", "kalman_cv"],

@@ -205,6 +205,7 @@ def test_a_run_is_seen_in_a_browser_that_may_be_closed(tmp_path, browser, page):
     ("number", "code", "said"),
     [
         (signal.SIGINT, 130, f"{STOPPED}\n"),
+        (signal.SIGTERM, 143, f"{STOPPED}\n"),
         (signal.SIGKILL, -9, ""),
     ],
 )
@@ -223,3 +224,47 @@ def test_a_live_track_that_is_stopped_takes_its_server_along(tmp_path, number, c
     _, err = process.communicate(timeout=PATIENCE)
     assert (process.returncode, err) == (code, said)
     gone(port)
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(
+    ("number", "code", "said"),
+    [
+        (signal.SIGINT, 0, ""),
+        (signal.SIGTERM, 143, f"{STOPPED}\n"),
+        (signal.SIGHUP, 129, f"{STOPPED}\n"),
+        (signal.SIGKILL, -9, ""),
+    ],
+)
+def test_a_recording_in_a_browser_says_where_and_takes_its_server_along(
+    ran, tmp_path, number, code, said
+):
+    port = free_ports()
+    process, address = started(f"view {ran} --web --port {port}", tmp_path)
+    assert urlsplit(address).port == port + 1
+    client = http.client.HTTPConnection("127.0.0.1", port + 1, timeout=PATIENCE)
+    client.request("GET", "/")
+    with client.getresponse() as answer:
+        assert answer.status == 200
+    client.close()
+    assert process.stdout.readline() == "press Ctrl-C to end\n"
+    process.send_signal(number)
+    _, err = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, err) == (code, said)
+    gone(port)
+    gone(port + 1)
+
+
+@pytest.mark.processes
+def test_a_recording_for_which_a_port_is_in_use_is_a_sentence(ran, tmp_path):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        words = [BIN / "servobench", "view", ran, "--web", "--port", str(port)]
+        ended = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (
+        2,
+        "",
+        f"servobench: --port {port}: port {port} is in use; choose another one with --port\n",
+    )

@@ -58,13 +58,19 @@ def test_the_log_of_a_run_has_its_pictures_numbers_and_frames(tmp_path):
         "/estimate": 6,
         "/tf": 6,
         "/step": 6,
-        "/camera/camera_info": 1,
+        "/camera/camera_info": 6,
     }
     assert [time for time, _ in found["/camera/image/compressed"]] == pytest.approx(times)
     jpeg = found["/camera/image/compressed"][0][1].data
     assert cv2.imdecode(np.frombuffer(jpeg, np.uint8), 1).shape == (240, 320, 3)
     camera, last = steps[0].scene.camera, steps[-1]
-    ((_, calibration),) = found["/camera/camera_info"]
+    stamps = [
+        [(m.header.stamp.sec, m.header.stamp.nanosec) for _, m in found[topic]]
+        for topic in ("/camera/camera_info", "/camera/image/compressed")
+    ]
+    assert stamps[0] == stamps[1]
+    assert len(set(stamps[0])) == 6
+    _, calibration = found["/camera/camera_info"][-1]
     assert (calibration.distortion_model, list(calibration.d)) == (
         "plumb_bob",
         [-0.1, 0.02, 0.0, 0.0, 0.0],

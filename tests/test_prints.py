@@ -98,6 +98,18 @@ def test_the_report_of_a_run_is_printed_so(console, approved):
     approved("prints/run", lines(console))
 
 
+def test_bounds_of_a_run_that_is_too_short_are_missed_in_one_line(tmp_path, capfd):
+    changes = ["run.duration=0.1"]
+    run_command.run_scenario("circle", changes, None, tmp_path / "o", quiet=True, rerun=False)
+    first, again, *_ = capfd.readouterr().err.splitlines()
+    names = "servo_rms_px, servo_peak_px, servo_angle_peak_deg, servo_scale_peak_pct, "
+    assert first == (
+        f"missed: {names}tracking_rms_px, tilt_peak_deg: no value, because the run ended before "
+        "measure.after"
+    )
+    assert again.startswith("  again: servobench run circle ")
+
+
 @pytest.mark.newest
 def test_a_claim_is_printed_so(console, approved):
     rule = Rule("error [px]", "as printed", "2 worlds", "1 px", "95 % interval", "below [1] px")

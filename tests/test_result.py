@@ -43,6 +43,8 @@ def test_without_pandas_tables_are_of_arrow(result, monkeypatch):
     monkeypatch.delitem(vars(result), "steps", raising=False)
     assert isinstance(result.steps, pa.Table)
     assert result.measures.column("measure")[0].as_py() == "servo_rms_px"
+    for again in (copy.copy, copy.deepcopy, lambda table: pickle.loads(pickle.dumps(table))):
+        assert again(result.measures) == result.measures
     head, first, *_ = str(result.measures).splitlines()
     assert head.split() == ["measure", "value", "unit", "bound", "meaning"]
     name, value, unit = first.split()[:3]

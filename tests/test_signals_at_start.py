@@ -1,5 +1,6 @@
 """A signal at any moment of a command's start: one sentence or nothing, and no empty files."""
 
+import ctypes
 import os
 import signal
 import sys
@@ -34,6 +35,42 @@ def test_a_signal_waits_until_an_import_is_over(tmp_path, monkeypatch):
         time.sleep(5.0)
     assert [cause.number for cause in raised] == [signal.SIGTERM]
     assert "slow_to_import" in sys.modules
+
+
+class Closing:
+    """Its finalizer runs while a signal comes."""
+
+    def __del__(self):
+        signal.raise_signal(signal.SIGTERM)
+
+
+def finalize():
+    Closing()
+
+
+callback = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGTERM))
+"""As those of LLVM, which are called while it compiles."""
+
+
+@pytest.mark.parametrize("interrupted", [finalize, callback])
+def test_a_signal_is_not_lost_where_nothing_can_be_raised(capfd, interrupted):
+    began = time.monotonic()
+    with ending_signals() as raised, pytest.raises(guard.StopSignal):
+        interrupted()
+        time.sleep(5.0)
+    assert [cause.number for cause in raised] == [signal.SIGTERM]
+    assert time.monotonic() - began < 3.0
+    assert capfd.readouterr().err == ""
+
+
+def test_other_errors_there_are_told_as_ever(monkeypatch):
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    with ending_signals():
+        ctypes.CFUNCTYPE(None)(lambda: 1 // 0)()
+    assert [lost.exc_type for lost in told] == [ZeroDivisionError]
+    assert sys.unraisablehook == told.append
+    told.clear()  # it refers to itself
 
 
 def test_an_import_that_hangs_is_stopped(tmp_path, monkeypatch):

@@ -112,6 +112,17 @@ def test_boxes_that_leave_the_picture_but_fit_as_corners_are_not_guessed(tmp_pat
     truth.check_boxes(found[:0], (60, 70), "gt")
 
 
+def test_the_one_number_of_vots_is_an_absent_target(tmp_path):
+    found = truth.read(written(tmp_path, "m10,20,3,2,0,6\n0\n0.0\n1,2,3,4\n"))
+    assert np.isfinite(found).all(axis=(1, 2)).tolist() == [True, False, False, True]
+    with pytest.raises(ValueError, match="line 2: '2' is no region") as refused:
+        truth.read(written(tmp_path, "1,2,3,4\n2\n"))
+    assert str(refused.value) == (
+        "groundtruth.txt, line 2: '2' is no region: a line of one number is VOT's 0, where the "
+        "target is absent"
+    )
+
+
 def test_a_box_of_zeros_is_an_absent_target(tmp_path):
     found = truth.read(written(tmp_path, "40,20,30,40\n0,0,0,0\n"))
     assert np.isnan(found[1]).all()

@@ -1,10 +1,12 @@
 """Looking at a recording without the viewer: what is asked of it, what is said where it fails."""
 
-import subprocess
+import signal
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
+from servo.cli.guard import StopSignal
 from servo.mistake import Mistake
 from servo.output import display
 from servo.output.recording import view
@@ -106,27 +108,65 @@ def test_what_the_viewer_cannot_do_is_one_sentence(viewer, tmp_path, monkeypatch
     )
 
 
-@pytest.mark.parametrize("web", [False, True])
-def test_the_viewer_is_opened_on_this_machine_alone(monkeypatch, tmp_path, web):
-    called = []
-    monkeypatch.setattr(subprocess, "call", lambda words: called.append(words) or 3)
+class Window:
+    """Stands for the process of Rerun's window."""
+
+    def __init__(self, words, waited):
+        self.words, self.waited, self.asked = words, list(waited), []
+
+    def wait(self):
+        self.asked.append("wait")
+        found = self.waited.pop(0)
+        if isinstance(found, int):
+            return found
+        raise found
+
+    def terminate(self):
+        self.asked.append("terminate")
+
+
+@pytest.fixture
+def windows(monkeypatch):
+    """The windows that are opened; each gives these, one after the other, to those who wait."""
+    opened = []
+
+    def open_with(*waited):
+        monkeypatch.setattr(
+            view.subprocess,
+            "Popen",
+            lambda words: opened.append(Window(words, waited)) or opened[-1],
+        )
+        return opened
+
+    return open_with
+
+
+def test_the_viewer_is_opened_on_this_machine_alone(monkeypatch, tmp_path, windows):
+    opened = windows(3, 3)
     monkeypatch.setenv("DISPLAY", ":0")
-    assert view.show(tmp_path / "run.rrd", web=web) == 3
-    words = ["-m", "rerun", str(tmp_path / "run.rrd"), "--bind", "127.0.0.1"]
-    assert called[0][1:] == words + ["--web-viewer"] * web
+    assert view.show(tmp_path / "run.rrd") == 3
+    assert opened[0].words[1:] == [str(tmp_path / "run.rrd"), "--bind", "127.0.0.1"]
+    assert Path(opened[0].words[0]).stem == "rerun"
 
 
-def test_without_a_display_only_the_browser_is_left(monkeypatch, tmp_path):
-    monkeypatch.setattr(view.sys, "platform", "linux")
-    monkeypatch.setattr(subprocess, "call", lambda words: 0)
+def test_a_viewer_is_closed_where_the_command_is_stopped(monkeypatch, tmp_path, windows):
+    opened = windows(StopSignal(signal.SIGTERM), -15)
+    monkeypatch.setenv("DISPLAY", ":0")
+    with pytest.raises(StopSignal):
+        view.show(tmp_path / "run.rrd")
+    assert opened[0].asked == ["wait", "terminate", "wait"]
+
+
+def test_without_a_display_only_the_browser_is_left(monkeypatch, tmp_path, windows):
+    monkeypatch.setattr(display.sys, "platform", "linux")
+    windows(0, 0)
     for name in display.DISPLAYS:
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(Mistake) as found:
-        view.show(tmp_path / "run.rrd", web=False)
+        view.show(tmp_path / "run.rrd")
     assert str(found.value) == "there is no display here: use --web, or --png FILE for a picture"
-    assert view.show(tmp_path / "run.rrd", web=True) == 0
     monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
-    assert view.show(tmp_path / "run.rrd", web=False) == 0
+    assert view.show(tmp_path / "run.rrd") == 0
 
 
 def test_the_viewer_is_the_one_that_belongs_to_the_package(monkeypatch, capfd):

@@ -65,10 +65,15 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
     """Return the points of a contestant in each world of all three, whose mean is its score.
 
     0 is the mean of `null` over all worlds, and 100 that of `perfect`, or an area of 1 everywhere.
+
+    Raises:
+        Mistake: There is no such world.
     """
     worlds = sorted(row.worlds.keys() & null.worlds.keys())
     if perfect is not None:
         worlds = [key for key in worlds if key in perfect.worlds]
+    if not worlds:
+        raise Mistake(f"the row '{row.contestant}' has no world of the rows that fix the scale")
     areas = [_areas(of, worlds) for of in (row, null, perfect or null)]
     top = areas[2] if perfect is not None else np.ones(len(worlds))
     scale = float(top.mean() - areas[1].mean())
@@ -88,7 +93,7 @@ def standings(rows: Sequence[Row]) -> list[Standing]:
     would prefer the one that is a little better in most worlds and loses the target in some.
 
     Raises:
-        Mistake: The row that fixes 0 is not among them.
+        Mistake: The row that fixes 0 is not among them, or one has no world in common with it.
     """
     by_name = {row.contestant: row for row in rows}
     if NULL not in by_name:

@@ -3,6 +3,7 @@ signal raises an exception, as Ctrl-C does, so that files are closed.
 """
 
 import errno
+import importlib
 import io
 import logging
 import os
@@ -39,6 +40,10 @@ ENVIRONMENT = {
 }
 """Settings that keep libraries from writing to the terminal: a command prints one sentence about a
 failure. Values that the user has set stay."""
+STORE = "NUMBA_CACHE_DIR"
+"""The one setting of Numba that README names; it can be any text."""
+OF_NUMBA = Path(".numba_config.yaml")
+"""Numba reads its settings in this file of the current folder, too."""
 WINDOWS = "this runs on Linux and macOS; on Windows use WSL (wsl --install)"
 
 
@@ -54,6 +59,7 @@ def guarded(command: Callable[[], Any]) -> None:
         if platform.system() == "Windows":
             raise Mistake(WINDOWS)
         check_environment()
+        _check_numba()
         command()
     except SystemExit as end:  # of every command that click has run
         printer.flush()
@@ -81,6 +87,27 @@ def _set_environment() -> None:
         os.environ.pop("COLUMNS", None)  # rich cannot print with a width of 0
     if os.environ.get("NO_COLOR"):
         os.environ.pop("FORCE_COLOR", None)  # rich would still print bold words
+
+
+def _check_numba() -> None:
+    """Refuse settings of Numba that it cannot read: importing it would end in a traceback.
+
+    Raises:
+        Mistake: There are some.
+    """
+    given = [f"{k}={v}" for k, v in os.environ.items() if k.startswith("NUMBA_") and k != STORE]
+    if not given and not OF_NUMBA.exists():
+        return
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        try:
+            importlib.import_module("numba")
+        except (MemoryError, ImportError):
+            raise
+        except Exception as error:
+            reason = next(iter(str(error).splitlines()), type(error).__name__)
+            settings = ", ".join(given or [str(OF_NUMBA)])
+            raise Mistake(f"Numba cannot begin with {settings}: {reason}") from None
 
 
 def _say_warnings_in_a_line() -> None:
@@ -187,7 +214,7 @@ ENDING = tuple(
 IMPORTER = "<frozen importlib._bootstrap>"
 """File of Python's own code that imports modules."""
 SOON = 0.02
-"""Time until a signal that comes during an import is tried again [s]."""
+"""Time until a signal that comes at the wrong moment is tried again [s]."""
 LONGEST_IMPORT = 5.0
 """From then on the import is stopped as well: it may hang [s]."""
 
@@ -198,6 +225,9 @@ class StopSignal(KeyboardInterrupt):
     def __init__(self, number: int) -> None:
         super().__init__()
         self.number = number
+
+
+CTRL_C = 128 + signal.SIGINT
 
 
 def exit_code(cause: KeyboardInterrupt) -> int:
@@ -221,13 +251,22 @@ def ending_signals() -> Generator[list[StopSignal]]:
         nonlocal latest
         latest = min(latest, monotonic() + LONGEST_IMPORT)
         if _imports(frame) and monotonic() < latest:
-            again = Timer(SOON, os.kill, (os.getpid(), number))
-            again.daemon = True
-            again.start()
+            _signal_soon(number)
         elif not raised:
             raised.append(StopSignal(number))
             raise raised[0]
 
+    def try_again(lost: "sys.UnraisableHookArgs") -> None:
+        # It was raised where Python has nobody to give it to: in a function that LLVM calls while
+        # it compiles, in a finalizer.
+        if isinstance(lost.exc_value, StopSignal):
+            raised.clear()
+            _signal_soon(lost.exc_value.number)
+        else:
+            hook(lost)
+
+    hook = sys.unraisablehook
+    sys.unraisablehook = try_again
     ours = (signal.SIG_DFL, signal.default_int_handler)
     before = {number: signal.getsignal(number) for number in ENDING}
     before = {number: handler for number, handler in before.items() if handler in ours}
@@ -236,8 +275,16 @@ def ending_signals() -> Generator[list[StopSignal]]:
     try:
         yield raised
     finally:
+        sys.unraisablehook = hook
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _signal_soon(number: int) -> None:
+    """Send this process a signal again."""
+    again = Timer(SOON, os.kill, (os.getpid(), number))
+    again.daemon = True
+    again.start()
 
 
 def _imports(frame: FrameType | None) -> bool:

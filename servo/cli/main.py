@@ -9,7 +9,7 @@ import click
 
 from servo.cli import options as opt
 from servo.cli.guard import check_machine, guarded
-from servo.cli.outputs import Outputs, output_options
+from servo.cli.outputs import PORT, PORTS, Outputs, output_options, serve
 from sim.ranges import LONGEST
 
 PARTS = ("tracker", "law", "features", "estimator", "motion", "robot", "scenarios")
@@ -306,7 +306,7 @@ def papers(
 )
 @click.option(
     "--figure-width",
-    type=click.FloatRange(2.0, 20.0),
+    type=opt.FiniteRange(2.0, 20.0),
     metavar="INCHES",
     help="Width of these figures, such as 3.5 for a column (default: 4.9).",
 )
@@ -348,6 +348,7 @@ def schema() -> None:
 @app.command()
 @click.argument("recording", type=opt.PATH, help="A run's folder, or an .rrd file.")
 @click.option("--web", is_flag=True, help="In a browser instead of Rerun's own window.")
+@click.option("--port", type=PORTS, help=f"With --web: of the data (default: {PORT}).")
 @click.option(
     "--png", type=opt.PATH, help="Draw the viewer into this PNG instead; no display needed."
 )
@@ -361,16 +362,24 @@ def schema() -> None:
 @click.option(
     "--panel", help="Draw one panel only, by its entity: world/eye/image, world, plots/error."
 )
-def view(recording: Path, web: bool, png: Path | None, at: float, panel: str | None) -> None:
+def view(
+    recording: Path, web: bool, port: int | None, png: Path | None, at: float, panel: str | None
+) -> None:
     """Open a recording in the Rerun viewer, or draw a PNG."""
+    from servo.mistake import Mistake
     from servo.output.recording import view as viewer
 
+    if port is not None and not web:
+        raise Mistake("--port needs --web")
     path = viewer.recording_in(recording) if recording.is_dir() else recording
     viewer.check(path)
-    if png is None:
-        sys.exit(viewer.show(path, web=web))
-    viewer.picture(path, png, at, panel)
-    click.echo(png)
+    if png is not None:
+        viewer.picture(path, png, at, panel)
+        click.echo(png)
+    elif web:
+        serve(path, port or PORT)
+    else:
+        sys.exit(viewer.show(path))
 
 
 @app.command()

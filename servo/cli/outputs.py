@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servo.cli import options as opt
+from servo.cli.guard import CTRL_C, exit_code
+from servo.closing import closing
 from servo.mistake import Mistake, check_suffix, unwritable
 from servo.output.sinks import PacedSink, Sink
 from sim.camera import gl
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from tracking.types import Region
 
 PORT = 9090
-LARGEST_PORT = 65_534
+PORTS = click.IntRange(1024, 65_534)
 VIEWER = "the viewer"
 NEEDS = {"web": "live", "light": "web", "speed": "live", "port": "live"}
 """Options, and the one without which each means nothing."""
@@ -191,11 +192,30 @@ def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
     from servo.cli.terminal import plain
 
     close = "press Ctrl-C" if viewer.page else "close the viewer, or press Ctrl-C,"
-    with suppress(KeyboardInterrupt):
-        # Ctrl-C may come as soon as the line is seen.
-        plain(console, f"{close} to end")
-        viewer.wait()
-    viewer.stop()
+    with closing(viewer.stop):
+        try:
+            # Ctrl-C may come as soon as the line is seen.
+            plain(console, f"{close} to end")
+            viewer.wait()
+        except KeyboardInterrupt as cause:
+            if exit_code(cause) != CTRL_C:
+                raise
+
+
+def serve(recording: Path, port: int) -> None:
+    """Show a recording in a browser until Ctrl-C.
+
+    Raises:
+        Mistake: A port is in use.
+        Refused: The server does not start, or it is gone.
+    """
+    from rich.console import Console
+
+    from servo.output.recording.live import LiveViewer
+
+    viewer = LiveViewer(web=True, port=port, recording=recording)
+    announce(viewer, Console())
+    linger(viewer, Console())
 
 
 def _check_writable(path: Path) -> None:
@@ -256,7 +276,7 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option(
             "--port",
-            type=click.IntRange(1024, LARGEST_PORT),
+            type=PORTS,
             help=f"Of the data, with --live; Rerun's page has the next one (default: {PORT}).",
         ),
     )

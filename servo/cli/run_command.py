@@ -23,6 +23,7 @@ from servo.cli.terminal import (
     progress_bar,
     waiting,
 )
+from servo.closing import closing
 from servo.loop.columns import Columns
 from servo.loop.episode import Episode
 from servo.loop.events import uncertain
@@ -30,12 +31,13 @@ from servo.loop.part_failures import PartFailed
 from servo.loop.run_measures import MEANINGS, Outcome, timed
 from servo.loop.settings import DOES_NOT_REPEAT, Setup
 from servo.loop.step import DOF
+from servo.mistake import Refused
 from servo.output.formats import command_line
 from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from servo.study.bounds import check_expect, doubtful_bounds, unjudged
+from servo.study.bounds import check_expect, doubtful_bounds, missed_lines, unjudged
 from servo.study.run import Job, Record
 from servo.study.run_report import RunReport
 from servo.study.scenario_run import LoadedScenario, record_of
@@ -99,11 +101,11 @@ def run_scenario(
         try:
             output = RunFolder(folder, episode, rerun=rerun, more=more)
             writing = _write(episode, output, console, run)
-        except PartFailed as error:
-            raise with_traceback(error, folder) from None
-        except KeyboardInterrupt:
+        except (PartFailed, Refused, KeyboardInterrupt) as error:
             if not run:
                 discard(folder, outputs.files)
+            if isinstance(error, PartFailed):
+                raise with_traceback(error, folder) from None
             raise
     job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
     record = record_of(job, scenario, run)
@@ -126,19 +128,16 @@ def run_scenario(
 def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) -> list[float]:
     """Add the steps to the columns of their run; how long each took to write [s]."""
     writing: list[float] = []
-    try:
-        with progress_bar(console) as progress:
-            name = escape(episode.scenario.name)
-            task = progress.add_task(name, total=episode.frames, note=COMPILING)
-            for step in episode:
-                note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
-                progress.update(task, advance=1, note=note)
-                began = time.perf_counter()
-                output.add(step)
-                writing.append(time.perf_counter() - began)
-                run.add(step)
-    finally:
-        output.close()
+    with closing(output.close), progress_bar(console) as progress:
+        name = escape(episode.scenario.name)
+        task = progress.add_task(name, total=episode.frames, note=COMPILING)
+        for step in episode:
+            note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
+            progress.update(task, advance=1, note=note)
+            began = time.perf_counter()
+            output.add(step)
+            writing.append(time.perf_counter() - began)
+            run.add(step)
     return writing
 
 
@@ -281,7 +280,7 @@ def _stage_line(run: Columns, writing: Sequence[float]) -> str:
 
 def print_missed(console: Console, record: Record) -> None:
     """Print missed bounds and the command that repeats the run; nothing if none was missed."""
-    for bound in record.missed:
-        plain(console, f"missed: {bound}")
+    for line in missed_lines(record.missed, record.measures):
+        plain(console, f"missed: {line}")
     if record.missed:
         plain(console, f"  again: {record.command}")

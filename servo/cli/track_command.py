@@ -23,6 +23,7 @@ from servo.cli.terminal import (
     progress_bar,
     waiting,
 )
+from servo.closing import closing
 from servo.loop.part_failures import Part, PartFailed
 from servo.mistake import Mistake, as_mistake
 from servo.output.formats import command_line
@@ -264,19 +265,18 @@ def _write(
     seen: list[Shot] = []
     count = min(filter(None, (source.count, request.frames)), default=None)
     code = 0
-    try:
-        with progress_bar(Console(quiet=request.quiet)) as bar:
-            task = bar.add_task(escape(request.tracker), total=count, note=COMPILING)
-            for shot in shots:
-                true = None if truth is None or shot.index >= len(truth) else truth[shot.index]
-                seen.append(shot.without_picture())  # first: a signal may come while it is written
-                files.add(shot, true)
-                bar.update(task, advance=1, note=shot.estimate.status.name)
-    except KeyboardInterrupt as cause:
-        plain(Console(stderr=True), STOPPED)
-        code = exit_code(cause)
-    finally:
-        files.close()
+    with closing(files.close):
+        try:
+            with progress_bar(Console(quiet=request.quiet)) as bar:
+                task = bar.add_task(escape(request.tracker), total=count, note=COMPILING)
+                for shot in shots:
+                    true = None if truth is None or shot.index >= len(truth) else truth[shot.index]
+                    seen.append(shot.without_picture())  # first: a signal may come in between
+                    files.add(shot, true)
+                    bar.update(task, advance=1, note=shot.estimate.status.name)
+        except KeyboardInterrupt as cause:
+            plain(Console(stderr=True), STOPPED)
+            code = exit_code(cause)
     return seen[: files.count], code
 
 

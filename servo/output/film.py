@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from mujoco import MjModel
 
+from servo.closing import closing
 from servo.loop.episode import Episode
 from servo.loop.step import Step
 from servo.mistake import Mistake
@@ -153,11 +154,11 @@ class RunFilm:
             return
         film, views = self._opened
         self._opened = None
-        views.close()
-        if whole:
-            film.close()
-        else:
-            film.abandon()
+        with closing(views.close):
+            if whole:
+                film.close()
+            else:
+                film.abandon()
 
 
 def write_film(steps: Iterable[Step], path: Path, title: str = "") -> Path:
@@ -176,11 +177,9 @@ def write_film(steps: Iterable[Step], path: Path, title: str = "") -> Path:
     """
     end = steps[-1].frame.time if isinstance(steps, Sequence) and steps else None
     film = RunFilm(path, title, end)
-    try:
+    with closing(film.close):
         for step in steps:
             film.add(step)
-    finally:
-        film.close()
     return path
 
 
@@ -214,7 +213,7 @@ def write_film_of_two(
     film = FilmPage(path, rates[0], TITLE_OF_TWO, captions, (width, 2 * height), chart)
     views = [RunViews(world.camera, world.model, PANEL_OF_TWO) for world in worlds]
     steps: tuple[Step, ...] = ()
-    try:
+    with closing(*(view.close for view in views), film.close):
         for pair in zip_longest(*episodes):
             steps = tuple(new or last for new, last in zip_longest(pair, steps))
             pictures = [np.vstack(view.draw(step)) for view, step in zip(views, steps, strict=True)]
@@ -223,10 +222,6 @@ def write_film_of_two(
             statuses = [step.estimate.status.name for step in steps]
             film.add(max(step.frame.time for step in steps), pictures, errors, statuses, note)
             written(note)
-    finally:
-        for view in views:
-            view.close()
-        film.close()
 
 
 def _shortened(caption: str) -> str:

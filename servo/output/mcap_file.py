@@ -4,7 +4,7 @@
 |---|---|
 | /camera/image/compressed | sensor_msgs/CompressedImage: JPEG, frame `camera` |
 | /camera/depth | sensor_msgs/Image (run): 32FC1 [m], nan where there is none (ROS REP 118) |
-| /camera/camera_info | sensor_msgs/CameraInfo (run): the true camera |
+| /camera/camera_info | sensor_msgs/CameraInfo (run): the true camera, for each picture |
 | /camera/annotations | foxglove_msgs/ImageAnnotations: estimate, goal, truth; particles |
 | /estimate | geometry_msgs/PolygonStamped: corners of the estimate in the picture [px], z = 0 |
 | /tf | tf2_msgs/TFMessage (run): world to base and target, base to camera |
@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from servo.closing import closing
 from servo.loop.episode import Episode
 from servo.loop.step import Step
 from servo.mistake import Mistake
@@ -152,7 +153,7 @@ class McapFile:
         )
 
     def calibration(self, at: int, camera: Camera) -> None:
-        """Write the intrinsics of a camera."""
+        """Write the intrinsics of a picture's camera."""
         region = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
         known = camera_info(camera)
         numbers = {name: np.array(known[name]) for name in ("d", "k", "r", "p")}
@@ -192,11 +193,9 @@ class McapFile:
         Raises:
             OSError: It cannot be written.
         """
-        try:
+        with closing(self._file.close):
             self._writer.close()
-        finally:
             self._file.check()
-            self._file.close()
 
     def abandon(self) -> None:
         """Close the file after an error: what the disk refuses is left out."""
@@ -293,8 +292,6 @@ class RunMcap(McapFile):
         """
         at = round(step.frame.time * ros2.SECOND)
         truth = step.truth
-        if step.frame.index == 0:
-            self.calibration(at, step.scene.camera)
         outlines = {
             colours.TRUTH: truth.corners,
             colours.GOAL: step.goal.corners,
@@ -302,6 +299,8 @@ class RunMcap(McapFile):
         }
         image = step.frame.image if step.frame.fresh else None
         self.picture(at, image, outlines, step.estimate.particles)
+        if image is not None:
+            self.calibration(at, step.scene.camera)
         if step.frame.fresh and step.frame.depth is not None:
             self.depth(at, step.frame.depth)
         self.transforms(

@@ -4,6 +4,7 @@ import traceback
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from servo.closing import closing
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
 from servo.loop.step import Step
@@ -35,11 +36,14 @@ def prepare(asked: Path | None, name: str) -> Path:
 
 
 def with_traceback(error: PartFailed, folder: Path) -> Mistake:
-    """The same sentence, where the traceback of its cause is kept in the folder."""
+    """The same sentence, where the traceback of its cause is kept in the folder, if it has room."""
     if error.__cause__ is None:
         return error
     text = "".join(traceback.format_exception(error.__cause__))
-    path = atomic.write(folder, "traceback.txt", text.encode(errors="replace"))
+    try:
+        path = atomic.write(folder, "traceback.txt", text.encode(errors="replace"))
+    except OSError:
+        return error
     return Mistake(f"{error}; its traceback is in {path}")
 
 
@@ -131,17 +135,17 @@ class RunFolder:
         self._sinks.add(step)
 
     def close(self) -> None:
-        """Finish the recording and the table.
+        """Finish the table and the recording.
 
         Raises:
             Refused: The table cannot be written; the rows are in the stream.
         """
-        self._sinks.close()
-        try:
-            self._table.close()
-        except OSError as error:
-            kept = f"all rows are in {self.folder / STREAM}"
-            raise Refused(f"{self.folder / TABLE}: {error.strerror}; {kept}") from None
+        with closing(self._sinks.close):
+            try:
+                self._table.close()
+            except OSError as error:
+                kept = f"all rows are in {self.folder / STREAM}"
+                raise Refused(f"{self.folder / TABLE}: {error.strerror}; {kept}") from None
 
     def finish(self, report: Document) -> list[Path]:
         """Write report and plots; the paths of all files.

@@ -5,9 +5,11 @@ One that fails ends alone, and the others go on.
 
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
+from servo.closing import closing
 from servo.mistake import Refused
 
 
@@ -55,8 +57,8 @@ class Sinks:
 
     def close(self) -> None:
         """Finish each."""
-        for name, sink in list(self._sinks.items()):
-            self._guarded(name, sink.close)
+        with closing(*(partial(self._guarded, name, s.close) for name, s in self._sinks.items())):
+            pass
 
     def end(self, reason: str) -> None:
         """End all of them early."""

@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pyarrow import csv
 
+from servo.closing import closing
 from servo.mistake import Refused
 from servo.output.formats import Made, Number
 from servo.output.sinks import Sink, Sinks
@@ -92,13 +93,11 @@ class TrackFolder:
         Raises:
             OSError: The last rows cannot be written.
         """
-        try:
+        with closing(self._sinks.close):
             self._rows.close()
             rows = _rows(self._folder / TRACK)
             self.count = rows.num_rows
             atomic.write(self._folder, TABLE, _parquet(rows))
-        finally:
-            self._sinks.close()
 
     def _nearly_full(self) -> bool:
         return shutil.disk_usage(self._folder).free < SPARE

@@ -225,7 +225,7 @@ def _named(table: Sequence[Standing]) -> tuple[list[Row], list[Row]]:
 def _conditions(benchmark: Benchmark, table: Sequence[Standing]) -> Figure:
     names = [c.name for c in benchmark.conditions]
     upwards = table[::-1]
-    values = np.array([[round(s.mean_in(name)) for name in names] for s in upwards])
+    values = np.round([[s.mean_in(name) for name in names] for s in upwards])
     title = "Points by condition"
     note = (
         "In points of all worlds: where standing still costs less than elsewhere, there is less "

@@ -155,7 +155,7 @@ def heat(
     note: str = "",
 ) -> Figure:
     """Return a figure of values (rows, columns) as colours; a cell that is nan stays empty."""
-    finite = values[np.isfinite(values)]
+    finite = values[np.isfinite(values)] if np.isfinite(values).any() else np.array([0.0, 1.0])
     low, high = limits or (float(finite.min()), float(finite.max()))
     logarithmic = finite.min() > 0 and _range(finite) > log_from
     norm = LogNorm(low, high) if logarithmic else Normalize(low, high)

@@ -16,6 +16,7 @@ from servo.output.steps_table import FORMAT, STREAM, TABLE, ending, ending_of_ra
 from servo.report.charts import ERROR_RANGE, INK, Curve, Scale, Shade, colour, curves
 from servo.report.page import Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown
+from servo.study.bounds import missed_lines
 from servo.study.run_report import RunReport
 from sim.types import Array
 from tracking.drawing.contact_sheet import page, tile
@@ -94,7 +95,7 @@ def _bounds(run: RunReport) -> Block:
     if run.uncertain:
         text.append(f"{run.uncertain}.")
     table = Table(head, rows, words=(0, 2, 4, 5))
-    return Block("Measures and bounds", text, list(map(str, run.missed)), [table])
+    return Block("Measures and bounds", text, missed_lines(run.missed, run.measures), [table])
 
 
 def _figures(folder: Path, run: RunReport) -> list[Figure]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from servo.loop import run_measures
 from servo.loop.run_measures import MEANINGS, Outcome
 from servo.mistake import Mistake, unknown
 from servo.scenario.catalogue import PLUGINS
@@ -81,6 +82,22 @@ def missed_bounds(
             value = None if value is None else number(value)
             found.append(MissedBound(name, value, bound, drawn))
     return tuple(found)
+
+
+def missed_lines(missed: Sequence[MissedBound], measures: Mapping[str, float | None]) -> list[str]:
+    """Return a sentence for each missed bound, but one for all that a run was too short for.
+
+    Args:
+        missed: The bounds.
+        measures: All measures of the run by name.
+    """
+    counted = run_measures.COUNTED
+    is_short = all((value := measures.get(name)) is None or np.isnan(value) for name in counted)
+    short = [bound.name for bound in missed if is_short and bound.name in counted]
+    lines = [str(bound) for bound in missed if bound.name not in short]
+    if short:
+        lines.append(f"{', '.join(short)}: no value, because the run ended before measure.after")
+    return lines
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from servo.closing import closing
 from servo.scenario.named_files import DIGITS, digest_of, digests, named_by
 from servo.study.run import SEQUENCE, Job, Record
 from sim.kinds import kind_of
@@ -158,12 +159,10 @@ class TrackedSequence:
         tracker = self.contender.config.build(np.random.default_rng(job.seed))
         rows = TrackFile(self.track_path(folder, job.seed), sequence.region)
         shots = []
-        try:
+        with closing(rows.close):
             for shot in follow(tracker, sequence.source, sequence.region, sequence.start):
                 rows.add(shot)
                 shots.append(shot.without_picture())
-        finally:
-            rows.close()
         track = Track.of(shots, sequence.region)
         comparison = Comparison.of(track, sequence.truth, sequence.states)
         measures = measure_all(comparison)

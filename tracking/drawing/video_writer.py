@@ -4,8 +4,10 @@ While it is written, the file consists of fragments of a second that can be play
 that a film is playable even if the program is killed; in the end it becomes an ordinary MP4.
 """
 
+import io
 import os
-from contextlib import suppress
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
 
@@ -15,6 +17,7 @@ from av.video.frame import PictureType
 from av.video.reformatter import ColorRange, Colorspace
 
 from sim.types import Image
+from tracking.files import atomic
 
 CODEC = "libx264"
 FORMAT = "yuv420p"
@@ -43,8 +46,9 @@ class VideoWriter:
         Raises:
             OSError: The file cannot be written.
         """
+        self._path = path
         # FFmpeg gets an open file, because it accepts only names in UTF-8.
-        self._file = path.open("wb", buffering=0)
+        self._file = _WholeFile(path, "w")
         self._container = av.open(self._file, mode="w", format="mp4", options=FRAGMENTED)
         about = Fraction(rate).limit_denominator(TICKS)
         stream = self._container.add_stream(CODEC, options=OPTIONS, rate=about)
@@ -61,12 +65,15 @@ class VideoWriter:
         self._period = round(TICKS / rate)
         self._last = -1
         self._key = -TICKS
+        self._head = 0
+        self._whole = 0
+        """Size of the file's head, and of the file up to its last whole fragment [bytes]."""
 
     def add(self, image: Image, time: float) -> None:
         """Write a frame (height, width, 3) that is shown from a time on [s], until the next one.
 
         Raises:
-            OSError: The file cannot be written.
+            OSError: The file cannot be written, and is abandoned.
         """
         ticks = max(round(TICKS * time), self._last + 1)
         frame = av.VideoFrame.from_ndarray(image, format="rgb24").reformat(
@@ -79,19 +86,58 @@ class VideoWriter:
         frame.pict_type = PictureType.I if begins else PictureType.NONE
         self._key = ticks if begins else self._key
         self._last = ticks
-        self._container.mux(self._stream.encode(frame))
+        with self._abandoned_if_refused():
+            self._container.mux(self._stream.encode(frame))
+        self._whole = self._file.tell()
+        self._head = self._head or self._whole
 
     def close(self) -> None:
-        """Finish the file."""
-        with self._file:
-            if self._last >= 0:
-                self._container.mux(self._stream.encode(None))
+        """Finish the file; one without frames, or that is abandoned, is not there.
+
+        Raises:
+            OSError: The file cannot be written, and is abandoned.
+        """
+        if self._last < 0:
+            self.abandon()
+        if self._file.closed:
+            return
+        with self._abandoned_if_refused():
+            self._container.mux(self._stream.encode(None))
             self._container.close()
+        self._file.close()
 
     def abandon(self) -> None:
-        """Close the file as it is; it can be played up to here."""
+        """Close the file with its whole fragments; without any, remove it: nothing can play it."""
+        if self._file.closed:
+            return
         # FFmpeg still writes an end; PyAV 15 crashes where it cannot, some time later.
         with Path(os.devnull).open("wb") as nowhere:
             os.dup2(nowhere.fileno(), self._file.fileno())
         with self._file, suppress(OSError, FFmpegError):  # told before
             self._container.close()
+        if self._whole > self._head:
+            os.truncate(self._path, self._whole)
+        else:
+            self._path.unlink(missing_ok=True)
+
+    @contextmanager
+    def _abandoned_if_refused(self) -> Generator[None]:
+        """Name the file in an error of the disk in the block, and abandon it."""
+        try:
+            with atomic.naming(self._path):
+                yield
+        except OSError:
+            self.abandon()
+            raise
+
+
+class _WholeFile(io.FileIO):
+    """An unbuffered file that writes all that it is given: a full disk takes a part, and PyAV would
+    not notice.
+    """
+
+    def write(self, content: bytes) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
+        rest = content
+        while rest:
+            rest = rest[super().write(rest) :]
+        return len(content)

@@ -103,13 +103,15 @@ def picture_of(
 
 def _raw(message: Any, depth: BitDepth) -> Image:
     """Return the picture of a raw message, whose rows have `message.step` bytes."""
-    encoding = message.encoding
+    known = *CODES, DEEP
+    # Drivers write V4L2's "YUYV" for ROS's "yuyv".
+    encoding = next((e for e in known if e.lower() == message.encoding.lower()), None)
     width = message.width
     height = message.height
     step = message.step
     data = np.frombuffer(message.data, np.uint8)
-    if encoding not in (*CODES, DEEP):
-        raise ValueError(f"its encoding is '{encoding}'; known are {', '.join((*CODES, DEEP))}")
+    if encoding is None:
+        raise ValueError(f"its encoding is '{message.encoding}'; known are {', '.join(known)}")
     check_size(width, height)
     size, code = CODES.get(encoding, (2, cv2.COLOR_GRAY2RGB))
     if not width * size <= step <= len(data) // height:

@@ -25,6 +25,8 @@ GOT10K_FILES = ("meta_info.ini", "absence.label", "cover.label", "cut_by_image.l
 LASOT_FILES = ("full_occlusion.txt", "out_of_view.txt")
 """Files that LaSOT has beside its groundtruth.txt: for each frame 1 where the target is absent."""
 MASK = re.compile(r"m-?\d+,\s*-?\d+,")
+ABSENT = [0.0]
+"""The line of VOT's toolkit for a target that is not there: 0, its code of an unknown region."""
 TLD_NAMES = ("gt.txt", "init.txt")
 HEADER = re.compile(r"\s*[A-Za-z_]\w*\s*,")
 CORNERS = [f"{axis}{i}" for i in range(1, 5) for axis in "xy"]
@@ -79,8 +81,8 @@ def other_count(place: str, lines: int, pictures: int) -> str:
 def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Array:
     """Corners (n, 4, 2) of the target in each frame [px]; nan in frames without it.
 
-    The target is absent if all numbers of a line are nan or missing, or if its box has width and
-    height 0, and in LaSOT's layout in the frames that its two other files mark.
+    The target is absent if all numbers of a line are nan or missing, if the line is VOT's 0, if its
+    box has width and height 0, and in LaSOT's layout in the frames that its two other files mark.
 
     Args:
         path: The file.
@@ -226,6 +228,13 @@ def _numbers(line: str, place: str) -> Array:
     except ValueError:
         hint = " (a decimal point, not a comma)" if "," in line else ""
         raise ValueError(f"{place}: '{line[:LONGEST]}' is not a line of numbers{hint}") from None
+    if numbers.tolist() == ABSENT:
+        return np.full(BOX, np.nan)
+    if len(numbers) == 1:
+        raise ValueError(
+            f"{place}: '{line[:LONGEST]}' is no region: a line of one number is VOT's 0, where the "
+            "target is absent"
+        )
     if len(numbers) not in (BOX, QUAD):
         raise ValueError(f"{place}: a line has 4 or 8 numbers, not {len(numbers)}")
     absent = np.isnan(numbers)

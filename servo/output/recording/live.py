@@ -1,4 +1,4 @@
-"""A recording that is watched while it is made: in Rerun's window, or in a browser.
+"""A recording that is watched, also while it is made: in Rerun's window, or in a browser.
 
 A process beside this one serves what is logged, to this machine alone. So a viewer may be closed
 and opened again, and one that comes late gets everything; the process ends with this one.
@@ -28,21 +28,28 @@ STARTS_WITHIN = 20.0
 POLL = 0.05
 """Longest time that the server may take to start, and between two looks at it [s]."""
 UNTIL_CLOSED = (
-    "import subprocess, sys\n"
+    "import os, subprocess, sys, threading\n"
     "server = subprocess.Popen(sys.argv[1:])\n"
-    "sys.stdin.read()\n"
-    "server.terminate()\n"
+    "end = lambda: (os.read(0, 1), server.terminate())\n"
+    "threading.Thread(target=end, daemon=True).start()\n"
     "server.wait()\n"
 )
-"""Runs a command until stdin is closed, by us or by our end, whatever ends us."""
+"""Runs a command until it ends or stdin is closed, by us or by our end, whatever ends us."""
+PROGRAM = str(Path(rerun_cli.__file__).parent / f"rerun{'.exe' * (sys.platform == 'win32')}")
+"""Rerun's viewer and server: those of this rerun-sdk, not one on PATH."""
 
 
 @final
 class LiveViewer(SentRecording):
     """A viewer, and the server that it gets a recording from."""
 
-    def __init__(self, *, web: bool, port: int) -> None:
+    def __init__(self, *, web: bool, port: int, recording: Path | None = None) -> None:
         """Start both: the data is served at a port, the page of a browser at the next one.
+
+        Args:
+            web: Whether the viewer is a browser.
+            port: The port of the data.
+            recording: A file that is served; None: what is logged.
 
         Raises:
             Mistake: A port is in use, or there is no display for a window.
@@ -55,24 +62,12 @@ class LiveViewer(SentRecording):
         self.source = f"rerun+http://{HOST}:{port}/proxy"
         self.page = f"http://{HOST}:{port + 1}/?url={quote(self.source, safe='')}" if web else None
         more = ["--serve-web", "--web-viewer-port", str(port + 1)] if web else ["--serve-grpc"]
-        program = Path(rerun_cli.__file__).parent / f"rerun{'.exe' * (sys.platform == 'win32')}"
-        command = [str(program), *more, "--bind", HOST, "--port", str(port)]
-        self._server = subprocess.Popen(
-            [sys.executable, "-c", UNTIL_CLOSED, *command],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C is for us: the last pictures are still to be sent
-        )
-        self._wait_for(ports)
+        more += [] if recording is None else [str(recording)]
+        self._server = _beside(*more, "--bind", HOST, "--port", str(port))
         self._window = None
+        self._wait_for(ports)
         if self.page is None:
-            self._window = subprocess.Popen(
-                [str(program), self.source],
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,
-            )
+            self._window = _beside(self.source)
         elif has_display():
             webbrowser.open(self.page)
 
@@ -96,15 +91,31 @@ class LiveViewer(SentRecording):
         return Refused("the viewer: Rerun's server is gone")
 
     def wait(self) -> None:
-        """Serve until the window is closed; for a browser, until Ctrl-C."""
+        """Serve until the window is closed; for a browser, until Ctrl-C.
+
+        Raises:
+            Refused: The server is gone.
+        """
         while self._window is None or self._window.poll() is None:
+            if self._server.poll() is not None:
+                raise self.refusal()
             time.sleep(POLL)
 
     def stop(self) -> None:
-        """Stop serving."""
-        if self._server.stdin is not None:
-            self._server.stdin.close()
-        self._server.wait()
+        """Close the window, and stop serving."""
+        for process in filter(None, (self._window, self._server)):
+            process.communicate()
+
+
+def _beside(*words: str) -> subprocess.Popen[bytes]:
+    """Start Rerun beside this process, with which it ends."""
+    return subprocess.Popen(
+        [sys.executable, "-c", UNTIL_CLOSED, PROGRAM, *words],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # Ctrl-C is for us: the last pictures are still to be sent
+    )
 
 
 def _check_free(ports: list[int], first: int) -> None:

@@ -125,7 +125,8 @@ class RerunLog:
             Refused: The disk cannot be written.
         """
         self._send()
-        self._log_ways()
+        if self._way:
+            self._log_ways()
         self._file.close()
 
     def _log_scene(self) -> None:

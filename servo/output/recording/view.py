@@ -1,16 +1,17 @@
-"""A recording in Rerun's window, in a browser, or drawn into a PNG."""
+"""A recording in Rerun's window, or drawn into a PNG."""
 
 import socket
 import subprocess
-import sys
 import sysconfig
 import time
 from pathlib import Path
 
 from rerun.experimental import ViewerClient
 
+from servo.closing import closing
 from servo.mistake import Mistake, as_mistake, check_suffix
 from servo.output.display import has_display
+from servo.output.recording.live import HOST, PROGRAM
 from sim.files import reading
 from sim.stderr import silent_libraries
 from tracking.files import atomic
@@ -44,18 +45,17 @@ def check(path: Path) -> None:
         raise Mistake(f"{path}: this is not a Rerun recording (.rrd)")
 
 
-def show(path: Path, *, web: bool) -> int:
-    """Open the viewer and wait until it is closed; its exit code.
+def show(path: Path) -> int:
+    """Open the viewer and wait until it is closed; its exit code. It is closed where this ends.
 
     Raises:
         Mistake: There is no display for a window.
     """
-    if not web and not has_display():
+    if not has_display():
         raise Mistake("there is no display here: use --web, or --png FILE for a picture")
-    command = [sys.executable, "-m", "rerun", str(path), "--bind", "127.0.0.1"]
-    if web:
-        command.append("--web-viewer")
-    return subprocess.call(command)
+    window = subprocess.Popen([PROGRAM, str(path), "--bind", HOST])
+    with closing(window.terminate, window.wait):
+        return window.wait()
 
 
 def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:

@@ -65,7 +65,7 @@ def remote(text: str) -> Generator[Cluster]:
                 found.workers()
                 yield found
             finally:
-                with suppress(TimeoutError):
+                with suppress(OSError):  # a TimeoutError is one
                     client.close(CLOSING)
         finally:
             runner.stop()

@@ -15,6 +15,7 @@ import cv2
 import dask.config
 from distributed import Client, Future, KilledWorker, as_completed
 
+from servo.closing import closing
 from servo.study.run import ClusterLost, Failure
 from sim.files.notices import Notice
 
@@ -105,21 +106,23 @@ def carry_out(
             under_way[key] = task, future
             ended.add(future)
 
-    try:
-        top_up()
-        while under_way:
-            for future in _ready(ended):
-                if future.status in ("lost", "pending"):  # its worker died: Dask repeats it
-                    ended.add(future)
-                    continue
-                task, _ = under_way.pop(str(future.key))
-                yield task, _result(future, cluster.name)
-            top_up()
-    except (OSError, CancelledError) as error:
-        raise ClusterLost(f"{cluster.name} is gone") from error
-    finally:
+    def cancel() -> None:
         for _, future in under_way.values():
             future.cancel()
+
+    with closing(cancel):
+        try:
+            top_up()
+            while under_way:
+                for future in _ready(ended):
+                    if future.status in ("lost", "pending"):  # its worker died: Dask repeats it
+                        ended.add(future)
+                        continue
+                    task, _ = under_way.pop(str(future.key))
+                    yield task, _result(future, cluster.name)
+                top_up()
+        except (OSError, CancelledError) as error:
+            raise ClusterLost(f"{cluster.name} is gone") from error
 
 
 def _ready(ended: as_completed) -> list[Future[Any]]:
