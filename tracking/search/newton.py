@@ -160,7 +160,7 @@ class KernelModel:
         standard deviation away, the objective is larger by 2 `USUAL`^2.
 
         It is large where the template slips inside something of one colour, and nan for an angle
-        that is not searched.
+        that is not searched. These histograms do not count as a search.
         """
         _, _, curvature = loops.linearise(image, state.vector, self.kernels, self.root_reference)
         found = np.linalg.inv(curvature / (2 * USUAL**2) + np.diag(self._anywhere**-2))
