@@ -32,19 +32,24 @@ def block(tmp_path_factory):
     return ["target.kind=mesh", f"target.file={path}", "target.size=0.15"]
 
 
-def turned(angle):
-    return abs(np.degrees(np.angle(np.exp(1j * angle))))
+def angle_errors(steps):
+    found = [s.estimate.state.theta - s.true_state_estimated.theta for s in steps]
+    return np.angle(np.exp(1j * np.array(found)))
 
 
 def test_a_region_that_slips_inside_one_colour_turns_no_camera(block):
-    """It was turned by 100 degrees, and lost, with a stated standard deviation of 4 to 7."""
-    steps = list(servo.run(servo.load("circle", [*block, "run.duration=2"])))
+    """Its angle was 80 degrees off while 4 to 7 were stated, and the camera turned after it."""
+    steps = list(servo.run(servo.load("circle", [*block, "run.duration=2"])))[1:]
     assert {step.estimate.status for step in steps} == {Status.LOCKED}
-    assert max(turned(s.truth.theta - s.goal.theta) for s in steps) < 8.0
-    assert max(s.tracking_error for s in steps) < 3.0
-    count = sum(s.estimate.covariance[2, 2] > np.radians(20.0) ** 2 for s in steps)
-    assert count > 10
-    assert f"{count} angles" in uncertain(Columns.of(steps))
+    assert max(step.tracking_error for step in steps) < 3.0
+    assert np.degrees(np.abs(angle_errors(steps))).max() < 15.0
+    variances = np.array([step.estimate.covariance[2, 2] for step in steps])
+    left_out = variances > np.radians(20.0) ** 2
+    assert left_out.sum() > 10
+    assert (
+        max(abs(s.command.twist[5]) for s, out in zip(steps, left_out, strict=True) if out) < 1e-6
+    )
+    assert f"{left_out.sum()} angles" in uncertain(Columns.of(steps))
 
 
 def test_a_run_says_so_once_and_so_does_its_report(block, tmp_path, capsys):
@@ -54,7 +59,7 @@ def test_a_run_says_so_once_and_so_does_its_report(block, tmp_path, capsys):
     told = json.loads((tmp_path / "run" / "report.json").read_text())["uncertain"]
     assert re.fullmatch(
         r"Of 21 pictures in which the tracker saw the target, it stated "
-        r"\d+ centres, \d+ angles, \d+ sizes too uncertainly to be servoed",
+        r"\d+ angles, \d+ sizes too uncertainly to be servoed",
         told,
     )
     assert printed.count(told) == 1
@@ -89,10 +94,10 @@ def test_what_is_not_followed_stays_unknown():
     assert seen([0.0] * 4, (True, False)) == (True, False)
 
 
-@pytest.mark.parametrize(("tracker", "least"), [("pf_ssd", 0.01), ("mk_ssd", 0.01)])
+@pytest.mark.parametrize(("tracker", "least"), [("pf_ssd", 0.004), ("mk_ssd", 0.004)])
 def test_errors_are_those_that_the_tracker_states(tracker, least):
     """NEES: 1 on average where what is stated is right (tests/benchmarks/nees.py has all trackers);
-    the particles of `pf_ssd` alone have 0.003 for the angle.
+    the particles of `pf_ssd` alone have 0.003 for the angle in it.
     """
     settings = [f"tracker.kind={tracker}", "run.duration=2"]
     steps = list(servo.run(servo.load("line", settings)))[1:]

@@ -226,7 +226,7 @@ def test_a_descent_ends_before_the_scale_leaves_its_limits(smooth_image, monkeyp
     for limit, ends in ((there, False), (np.nextafter(there, 0), True)):
         monkeypatch.setattr(descent, "LARGEST_LOG", limit)
         asked = smooth_image, start, kernels, roots, units, 2, 0.0, 9.0
-        x, _, evaluations, _ = descent.descend.py_func(*asked)
+        x, _, evaluations = descent.descend.py_func(*asked)
         assert (evaluations == 1) is ends
         assert not ends or x.tolist() == start.tolist()
 

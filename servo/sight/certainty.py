@@ -7,7 +7,8 @@ from tracking.types import Estimate, Region
 # Beyond these no run counts as holding its target (servo/loop/run_measures.py): an estimate that is
 # as uncertain turns the camera away from the target as often as towards it.
 MOST_CENTRE = 0.5
-"""Largest standard deviation of x and y, over the target's size: farther off is beside it."""
+"""Largest standard deviation of x and y, over the target's size in the first picture: farther off
+is beside it."""
 MOST_ANGLE = np.radians(20.0)
 """Largest standard deviation of the angle [rad]."""
 MOST_SIZE = 0.25
@@ -22,7 +23,7 @@ def certain(estimate: Estimate, region: Region) -> tuple[bool, bool, bool]:
         return True, True, True
     x, y, angle, size = np.diagonal(estimate.covariance).tolist()
     return (
-        not max(x, y) > MOST_CENTRE**2 * region.area(estimate.state),  # nan is not
+        not max(x, y) > MOST_CENTRE**2 * region.width * region.height,  # nan is not
         not angle > MOST_ANGLE**2,
         not size > MOST_SIZE**2,
     )

@@ -324,7 +324,7 @@ def descend(
     most: int,
     tolerance: float,
     hopeless: float,
-) -> tuple[Array, float, int, Array]:
+) -> tuple[Array, float, int]:
     """Descend to the nearest minimum of the cost.
 
     Args:
@@ -338,15 +338,14 @@ def descend(
         hopeless: A start with a higher cost is returned unchanged.
 
     Returns:
-        State (4,), the last accepted cost, the number of evaluations, and the last accepted
-        curvature (4, 4).
+        State (4,), the last accepted cost, and the number of evaluations.
     """
     x = start.copy()
     cost, gradient, curvature = linearise(image, x, kernels, root_reference)
     damping = FIRST_DAMPING
     evaluations = 1
     if cost > hopeless:
-        return x, cost, evaluations, curvature
+        return x, cost, evaluations
     while evaluations < most and damping < MOST_DAMPING:
         step = damped_step(gradient, curvature, damping, units)
         there = x + step
@@ -356,7 +355,7 @@ def descend(
         for p in range(4):
             is_last &= abs(step[p] / units[p]) < tolerance
         if is_last:
-            return there, cost, evaluations, curvature
+            return there, cost, evaluations
         at = linearise(image, there, kernels, root_reference)
         evaluations += 1
         if at[0] < cost:
@@ -365,4 +364,4 @@ def descend(
             cost, gradient, curvature = at
         else:
             damping *= MORE
-    return x, cost, evaluations, curvature
+    return x, cost, evaluations

@@ -42,8 +42,9 @@ HELD = 1e-9
 USUAL = 0.025
 """Distance d_m that noise and parallax leave at the right place; chosen by hand on shipped targets
 (tests/benchmarks/nees.py)."""
-FLAT = 1e-9
-"""Least curvature of the objective in `UNITS`: covariances stay finite where nothing is seen."""
+ANYWHERE = np.array([12**-0.5, 12**-0.5, np.pi / 3**0.5, 1.0])
+"""Standard deviations where the picture shows nothing: of x and y evenly over the target's size, of
+the angle evenly over all, of ln scale about threefold."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +56,6 @@ class Descent:
     """The distance d_m there: the objective is O = 2 d_m^2."""
     evaluations: int
     """Number of times the histograms were computed."""
-    covariance: Array
-    """Covariance (4, 4) of (x, y, theta, ln scale): one standard deviation away, the objective is
-    larger by 2 `USUAL`^2. It is large where the target slips inside something of one colour; nan
-    for an angle that is not searched."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +108,8 @@ class KernelModel:
             turns: Search the angle, too.
         """
         self._units = UNITS if turns else UNITS * (1, 1, HELD, 1)
+        size = sqrt(region.area(state))
+        self._anywhere = ANYWHERE * (size, size, 1, 1)
         inside = region.inner(grid.inset)
         offsets = (np.arange(grid.per_side) + 0.5) / grid.per_side - 0.5
         u, v = np.meshgrid(offsets * inside.width, offsets * inside.height)
@@ -142,9 +141,9 @@ class KernelModel:
             hopeless: A start with a larger distance than this is returned as it is.
 
         Returns:
-            The last state, with its distance and covariance, and the number of evaluations.
+            The last state, its distance, and the number of evaluations.
         """
-        x, cost, evaluations, curvature = loops.descend(
+        x, cost, evaluations = loops.descend(
             image,
             state.vector,
             self.kernels,
@@ -154,13 +153,19 @@ class KernelModel:
             tolerance,
             2 * hopeless**2,
         )
-        units = np.diag(self._units)
-        inverse = np.linalg.inv(units @ curvature @ units + FLAT * np.eye(4))
+        return Descent(State.of(x), sqrt(min(cost / 2, 1.0)), evaluations)
+
+    def covariance(self, image: Image, state: State) -> Array:
+        """Return the covariance (4, 4) of (x, y, theta, ln scale) at the end of a descent: one
+        standard deviation away, the objective is larger by 2 `USUAL`^2.
+
+        It is large where the template slips inside something of one colour, and nan for an angle
+        that is not searched. These histograms do not count as a search.
+        """
+        _, _, curvature = loops.linearise(image, state.vector, self.kernels, self.root_reference)
+        found = np.linalg.inv(curvature / (2 * USUAL**2) + np.diag(self._anywhere**-2))
         searched = self._units > HELD
-        covariance = np.where(
-            np.outer(searched, searched), 2 * USUAL**2 * units @ inverse @ units, np.nan
-        )
-        return Descent(State.of(x), sqrt(min(cost / 2, 1.0)), evaluations, covariance)
+        return np.where(np.outer(searched, searched), found, np.nan)
 
 
 def changes(image: Image, region: Region, state: State) -> tuple[float, float]:

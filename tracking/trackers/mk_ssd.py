@@ -86,7 +86,7 @@ class MkSsd:
         self._velocity.learn(self._state, seen=seen)
         return Estimate(
             self._state,
-            descent.covariance if seen else unknown_covariance(),
+            self._kernels.covariance(image, self._state) if seen else unknown_covariance(),
             descent.distance,
             status,
             follows=(self._turns, True),

@@ -140,7 +140,8 @@ class PfSsd(ParticleTracker):
             distance = self._recogniser.doubt(image, state, self._cloud, time)
             self._status = self._loss.judge(distance, time)
         if ends_there:
-            return end.state, end.covariance, distance, evaluations
+            covariance = self._kernels.covariance(image.image, end.state)
+            return end.state, covariance, distance, evaluations
         return proposed, self._cloud.covariance(), distance, evaluations
 
     def _descend(self, image: Image, proposed: State) -> Descent:
@@ -149,4 +150,4 @@ class PfSsd(ParticleTracker):
         moved = descent.state.vector - proposed.vector
         if float(np.hypot(moved[0], moved[1])) <= self._config.trust * self._cloud.size:
             return descent
-        return Descent(proposed, 1.0, descent.evaluations, self._cloud.covariance())
+        return Descent(proposed, 1.0, descent.evaluations)
