@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import zlib
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -53,6 +54,31 @@ def sequences_folder():
     """The folder of annotated sequences that SERVOBENCH_SEQUENCES names; None where it is unset."""
     named = os.environ.get("SERVOBENCH_SEQUENCES")
     return Path(named) if named else None
+
+
+WALLS = {
+    "test_contracts",
+    "test_every_setting",
+    "test_extremes",
+    "test_features_lenses",
+    "test_inputs",
+    "test_limits",
+    "test_odd_pictures",
+    "test_properties_trackers",
+    "test_scenarios",
+    "test_vary",
+}
+"""Files whose tests try every setting, input or scenario."""
+PLAIN_SHARE = 5
+"""The plain command runs one in so many of their cases, the same ones each time."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    for item in items:
+        is_case = item.path.stem in WALLS and hasattr(item, "callspec")
+        if is_case and zlib.crc32(item.nodeid.encode()) % PLAIN_SHARE:
+            item.add_marker("wide")
 
 
 NO_OPENGL = "OpenGL is missing"
