@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 from itertools import islice
@@ -159,22 +158,6 @@ def test_a_scenario_that_cannot_be_read_is_an_error_in_the_files(tmp_path):
     assert "duration" in suite[0].find("error").get("message")
     (run,) = json.loads(files["json"].read_text())["runs"]
     assert "duration" in run["failed"]
-
-
-def test_the_plugin_runs_where_folders_hide_our_packages(tmp_path):
-    """pytest loads a plugin in every repository, also in those that have nothing to do with it."""
-    (tmp_path / "test_own.py").write_text("def test_own():\n    import sim, servo\n")
-    (tmp_path / "own.toml").write_text('[expect]\noutcome = "CONVERGED"\n')
-    for name in ("sim", "servo"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "__init__.py").write_text("")
-    ended = pytest_in(tmp_path, "test_own.py")
-    assert ended.returncode == 0, ended.stdout
-    shutil.rmtree(tmp_path / "servo")
-    ended = pytest_in(tmp_path, "--servobench", "own.toml")
-    assert ended.returncode == 1
-    hidden = tmp_path / "sim"
-    assert f"{hidden} hides servobench's package 'sim': rename this folder" in ended.stdout
 
 
 def pytest_in(folder, *words):

@@ -102,10 +102,10 @@ OTHER_PARTS = {
     "a home has 2 joints; the robot has 6": (check_robot, config_for(
         lambda rng: dataclasses.replace(gantry.Config().build(rng), homes=((0.0, 0.0),)))),
     "build returned NoneType; return a Target": (check_target, config_for(lambda rng: None)),
-    "the outline is not level": (check_target, config_for(
+    "the outline: expected four corners of one height, got the heights [0.0, 0.0, 1.0, 0.0]": (check_target, config_for(
         lambda rng: dataclasses.replace(
             car.Config().build(rng), outline=rectangle(np.zeros(3), 0.2, 0.1) + np.eye(4, 3)))),
-    "the outline's corners are in another order": (check_target, config_for(
+    "the outline: expected the four corners of a rectangle, clockwise as seen from above": (check_target, config_for(
         lambda rng: dataclasses.replace(
             car.Config().build(rng), outline=rectangle(np.zeros(3), 0.2, 0.1)[::-1]))),
     "the outline is 20 x 0.1 m; its sides go from 0.001 to 2": (check_target, config_for(

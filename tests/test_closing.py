@@ -43,9 +43,6 @@ class Later:
     def start(self, task):
         pass
 
-    def aim(self, goal):
-        pass
-
     def command(self, seen, posture, dt):
         self.left -= 1
         if self.left == 0:

@@ -145,7 +145,7 @@ LEFT_OUT = {
     "tracker.least_texture": "a target without texture: test_texture",
     "camera.renderer": "the same pictures, but for shadows: test_exact",
     "robot.home": "the same posture is found from everywhere: test_mjcf_robots",
-    "controller.file": "a network's file: test_onnx_policy",
+    **dict.fromkeys(("controller.file", "controller.timeout"), "a network: test_onnx_policy"),
 }
 """Settings that other tests change."""
 

@@ -23,7 +23,6 @@ from servo.cli import (
     track_command,
 )
 from servo.loop.run_measures import MEANINGS
-from servo.loop.step import Seconds
 from servo.output import versions as found_versions
 from servo.output.formats import command_line
 from servo.output.recording import layout
@@ -184,11 +183,9 @@ def test_in_a_pipe_force_color_adds_colours_only_and_no_color_wins(monkeypatch, 
 
 
 def test_the_stages_of_a_step_are_told_as_medians():
-    steps = [
-        SimpleNamespace(seconds=Seconds(*(1e-3 * np.array(t))), tracked=True)
-        for t in ([1, 2, 3, 4], [2, 4, 6, 8], [9, 9, 9, 90])
-    ]
-    assert run_command._stage_line(steps, [0.002, 0.001, 0.5]) == (
+    seconds = 1e-3 * np.array([[1, 2, 3, 4], [2, 4, 6, 8], [9, 9, 9, 90]])
+    run = {"seconds": seconds, "tracked": np.ones(3, bool)}
+    assert run_command._stage_line(run, [0.002, 0.001, 0.5]) == (
         "A step took 20.0 ms: render 2.00  track 4.00  control 6.00  physics 8.00; writing it took "
         "2.0 ms (medians)"
     )

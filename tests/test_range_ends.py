@@ -75,7 +75,7 @@ def test_of_two_joints_at_their_ends_the_third_goes_on(tmp_path):
     line = ["motion.kind=line", "motion.x=0.1", "motion.speed=-0.2", "start={}"]
     steps, summary = head_run(tmp_path, *line, pan=8)
     assert set(summary.limits) == {"lift (range)", "pan (range)"}
-    across, down = steps[-1].truth.centre - steps[-1].goal
+    across, down = steps[-1].truth.centre - steps[-1].goal.centre
     assert abs(across) > 40.0
     assert abs(down) < 8.0
 

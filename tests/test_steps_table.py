@@ -17,6 +17,7 @@ from servo.output import sinks
 from servo.output.run_folder import RunFolder, prepare
 from servo.output.steps_table import STREAM, StepsTable
 from servo.scenario.load import load
+from servo.types import Prediction, Trace
 
 
 @pytest.mark.parametrize("count", [3, 8])
@@ -25,7 +26,9 @@ def test_a_controller_with_other_features_is_refused_and_not_cut(monkeypatch, tm
 
     def other(self, *seen):
         command = right(self, *seen)
-        return replace(command, trace=replace(command.trace, features=np.zeros(count)))
+        numbers = np.ones(count)
+        trace = Trace(numbers, numbers, Prediction(*np.zeros((4, count))), numbers, numbers)
+        return replace(command, trace=trace)
 
     monkeypatch.setattr(Ibvs, "command", other)
     with pytest.raises(Mistake) as refused:
@@ -59,8 +62,7 @@ def test_each_quantity_is_evaluated_once_a_row(monkeypatch, tmp_path):
     assert (
         run_command.run_scenario("still", changes, 0, tmp_path / "o", quiet=True, rerun=False) == 0
     )
-    # Once for the table, and once for each of the plot's two curves.
-    assert asked == dict.fromkeys(range(6), 3)
+    assert asked == dict.fromkeys(range(6), 1)
 
 
 def test_a_row_names_the_picture_that_its_decision_is_of(late):
