@@ -270,6 +270,22 @@ def _check_trace(trace: object) -> None:
         )
 
 
+def check_same_features(command: Command, names: tuple[str, ...]) -> None:
+    """Check that a law says this of the features of its scenario.
+
+    Raises:
+        BrokenContract: The law has another number of features.
+    """
+    count = len(names) if command.trace is None else len(command.trace.features)
+    require(
+        count == len(names),
+        "the trace has {} features, but the scenario has {}: {}",
+        count,
+        len(names),
+        ", ".join(names),
+    )
+
+
 def check_pose(pose: object, time: float) -> None:
     """Check where a motion puts the target.
 

@@ -34,9 +34,8 @@ def test_a_controller_with_other_features_is_refused_and_not_cut(monkeypatch, tm
     with pytest.raises(Mistake) as refused:
         run_command.run_scenario("still", [], 0, tmp_path / "out", quiet=True, rerun=False)
     assert str(refused.value) == (
-        "the table of steps has 4 columns for 'feature' (feature_xn_m, feature_yn_m, feature_an_m, "
-        f"feature_theta_rad), but the controller gives {count} values: it has other features than "
-        "the scenario"
+        f"controller 'ibvs': the trace has {count} features, but the scenario has 4: xn, yn, an, "
+        "theta"
     )
 
 

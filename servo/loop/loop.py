@@ -15,7 +15,7 @@ from weakref import ref
 
 import numpy as np
 
-from servo.contracts import check_followed
+from servo.contracts import check_followed, check_same_features
 from servo.estimators.difference import Difference
 from servo.goals.faced import Faced
 from servo.goals.led import Led
@@ -391,6 +391,8 @@ class Running:
         command = observation.command or loop.controller.command(
             sight, posture, observation.interval
         )
+        with Part("controller", loop.scenario.controller).naming():
+            check_same_features(command, loop.features.names)
         seconds = perf_counter() - began
         motion = self._measured(command, sight, observation.interval)
         self.decision = Decision(observation.estimate, sight, command, motion, seconds)

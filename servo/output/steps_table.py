@@ -17,7 +17,6 @@ import pyarrow.parquet as pq
 
 from servo.loop.episode import Episode
 from servo.loop.step import Step
-from servo.mistake import Mistake
 from servo.output.sinks import Every
 from servo.parts import FeatureSet
 from servo.types import DOF
@@ -56,20 +55,8 @@ class Quantity:
     """One value for each column."""
 
     def cells(self, step: Step) -> Iterator[tuple[str, Any]]:
-        """Name and value of each column.
-
-        Raises:
-            Mistake: The number of values is not that of the columns.
-        """
-        values = self.of(step)
-        if len(values) != len(self.columns):
-            names = ", ".join(c.name for c in self.columns)
-            raise Mistake(
-                f"the table of steps has {len(self.columns)} columns for '{self.name}' ({names}), "
-                f"but the controller gives {len(values)} values: it has other features than the "
-                "scenario"
-            )
-        return zip((c.name for c in self.columns), values, strict=True)
+        """Name and value of each column."""
+        return zip((c.name for c in self.columns), self.of(step), strict=True)
 
 
 def quantities(
@@ -151,7 +138,7 @@ def _schema(found: Sequence[Quantity]) -> pa.Schema:
 
 
 def table_of(steps: Sequence[Step], found: Sequence[Quantity]) -> pa.Table:
-    """The table of some steps; a Mistake as for `Quantity.cells`."""
+    """The table of some steps."""
     return pa.Table.from_pylist([_row(step, found) for step in steps], schema=_schema(found))
 
 
