@@ -16,6 +16,7 @@ import numpy as np
 from servo.parts import FeatureSet
 from servo.types import DOF, Command, Mode, OwnMotion, Prediction, Sight, Trace
 from sim.geometry import is_rotation
+from sim.placement import area
 from sim.types import Array, Effect, Pose
 from tracking.types import Estimate, State, Status, goes_around
 
@@ -25,6 +26,8 @@ Check = Callable[..., None]
 ROUNDING = 1e-9
 """A variance may be negative by this much: the difference of two nearly equal ones. So may the
 product of a rotation with its transpose leave the identity."""
+SMALLEST_AREA = 1e-6
+"""Area of corners below which no pose of a rectangle can be computed from them [px^2]."""
 LARGEST = 1e9
 """Largest number of a state: products of larger ones would overflow."""
 
@@ -115,7 +118,7 @@ def _check_corners(corners: object) -> None:
     right = _is_array(corners, (4, 2)) and bool((np.abs(found) <= LARGEST).all())
     require(right, "the corners are not four points (4, 2) of finite numbers up to {:g}", LARGEST)
     require(
-        goes_around(found),
+        goes_around(found) and area(found) >= SMALLEST_AREA,
         "the corners are {}; they should lie around an area in the order of Region.corners",
         found.tolist(),
     )

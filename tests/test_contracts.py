@@ -171,6 +171,7 @@ SQUARE = np.array([[10.0, 10.0], [50.0, 12.0], [48.0, 40.0], [12.0, 38.0]])
         (SQUARE * [-1, 1], "they should lie around an area"),  # in a mirror
         (SQUARE * [1, 0], "they should lie around an area"),
         (np.array([*SQUARE[:3], [45.0, 30.0]]), "they should lie around an area"),  # a dent
+        (SQUARE * 1e-9, "they should lie around an area"),  # OpenCV finds no pose of it
         (SQUARE * 1e300, "are not four points (4, 2) of finite numbers up to 1e+09"),
         (SQUARE * np.nan, "are not four points (4, 2) of finite numbers"),
         (SQUARE[:3], "are not four points (4, 2)"),

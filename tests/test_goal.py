@@ -87,3 +87,10 @@ def test_the_goal_is_not_what_the_robot_wrongly_believes(wrong):
     first = next(servo.run(scenario))
     assert first.corner_errors.max() < 1e-6
     assert np.abs(first.T_object_goal.translation - first.T_object_camera.translation).max() < 1e-9
+
+
+@pytest.mark.parametrize(("features", "nearest"), [("moments", 0.0), ("points", 50.0)])
+def test_half_a_turn_counts_where_the_features_tell_front_from_back(features, nearest):
+    changes = [*AT_GOAL, "start.angle_deg=180", "tracker.corners=true", f"features.kind={features}"]
+    first = next(servo.run(servo.load("still", changes)))
+    assert nearest <= first.corner_errors.min() <= nearest + 20.0

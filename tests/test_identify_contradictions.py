@@ -1,7 +1,5 @@
 """Logs that contradict themselves: another clock, another unit, too little, or a wrong reading."""
 
-import time
-
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
@@ -227,19 +225,6 @@ def test_positions_at_1_khz_are_averaged_to_5_ms(tmp_path):
     assert channel.moved.values[1] == pytest.approx(columns[JOINT][5:10].mean())
     found = identify(log, [1e-4])
     assert found.whole.delay.value == pytest.approx(0.044, abs=1e-3)
-
-
-@pytest.mark.processes
-@pytest.mark.parametrize(("seconds", "joints"), [(100, 1), (16, 6)])
-def test_a_log_of_1e5_rows_takes_seconds(tmp_path, seconds, joints):
-    """Processor time of one core; they took 34 and 25 s, most of it for the drift and the play."""
-    _, columns = fast(seconds)
-    for name in ("y_m", "z_m", "yaw_rad", "pitch_rad", "roll_rad")[: joints - 1]:
-        columns |= {f"command_{name}_s": columns[COMMAND], f"joint_{name}": columns[JOINT]}
-    log = read(written(tmp_path, columns))
-    begin = time.process_time()
-    identify(log, [1e-4] * joints)
-    assert time.process_time() - begin < 10
 
 
 def fast(seconds):

@@ -87,6 +87,7 @@ def test_plain_laws_are_checked_as_others():
     ("law", "sentence"),
     [
         (lambda seen, task: np.zeros(3), "the twist is [0. 0. 0.]; it should be six finite numb"),
+        (lambda seen, task: np.full(6, 1j), "the twist is of type array of complex128; it should"),
         (lambda seen, task: None, "the twist is nan; it should be six finite numbers"),
         (type("Bare", (), {"command": print}), "build returned Bare, which has no method start"),
         (lambda: 3, "TypeError: "),

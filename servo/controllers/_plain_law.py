@@ -71,7 +71,7 @@ class FunctionLaw:
         asked = self._law(
             seen, replace(self._task, goal=seen.goal or self._task.goal), **self._settings
         )
-        return asked if isinstance(asked, Command) else Command(np.asarray(asked, float))
+        return asked if isinstance(asked, Command) else Command(_floats(asked))
 
 
 @final
@@ -105,4 +105,10 @@ class PolicyLaw:
         """Return what the policy asks for; for a dropped frame, no motion."""
         if seen is None or seen.picture is None:
             return Command(np.zeros(6), mode=Mode.HOLDING)
-        return Command(np.asarray(self._act(seen.picture.image, self._goal, posture), float))
+        return Command(_floats(self._act(seen.picture.image, self._goal, posture)))
+
+
+def _floats(twist: object) -> Array:
+    """Return whole numbers and lists as floats; what is no real number stays, to be refused."""
+    found = np.asarray(twist)
+    return found if np.iscomplexobj(found) else np.asarray(twist, float)

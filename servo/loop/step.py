@@ -165,8 +165,15 @@ class Step:
 
     @property
     def corner_errors(self) -> Array:
-        """Distances (4,) of the target's true corners from their goals [px]."""
-        return np.hypot(*(self.truth.corners - self.goal.corners).T)
+        """Distances (4,) of the target's true corners from their goals [px]: from those after half
+        a turn where these are nearer and the features do not tell front from back.
+        """
+        plain, turned = (
+            np.hypot(*(self.truth.corners - goal).T)
+            for goal in (self.goal.corners, np.roll(self.goal.corners, 2, axis=0))
+        )
+        is_turned = turned.sum() < plain.sum() and not self.tells_front_from_back
+        return turned if is_turned else plain
 
     @property
     def T_object_camera(self) -> Pose:

@@ -5,6 +5,7 @@ could make it open more files. It gets an open file without a name, so that it r
 and no numbered series.
 """
 
+import gc
 import math
 import os
 import re
@@ -21,6 +22,7 @@ from av.container import InputContainer
 from av.error import FFmpegError
 from av.packet import Packet
 from av.stream import Disposition
+from av.video.reformatter import VideoReformatter
 from av.video.stream import VideoStream
 
 from sim.files import reading
@@ -34,6 +36,9 @@ FASTEST = 10_000.0
 """Accepted frames a second."""
 GIVEN_UP = 100
 """Most frames in a row that cannot be decoded; after one more, the video ends."""
+CYCLES = 50
+"""Packets after which frames are freed whose side data was read: each is part of a cycle, and holds
+its pixels, until Python looks for cycles."""
 FORMATS = "mov,mp4,matroska,webm,avi,mpegts,mpeg,flv,ogg,asf,gif,yuv4mpegpipe"
 """FFmpeg's names of the accepted formats."""
 MP4 = "mov,mp4,m4a,3gp,3g2,mj2"
@@ -210,23 +215,27 @@ def decoded(packets: "Iterable[Packet[VideoStream]]") -> Iterator[Decoded]:
         FFmpegError, OSError: It breaks off.
     """
     depth = BitDepth()
-    for packet in packets:
+    reformatter = VideoReformatter()  # one of its own for each frame takes 300 kB
+    for number, packet in enumerate(packets):
+        if number % CYCLES == 0:
+            gc.collect(0)
         try:
             frames = packet.decode()
         except (FFmpegError, OSError):
             yield Decoded(None, None)
             continue
         for frame in frames:
-            image = _rgb(frame, depth)
+            image = _rgb(frame, depth, reformatter)
             notes = (*_turns(frame), *depth.notes)
             yield Decoded(frame.time, image, frame.is_corrupt, notes)
 
 
-def _rgb(frame: av.VideoFrame, depth: BitDepth) -> Image | None:
+def _rgb(frame: av.VideoFrame, depth: BitDepth, reformatter: VideoReformatter) -> Image | None:
     """Return a frame as its file says that it is shown; None if it cannot be decoded."""
     try:
         check_size(frame.width, frame.height)
-        image = _as_shown(_eight_bits(frame, depth), _display_matrix(frame))
+        pixels = _eight_bits(frame, depth, reformatter)
+        image = _as_shown(pixels, _display_matrix(frame))
     except (ValueError, FFmpegError):
         return None
     image = np.ascontiguousarray(image, np.uint8)
@@ -234,7 +243,7 @@ def _rgb(frame: av.VideoFrame, depth: BitDepth) -> Image | None:
     return image
 
 
-def _eight_bits(frame: av.VideoFrame, depth: BitDepth) -> Image:
+def _eight_bits(frame: av.VideoFrame, depth: BitDepth, reformatter: VideoReformatter) -> Image:
     """Return a frame as RGB (H, W, 3), without the bits that its camera does not use.
 
     A format of 10 or 12 bits states which are used. So does YUV, whose black and white are fixed.
@@ -242,11 +251,11 @@ def _eight_bits(frame: av.VideoFrame, depth: BitDepth) -> Image:
     deep = DEEP_FORMATS.match(frame.format.name)
     if deep is not None and depth.used != DEEP:
         form = "gray16le" if deep["grey"] else "rgb48le"
-        pixels = np.asarray(frame.to_ndarray(format=form), np.uint16)
+        pixels = np.asarray(reformatter.reformat(frame, format=form).to_ndarray(), np.uint16)
         if not depth.uses_all(pixels):
             image = depth.reduced(pixels)
             return np.repeat(image[..., None], 3, axis=2) if deep["grey"] else image
-    return np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
+    return np.asarray(reformatter.reformat(frame, format="rgb24").to_ndarray(), np.uint8)
 
 
 def _display_matrix(frame: av.VideoFrame) -> tuple[int, int, int, int]:
