@@ -1,6 +1,7 @@
 """Meshes of OBJ and STL files as targets: their size, their rectangle, and that they are seen."""
 
 import re
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -185,3 +186,9 @@ def test_materials_that_are_missing_are_named(show_sides, case):
 
 def test_materials_that_are_not_wanted_are_not_missed(show_sides):
     assert show_sides("", TOPS.replace("the two", "gone"), colour="#00ff00") == "gg"
+
+
+def test_a_mesh_with_places_in_a_picture_and_no_material_has_no_material():
+    """Its colour is then the target's; trimesh makes up a grey one."""
+    duck = Path(__file__).parents[1] / "scenes" / "targets" / "duck.obj"
+    assert read_mesh(duck).materials == (None,)

@@ -147,14 +147,15 @@ def read_mesh(
         raise ValueError(f"{path}: a mesh is an .obj or an .stl file")
     files = _Beside(path.parent)
     with reading.opened(path, "mesh") as file:
+        used = _used(file.read()) if suffix == OBJ else None
+        file.seek(0)
         try:
             scene = trimesh().load_scene(
                 file, suffix[1:], process=False, resolver=files, skip_materials=not materials
             )
-            points, corners, places, looks, found = _joined(scene, suffix, files.missing)
-            if suffix == OBJ and materials and not files.missing:
-                file.seek(0)
-                files.missing.extend(_unknown(file.read(), scene))
+            points, corners, places, looks, found = _joined(scene, used, files.missing)
+            if used is not None and materials and not files.missing:
+                files.missing.extend(_unknown(used, scene))
             vertices, same = np.unique(points, axis=0, return_inverse=True)
             faces = same.reshape(-1)[corners]
             if suffix == ".stl" and not len(faces):
@@ -180,19 +181,28 @@ def read_mesh(
     )
 
 
-def _unknown(obj: bytes, scene: Any) -> list[Lost]:
+def _used(obj: bytes) -> set[str]:
+    """The names of the materials that an OBJ file uses."""
+    return {name.decode("utf-8", "replace") for name in USED.findall(obj)}
+
+
+def _unknown(used: set[str], scene: Any) -> list[Lost]:
     """The materials that an OBJ file uses, and that no .mtl file describes."""
-    used = {name.decode("utf-8", "replace") for name in USED.findall(obj)}
     parts = scene.geometry.values()
     known = {getattr(getattr(p.visual, "material", None), "name", None) for p in parts}
     return [(name, "no .mtl file describes it") for name in sorted(used - known)]
 
 
 def _joined(
-    scene: Any, suffix: str, missing: list[Lost]
+    scene: Any, used: set[str] | None, missing: list[Lost]
 ) -> tuple[Array, Indices, Array | None, Indices, tuple[Material | None, ...]]:
     """The corners of all parts of a scene, its triangles, their places in pictures, and the number
     of each one's material; and the materials.
+
+    Args:
+        scene: What trimesh has read.
+        used: The names of the materials that an OBJ file uses; None of another kind of file.
+        missing: Takes what cannot be drawn.
     """
     points: list[Array] = [np.zeros((0, 3))]
     faces: list[Indices] = [np.zeros((0, 3), np.int64)]
@@ -204,7 +214,7 @@ def _joined(
         pose, name = scene.graph[node]
         part = scene.geometry[name]
         uv: Array | None = getattr(part.visual, "uv", None)
-        material = _material(part.visual, suffix)
+        material = _material(part.visual, used)
         if material is not None and material.picture is not None and uv is None:
             missing.append((f"the picture of {part.visual.material.name}", "the mesh has no vt"))
             material = Material(material.colour)
@@ -225,15 +235,15 @@ def _joined(
     )
 
 
-def _material(visual: Any, suffix: str) -> Material | None:
+def _material(visual: Any, used: set[str] | None) -> Material | None:
     """The material of a part; None where it has none."""
     if visual.kind is None:
         return None
     if visual.kind != "texture":
         return Material(tuple((np.asarray(visual.main_color) / 255).tolist()))
     material = visual.material
-    if suffix == OBJ and material.name is None:
-        return None  # it has places in a picture, but no material
+    if used is not None and material.name not in used:
+        return None  # it has places in a picture; trimesh makes up a grey material
     picture = getattr(material, "image", None)
     return Material(
         tuple((np.asarray(material.main_color) / 255).tolist()),
