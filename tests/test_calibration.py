@@ -138,6 +138,40 @@ def test_the_lens_is_the_one_that_the_file_names(here, kind, key, name, model):
     np.testing.assert_allclose(found, pixels, atol=1e-9)
 
 
+LINES = {
+    "dist_model: equidistant": "fisheye",
+    "distortion_model_name: equidistant": "fisheye",
+    "lensDistortionModel: Kannala-Brandt": "fisheye",
+    "model_name: fisheye": "fisheye",
+    "optics: fisheye": "fisheye",
+    "camera: {model: fisheye}": "fisheye",
+    "distortion: {model: equidistant}": "fisheye",
+    "lens: {name: fisheye}": "fisheye",
+    "Calibrate_UseFisheyeModel: 1": "fisheye",
+    "use_fisheye_model: 1": "fisheye",
+    "is_fish_eye: true": "fisheye",
+    "use_fisheye_model: 0": "plumb_bob",
+    "xi: 0": "plumb_bob",
+    "left: {serial_number: fisheye, frame_id: fisheye, title: fisheye 3}": "plumb_bob",
+    "sensor: OmniVision OV7251": "plumb_bob",
+    "board: {type: aprilgrid}": "plumb_bob",
+}
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_a_lens_is_found_in_any_key(here, line):
+    """Each was read as plumb_bob, without a word."""
+    text = ROS.replace("distortion_model: plumb_bob", line).replace("-0.0012, 0.0]", "-0.0012]")
+    (here / "cam.yaml").write_text(text)
+    check(camera_with(), LINES[line], PLUMB_BOB[:4] if LINES[line] == "fisheye" else PLUMB_BOB)
+
+
+def test_a_model_beside_the_coefficients_is_theirs(here):
+    text = ROS.replace("distortion_model: plumb_bob\n", "").replace("-0.0012, 0.0]", "-0.0012]")
+    (here / "cam.yaml").write_text(text.replace("cols: 5", "model: equidistant"))
+    check(camera_with(), "fisheye", PLUMB_BOB[:4])
+
+
 def test_a_map_of_rows_and_data_in_a_file_of_opencv_is_a_matrix(here):
     """As rtabmap and drivers of cameras write it."""
     text = ROS.replace("plumb_bob", "equidistant").replace("-0.0012, 0.0]", "-0.0012]")
@@ -294,6 +328,35 @@ WRONG = {
         f"cam.yaml: model_type = 'MEI' is not known; there is {LENSES} (leave it out if it names "
         "no lens)",
     ),
+    "a mirror": (
+        "head",
+        "head\nxi: 1.35",
+        f"cam.yaml: xi = 1.35 is of a lens that is not simulated; there is {LENSES}",
+    ),
+    "a mirror in a table": (
+        "head",
+        "head\nmirror_parameters: {xi: 1.2}",
+        "cam.yaml: mirror_parameters.xi = 1.2 is of a lens that is not simulated; there is "
+        f"{LENSES}",
+    ),
+    "a lens that is named by no usual key": (
+        "head",
+        "head\ncalibration_method: cv2.fisheye.calibrate",
+        "cam.yaml: calibration_method = 'cv2.fisheye.calibrate' is not known; there is "
+        f"{LENSES} (leave it out if it names no lens)",
+    ),
+    "a model that is called after two": (
+        "head",
+        "head\nintrinsics_model: opencv_fisheye",
+        f"cam.yaml: intrinsics_model = 'opencv_fisheye' is not known; there is {LENSES} (leave it "
+        "out if it names no lens)",
+    ),
+    "an omnidirectional lens": (
+        "head",
+        "head\nflags: [CALIB_OMNIDIR]",
+        f"cam.yaml: flags = ['CALIB_OMNIDIR'] is not known; there is {LENSES} (leave it out if it "
+        "names no lens)",
+    ),
     "a matrix of nothing": (K, "[]", "cam.yaml: camera_matrix.data is empty"),
     "two lenses": (
         "head",
@@ -309,7 +372,7 @@ WRONG = {
     "a fisheye that is neither": (
         "head",
         "head\nfisheye_model: 7",
-        "cam.yaml: fisheye_model = 7 should be 0 or 1",
+        "cam.yaml: fisheye_model = 7 should be 0 or 1 (leave it out if it is neither)",
     ),
     "a fisheye of five numbers": (
         "plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.28, 0.08, 1e-05, -0.0012, 0.0]",

@@ -69,8 +69,38 @@ CLOCKS = {
     ),
     "one late picture": (
         lambda stamps, arrived: np.where(stamps == 5, stamps + 0.5, arrived),
-        "1 of 1200 pictures arrive 0.484 s apart from all others, and a simulated wait has no "
-        "exceptions; arrived_s is not used",
+        "1 of 1200 pictures arrive 0.484 s apart from all others, and a simulated wait is uniform; "
+        "arrived_s is not used",
+        None,
+    ),
+    "every twelfth picture late": (
+        lambda stamps, arrived: arrived + np.where(np.arange(len(stamps)) % 12, 0.0, 0.8),
+        "100 of 1200 pictures arrive 0.796 s apart from all others, and a simulated wait is "
+        "uniform; arrived_s is not used",
+        None,
+    ),
+    "late pictures of all kinds": (
+        lambda stamps, arrived: arrived + np.where(np.arange(len(stamps)) % 12, 0.0, stamps % 0.7),
+        "half of the pictures arrive within 0.00209 s, but all of them in 0.682 s, and a simulated "
+        "wait is uniform; arrived_s is not used",
+        None,
+    ),
+    "a clock that is set and set back": (
+        lambda stamps, arrived: arrived + np.where(abs(stamps - 6) < 3, 0.3, 0.0),
+        "599 of 1200 pictures arrive 0.296 s apart from all others, and a simulated wait is "
+        "uniform; arrived_s is not used",
+        None,
+    ),
+    "a clock that swings": (
+        lambda stamps, arrived: arrived - 0.05 * np.abs(stamps / 6 - 1) + 0.05,
+        "the wait for pictures swings by 0.0528 s in the course of the log, and a simulated wait is "
+        "uniform; arrived_s is not used",
+        None,
+    ),
+    "pictures in batches": (
+        lambda stamps, arrived: 0.5 * np.ceil(arrived / 0.5),
+        "the wait for pictures swings by 0.49 s in the course of the log, and a simulated wait is "
+        "uniform; arrived_s is not used",
         None,
     ),
     "few arrivals": (
@@ -99,6 +129,25 @@ def test_arrivals_of_the_clock_of_the_rows_are_not_doubted(tmp_path, columns):
     found = identify(log, [1e-4])
     assert doubts(log, found, {}) == []
     assert found.transport == pytest.approx(WAIT, abs=1e-4)
+
+
+def test_arrivals_that_are_slow_for_a_camera_are_doubted_and_used(tmp_path, columns):
+    log = read(written(tmp_path, columns, arrived_s=columns["arrived_s"] + 0.3))
+    assert log.clock == "pictures arrive 0.313 s after their stamps or later: is this one clock?"
+    assert log.transport.min() == pytest.approx(0.3 + WAIT, abs=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_uniform_waits_are_not_doubted(tmp_path, columns, seed):
+    """The worst of them have few pictures, or stamps in milliseconds."""
+    rng = np.random.default_rng(seed)
+    stamps = columns["time_s"]
+    waits = rng.uniform(0, 0.1) + rng.uniform(2e-4, 0.1) * rng.random(len(stamps))
+    waits[rng.random(len(waits)) > rng.uniform(0.05, 1)] = np.nan
+    waits = waits if seed % 2 else np.round(waits, 3)
+    log = read(written(tmp_path, columns, arrived_s=stamps + waits))
+    assert log.clock == ""
+    assert np.ptp(log.transport) == pytest.approx(np.nanmax(waits) - np.nanmin(waits))
 
 
 def test_the_sum_is_right_where_commands_and_arrivals_are_of_one_other_clock(tmp_path, columns):
@@ -136,7 +185,11 @@ WRONG = {
     ),
     "a dead encoder": (
         lambda c: {ENCODER: np.full(len(c[ENCODER]), 0.1)},
-        "the encoder of x does not move with its joint: leave its column out",
+        "the encoder of x does not move with its joint from 0.01 to 11.99 s: leave its column out",
+    ),
+    "an encoder that dies": (
+        lambda c: {ENCODER: np.where(c["time_s"] < 6, c[ENCODER], c[ENCODER][600])},
+        "the encoder of x does not move with its joint from 6.01 to 11.99 s: leave its column out",
     ),
     "counts": (
         lambda c: {ENCODER: 4096 * c[ENCODER]},
@@ -153,7 +206,7 @@ WRONG = {
     ),
     "an encoder of another motion": (
         lambda c: {JOINT: c[ENCODER][np.random.default_rng(2).permutation(len(c[JOINT]))]},
-        "the encoder of x does not move with its joint: leave its column out",
+        "the encoder of x does not move with its joint from 0.01 to 11.99 s: leave its column out",
     ),
     "positions for rates": (
         lambda c: {COMMAND: np.cumsum(c[COMMAND]) / 100},
@@ -185,6 +238,34 @@ def test_a_contradiction_is_a_sentence(tmp_path, columns, name):
     assert refused(tmp_path, columns, **change(columns)).startswith(sentence)
 
 
+def test_an_encoder_is_compared_where_there_is_one(tmp_path, columns):
+    """Its readings end half-way, or those of the joint do: that is no contradiction."""
+    first = columns["time_s"] < 6
+    part = {ENCODER: np.where(first, columns[ENCODER], np.nan)}
+    log = read(written(tmp_path, columns, **part))
+    assert doubts(log, identify(log, [1e-4]), {}) == []
+    part = {JOINT: np.where(first, columns[JOINT], np.nan)}
+    log = read(written(tmp_path, columns, **part))
+    assert doubts(log, identify(log, [1e-4]), {}) == []
+
+
+def test_an_encoder_of_another_clock_is_doubted(tmp_path, columns):
+    late = np.append(np.zeros(20), columns[ENCODER][:-20])
+    log = read(written(tmp_path, columns, **{ENCODER: late}))
+    [sentence] = doubts(log, identify(log, [1e-4]), {})
+    assert sentence == "the encoder of x is 0.16 s or more behind its joint"
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_an_encoder_of_half_or_twice_its_joint_is_doubted(tmp_path, columns, factor):
+    log = read(written(tmp_path, columns, **{ENCODER: factor * columns[ENCODER]}))
+    [sentence] = doubts(log, identify(log, [1e-4]), {})
+    assert sentence == (
+        f"the encoder of x moves {1.006 * factor:.3g} times as far as its joint, and a simulated one "
+        "as far as it"
+    )
+
+
 @pytest.mark.parametrize(
     ("every", "sentence"),
     [
@@ -197,6 +278,14 @@ def test_too_few_rows_are_refused(tmp_path, columns, every, sentence):
     """They gave a delay of 0 (0 to 390000) ms, and a gain of nan."""
     few = {name: values[::every] for name, values in columns.items()}
     assert refused(tmp_path, few) == sentence
+
+
+def test_rows_at_10_hz_are_enough(tmp_path, columns):
+    """Half of their stamps are 0.1 s and a rounding error apart: "0.1 s; delay needs 0.1"."""
+    few = {name: values[::10] for name, values in columns.items()}
+    few["time_s"] = 0.1 * np.arange(len(few["time_s"])) + 1e-6 * np.arange(len(few["time_s"]))
+    [channel] = read(written(tmp_path, few)).channels
+    assert np.median(np.diff(channel.moved.times)) > 0.1
 
 
 def test_a_joint_that_never_moves_is_named(tmp_path, columns):

@@ -6,8 +6,9 @@ from math import floor, inf, isfinite, log10
 import numpy as np
 
 from servo.identify.fit import LONGEST, SLOWEST, Identified
-from servo.identify.log import Channel, Log, Series
+from servo.identify.log import FEWEST, LEAST, SPARSEST, Channel, Log, Series
 from servo.mistake import Mistake
+from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
 REFUSED = 2 / 3, 3 / 2
@@ -24,6 +25,10 @@ VAGUE = 0.2
 """Largest width of a gain's interval, relative to the gain, where a motion is its command's."""
 ALIKE = 0.5
 """Correlation of an encoder with its joint: play and noise leave more."""
+PIECE = 4.0
+"""Parts of a log [s] in which an encoder is compared with its joint: it may die or slip."""
+LATE = 0.05
+"""An encoder is no more than this [s] behind its joint; play lets it lead."""
 FOLLOWS = 0.9
 """Positions that a command explains to this part, and"""
 BETTER = 3.0
@@ -55,13 +60,13 @@ def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[st
         Mistake: A joint's motion is not that of its command, or its readings are not those of its
             motion; or the log shows no delay or lag.
     """
+    sentences = [log.clock] if log.clock else []
     for channel, modelled in zip(log.channels, found.modelled, strict=True):
         _check_meaning(channel, modelled)
-        _check_encoder(channel)
+        sentences += _check_encoder(channel)
         # Parts of a twist mix where joints differ, so a small one may move with another.
         if channel.name in fastest:
             _check_gain(channel.name, found.gain[channel.name])
-    sentences = [log.clock] if log.clock else []
     sentences += [
         f"{name} is asked to move, and its positions stay the same; it is left out"
         for name in log.still
@@ -170,25 +175,60 @@ def _check_meaning(channel: Channel, modelled: Series) -> None:
             )
 
 
-def _check_encoder(channel: Channel) -> None:
-    """Refuse readings of an encoder that are not those of its joint."""
-    encoder = channel.encoder
-    if not (channel.shows_play and len(encoder.values)):
-        return
+def _check_encoder(channel: Channel) -> list[str]:
+    """Return sentences where an encoder moves otherwise than its joint.
+
+    Raises:
+        Mistake: Its readings, or those of a part of the log, are not those of its joint.
+    """
     moved = channel.moved
-    read = np.interp(moved.times, encoder.times, encoder.values)
-    alike = np.corrcoef(read, moved.values)[0, 1] if encoder.varies else 0.0
+    encoder = channel.encoder
+    gaps = np.diff(moved.times, prepend=-inf, append=inf)
+    known = gaps[np.searchsorted(moved.times, encoder.times)] < 2 * SPARSEST
+    if not channel.shows_play or known.sum() < FEWEST:
+        return []
+    times = encoder.times[known]
+    read = encoder.values[known]
+    behind = np.interp(times, moved.times, moved.values)
+    ratio = _compare(channel.name, times, behind, read)
+    pieces = np.array_split(np.arange(len(times)), max(1, int(np.ptp(times) // PIECE)))
+    ways = [np.ptp(behind[piece]) for piece in pieces]
+    for piece, way in zip(pieces, ways, strict=True):
+        # Where a joint moves little, play and noise are most of its encoder's motion.
+        if 2 * way > max(ways):
+            _compare(channel.name, times[piece], behind[piece], read[piece])
+    sentences: list[str] = []
+    if not REFUSED[0] < ratio < REFUSED[1]:
+        sentences.append(
+            f"the encoder of {channel.name} moves {ratio:.3g} times as far as its joint, and a "
+            "simulated one as far as it"
+        )
+    rates = np.gradient(behind, times)
+    if (late := rates @ (behind - read / ratio) / (rates @ rates)) > LATE:
+        sentences.append(f"the encoder of {channel.name} is {late:.2g} s or more behind its joint")
+    return sentences
+
+
+def _compare(name: str, times: Array, moved: Array, read: Array) -> float:
+    """Return how many times as far as their joint readings (n,) [m, rad] move at these times [s].
+
+    Raises:
+        Mistake: They are not those of the joint's motion.
+    """
+    alike = np.corrcoef(read, moved)[0, 1] if np.ptp(read) > LEAST else 0.0
     if abs(alike) < ALIKE:
         raise Mistake(
-            f"the encoder of {channel.name} does not move with its joint: leave its column out"
+            f"the encoder of {name} does not move with its joint from {times[0]:.6g} to "
+            f"{times[-1]:.6g} s: leave its column out"
         )
-    ratio = float(np.sign(alike) * np.std(read) / np.std(moved.values))
+    ratio = float(np.sign(alike) * np.std(read) / np.std(moved))
     if not ENCODED[0] < ratio < ENCODED[1]:
         wrong = "sign" if ratio < 0 else "unit"
         raise Mistake(
-            f"the encoder of {channel.name} moves {ratio:.3g} times as far as its joint: the "
-            f"{wrong} of one of them is wrong"
+            f"the encoder of {name} moves {ratio:.3g} times as far as its joint: the {wrong} of "
+            "one of them is wrong"
         )
+    return ratio
 
 
 def _misfit(channel: Channel, modelled: Series, most: float) -> list[str]:

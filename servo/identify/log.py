@@ -42,12 +42,21 @@ JUMP = 2.0, 5.0
 many times what nine of ten changes are less than."""
 LATEST = 1.0
 """A picture or a command that is farther from its row [s] has the stamp of another clock."""
+SLOW = 0.25
+"""A camera's pictures come earlier [s] as a rule."""
 DRIFTS = 6.0
 """Standard deviations of a trend of the arrivals that is none of chance, and"""
 LEAST_DRIFT = 1e-3
 """the least one [s] that is a clock's."""
-RARE = 0.05
-"""Largest part of the pictures whose wait, far from that of the others, is an exception."""
+COARSE = 2.5e-3
+"""Waits that differ by less [s] may do so because stamps are rounded to 1 ms."""
+PIECES = 20
+"""Most parts of a log in which the usual wait should be the same."""
+SWINGS = 0.7
+"""Correlation of each wait with the one before that independent waits do not reach."""
+TAIL = 8.0
+"""Waits that reach over so many times their middle half are not uniform: a uniform distribution
+has 2, a normal one 7 in 10^5 pictures."""
 OFF_WHOLE = 0.2
 """An interval of rows is regular if it is less than this off a multiple of the usual interval."""
 REGULAR = 0.9
@@ -139,7 +148,7 @@ def read(path: Path) -> Log:
     time = columns.get("time_s", np.empty(0))
     if not (len(time) and np.isfinite(time).all() and np.all(time[1:] > time[:-1])):
         raise Mistake(f"{path}: time_s should increase from row to row")
-    span = float(time[-1]) - float(time[0])
+    span = round(float(time[-1]) - float(time[0]), 3)
     if not SHORTEST <= span <= LONGEST:
         length = f"{span:.3g} s long; {SHORTEST:g} to {LONGEST:g} s are needed"
         raise Mistake(f"{path}: this log is {length}")
@@ -211,7 +220,8 @@ def _check_enough(moving: Sequence[Channel], names: Sequence[str], path: Path) -
                 f"{path}: this log has {positions} positions of {channel.name}; at least {FEWEST} "
                 "are needed, and more than one movement"
             )
-        if (interval := np.median(np.diff(channel.moved.times))) > SPARSEST:
+        # Stamps of 10 Hz differ by 0.1 s and a rounding error.
+        if (interval := round(float(np.median(np.diff(channel.moved.times))), 3)) > SPARSEST:
             raise Mistake(
                 f"{path}: the positions of {channel.name} come each {interval:.3g} s; delay and "
                 f"lag need one each {SPARSEST:g} s at least"
@@ -364,7 +374,7 @@ def _arrivals(waited: Array, *, is_with_commands: bool) -> tuple[str, Array]:
 
     A clock that is off leaves the differences of the waits, which show jitter. It leaves the sum of
     wait and delay where commands have its stamps too: both are off by as much, in opposite ways.
-    One that is faster, and a wait that is an exception, leave nothing.
+    One that is faster or is set in between, and waits that are not uniform, leave nothing.
 
     Args:
         waited: From each row's stamp to its picture's arrival (n,) [s]; nan where there is none.
@@ -385,16 +395,11 @@ def _arrivals(waited: Array, *, is_with_commands: bool) -> tuple[str, Array]:
             f"arrived_s drifts by {trend:.3g} s against time_s, so it is in another unit or of "
             "another clock; it is not used"
         ), np.empty(0)
-    gaps = np.diff(ordered)
-    at = int(np.argmax(gaps))
-    apart = min(at + 1, len(gaps) - at)
-    if 2 * gaps[at] > gaps.sum() and apart <= RARE * len(found):
-        return (
-            f"{apart} of {len(found)} pictures arrive {gaps[at]:.3g} s apart from all others, and "
-            "a simulated wait has no exceptions; arrived_s is not used"
-        ), np.empty(0)
+    if uneven := _uneven(found):
+        return f"{uneven}, and a simulated wait is uniform; arrived_s is not used", np.empty(0)
     if ordered[0] >= 0 and ordered[-1] <= LATEST:
-        return "", found
+        late = f"pictures arrive {ordered[0]:.3g} s after their stamps or later: is this one clock?"
+        return late if ordered[0] > SLOW else "", found
     other = f"pictures arrive {ordered[0]:.6g} to {ordered[-1]:.6g} s after their stamps, so "
     if is_with_commands and ordered[0] > -LATEST:
         return (
@@ -405,6 +410,29 @@ def _arrivals(waited: Array, *, is_with_commands: bool) -> tuple[str, Array]:
         f"{other}arrived_s is of another clock, and the shortest wait, not known, is not in "
         "latency_ms"
     ), found - ordered[0]
+
+
+def _uneven(waits: Array) -> str:
+    """Return why waits (n,) [s] are not of one uniform distribution; empty where they may be."""
+    gaps = np.diff(np.sort(waits))
+    reach = gaps.sum()
+    if reach < COARSE:
+        return ""
+    at = int(np.argmax(gaps))
+    if 2 * gaps[at] > reach:
+        apart = min(at + 1, len(gaps) - at)
+        return f"{apart} of {len(waits)} pictures arrive {gaps[at]:.3g} s apart from all others"
+    pieces = np.array_split(waits, min(PIECES, len(waits) // FEWEST))
+    quarters = np.array([np.quantile(piece, (0.25, 0.5, 0.75)) for piece in pieces])
+    middle = float(np.median(quarters[:, 2] - quarters[:, 0]))
+    swings = np.ptp(quarters[:, 1]) > middle
+    if swings or np.corrcoef(waits[1:], waits[:-1])[0, 1] > SWINGS:
+        return f"the wait for pictures swings by {reach:.3g} s in the course of the log"
+    if reach > TAIL * middle:
+        return (
+            f"half of the pictures arrive within {middle:.3g} s, but all of them in {reach:.3g} s"
+        )
+    return ""
 
 
 def _check_positions(columns: dict[str, Array], name: str, unit: str, path: Path) -> None:

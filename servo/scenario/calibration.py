@@ -4,7 +4,7 @@ Both start pixel coordinates at the middle of the first pixel, and we at its cor
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ MODELS: dict[str, Model] = {
     "kannala_brandt8": "fisheye",
 }
 """Our distortion by the names of ROS, Kalibr, OKVIS and ORB-SLAM, where the formula is the same."""
+THERE_IS = f"there is {', '.join(MODELS)}"
 ROS_NAMES = {own: name for name, own in reversed(MODELS.items())}
 """ROS's name of a distortion; the first one where there are two."""
 MIDDLE = 0.5
@@ -57,13 +58,23 @@ KEYS = {
 }
 """The keys by their letters; a message of ROS, printed, has the short ones."""
 NAMING = re.compile(
-    "(cam(era)?|calibration|distortion|lens|projection)?(model|type)+|distortion|lens|projection"
+    "(cam(era)?|calibration|dist(ortion)?(coefficients)?|lens|projection|intrinsics?)*"
+    "(model|type)+(name)?|distortion|lens|projection"
 )
-"""Letters of the keys whose value names a lens."""
+"""Letters of the keys whose value names a lens, and so is known or refused."""
+OWNED = re.compile(
+    "(?!.*(model|type|lens|distortion)).*(serial.*|(name|title|id|topic|path|file|image)s?)"
+)
+"""Letters of the keys whose value is a name of something: a camera called "fisheye" may be none."""
+FISHEYE = re.compile("fish|equidist|kannala")
+"""Letters of a fisheye, in a key or in a value;"""
+OMNI = re.compile("omni(?!vision)|mirrorparameters")
+"""those of a lens that sees all around, which is not simulated (but for a maker of sensors)."""
+XI = re.compile("(^|[^a-z])xi$")
+"""End of a key that has the distance of such a lens's mirror."""
 NO_DISTORTION = "none"
 UNSAID = ("", NO_DISTORTION, "pinhole", "perspective")
 """Letters of values that leave open which distortion there is."""
-FISHEYE_KEYS = ("fisheyemodel", "fisheye", "isfisheye", "usefisheye")
 YES = ("1", "true", "yes")
 NO = ("0", "false", "no")
 BINNING = ("binning_x", "binning_y")
@@ -150,9 +161,6 @@ def _read(path: Path) -> Table:
         document[key] = value
     if document.keys().isdisjoint(KEYS.values()):
         raise Mistake(f"{path}: this is no calibration: it should have camera_matrix")
-    for key in MATRICES:
-        matrix = document.get(key)
-        document[key] = matrix.get("data") if isinstance(matrix, dict) else matrix
     return settings_of(document, str(path))
 
 
@@ -160,7 +168,7 @@ def settings_of(document: Table, place: str) -> Table:
     """Return the size (width, height) of a calibration's image, and its settings for it.
 
     Args:
-        document: The keys of the file, with the data of its matrices in their place.
+        document: The keys of the file, and their values.
         place: Its file or topic, for messages.
 
     Raises:
@@ -260,11 +268,12 @@ def _value(node: cv2.FileNode) -> Any:
 
 def _model(document: Table, place: str, values: list[float]) -> Model:
     """Return the distortion that the file names; else that of the number of its coefficients."""
-    possible = {key: _possible(f"{place}: {key}", key, value) for key, value in document.items()}
+    written = dict(_leaves(document))
+    possible = {key: _possible(f"{place}: {key}", key, value) for key, value in written.items()}
     left = set(COEFFICIENTS).intersection(*possible.values())
     if not left:
         said = [
-            f"{key} = {document[key]!r}"
+            f"{key} = {written[key]!r}"
             for key in possible
             if len(possible[key]) < len(COEFFICIENTS)
         ]
@@ -278,21 +287,33 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
     return BY_COUNT[min((n for n in BY_COUNT if n >= last), default=max(BY_COUNT))]
 
 
+def _leaves(document: Table, above: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the keys and values of a file and of the tables in it, whose keys have dots."""
+    for key, value in document.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
 def _possible(place: str, key: str, value: Any) -> set[Model]:
     """Return the distortions that a key of the file leaves open."""
+    word = _letters(key)
     letters = "" if value is None else _letters(value)
-    if _letters(key) in FISHEYE_KEYS:
-        if letters not in (*YES, *NO):
-            raise Mistake(f"{place} = {value!r} should be 0 or 1")
-        return {"fisheye"} if letters in YES else {"plumb_bob", "rational"}
-    if letters in UNSAID or not NAMING.fullmatch(_letters(key)):
+    if letters in UNSAID or OWNED.fullmatch(word):
         return set(COEFFICIENTS)
+    if FISHEYE.search(word):
+        if letters not in (*YES, *NO):
+            raise Mistake(f"{place} = {value!r} should be 0 or 1 (leave it out if it is neither)")
+        return {"fisheye"} if letters in YES else {"plumb_bob", "rational"}
+    if (OMNI.search(word) or XI.search(key.lower())) and letters not in NO:
+        raise Mistake(f"{place} = {value!r} is of a lens that is not simulated; {THERE_IS}")
     found: set[Model] = {model for name, model in MODELS.items() if _letters(name) == letters}
-    if not found:
-        known = f"{place} = {value!r} is not known; there is {', '.join(MODELS)}"
+    names_one = NAMING.fullmatch(word) or FISHEYE.search(letters) or OMNI.search(letters)
+    if names_one and not found:
         more = "" if key == "distortion_model" else " (leave it out if it names no lens)"
-        raise Mistake(known + more)
-    return found
+        raise Mistake(f"{place} = {value!r} is not known; {THERE_IS}{more}")
+    return found or set(COEFFICIENTS)
 
 
 def _letters(text: object) -> str:
@@ -301,7 +322,8 @@ def _letters(text: object) -> str:
 
 
 def _numbers(data: Any, key: str, place: str) -> list[float]:
-    """Return the numbers of a matrix; YAML takes one such as 1e-05 for a text."""
+    """Return the numbers of a matrix, which may be a table; YAML takes 1e-05 for a text."""
+    data = data.get("data") if isinstance(data, dict) else data
     if data is None:
         raise Mistake(f"{place}: {key} is missing, or has no data")
     if data == []:
