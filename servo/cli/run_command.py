@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
-from servo.cli.idle_settings import idle_settings
+from servo.cli.idle_settings import OF_CORNERS, idle_settings, reports_corners
 from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
 from servo.cli.terminal import (
     COMPILING,
@@ -53,8 +53,6 @@ from tracking.trackers import KINDS
 if TYPE_CHECKING:
     from servo.ros2.server import Server
 
-OF_CORNERS = ("tag", "homography")
-"""Trackers of ours that report corners, and with them the target's tilt."""
 HIDDEN = 0.1
 """A target of which a smaller share is visible counts as hidden."""
 START_NEAR = 1e-3
@@ -191,7 +189,7 @@ def _tilt_line(episode: Episode) -> str:
     scenario = episode.scenario
     tracker = kind_of(scenario.tracker)
     ours = type(scenario.tracker).__module__.startswith(f"{KINDS.folder}.")
-    if not ours or tracker in OF_CORNERS or getattr(scenario.tracker, "corners", False):
+    if not ours or reports_corners(scenario):
         return ""
     goal = episode.running.goal_sight
     is_tilted = scenario.start.tilt_deg > degrees(START_TURNED) and not episode.loop.uses_pictures
