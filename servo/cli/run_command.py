@@ -37,7 +37,7 @@ from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from servo.study.bounds import check_expect, doubtful_bounds, missed_lines, unjudged
+from servo.study.bounds import check_expect, doubts_of, missed_lines, unjudged
 from servo.study.run import Job, Record
 from servo.study.run_report import RunReport
 from servo.study.scenario_run import LoadedScenario, record_of
@@ -213,7 +213,7 @@ def measures_lines(scenario: Setup) -> list[str]:
             f"{scenario.measure.after:g} s: measures that count from there on have no value"
         )
     if isinstance(scenario, Scenario):
-        lines += doubtful_bounds(scenario.expect, scenario.run.duration)
+        lines += doubts_of(scenario)
     return lines
 
 
