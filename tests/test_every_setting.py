@@ -123,7 +123,6 @@ UNSAID = {
     "controller.secondary": "an optical axis that is level needs no task",
     "motion.go": "a target that has not stopped yet",
     "motion.stop": "a target that has not stopped yet",
-    "features.border": "a pose that is not measured",
     "disturbances.share": "no frame is dropped in the first half second",
     "broyden.gain": "a law that still probes",
     "broyden.fastest_turn": "a law that has not turned yet",
@@ -341,16 +340,13 @@ def test_what_other_settings_leave_without_effect_is_said(changes, setting, why)
 
 
 FREE = ("robot.kind=free", "controller.feed_forward=[]", "run.duration=0.3")
-TURN = "controller.weights=[1, 1, 1, 1, 1, 0.2]"
 
 
 @pytest.mark.parametrize(
     ("changes", "setting"),
     [
         ((*FREE, "features.kind=weighted"), 'controller.dof=["vx", "vy"]'),
-        ((*FREE, "features.kind=weighted"), TURN),
         ((*FREE, "features.kind=decoupled"), 'controller.dof=["vx", "vy"]'),
-        ((*FREE, "features.kind=decoupled"), TURN),
         (("features.kind=hybrid",), "sight.depth=known"),
         ((*POSE, "camera.depth=true"), "sight.depth=picture"),
         (PIXELS, "believed.depth_factor=1.3"),

@@ -61,8 +61,14 @@ def idle_settings(episode: Episode) -> list[str]:
 def reports_corners(scenario: Setup) -> bool:
     """Return whether the tracker is one of ours that reports the target's corners."""
     tracker = scenario.tracker
-    is_ours = type(tracker).__module__.startswith(f"{TRACKERS.folder}.")
-    return is_ours and (kind_of(tracker) in OF_CORNERS or getattr(tracker, "corners", False))
+    return kind_of(tracker) in OF_CORNERS or (
+        is_ours(tracker) and getattr(tracker, "corners", False)
+    )
+
+
+def is_ours(tracker: object) -> bool:
+    """Return whether settings are those of a tracker that comes with this package."""
+    return type(tracker).__module__.startswith(f"{TRACKERS.folder}.")
 
 
 def _late(episode: Episode) -> list[str]:
@@ -99,13 +105,21 @@ def _of_law(is_met: Callable[[LawSettings, Episode], object]) -> Callable[[Episo
     return found
 
 
+def _may_see_tilt(episode: Episode) -> bool:
+    """Return whether the tilt of the target's plane may be measured: a tracker of others may report
+    corners.
+    """
+    s = episode.scenario
+    return reports_corners(s) or s.sight.plane == "picture" or not is_ours(s.tracker)
+
+
 def _sights(episode: Episode) -> list[Sight]:
     """Return the sights that a run may bring, as far as it matters what of them is known; the first
     one is that before the tracker has reported anything.
     """
     goal = episode.running.goal_sight
     is_seen = episode.scenario.sight.plane == "picture"
-    flags = [*product((False, True), (False, True), {False, is_seen})]
+    flags = [*product((False, True), (False, True), {False, _may_see_tilt(episode)})]
     if reports_corners(episode.scenario):
         flags = [(False, False, is_seen), (True, True, True)]
     return [
@@ -293,6 +307,11 @@ NEEDS = (
         ("controller.weights",),
         _of_law(_weights_choose),
         "there are no more parts of the twist to move than features, so none has a choice",
+    ),
+    Need(
+        ("features.border",),
+        lambda episode: _may_see_tilt(episode) or not _features_among(episode, ("weighted",)),
+        "the corners weigh only where the tracker reports them, or sight.plane measures the tilt",
     ),
     Need(
         ("estimator",),

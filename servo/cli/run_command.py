@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
-from servo.cli.idle_settings import OF_CORNERS, idle_settings, reports_corners
+from servo.cli.idle_settings import OF_CORNERS, idle_settings, is_ours, reports_corners
 from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
 from servo.cli.terminal import (
     COMPILING,
@@ -48,7 +48,6 @@ from sim.kinematics.inverse_kinematics import Reach
 from sim.models.target import dimensions
 from sim.types import Array
 from tracking.advice import advice
-from tracking.trackers import KINDS
 
 if TYPE_CHECKING:
     from servo.ros2.server import Server
@@ -188,8 +187,7 @@ def _tilt_line(episode: Episode) -> str:
     """Return a sentence about a tilt that no feature can see; else nothing."""
     scenario = episode.scenario
     tracker = kind_of(scenario.tracker)
-    ours = type(scenario.tracker).__module__.startswith(f"{KINDS.folder}.")
-    if not ours or reports_corners(scenario):
+    if not is_ours(scenario.tracker) or reports_corners(scenario):
         return ""
     goal = episode.running.goal_sight
     is_tilted = scenario.start.tilt_deg > degrees(START_TURNED) and not episode.loop.uses_pictures
