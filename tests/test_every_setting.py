@@ -358,11 +358,19 @@ def test_what_has_an_effect_is_not_said_to_have_none(changes, setting):
     assert (changed == seen(changes)[0]) is False
 
 
-@pytest.mark.parametrize(("begins", "kind", "start"), [(4.8, "board", 5), (5, "brightness", 5)])
-def test_a_disturbance_after_the_run_is_said(begins, kind, start):
-    said = said_or_refused((f"disturbances=[{{kind='{kind}', start={start}}}]",))
+@pytest.mark.parametrize(
+    ("disturbance", "begins"),
+    [
+        ("kind='board', start=5", 4.8),
+        ("kind='brightness', start=5", 5),
+        ("kind='spot'", 3),
+        ("kind='dropped_frames'", 0.5),
+    ],
+)
+def test_a_disturbance_after_the_run_is_said(disturbance, begins):
+    said = said_or_refused((f"disturbances=[{{{disturbance}}}]",))
     assert f"disturbances[0] begins after {begins:g} s, and the run ends after 0.14 s" in said
-    said = said_or_refused((f"disturbances=[{{kind='{kind}', start=0.1}}]",))
+    said = said_or_refused(("disturbances=[{kind='board', start=0.3}]",))
     assert "disturbances[0]" not in said
 
 

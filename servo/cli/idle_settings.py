@@ -14,7 +14,8 @@ from servo.scenario.draws import flat
 from servo.scenario.load import Scenario
 from servo.scenario.tables import TABLES
 from servo.types import DOF, Sight
-from sim.disturbances import board
+from sim.disturbances import KINDS as DISTURBANCES
+from sim.disturbances import board, dropped_frames
 from sim.kinds import kind_of
 from tracking.trackers import KINDS as TRACKERS
 
@@ -72,16 +73,19 @@ def is_ours(tracker: object) -> bool:
 
 
 def _late(episode: Episode) -> list[str]:
-    """Return a sentence for each disturbance that begins after the run."""
-    run = episode.scenario.run
-    begins = [
-        getattr(config, "start", 0.0) - board.SLIDE * isinstance(config, board.Config)
-        for config in episode.scenario.disturbances
-    ]
+    """Return a sentence for each disturbance of ours that begins after the run."""
+    scenario = episode.scenario
+    begins = {
+        i: getattr(config, "start", dropped_frames.START)
+        - board.SLIDE * isinstance(config, board.Config)
+        for i, config in enumerate(scenario.disturbances)
+        if type(config).__module__.startswith(f"{DISTURBANCES.folder}.")
+    }
     return [
-        f"disturbances[{i}] begins after {begin:g} s, and the run ends after {run.duration:g} s"
-        for i, begin in enumerate(begins)
-        if begin >= _end(episode.scenario)
+        f"disturbances[{i}] begins after {begin:g} s, and the run ends after "
+        f"{scenario.run.duration:g} s"
+        for i, begin in begins.items()
+        if begin >= _end(scenario)
     ]
 
 
@@ -195,10 +199,13 @@ def _lacks_corners(episode: Episode) -> bool:
 
 
 def _size_is_seen(episode: Episode) -> bool:
-    """Return whether something may take the target's size. Of a tag, the region begins with it."""
+    """Return whether something may take the target's size: of a tag, the region begins with it, and
+    through a lens the goal's depth is found with it.
+    """
     s = episode.scenario
     of_pixels = _features_among(episode, ("photometric",)) and _law_among(episode, *LAWS)
-    return not of_pixels or kind_of(s.target) == "tag" or s.leader.id is not None
+    is_taken = kind_of(s.target) == "tag" or s.camera.lens is not None or s.leader.id is not None
+    return is_taken or not of_pixels
 
 
 def _sight_is_servoed(episode: Episode) -> bool:
