@@ -5,31 +5,44 @@ import pytest
 from servo.cli import main
 from servo.scenario.catalogue import shipped
 from servo.scenario.load import load
-from servo.study.bounds import doubtful_bounds
+from servo.study.bounds import doubtful_bounds, doubts_of
 
 
 @pytest.mark.parametrize("name", shipped())
 def test_every_shipped_bound_can_be_kept_and_missed(name):
-    scenario = load(name)
-    duration = scenario.run.duration
-    assert doubtful_bounds(scenario.bounds.expect, duration) == []
-    for kind, bounds in scenario.bounds.others.items():
-        assert doubtful_bounds(bounds, duration, kind) == []
+    assert doubts_of(load(name)) == []
+
+
+SETTINGS = ("run.duration=12", "measure.after=2", "robot.kind=arm")
+ROUNDING = "rounding alone misses it; it should be above 1e-09"
+ANGLE = "no run misses it, as no angle is above 180 deg"
 
 
 @pytest.mark.parametrize(
     ("name", "bound", "why"),
     [
-        ("retreat_m", 0.0, "rounding alone misses it; it should be above 0"),
-        ("drawn.servo_rms_px", 0.0, "rounding alone misses it; it should be above 0"),
+        ("retreat_m", 0.0, ROUNDING),
+        ("drawn.servo_rms_px", 0.0, ROUNDING),
         ("lost_pct", -1.0, "every run misses it, as no measure is below 0"),
         ("lost_pct", 100.0, "no run misses it"),
-        ("longest_off_s", 12.0, "no run of 12 s misses it"),
+        ("retreat_m", 1e-15, ROUNDING),
+        (
+            "joint_range_peak_pct",
+            100.0,
+            "it says nothing of a run, as a joint's range ends at 100 %",
+        ),
+        ("servo_angle_peak_deg", 180.0, ANGLE),
+        ("tilt_peak_deg", 200.0, ANGLE),
+        ("end_rotation_deg", 180.0, ANGLE),
+        ("longest_off_s", 10.0, "no run misses it, as 10 s count of 12 s"),
+        ("settle_s", 11.98, "a run of 12 s misses it only where it never settles"),
         ("settle_s", 16.0, "a run of 12 s misses it only where it never settles"),
     ],
 )
 def test_a_bound_that_judges_nothing_is_said(name, bound, why):
-    assert doubtful_bounds({name: bound}, 12.0) == [f"expect.{name} = {bound:g}: {why}"]
+    assert doubtful_bounds({name: bound}, load("still", SETTINGS)) == [
+        f"expect.{name} = {bound:g}: {why}"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -38,6 +51,10 @@ def test_a_bound_that_judges_nothing_is_said(name, bound, why):
         ("outcome", "CONVERGED"),
         ("lost_pct", 0.0),
         ("longest_off_s", 0.0),
+        ("longest_off_s", 9.9),
+        ("lost_pct", 1e-12),
+        ("joint_range_peak_pct", 99.0),
+        ("servo_angle_peak_deg", 179.0),
         ("settle_s", 11.9),
         ("retreat_m", 0.005),
         ("servo_scale_peak_pct", 150.0),
@@ -45,7 +62,30 @@ def test_a_bound_that_judges_nothing_is_said(name, bound, why):
     ],
 )
 def test_others_are_not_doubted(name, bound):
-    assert doubtful_bounds({name: bound}, 12.0) == []
+    assert doubtful_bounds({name: bound}, load("still", SETTINGS)) == []
+
+
+@pytest.mark.parametrize("name", ["joint_range_peak_pct", "joint_way_pct"])
+def test_a_free_camera_misses_no_bound_on_joints(name):
+    free = load("still", ["robot.kind=free"])
+    why = "no run misses it, as the free camera has no joints with limits"
+    assert doubtful_bounds({name: 50.0}, free) == [f"expect.{name} = 50: {why}"]
+
+
+def test_no_bound_on_a_time_that_does_not_count_is_called_kept():
+    late = load("still", ["run.duration=1", "measure.after=1"])
+    assert doubtful_bounds({"longest_off_s": 0.5}, late) == []
+
+
+def test_the_bounds_of_other_trackers_are_looked_at(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        "[expect.tracker.kams]\nlost_pct = 100\n[expect.tracker.'*'.drawn]\nage_ms = -1\n"
+    )
+    assert doubts_of(load(str(path))) == [
+        "expect.tracker.kams.lost_pct = 100: no run misses it",
+        "expect.tracker.*.drawn.age_ms = -1: every run misses it, as no measure is below 0",
+    ]
 
 
 def test_a_check_says_it(tmp_path, capsys, monkeypatch):
@@ -56,5 +96,20 @@ def test_a_check_says_it(tmp_path, capsys, monkeypatch):
     with pytest.raises(SystemExit):
         main.main()
     said = " ".join(capsys.readouterr().err.split())
-    assert "mine: expect.retreat_m = 0: rounding alone misses it; it should be above 0" in said
+    assert "mine: expect.retreat_m = 0: rounding alone misses it; it should be above 1e-09" in said
     assert "mine: expect.lost_pct = 100: no run misses it" in said
+
+
+def test_a_study_says_it_of_its_own_bounds(tmp_path, capsys, monkeypatch):
+    study = tmp_path / "mine.toml"
+    study.write_text(
+        "scenario = 'still'\n[axes]\n'run.duration' = [0.1, 0.2]\n"
+        "[expect]\nretreat_m = 0.0\nsettle_s = 0.15\nservo_rms_px = 1\n"
+    )
+    monkeypatch.setattr("sys.argv", ["servobench", "sweep", str(study), "--dry-run"])
+    with pytest.raises(SystemExit):
+        main.main()
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.count("expect.retreat_m = 0: rounding alone misses it") == 1
+    assert "expect.settle_s = 0.15: a run of 0.1 s misses it only where it never settles" in said
+    assert "servo_rms_px = 1" not in said

@@ -120,11 +120,9 @@ MATTERS = {
 UNSAID = {
     "run.ego": "a tracker that is given the truth needs no prediction",
     "camera.auto_gain": "the gain changes where the light does",
-    "goal.depth_to": "in a run that ends before goal.change_start",
     "controller.secondary": "an optical axis that is level needs no task",
     "motion.go": "a target that has not stopped yet",
     "motion.stop": "a target that has not stopped yet",
-    "features.border": "a pose that is not measured",
     "disturbances.share": "no frame is dropped in the first half second",
     "broyden.gain": "a law that still probes",
     "broyden.fastest_turn": "a law that has not turned yet",
@@ -287,6 +285,13 @@ TWO_JOINTS = (
 )
 FEW = "the robot has fewer than six joints, and these decide what moves"
 INVERTS = "these features bring their own way from the error to the twist"
+BROYDEN = ("controller.kind=broyden",)
+POSE = ("features.kind=pose", "tracker.corners=true")
+LEARNS = "this law learns the interaction matrix, and the features are those of the image"
+CORNERS = "the tracker's corners say plane and depth, but in what is recorded of the first picture"
+NO_MATRIX = "no interaction matrix is computed with this depth"
+NO_ESTIMATE = "this law follows no estimate of the target's motion"
+PIXELS = ("features.kind=photometric", "estimator.kind=none")
 
 
 @pytest.mark.parametrize(
@@ -297,11 +302,27 @@ INVERTS = "these features bring their own way from the error to the twist"
         ((*TWO_JOINTS, "controller.kind=qp"), 'controller.dof=["wx"]', FEW),
         (("features.kind=weighted", "tracker.corners=true"), 'controller.dof=["vx"]', INVERTS),
         (("features.kind=partitioned", "tracker.corners=true"), 'controller.dof=["vx"]', INVERTS),
+        (("features.kind=partitioned",), "controller.weights=[1, 1, 1, 1, 1, 0.2]", INVERTS),
+        (PIXELS, "sight.depth=known", "pixels are servoed"),
         (
-            ("features.kind=photometric", "estimator.kind=none"),
-            "sight.depth=known",
-            "pixels are servoed",
+            PIXELS,
+            "believed.size_factor=1.25",
+            "pixels are servoed, at goal.depth whatever size is believed",
         ),
+        (
+            PIXELS,
+            'controller.feed_forward=["z"]',
+            'no motion of the target is estimated with estimator.kind = "none"',
+        ),
+        (("features.kind=hybrid",), "believed.depth_factor=1.3", NO_MATRIX),
+        (POSE, "believed.depth_factor=1.3", NO_MATRIX),
+        (BROYDEN, "believed.depth_factor=1.3", NO_MATRIX),
+        (BROYDEN, "estimator.kind=none", NO_ESTIMATE),
+        ((*BROYDEN, "estimator.kind=kalman_ca"), "estimator.acceleration_ratio=0.1", NO_ESTIMATE),
+        (BROYDEN, "sight.depth=known", LEARNS),
+        (POSE, "sight.plane=known", CORNERS),
+        (("features.kind=points", POSE[1]), "sight.depth=known", CORNERS),
+        (("goal.depth_to=0.7",), "goal.change_start=2", "the run ends before goal.change_start"),
         (("tracker.kind=cv_mil",), "run.ego=true", "this tracker takes no motion of the camera"),
         (
             ('camera.distortion="plumb_bob"', "camera.coefficients=[0.0, 0.0, 0.0, 0.0, 0.0]"),
@@ -315,7 +336,42 @@ def test_what_other_settings_leave_without_effect_is_said(changes, setting, why)
     name = setting.partition("=")[0]
     assert f"{name} has no effect: {why}" in said
     assert (alone == seen(changes)[0]) is True
-    assert "has no effect" not in seen(changes)[1]
+    assert f"{name} has no effect" not in seen(changes)[1]
+
+
+FREE = ("robot.kind=free", "controller.feed_forward=[]", "run.duration=0.3")
+
+
+@pytest.mark.parametrize(
+    ("changes", "setting"),
+    [
+        ((*FREE, "features.kind=weighted"), 'controller.dof=["vx", "vy"]'),
+        ((*FREE, "features.kind=decoupled"), 'controller.dof=["vx", "vy"]'),
+        (("features.kind=hybrid",), "sight.depth=known"),
+        ((*POSE, "camera.depth=true"), "sight.depth=picture"),
+        (PIXELS, "believed.depth_factor=1.3"),
+    ],
+)
+def test_what_has_an_effect_is_not_said_to_have_none(changes, setting):
+    changed, said = seen((*changes, setting))
+    assert f"{setting.partition('=')[0]} has no effect" not in said
+    assert (changed == seen(changes)[0]) is False
+
+
+@pytest.mark.parametrize(
+    ("disturbance", "begins"),
+    [
+        ("kind='board', start=5", 4.8),
+        ("kind='brightness', start=5", 5),
+        ("kind='spot'", 3),
+        ("kind='dropped_frames'", 0.5),
+    ],
+)
+def test_a_disturbance_after_the_run_is_said(disturbance, begins):
+    said = said_or_refused((f"disturbances=[{{{disturbance}}}]",))
+    assert f"disturbances[0] begins after {begins:g} s, and the run ends after 0.14 s" in said
+    said = said_or_refused(("disturbances=[{kind='board', start=0.3}]",))
+    assert "disturbances[0]" not in said
 
 
 @pytest.mark.parametrize("kind", ["arm", "free"])

@@ -1,7 +1,8 @@
 """Settings that are given and change nothing, because of other settings: a sentence each."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -12,11 +13,22 @@ from servo.parts import OwnInverse
 from servo.scenario.draws import flat
 from servo.scenario.load import Scenario
 from servo.scenario.tables import TABLES
-from servo.types import DOF
+from servo.types import DOF, Sight
+from sim.disturbances import KINDS as DISTURBANCES
+from sim.disturbances import board, dropped_frames
 from sim.kinds import kind_of
+from tracking.trackers import KINDS as TRACKERS
 
 WITHOUT_EGO = ("cv_mil", "opencv", "trax")
 """Trackers of others, which are given pictures only."""
+OF_CORNERS = ("tag", "homography")
+"""Trackers of ours that report corners, and with them the target's tilt."""
+OF_IMAGE = ("moments", "points", "partitioned", "polar", "segment")
+"""Features whose values are of the image alone: the target's plane is in their matrix only."""
+OF_POSE = ("hybrid", "pose")
+"""Features that take the target's pose, and no other depth."""
+LAWS = ("ibvs", "qp")
+"""Laws of ours that follow an estimate of the target's motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +36,7 @@ class Need:
     """What some settings need to have an effect."""
 
     settings: tuple[str, ...]
-    """Dotted keys."""
+    """Dotted keys, or tables."""
     is_met: Callable[[Episode], bool]
     """Whether they have one in an episode."""
     otherwise: str
@@ -38,12 +50,48 @@ def idle_settings(episode: Episode) -> list[str]:
         return []
     table = {name: part for name, part in scenario.table.items() if name in TABLES}
     given = {*flat(table, scenario.name), *scenario.drawn}
+    said = dict[str, str]()
+    for need in NEEDS:
+        for setting in given:
+            is_one = {setting, setting.partition(".")[0]} & {*need.settings}
+            if is_one and setting not in said and not need.is_met(episode):
+                said[setting] = need.otherwise
+    return [f"{setting} has no effect: {why}" for setting, why in said.items()] + _late(episode)
+
+
+def reports_corners(scenario: Setup) -> bool:
+    """Return whether the tracker is one of ours that reports the target's corners."""
+    tracker = scenario.tracker
+    return kind_of(tracker) in OF_CORNERS or (
+        is_ours(tracker) and getattr(tracker, "corners", False)
+    )
+
+
+def is_ours(tracker: object) -> bool:
+    """Return whether settings are those of a tracker that comes with this package."""
+    return type(tracker).__module__.startswith(f"{TRACKERS.folder}.")
+
+
+def _late(episode: Episode) -> list[str]:
+    """Return a sentence for each disturbance of ours that begins after the run."""
+    scenario = episode.scenario
+    begins = {
+        i: getattr(config, "start", dropped_frames.START)
+        - board.SLIDE * isinstance(config, board.Config)
+        for i, config in enumerate(scenario.disturbances)
+        if type(config).__module__.startswith(f"{DISTURBANCES.folder}.")
+    }
     return [
-        f"{setting} has no effect: {need.otherwise}"
-        for need in NEEDS
-        for setting in need.settings
-        if setting in given and not need.is_met(episode)
+        f"disturbances[{i}] begins after {begin:g} s, and the run ends after "
+        f"{scenario.run.duration:g} s"
+        for i, begin in begins.items()
+        if begin >= _end(scenario)
     ]
+
+
+def _end(scenario: Setup) -> float:
+    """Return a time [s] that no picture of the run has."""
+    return max(scenario.run.duration, scenario.frames / scenario.camera.rate)
 
 
 def _of_scenario(is_met: Callable[[Setup], object]) -> Callable[[Episode], bool]:
@@ -51,38 +99,121 @@ def _of_scenario(is_met: Callable[[Setup], object]) -> Callable[[Episode], bool]
     return lambda episode: bool(is_met(episode.scenario))
 
 
-def _of_law(is_met: Callable[[LawSettings], object]) -> Callable[[Episode], bool]:
+def _of_law(is_met: Callable[[LawSettings, Episode], object]) -> Callable[[Episode], bool]:
     """Return what looks at the settings of a law of ours; others have their own."""
 
     def found(episode: Episode) -> bool:
         law = episode.scenario.controller
-        return not isinstance(law, LawSettings) or bool(is_met(law))
+        return not isinstance(law, LawSettings) or bool(is_met(law, episode))
 
     return found
+
+
+def _may_see_tilt(episode: Episode) -> bool:
+    """Return whether the tilt of the target's plane may be measured: a tracker of others may report
+    corners.
+    """
+    s = episode.scenario
+    return reports_corners(s) or s.sight.plane == "picture" or not is_ours(s.tracker)
+
+
+def _sights(episode: Episode) -> list[Sight]:
+    """Return the sights that a run may bring, as far as it matters what of them is known; the first
+    one is that before the tracker has reported anything.
+    """
+    goal = episode.running.goal_sight
+    is_seen = episode.scenario.sight.plane == "picture"
+    flags = [*product((False, True), (False, True), {False, _may_see_tilt(episode)})]
+    if reports_corners(episode.scenario):
+        flags = [(False, False, is_seen), (True, True, True)]
+    return [
+        replace(goal, angle_known=angle, size_known=size, tilt_known=tilt)
+        for angle, size, tilt in flags
+    ]
+
+
+def _dof_chooses(law: LawSettings, episode: Episode) -> bool:
+    """Return whether the law may have to invert the matrix itself, or to move what changes none of
+    the features.
+    """
+    features = episode.loop.features
+    known = map(features.known, _sights(episode))
+    inverts = any(flags.any() and not flags.all() for flags in known)
+    return not isinstance(features, OwnInverse) or inverts or bool(law.secondary)
+
+
+def _weights_forbid(law: LawSettings, episode: Episode) -> bool:
+    """Return whether a part of the twist stands, which limits could also move."""
+    return 0 in law.weights and (_has_six_joints(episode) or kind_of(law) == "qp")
+
+
+def _weights_choose(law: LawSettings, episode: Episode) -> bool:
+    """Return whether a part of the twist stands, or several could move a feature."""
+    features = episode.loop.features
+    stands = np.array(law.weights) == 0
+    for sight in _sights(episode):
+        known = features.known(sight)
+        moves = law.moves(features, known, tilt_seen=sight.tilt_known)
+        has_choice = moves.sum() > known.sum() and (known.any() or law.secondary)
+        if has_choice or (moves & stands).any():
+            return True
+    return False
 
 
 def _has_six_joints(episode: Episode) -> bool:
     return len(episode.world.robot.names) >= len(DOF)
 
 
-def _law_inverts(episode: Episode) -> bool:
-    return not isinstance(episode.loop.features, OwnInverse)
+def _features_among(episode: Episode, kinds: tuple[str, ...]) -> bool:
+    return kind_of(episode.scenario.features) in kinds
 
 
-def _weights_choose(episode: Episode) -> bool:
-    """Return whether a part of the twist stands, or several could move a feature."""
-    law = episode.scenario.controller
-    if not isinstance(law, LawSettings):
-        return True
-    features = len(episode.loop.features.names)
-    moves = law.moves(six=features >= len(DOF))
-    return bool((np.array(law.weights)[moves] == 0).any() or moves.sum() > features)
+def _law_among(episode: Episode, *kinds: str) -> bool:
+    return kind_of(episode.scenario.controller) in kinds
+
+
+def _takes_depth(episode: Episode) -> bool:
+    """Return whether something may take the depth that matrices are computed with."""
+    of_pose = _features_among(episode, OF_POSE) and _law_among(episode, "ibvs", "broyden")
+    of_image = _features_among(episode, OF_IMAGE) and _law_among(episode, "broyden")
+    return episode.scenario.run.ego or not (of_pose or of_image)
+
+
+def _takes_plane(episode: Episode) -> bool:
+    """Return whether something may take the plane, where a law learns the matrix."""
+    s = episode.scenario
+    of_image = _features_among(episode, OF_IMAGE) and _law_among(episode, "broyden")
+    return s.run.ego or s.sight.uses_depths or not of_image
+
+
+def _lacks_corners(episode: Episode) -> bool:
+    """Return whether the plane may have to be found without the target's corners. Before they are
+    reported, nothing is servoed of a set of which nothing is known then.
+    """
+    s = episode.scenario
+    first, *_ = _sights(episode)
+    is_used = s.run.ego or s.sight.depth == "picture" or not _law_among(episode, *LAWS, "broyden")
+    is_used |= bool(getattr(s.controller, "secondary", ()))
+    nothing = not episode.loop.features.known(first).any()
+    return is_used or not (reports_corners(s) and nothing)
+
+
+def _size_is_seen(episode: Episode) -> bool:
+    """Return whether something may take the target's size: of a tag, the region begins with it, and
+    through a lens the goal's depth is found with it.
+    """
+    s = episode.scenario
+    of_pixels = _features_among(episode, ("photometric",)) and _law_among(episode, *LAWS)
+    is_taken = kind_of(s.target) == "tag" or s.camera.lens is not None or s.leader.id is not None
+    return is_taken or not of_pixels
 
 
 def _sight_is_servoed(episode: Episode) -> bool:
     return not episode.loop.uses_pictures
 
 
+FEW = "the robot has fewer than six joints, and these decide what moves"
+INVERTS = "these features bring their own way from the error to the twist"
 NEEDS = (
     Need(
         ("goal.change_start", "goal.change_duration"),
@@ -141,33 +272,83 @@ NEEDS = (
     ),
     Need(
         ("controller.gain_slope",),
-        _of_law(lambda law: law.gain_far not in (None, law.gain)),
+        _of_law(lambda law, _: law.gain_far not in (None, law.gain)),
         "the gain does not adapt without another controller.gain_far",
     ),
     Need(
         ("controller.secondary_gain",),
-        _of_law(lambda law: law.secondary),
+        _of_law(lambda law, _: law.secondary),
         "there is no task without controller.secondary",
     ),
     Need(
         ("controller.search_speed",),
-        _of_law(lambda law: law.search_after is not None),
+        _of_law(lambda law, _: law.search_after is not None),
         "the camera never searches without controller.search_after",
     ),
     Need(
-        ("controller.dof", "controller.weights"),
-        _has_six_joints,
-        "the robot has fewer than six joints, and these decide what moves",
+        ("controller.feed_forward",),
+        _of_law(lambda _, episode: kind_of(episode.scenario.estimator) != "none"),
+        'no motion of the target is estimated with estimator.kind = "none"',
+    ),
+    Need(
+        ("controller.dof",),
+        _of_law(lambda _, episode: _has_six_joints(episode)),
+        FEW,
     ),
     Need(
         ("controller.weights",),
-        _weights_choose,
+        _of_law(lambda law, episode: _has_six_joints(episode) or _weights_forbid(law, episode)),
+        FEW,
+    ),
+    Need(
+        ("controller.dof",),
+        _of_law(_dof_chooses),
+        INVERTS,
+    ),
+    Need(
+        ("controller.weights",),
+        _of_law(lambda law, episode: _dof_chooses(law, episode) or _weights_forbid(law, episode)),
+        INVERTS,
+    ),
+    Need(
+        ("controller.weights",),
+        _of_law(_weights_choose),
         "there are no more parts of the twist to move than features, so none has a choice",
     ),
     Need(
-        ("controller.dof", "controller.weights"),
-        _law_inverts,
-        "these features bring their own way from the error to the twist",
+        ("features.border",),
+        lambda episode: _may_see_tilt(episode) or not _features_among(episode, ("weighted",)),
+        "the corners weigh only where the tracker reports them, or sight.plane measures the tilt",
+    ),
+    Need(
+        ("estimator",),
+        lambda episode: not _law_among(episode, "broyden"),
+        "this law follows no estimate of the target's motion",
+    ),
+    Need(
+        ("believed.depth_factor",),
+        _takes_depth,
+        "no interaction matrix is computed with this depth",
+    ),
+    Need(
+        ("sight.plane", "sight.depth", "sight.table_height"),
+        _takes_plane,
+        "this law learns the interaction matrix, and the features are those of the image",
+    ),
+    Need(
+        ("sight.plane", "sight.depth", "sight.table_height"),
+        _lacks_corners,
+        "the tracker's corners say plane and depth, but in what is recorded of the first picture",
+    ),
+    Need(
+        ("believed.size_factor",),
+        _size_is_seen,
+        "pixels are servoed, at goal.depth whatever size is believed",
+    ),
+    Need(
+        ("goal.depth_to", "goal.change_start", "goal.change_duration"),
+        _of_scenario(lambda s: s.goal.depth_to is None or s.goal.change_start < _end(s)),
+        "the run ends before goal.change_start",
     ),
 )
 """In the order in which they are said."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
-from servo.cli.idle_settings import idle_settings
+from servo.cli.idle_settings import OF_CORNERS, idle_settings, is_ours, reports_corners
 from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
 from servo.cli.terminal import (
     COMPILING,
@@ -37,7 +37,7 @@ from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
-from servo.study.bounds import check_expect, doubtful_bounds, missed_lines, unjudged
+from servo.study.bounds import check_expect, doubts_of, missed_lines, unjudged
 from servo.study.run import Job, Record
 from servo.study.run_report import RunReport
 from servo.study.scenario_run import LoadedScenario, record_of
@@ -48,13 +48,10 @@ from sim.kinematics.inverse_kinematics import Reach
 from sim.models.target import dimensions
 from sim.types import Array
 from tracking.advice import advice
-from tracking.trackers import KINDS
 
 if TYPE_CHECKING:
     from servo.ros2.server import Server
 
-OF_CORNERS = ("tag", "homography")
-"""Trackers of ours that report corners, and with them the target's tilt."""
 HIDDEN = 0.1
 """A target of which a smaller share is visible counts as hidden."""
 START_NEAR = 1e-3
@@ -190,8 +187,7 @@ def _tilt_line(episode: Episode) -> str:
     """Return a sentence about a tilt that no feature can see; else nothing."""
     scenario = episode.scenario
     tracker = kind_of(scenario.tracker)
-    ours = type(scenario.tracker).__module__.startswith(f"{KINDS.folder}.")
-    if not ours or tracker in OF_CORNERS or getattr(scenario.tracker, "corners", False):
+    if not is_ours(scenario.tracker) or reports_corners(scenario):
         return ""
     goal = episode.running.goal_sight
     is_tilted = scenario.start.tilt_deg > degrees(START_TURNED) and not episode.loop.uses_pictures
@@ -215,7 +211,7 @@ def measures_lines(scenario: Setup) -> list[str]:
             f"{scenario.measure.after:g} s: measures that count from there on have no value"
         )
     if isinstance(scenario, Scenario):
-        lines += doubtful_bounds(scenario.expect, scenario.run.duration)
+        lines += doubts_of(scenario)
     return lines
 
 

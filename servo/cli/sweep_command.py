@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 
 from rich.console import Console
@@ -12,7 +13,8 @@ from servo.mistake import check_known
 from servo.output.formats import command_line
 from servo.report.study_data import cell_row
 from servo.report.words import Table
-from servo.study.bounds import missed_by_cells
+from servo.study.axes import MOST_VALUES
+from servo.study.bounds import doubtful_bounds, missed_by_cells
 from servo.study.execute import Workers
 from servo.study.parse import load
 from servo.study.plan import Study
@@ -27,7 +29,7 @@ from servo.study.results import (
     moved,
     uncounted,
 )
-from servo.study.scenario_run import MEASURED, meaning
+from servo.study.scenario_run import MEASURED, StudiedScenario, meaning
 from servo.study.store import RESULTS, Store, StudyFile, opened
 from sim.camera import gl
 from tracking.files.csv_text import csv_text
@@ -91,6 +93,8 @@ def run_study(
 
     Where it `has_page`, the caller writes the page, and no line says how to.
     """
+    for line in _doubts(study):
+        plain(console, line)
     folder = out or Path("runs") / f"sweep-{study.name}"
     if dry_run:
         return print_estimate(list(study.jobs()), workers.count, console, Store(folder))
@@ -103,6 +107,16 @@ def run_study(
         if store.done and not has_page:
             plain(console, f"for a page, run: servobench report {shlex.quote(str(store.folder))}")
     return 1 if failed else code
+
+
+def _doubts(study: Study) -> list[str]:
+    """Return a sentence for each bound of a study that says nothing of runs with some settings."""
+    lines = list[str]()
+    for job in islice(study.samples() if study.expect else (), MOST_VALUES):
+        base = job.subject
+        assert isinstance(base, StudiedScenario)
+        lines += doubtful_bounds(study.expect, base.parsed(job.seed, job.settings))
+    return list(dict.fromkeys(lines))
 
 
 def _sum_up(

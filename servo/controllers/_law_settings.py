@@ -8,6 +8,7 @@ from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from servo.controllers._inverse import Secondary
+from servo.parts import FeatureSet
 from servo.types import DOF
 from sim.ranges import Time
 from sim.types import Array
@@ -91,12 +92,23 @@ class LawSettings:
                 'set controller.kind = "hold"'
             )
 
-    def moves(self, *, six: bool) -> NDArray[np.bool_]:
-        """Return the degrees of freedom (6,) that may move, where six can be controlled or only
-        four.
+    def moves(
+        self, features: FeatureSet, known: NDArray[np.bool_], *, tilt_seen: bool
+    ) -> NDArray[np.bool_]:
+        """Return the degrees of freedom (6,) that may move: while the depth or the angle is not
+        known, the part of the twist that it alone controls is zero.
+
+        Args:
+            features: What is servoed.
+            known: Which of the features (k,) are known.
+            tilt_seen: Whether the tilt of the target's plane is.
         """
+        six = tilt_seen and len(known) >= len(DOF)
         chosen = self.dof if self.dof is not None else DOF if six else UNTILTED
-        return np.array([name in chosen for name in DOF])
+        moves = np.array([name in chosen for name in DOF])
+        for name, dof in features.sole_dof.items():
+            moves[DOF.index(dof)] &= known[features.names.index(name)]
+        return moves
 
 
 def adaptive_gain(config: LawSettings, ahead: Array) -> float:

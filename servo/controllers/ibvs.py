@@ -283,9 +283,8 @@ class Ibvs:
         return faded
 
     def _inverse(self, posture: Posture) -> Inverse:
-        """Return the inverse over the known features and the degrees of freedom that may move:
-        while the depth or the angle is not known, the part of the twist that it alone controls is
-        zero. With fewer than six joints these decide what may move.
+        """Return the inverse over the known features and the degrees of freedom that may move. With
+        fewer than six joints these decide what may move.
         """
         if 0 < posture.jacobian.shape[1] < len(DOF):  # none: a robot that takes any twist
             rows = self._known & self._servoed_by(posture)
@@ -294,11 +293,7 @@ class Ibvs:
             L = self._chosen_matrix()
             pseudo = self._own_inverse.inverse(L, self._seen, self._camera)
             return Inverse(pseudo, L, np.ones(len(DOF), bool))
-        six = self._tilt_seen and len(self._known) >= len(DOF)
-        moves = self._config.moves(six=six)
-        if not self._known.all():
-            for name, dof in self._features.sole_dof.items():
-                moves[DOF.index(dof)] &= self._known[self._features.names.index(name)]
+        moves = self._config.moves(self._features, self._known, tilt_seen=self._tilt_seen)
         return Inverse.of(self._chosen_matrix(), self._known, moves, self._weights)
 
     def _servoed_by(self, posture: Posture) -> NDArray[np.bool_]:

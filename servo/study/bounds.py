@@ -8,11 +8,13 @@ import numpy as np
 
 from servo.loop import run_measures
 from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.settings import Setup
 from servo.mistake import Mistake, unknown
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.expected import ANY, DRAWN, SUCCESS_RATE, tracker_of
 from servo.scenario.load import Scenario
 from servo.scenario.toml import is_number
+from sim.kinds import kind_of
 from tracking.files.json_text import number
 
 SHARES = (
@@ -26,6 +28,10 @@ SHARES = (
 """Measures that are shares of a run's frames."""
 WHOLE = (*SHARES, "settle_s", "longest_off_s", "age_ms", "joint_way_pct")
 """Measures that are exactly 0 in a good run: rounding is no part of them."""
+OF_JOINTS = ("joint_range_peak_pct", "joint_way_pct")
+"""Measures of joints with limits."""
+ROUNDING = 1e-9
+"""A value below this is rounding, in the unit of any measure."""
 COUNTED = "No verdict: some drawn seeds may end otherwise (expect.drawn.success_rate)."
 
 
@@ -140,14 +146,24 @@ class DrawnShare:
         return DrawnShare(scenario.name, ended, len(counted), scenario.success_rate)
 
 
+def doubts_of(scenario: Scenario) -> list[str]:
+    """Return a sentence for each bound of a scenario, for any tracker, that every run misses, or
+    none.
+    """
+    found = doubtful_bounds(scenario.bounds.expect, scenario)
+    for kind, bounds in scenario.bounds.others.items():
+        found += doubtful_bounds(bounds, scenario, f"expect.tracker.{kind}")
+    return found
+
+
 def doubtful_bounds(
-    bounds: Mapping[str, float | str], duration: float, place: str = "expect"
+    bounds: Mapping[str, float | str], setup: Setup, place: str = "expect"
 ) -> list[str]:
     """Return a sentence for each bound that every run misses, or none.
 
     Args:
         bounds: Upper bounds by measure, and the expected `outcome`.
-        duration: Of the run [s].
+        setup: Of the run.
         place: Their table.
     """
     found = list[str]()
@@ -155,23 +171,32 @@ def doubtful_bounds(
         name = key.removeprefix(DRAWN)
         if isinstance(bound, str) or name not in MEANINGS:
             continue
-        if why := _doubt(name, bound, duration):
+        if why := _doubt(name, bound, setup):
             found.append(f"{place}.{key} = {bound:g}: {why}")
     return found
 
 
-def _doubt(name: str, bound: float, duration: float) -> str:
+def _doubt(name: str, bound: float, setup: Setup) -> str:
     """Return why an upper bound on a measure says nothing of a run; else nothing."""
     if bound < 0:
         return "every run misses it, as no measure is below 0"
-    if bound == 0 and name not in WHOLE:
-        return "rounding alone misses it; it should be above 0"
+    if name in OF_JOINTS and kind_of(setup.robot) == "free":
+        return "no run misses it, as the free camera has no joints with limits"
+    if bound < ROUNDING and name not in WHOLE:
+        return f"rounding alone misses it; it should be above {ROUNDING:g}"
     if bound >= 100 and name in SHARES:
         return "no run misses it"
-    if bound >= duration and name == "longest_off_s":
-        return f"no run of {duration:g} s misses it"
-    if bound >= duration and name == "settle_s":
-        return f"a run of {duration:g} s misses it only where it never settles"
+    if bound >= 100 and name == "joint_range_peak_pct":
+        return "it says nothing of a run, as a joint's range ends at 100 %"
+    if bound >= 180 and MEANINGS[name][0] == "deg":
+        return "no run misses it, as no angle is above 180 deg"
+    rate = setup.camera.rate
+    times = np.arange(setup.frames) / rate
+    counted = np.count_nonzero(times >= setup.measure.after - ROUNDING) / rate
+    if bound >= counted > 0 and name == "longest_off_s":
+        return f"no run misses it, as {counted:g} s count of {setup.run.duration:g} s"
+    if bound >= times[-1] and name == "settle_s":
+        return f"a run of {setup.run.duration:g} s misses it only where it never settles"
     return ""
 
 
