@@ -145,7 +145,7 @@ def test_the_centre_of_a_rectangle_that_was_found_is_told_and_reported(tmp_path)
     changes = ["target.kind=mjcf", f"target.model={tmp_path / 'off.xml'}", "tracker.kind=truth"]
     scenario = load("still", [*changes, "run.duration=0.1", "measure.after=0"])
     with Episode(scenario) as episode:
-        (line,) = remarks(episode)
+        line, *_ = remarks(episode)
         steps = [step.light() for step in episode]
     sides = "0.140 x 0.060 m, 0.040 m over the table"
     assert f"{sides}, its centre at x = 0.120, y = 0.050 m of the target's frame" in line
