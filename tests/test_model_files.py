@@ -299,6 +299,11 @@ GONE = {
         BODY,
         r"damaged.stl \(it cannot be read\)",
     ),
+    "a line": (
+        '<mesh name="part" file="../meshes/line.obj"/>',
+        BODY,
+        r"line.obj \(it has no area\)",
+    ),
     "Collada": ('<mesh name="part" file="../meshes/part.dae"/>', BODY, "part.dae"),
     "a picture": (
         '<texture name="t" type="2d" file="gone.png"/><material name="m" texture="t"/>',
@@ -316,6 +321,7 @@ GONE = {
 @pytest.mark.parametrize("what", GONE)
 def test_what_cannot_be_drawn_of_a_robot_is_left_out_and_named(package, what):
     (package / "meshes" / "damaged.stl").write_bytes(b"damaged")
+    (package / "meshes" / "line.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
     (package / "meshes" / "part.dae").write_bytes(b"<COLLADA/>")
     assets, bodies, said = GONE[what]
     path = written(package, mjcf_text(f"<asset>{assets}</asset>", bodies))
