@@ -6,6 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from servo.cli.main import app
+from servo.cli.robot_command import ASIDE, FEW
 from servo.loop.episode import Episode
 from servo.scenario.load import load
 from sim.kinematics.chain import flanges
@@ -117,6 +118,8 @@ def test_the_table_of_an_arm_with_one_jaw_runs_as_printed(tmp_path, monkeypatch)
     assert rows["palm"] == ["palm", "body", "5"]
     assert rows["tool_frame"] == ["tool_frame", "body", "(taken)", "5"]
     assert "jaw" not in rows
+    assert FEW in done.output
+    assert ASIDE not in done.output
     table = done.output[done.output.index("[robot]") : done.output.index("robot.png")]
     (tmp_path / "mine.toml").write_text(
         f'{table}\n[run]\nduration = 0.2\n[tracker]\nkind = "truth"\n'
