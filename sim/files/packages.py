@@ -36,20 +36,20 @@ def folders_above(model: Path) -> list[Path]:
 
 def package_folder(model: Path, package: str, inside: str) -> Path | None:
     """Return the folder of a ROS package that has a file of a given path; None without one."""
-    return next((f for f in _folders(model, package) if is_file(f / inside)), None)
+    having = (folder for folder in _around(model, package) if is_file(folder / inside))
+    own = next((folder for folder in having if _name_of(folder) == package), None)
+    # Else one of this name whose package.xml has another.
+    named = (f for above in folders_above(model) for f in (above, above / package))
+    return own or next((f for f in named if f.name == package and is_file(f / inside)), None)
 
 
-def _folders(model: Path, package: str) -> Iterator[Path]:
+def _around(model: Path, package: str) -> Iterator[Path]:
     """Yield folders that may be a package, the most likely first."""
-    above = folders_above(model)
     installed = Path(package, "share", package)
-    for folder in above:
-        near = (folder, folder / package, folder / installed, folder / "install" / installed)
-        yield from (f for f in near if _name_of(f) == package)
+    for folder in folders_above(model):
+        yield from (folder, folder / package, folder / installed, folder / "install" / installed)
     for folder in (*model.absolute().parents[:AROUND], *model.resolve().parents[:AROUND]):
-        yield from (f for f in islice(_below(folder), MOST) if _name_of(f) == package)
-    yield from (folder / package for folder in above)  # its package.xml has another name
-    yield from (folder for folder in above if folder.name == package)
+        yield from islice(_below(folder), MOST)
 
 
 def _name_of(folder: Path) -> str:
