@@ -153,11 +153,37 @@ def test_a_urdf_has_what_it_takes_from_its_package_and_from_those_beside(tmp_pat
     found = {str(f.relative_to(tmp_path / "src")) for f in files_behind(own / "urdf/arm.urdf")}
     assert found == {
         "arm_description/urdf/arm.urdf",
+        "arm_description/package.xml",
         "arm_description/meshes/l.dae",
         "arm_description/skin.png",
         "arm_description/t.png",
         "other/l.stl",
     }
+
+
+ONE_NAME = {
+    "C:\\ is not here": ("a.obj", "mtllib C:\\proj\\two.mtl", "two.mtl"),
+    "/home is not here": ("a.obj", "mtllib /home/u/two.mtl", "two.mtl"),
+    "moved": ("a.obj", "mtllib mats/two.mtl", "two.mtl"),
+    "a byte order mark": ("a.obj", "\ufeffmtllib two.mtl", "two.mtl"),
+    "a picture that moved": ("a.mtl", "map_Kd D:\\x\\c.png", "c.png"),
+    "Collada": ("a.dae", "<C><init_from>./a%20b.png</init_from></C>", "a b.png"),
+    "Collada 1.5": ("a.dae", '<C xmlns="c"><init_from><ref>b.png</ref></init_from></C>', "b.png"),
+    "glTF": ("a.gltf", '{"images": [{"uri": "a%20b.png"}]}', "a b.png"),
+    "a name with a percent sign": ("a.urdf", '<robot><mesh filename="a%20b"/></robot>', "a%20b"),
+    "another suffix": ("a.mjcf", '<mujoco><mesh file="b.stl"/></mujoco>', "b.stl"),
+    "no suffix": ("a", '\ufeff<?xml version="1.0"?>\n<mujoco><mesh file="b"/></mujoco>', "b"),
+}
+
+
+@pytest.mark.parametrize("case", ONE_NAME)
+def test_a_file_changes_with_one_that_it_names(tmp_path, case):
+    name, text, behind = ONE_NAME[case]
+    (tmp_path / name).write_text(text, "utf-8")
+    (tmp_path / behind).write_text("one")
+    before = digest_of(str(tmp_path / name))
+    (tmp_path / behind).write_text("another")
+    assert digest_of(str(tmp_path / name)) != before
 
 
 @pytest.mark.parametrize("name", ["mine.xml", "mine.urdf", "mine.obj", "mine.mtl", "mine.onnx"])

@@ -114,6 +114,17 @@ BOTH = {
     "a picture, of another computer": (BLUE, {}, "rb"),
     "a colour of the scenario": (BLUE, {"colour": "#0000ff"}, "bb"),
     "a picture of the scenario": (RED_AND_GREEN, {"texture": "blue.png"}, "bb"),
+    "a picture in a folder of Windows": (RED_AND_GREEN + "map_Kd in\\one.png", {}, "rb"),
+    "tabs": (
+        RED_AND_GREEN.replace("Kd ", "Kd\t").replace("newmtl ", "newmtl\t"),
+        {"text": TOPS.replace("usemtl ", "usemtl\t")},
+        "rg",
+    ),
+    "two files of materials": (
+        RED_AND_GREEN,
+        {"text": "mtllib red.mtl\n" + TOPS.replace("left side", "red")},
+        "rg",
+    ),
     "windows' line ends": (RED_AND_GREEN.replace("\n", "\r\n"), {}, "rg"),
 }
 
@@ -131,6 +142,9 @@ def show_sides(show_target, model_folder):
         blue = np.zeros((4, 4, 3), np.uint8)
         blue[..., 0] = 255
         cv2.imwrite(str(model_folder / "blue.png"), blue)
+        (model_folder / "in").mkdir(exist_ok=True)
+        cv2.imwrite(str(model_folder / "in" / "one.png"), blue)
+        (model_folder / "red.mtl").write_text("newmtl red\nKd 1 0 0\n")
         (model_folder / "the two.mtl").write_text(materials, newline="")
         config = mesh.Config(file=mesh_file_of(model_folder, text), size=0.2, **settings)
         image, truth, _ = show_target(config, renderer=renderer)
@@ -149,6 +163,12 @@ def test_an_obj_has_the_colours_and_pictures_of_its_materials(show_sides, case, 
 
 
 LESS = {
+    "one of two files of materials": (
+        RED_AND_GREEN,
+        "mtllib gone.mtl\n" + TOPS,
+        "rg",
+        "gone.mtl (no such file)",
+    ),
     "no file of materials": (
         RED_AND_GREEN,
         TOPS.replace("the two", "gone"),

@@ -124,12 +124,13 @@ URDF = """<robot name="r">{extension}
         ("file://../meshes/part.stl", ""),
         ("FOLDER/meshes/part.stl", ""),
         ("file://FOLDER/meshes/part.stl", ""),
+        ("file:FOLDER/meshes/part.stl", ""),
         ("package://mine/meshes/part.stl", ""),
         ("part.stl", '<mujoco><compiler meshdir="../meshes"/></mujoco>'),
     ],
 )
 def test_a_urdf_shows_its_visual_meshes_and_keeps_its_limits(package, mesh, extension):
-    (package / "package.xml").write_text("<package/>")
+    (package / "package.xml").write_text("<package><name>mine</name></package>")
     text = URDF.format(mesh=mesh, extension=extension).replace("FOLDER", str(package))
     path = written(package, text, "mine.urdf")
     model = compiled(read_spec(path, "robot"))
@@ -146,30 +147,75 @@ def test_a_urdf_without_readable_visuals_shows_its_collision_shapes(package):
 
 
 PACKAGES = {
-    "a package beside": ("src/cell/urdf", "src/arm_description/meshes", ""),
-    "the package around": ("src/arm_description/urdf", "src/arm_description/meshes", ""),
-    "a package whose folder has another name": ("src/main/urdf", "src/main/meshes", "src/main"),
-    "no package": ("src/cell/urdf", "src/meshes", ""),
+    "beside": ("src/cell/urdf", "src/arm_description", ""),
+    "around": ("src/arm_description/urdf", "src/arm_description", ""),
+    "around, of another folder's name": ("src/main/urdf", "src/main", "src/main"),
+    "beside, of another folder's name": ("src/cell/urdf", "src/arm_repo", "src/arm_repo"),
+    "in a repository beside": ("src/cell/urdf", "src/vendor/arm_description", ""),
+    "in a repository, of another name": ("src/cell/urdf", "src/vendor/arm", "src/vendor/arm"),
+    "installed": ("i/cell/share/cell/urdf", "i/arm_description/share/arm_description", ""),
+    "installed beside src": ("src/cell", "install/arm_description/share/arm_description", ""),
 }
+FOREIGN = "another package's mesh of this name"
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "package://arm_description/meshes/my part.stl",
+        "package://arm_description/meshes/my%20part.stl",
+        "model://arm_description/meshes/my part.stl",
+        "$(find arm_description)/meshes/my part.stl",
+        r"package://arm_description\meshes\my part.stl",
+    ],
+)
 @pytest.mark.parametrize("layout", PACKAGES)
-def test_a_mesh_is_taken_from_its_own_package(tmp_path, layout):
-    models, meshes, named = PACKAGES[layout]
-    (tmp_path / models).mkdir(parents=True)
-    (tmp_path / meshes).mkdir(parents=True, exist_ok=True)
-    write_stl(tmp_path / meshes / "part.stl")
-    if layout == "a package beside":
-        other = tmp_path / "src" / "cell" / "meshes"
+def test_a_mesh_is_taken_from_its_own_package(tmp_path, layout, name):
+    models, package, named = PACKAGES[layout]
+    for folder in (models, f"{package}/meshes"):
+        (tmp_path / folder).mkdir(parents=True, exist_ok=True)
+    write_stl(tmp_path / package / "meshes" / "my part.stl")
+    other = (tmp_path / models).parent / "meshes"
+    if not other.exists():
         other.mkdir()
-        (other / "part.stl").write_text("another package's mesh of this name")
+        (other / "my part.stl").write_text(FOREIGN)
+        (other.parent / "package.xml").write_text("<package><name>cell</name></package>")
     if named:
         text = "<package>\n<name> arm_description </name></package>"
         (tmp_path / named / "package.xml").write_text(text)
     path = tmp_path / models / "mine.urdf"
-    path.write_text(URDF.format(mesh="package://arm_description/meshes/part.stl", extension=""))
+    path.write_text(URDF.format(mesh=name, extension=""))
     assert compiled(read_spec(path, "robot")).nmeshface == 12
-    assert tmp_path / meshes / "part.stl" in files_behind(path)
+    behind = files_behind(path)
+    assert tmp_path / package / "meshes" / "my part.stl" in behind
+    assert not named or tmp_path / named / "package.xml" in behind
+
+
+def test_a_linked_package_finds_those_beside_the_link(tmp_path):
+    for folder in ("home/cell", "src/arm_description"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "src" / "cell").symlink_to(tmp_path / "home" / "cell")
+    write_stl(tmp_path / "src" / "arm_description" / "part.stl")
+    path = tmp_path / "src" / "cell" / "mine.urdf"
+    path.write_text(URDF.format(mesh="package://arm_description/part.stl", extension=""))
+    assert compiled(read_spec(path, "robot")).nmeshface == 12
+    assert tmp_path / "src" / "arm_description" / "part.stl" in files_behind(path)
+
+
+def test_it_is_said_that_a_mesh_is_of_no_package_of_its_name(package):
+    text = URDF.format(mesh="package://arm_description/meshes/part.stl", extension="")
+    path = written(package, text, "mine.urdf")
+    sentence = f"{path}: there is no package 'arm_description' around it; its files are taken from "
+    with pytest.warns(Notice, match=f"^{re.escape(f'{sentence}{package}')}$"):
+        assert compiled(read_spec(path, "robot")).nmeshface == 12
+
+
+def test_a_mesh_is_looked_for_in_the_folder_for_meshes_first(package):
+    for folder in (package, package / "models"):
+        (folder / "part.stl").write_text("another mesh of this name")
+    extension = '<mujoco><compiler meshdir="../meshes"/></mujoco>'
+    path = written(package, URDF.format(mesh="part.stl", extension=extension), "mine.urdf")
+    assert compiled(read_spec(path, "robot")).nmeshface == 12
 
 
 def test_a_package_may_be_the_folder_of_meshes_itself(tmp_path):
@@ -253,6 +299,11 @@ GONE = {
         BODY,
         r"damaged.stl \(it cannot be read\)",
     ),
+    "a line": (
+        '<mesh name="part" file="../meshes/line.obj"/>',
+        BODY,
+        r"line.obj \(it has no area\)",
+    ),
     "Collada": ('<mesh name="part" file="../meshes/part.dae"/>', BODY, "part.dae"),
     "a picture": (
         '<texture name="t" type="2d" file="gone.png"/><material name="m" texture="t"/>',
@@ -270,6 +321,7 @@ GONE = {
 @pytest.mark.parametrize("what", GONE)
 def test_what_cannot_be_drawn_of_a_robot_is_left_out_and_named(package, what):
     (package / "meshes" / "damaged.stl").write_bytes(b"damaged")
+    (package / "meshes" / "line.obj").write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
     (package / "meshes" / "part.dae").write_bytes(b"<COLLADA/>")
     assets, bodies, said = GONE[what]
     path = written(package, mjcf_text(f"<asset>{assets}</asset>", bodies))

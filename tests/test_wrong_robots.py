@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from robot_files import built, mjcf_arm, tall_arm, urdf_arm
 
 from servo.cli.main import app
-from servo.cli.robot_command import NO_BASE
+from servo.cli.robot_command import ASIDE, FEW, NO_BASE
 from servo.cli.run_command import remarks
 from servo.loop.episode import Episode, measured_run
 from servo.mistake import Mistake
@@ -219,6 +219,8 @@ def test_the_picture_has_the_whole_robot_with_its_stand(robot, height, monkeypat
 def test_the_table_of_a_shipped_robot_of_few_joints_runs(tmp_path, model, sentence):
     done = CliRunner().invoke(app, ["robot", model, "--out", str(tmp_path / "a.png")])
     assert sentence in done.output
+    said = f"{ASIDE}{FEW}" if model == "pan_tilt" else FEW
+    assert said in done.output.splitlines()
     table = tomllib.loads(done.output[done.output.index("[robot]") :].partition("\n\n")[0])
     assert table["robot"]["camera"] == "eye"
     changes = [f"robot.{key}={value}" for key, value in table["robot"].items()]

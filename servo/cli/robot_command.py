@@ -66,6 +66,11 @@ MOTIONS = (ACROSS, circle.Config(), wander.Config())
 DRIVEN = 10.0
 """How long these drive, as a scenario does by default [s]."""
 NO_BASE = "No base was found from which a run can begin: give --base, or turn the camera (--mount)."
+FEW = (
+    "Whether so few joints can follow a motion is not known before a run: from this base it may "
+    "lose the target or end at a joint's limit, even while the target stands still."
+)
+ASIDE = f"No base was found from which the camera begins {DEPTH:g} m above the target. "
 BEST = 0.2
 """The part of the postures, the most comfortable ones, from which a base is proposed."""
 
@@ -195,12 +200,12 @@ def _follows(reach: Reach) -> bool:
 
 
 def _ways_text(config: mjcf.Config) -> str:
-    """Return a sentence about the joints' ranges along usual motions; empty for few joints."""
+    """Return what is known of the joints' ranges along usual motions."""
     found = list[str]()
     for motion in MOTIONS:
         reach = _begun(config, motion)
         if reach.there and reach.rollout is None:
-            return ""
+            return f"{ASIDE if config.base == BESIDE else ''}{FEW}"
         name = kind_of(motion)
         if reach.rollout is None:
             found.append(f"{name} begins out of reach")

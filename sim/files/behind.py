@@ -6,16 +6,19 @@ file too many does no harm, and one that is missed leaves old results in place o
 """
 
 import functools
-import os
 import re
 from collections.abc import Iterable, Iterator
-from pathlib import Path
+from pathlib import Path, PurePath
 from xml.etree import ElementTree
 
-ADDRESS = re.compile("^[a-z]+://")
-"""How URDF begins the name of a file, other than with its path."""
-PACKAGE = re.compile("^[^/]*/+")
-"""A package's name, in front of a path in it."""
+from sim.files.packages import folders_above, is_file, package_folder, parted
+
+URI = re.compile(rb'"uri"\s*:\s*"([^":]*)"')
+"""The name of a file in glTF; contents begin with "data:"."""
+COLLADA = ("init_from", "ref")
+"""Ends of the elements of Collada with the name of a picture."""
+BEGIN = b"\xef\xbb\xbf\xff\xfe\0 \t\r\n"
+"""What may be in front of XML."""
 LOCATION = re.compile(rb"\n\x08location\x12")
 """An entry of `TensorProto.external_data` in ONNX up to its value: fields 1 and 2 of the message,
 both of bytes. It is found in any graph, at any depth."""
@@ -28,25 +31,24 @@ def files_behind(path: Path) -> set[Path]:
         OSError: A file cannot be read.
     """
     found = {path}
-    folders = {path.parent, *path.resolve().parents}
+    folders = {path.parent, *folders_above(path)}
     names = set[str]()
     waiting = {path}
     while waiting:
         for file in waiting:
             named, below = _named(file, file.stat().st_mtime_ns, file.stat().st_size)
             names |= named
+            for package, inside in map(parted, named):
+                names |= {inside, PurePath(inside).name}  # which readers look for beside the file
+                if package:
+                    names.add("package.xml")
+                    folders |= {package_folder(path, package, inside) or path.parent}
             folders |= {file.parent / folder for folder in ("", *below)}
             folders |= {path.parent / folder for folder in below}  # of an included model
-        places = (folder / name for folder in folders for name in names)
-        waiting = (
-            {place.resolve() for place in places if _is_file(place)} - found - {path.resolve()}
-        )
+        places = (folder / name for folder in folders for name in names if name)
+        waiting = {place.resolve() for place in places if is_file(place)} - found - {path.resolve()}
         found |= waiting
     return found
-
-
-def _is_file(path: Path) -> bool:
-    return os.path.isfile(path)  # noqa: PTH113 (Path's raises for a name that no file can have)
 
 
 @functools.lru_cache(maxsize=1024)  # each run of a study asks again
@@ -56,37 +58,38 @@ def _named(path: Path, changed: int, size: int) -> tuple[frozenset[str], frozens
     """
     del changed, size
     match path.suffix.lower():
-        case ".xml" | ".urdf" | ".dae":
-            return _in_xml(path.read_bytes())
         case ".obj":
-            lines = (words for words in _lines(path) if words[0] == "mtllib")
+            lines = (words for words in _lines(path) if words[0].lower() == "mtllib")
         case ".mtl":
             lines = _lines(path)
         case ".onnx":
             return frozenset(_locations(path.read_bytes())), frozenset()
+        case ".gltf" | ".glb":
+            found = URI.findall(path.read_bytes())
+            return frozenset(name.decode("utf-8", "surrogateescape") for name in found), frozenset()
         case _:
-            lines = ()
+            return _in_xml(path)
     return frozenset(_ends(lines)), frozenset()
 
 
-def _in_xml(content: bytes) -> tuple[frozenset[str], frozenset[str]]:
+def _in_xml(path: Path) -> tuple[frozenset[str], frozenset[str]]:
     """Return the names of files and of folders in a model; none where it is no XML."""
+    with path.open("rb") as file:
+        if not file.read(64).lstrip(BEGIN).startswith(b"<"):
+            return frozenset(), frozenset()
     try:
-        elements = list(ElementTree.fromstring(content).iter())
+        elements = list(ElementTree.parse(path).iter())
     except (ElementTree.ParseError, ValueError, LookupError):  # also of an unknown encoding
         return frozenset(), frozenset()
     every = [pair for element in elements for pair in element.items()]
     names = {value for key, value in every if key.startswith("file")}
-    names |= {e.text.strip() for e in elements if e.text and e.tag.endswith("init_from")}  # Collada
-    paths = {ADDRESS.sub("", name) for name in names}
-    inside = {PACKAGE.sub("", path) for path in paths if path not in names}
-    bare = {Path(name).name for name in names}  # strippath="true"
-    return frozenset(paths | inside | bare), frozenset(v for key, v in every if key.endswith("dir"))
+    names |= {e.text.strip() for e in elements if e.text and e.tag.endswith(COLLADA)}
+    return frozenset(names), frozenset(value for key, value in every if key.endswith("dir"))
 
 
 def _lines(path: Path) -> Iterator[list[str]]:
     """Yield the words of each line that has some."""
-    with path.open(encoding="utf-8", errors="surrogateescape") as file:
+    with path.open(encoding="utf-8-sig", errors="surrogateescape") as file:
         yield from filter(None, (line.split() for line in file))
 
 
@@ -96,8 +99,8 @@ def _ends(lines: Iterable[list[str]]) -> Iterator[str]:
     """
     for _, *words in lines:
         for i, word in enumerate(words):
-            yield word.replace("\\", "/")
-            yield " ".join(words[i:]).replace("\\", "/")
+            yield word
+            yield " ".join(words[i:])
 
 
 def _locations(content: bytes) -> Iterator[str]:

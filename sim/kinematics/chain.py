@@ -90,19 +90,27 @@ def joints_to(model: mujoco.MjModel, body: int) -> tuple[int, ...]:
 
 def flanges(model: mujoco.MjModel) -> list[tuple[str, str, int]]:
     """Return candidates for the flange: kind, name and number of joints, the most joints first;
-    with six joints or more if there are any, and none that the joints of a gripper move.
+    with six joints or more if there are any, and none that the joints of a gripper move, but for
+    a last joint that no name says to be one.
     """
     hand = _hand(model)
+    below = _joints_below(model)
     most = len(joints_to(model, hand))
+    moved = [c for c in _children(model, hand) if below[c]]
+    last = moved if len(moved) == 1 and not _is_named_jaw(model, moved[0], is_last=True) else []
     bodies = [("body", model.body(i).name, i) for i in range(1, model.nbody)]
     sites = [("site", model.site(i).name, int(model.site_bodyid[i])) for i in range(model.nsite)]
     found = [
         (what, name, joints)
         for what, name, body in sites + bodies
         if name
-        and ((joints := len(joints_to(model, body))) <= most or not _carries(model, hand, body))
+        and (
+            (joints := len(joints_to(model, body))) <= most
+            or body in last
+            or not _carries(model, hand, body)
+        )
     ]
-    least = min(ALL_WAYS, max((joints for _, _, joints in found), default=1)) or 1
+    least = min(ALL_WAYS, most) or 1
     return sorted((f for f in found if f[2] >= least), key=lambda f: -f[2])
 
 
@@ -137,19 +145,31 @@ def _is_jaw(model: mujoco.MjModel, body: int, *, is_last: bool) -> bool:
         body: It, the only part of the hand that moves.
         is_last: No further joint follows.
     """
+    if _is_named_jaw(model, body, is_last=is_last):
+        return True
+    # A flange or a tool on the body itself says that it is a link of the arm.
+    has_tool = any(map(TOOL.search, _frames(model, int(model.body_parentid[body]))))
+    is_alone = bool(model.body_jntnum[body]) and not _frames(model, body)
+    return is_last and has_tool and is_alone
+
+
+def _is_named_jaw(model: mujoco.MjModel, body: int, *, is_last: bool) -> bool:
     if model.body_jntnum[body] != 1:
         return False
     joints = joints_to(model, body)
     *arm, joint = [model.joint(j).name for j in joints]
     first = model.body(model.jnt_bodyid[joints[0]]).name
-    hand = int(model.body_parentid[body])
-    frames = [model.body(c).name for c in _children(model, hand)]
-    frames += [model.site(i).name for i in np.flatnonzero(model.site_bodyid == hand)]
     # Of a robot that is a finger all joints and bodies are named so.
     moves_jaw = _grips(joint) and not any(map(_grips, arm))
     is_finger = FINGER.search(model.body(body).name) and not FINGER.search(first)
-    has_tool = any(map(TOOL.search, frames))
-    return moves_jaw or (is_last and bool(has_tool or (is_finger and not TURNS.search(joint))))
+    return moves_jaw or bool(is_last and is_finger and not TURNS.search(joint))
+
+
+def _frames(model: mujoco.MjModel, body: int) -> list[str]:
+    """The names of the bodies and sites that are fixed to a body."""
+    fixed = [c for c in _children(model, body) if not model.body_jntnum[c]]
+    sites = np.flatnonzero(model.site_bodyid == body)
+    return [*(model.body(c).name for c in fixed), *(model.site(i).name for i in sites)]
 
 
 def _grips(joint: str) -> bool:

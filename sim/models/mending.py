@@ -132,18 +132,22 @@ def _leave_out_textures(spec: mujoco.MjSpec, path: Path, mended: Mended) -> None
 
 def _replace_meshes(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> None:
     """Read the meshes that MuJoCo refuses by trimesh, and leave out those that it cannot read."""
-    wrong = [shape for k, shape in enumerate(spec.meshes) if not _compiles(spec, k)]
+    for shape in spec.meshes:
+        shape.name = shape.name or Path(shape.file).stem  # as MuJoCo names it
+    wrong = [shape for shape in spec.meshes if not _compiles(spec, shape.name)]
     for shape in wrong:
         file = _file_of(shape.file, path)
-        shape.name = shape.name or file.stem
         try:
-            fill(shape, read_mesh(file, (file.suffix.lower(),)), None)
+            if shape.file:
+                fill(shape, read_mesh(file, (file.suffix.lower(),)), None)
             for geom in _geoms_of(spec, shape):
                 geom.contype = geom.conaffinity = 0  # a flat mesh has no convex hull
+            why = "" if _compiles(spec, shape.name) else "it has no area"
         except ValueError:
-            if not whole:
-                mended.lost.append((file.name, why_not(file)))
-                _delete(spec, shape)
+            why = why_not(file)
+        if why and not whole:
+            mended.lost.append((file.name or shape.name, why))
+            _delete(spec, shape)
 
 
 def _geoms_of(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> list[mujoco.MjsGeom]:
@@ -156,12 +160,11 @@ def _delete(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> None:
     spec.delete(shape)
 
 
-def _compiles(spec: mujoco.MjSpec, number: int) -> bool:
+def _compiles(spec: mujoco.MjSpec, name: str) -> bool:
     """Return whether MuJoCo takes a mesh, when small ones take the places of all others."""
     alone = spec.copy()
-    for k, shape in enumerate(alone.meshes):
-        if k != number:
-            shape.name = shape.name or Path(shape.file).stem
+    for shape in alone.meshes:
+        if shape.name != name:
             shape.file = ""
             shape.uservert = TETRAHEDRON.ravel()
             shape.userface = SIDES.ravel()

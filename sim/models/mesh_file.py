@@ -1,10 +1,12 @@
 """Triangles and materials of a mesh file, read by trimesh."""
 
+import contextlib
 import importlib
 import re
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path, PureWindowsPath
 from typing import Any, Self
 
@@ -22,6 +24,8 @@ SUFFIXES = (OBJ, ".stl")
 """Files that may be a target."""
 USED = re.compile(rb"^usemtl\s+(\S.*?)\s*$", re.MULTILINE)
 """The name of a material in an OBJ file."""
+LIBRARY = re.compile(rb"^(?:\xef\xbb\xbf)?\s*mtllib\s+(\S.*?)\s*$", re.MULTILINE)
+"""The name of a file of materials in an OBJ file."""
 SHOWN = 4
 """Largest number of names in a sentence."""
 Lost = tuple[str, str]
@@ -73,6 +77,8 @@ class _Beside:
     """The files that a mesh names: where it says, or, as it may come from elsewhere, beside it."""
 
     folder: Path
+    libraries: list[str]
+    """Files of materials that an OBJ file names."""
     missing: list[Lost] = field(default_factory=list)
 
     def get(self, name: str) -> bytes:
@@ -81,9 +87,11 @@ class _Beside:
         Raises:
             FileNotFoundError: There is none.
         """
+        plain = name.replace("\\", "/")
         bare = PureWindowsPath(name).name
-        # The last one is without options, such as "-s 1 1 1 wood.png".
-        files = [self.folder / n for n in (name, bare, *bare.split()[-1:])]
+        # The last ones are without options, such as "-s 1 1 1 wood.png".
+        names = (plain, bare, *plain.split()[-1:], *bare.split()[-1:])
+        files = [self.folder / each for each in names]
         file = next((f for f in files if f.is_file()), files[1])
         try:
             if file.suffix.lower() != ".mtl":
@@ -93,7 +101,20 @@ class _Beside:
             self.missing.append((file.name, why_not(file)))
             raise FileNotFoundError from error
 
-    __getitem__ = get
+    def __getitem__(self, name: str) -> bytes:
+        """Return the content of a file; for a file of materials of all of them, as trimesh asks
+        for the first only.
+
+        Raises:
+            FileNotFoundError: There is none.
+        """
+        found: list[bytes] = []
+        for each in self.libraries or [name]:
+            with contextlib.suppress(FileNotFoundError):
+                found.append(self.get(each))
+        if not found:
+            raise FileNotFoundError(name)
+        return b"\n".join(found)
 
 
 def trimesh() -> Any:
@@ -145,24 +166,32 @@ def read_mesh(
     suffix = path.suffix.lower()
     if suffix not in suffixes:
         raise ValueError(f"{path}: a mesh is an .obj or an .stl file")
-    files = _Beside(path.parent)
     with reading.opened(path, "mesh") as file:
-        used = _used(file.read()) if suffix == OBJ else None
-        file.seek(0)
-        try:
-            scene = trimesh().load_scene(
-                file, suffix[1:], process=False, resolver=files, skip_materials=not materials
-            )
-            points, corners, places, looks, found = _joined(scene, used, files.missing)
-            if used is not None and materials and not files.missing:
-                files.missing.extend(_unknown(used, scene))
-            vertices, same = np.unique(points, axis=0, return_inverse=True)
-            faces = same.reshape(-1)[corners]
-            if suffix == ".stl" and not len(faces):
-                file.seek(0)
-                file.read().decode("ascii")  # where it is no text, trimesh may take it for one
-        except Exception:  # trimesh's readers raise what they meet in a broken file
-            raise ValueError(f"{path}: this mesh is damaged, or not what its name says") from None
+        content = file.read()
+    used = None
+    libraries: list[str] = []
+    if suffix == OBJ:
+        content = content.replace(b"\t", b" ")  # trimesh knows blanks only after usemtl
+        used = set(_names(USED, content))
+        libraries = _names(LIBRARY, content)
+    files = _Beside(path.parent, libraries)
+    try:
+        scene = trimesh().load_scene(
+            BytesIO(content),
+            suffix[1:],
+            process=False,
+            resolver=files,
+            skip_materials=not materials,
+        )
+        points, corners, places, looks, found = _joined(scene, used, files.missing)
+        if used is not None and materials and not files.missing:
+            files.missing.extend(_unknown(used, scene))
+        vertices, same = np.unique(points, axis=0, return_inverse=True)
+        faces = same.reshape(-1)[corners]
+        if suffix == ".stl" and not len(faces):
+            content.decode("ascii")  # where it is no text, trimesh may take it for one
+    except Exception:  # trimesh's readers raise what they meet in a broken file
+        raise ValueError(f"{path}: this mesh is damaged, or not what its name says") from None
     broken = ~np.isfinite(vertices).all(axis=1)
     if broken.any():
         vertex = " ".join(f"{number:g}" for number in vertices[broken][0])
@@ -181,16 +210,15 @@ def read_mesh(
     )
 
 
-def _used(obj: bytes) -> set[str]:
-    """The names of the materials that an OBJ file uses."""
-    return {name.decode("utf-8", "replace") for name in USED.findall(obj)}
-
-
 def _unknown(used: set[str], scene: Any) -> list[Lost]:
     """The materials that an OBJ file uses, and that no .mtl file describes."""
     parts = scene.geometry.values()
     known = {getattr(getattr(p.visual, "material", None), "name", None) for p in parts}
     return [(name, "no .mtl file describes it") for name in sorted(used - known)]
+
+
+def _names(pattern: re.Pattern[bytes], obj: bytes) -> list[str]:
+    return [name.decode("utf-8", "replace") for name in pattern.findall(obj)]
 
 
 def _joined(

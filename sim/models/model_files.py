@@ -1,6 +1,5 @@
 """Models of MuJoCo: compiled, without what belongs to a whole simulation, and their files."""
 
-import re
 import warnings
 from collections.abc import Iterable
 
@@ -17,9 +16,6 @@ SIMULATION = (
 )
 """Parts of a model that describe a whole simulation, in an order in which none refers to one that
 is gone."""
-SCHEME = re.compile("^(file|package|model)://")
-PLACE = re.compile("^(file://|(package|model)://[^/]*/+)")
-"""How URDF begins the name of a mesh, without and with the name of a package."""
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:

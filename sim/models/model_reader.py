@@ -11,9 +11,10 @@ import numpy as np
 
 from sim.files import reading
 from sim.files.notices import notice
+from sim.files.packages import folders_above, is_file, package_folder, parted
 from sim.models.mending import Mended, draw_sticks, mend
 from sim.models.mesh_file import OBJ, is_readable, read_mesh, why_not
-from sim.models.model_files import PLACE, SCHEME, compiled, keep_no_log, said_by_mujoco
+from sim.models.model_files import compiled, keep_no_log, said_by_mujoco
 from sim.models.shapes import fill, paint
 
 READABLE = (".stl", OBJ, ".msh")
@@ -140,28 +141,22 @@ def joint_speeds(path: Path) -> dict[str, float]:
 
 
 def _mesh_file(name: str, model: Path, folder: Path) -> Path:
-    """Find a mesh: in its ROS package, which is beside or around the model, else at its path in a
-    folder around the model or in the folder for meshes.
+    """Find a mesh: in its ROS package, which is beside or around the model, else at its path in the
+    folder for meshes or in a folder around the model.
     """
-    above = model.resolve().parents
-    inside = PLACE.sub("", name)
-    places = [place / inside for place in (*above, folder)]
-    if not name.startswith("file:") and (scheme := SCHEME.match(name)):
-        whole = name[scheme.end() :].lstrip("/")
-        package = whole.partition("/")[0]
-        own = (p / rest for p in above for rest in _ways_into(p, package, whole, inside))
-        places = [*own, *places]
-    files = [place.resolve() for place in places]
-    return next((file for file in files if file.is_file()), files[-1])
-
-
-def _ways_into(folder: Path, package: str, whole: str, inside: str) -> list[str]:
-    """The paths at which a folder may have a file of a ROS package."""
-    try:
-        found = ElementTree.parse(folder / "package.xml").findtext("name", "").strip()
-    except (OSError, ElementTree.ParseError):
-        found = folder.name
-    return [whole, inside] if package in (found, folder.name) else [whole]
+    if is_file(folder / name):
+        return (folder / name).resolve()
+    package, inside = parted(name)
+    own = package_folder(model, package, inside) if package else None
+    if own:
+        return (own / inside).resolve()
+    places = [place for place in (folder, *folders_above(model)) if is_file(place / inside)]
+    if package and places:
+        notice(
+            f"{model}: there is no package '{package}' around it; its files are taken from "
+            f"{places[0].resolve()}"
+        )
+    return ((places or [folder])[0] / inside).resolve()
 
 
 def _keep_visible(link: Element, mended: Mended) -> None:

@@ -1,0 +1,77 @@
+"""Folders of ROS packages, found by their names around a model that names files in them."""
+
+import os
+import re
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+from urllib.parse import unquote
+from xml.etree import ElementTree
+
+FILE = re.compile("^file:(//)?", re.IGNORECASE)
+IN_PACKAGE = re.compile(r"^(?:(?:package|model)://+|\$\(find\s+)([^/)]+)\)?/+(.*)", re.IGNORECASE)
+"""How URDF begins the name of a file, other than with its path."""
+AROUND = 4
+"""Folders above a model whose content is looked through: urdf, its package, a repository, src."""
+MOST = 1000
+"""Folders that are looked through in each: a model may be in a home folder."""
+
+
+def parted(name: str) -> tuple[str, str]:
+    """Return the ROS package in the name of a file, empty where there is none, and the path."""
+    plain = FILE.sub("", unquote(name).replace("\\", "/"))
+    found = IN_PACKAGE.match(plain)
+    return (found[1], found[2]) if found else ("", plain)
+
+
+def is_file(path: Path) -> bool:
+    """Return whether there is a file; never of a name that no file can have."""
+    return os.path.isfile(path)  # noqa: PTH113 (Path's raises for such a name)
+
+
+def folders_above(model: Path) -> list[Path]:
+    """Return the folders above a file, the nearest first; then those above what it links to."""
+    return list(dict.fromkeys((*model.absolute().parents, *model.resolve().parents)))
+
+
+def package_folder(model: Path, package: str, inside: str) -> Path | None:
+    """Return the folder of a ROS package that has a file of a given path; None without one."""
+    having = (folder for folder in _around(model, package) if is_file(folder / inside))
+    own = next((folder for folder in having if _name_of(folder) == package), None)
+    # Else one of this name whose package.xml has another.
+    named = (f for above in folders_above(model) for f in (above, above / package))
+    return own or next((f for f in named if f.name == package and is_file(f / inside)), None)
+
+
+def _around(model: Path, package: str) -> Iterator[Path]:
+    """Yield folders that may be a package, the most likely first."""
+    installed = Path(package, "share", package)
+    for folder in folders_above(model):
+        yield from (folder, folder / package, folder / installed, folder / "install" / installed)
+    for folder in (*model.absolute().parents[:AROUND], *model.resolve().parents[:AROUND]):
+        yield from islice(_below(folder), MOST)
+
+
+def _name_of(folder: Path) -> str:
+    """The name of a package in a folder: that of its package.xml, else the folder's."""
+    try:
+        found = ElementTree.parse(folder / "package.xml").findtext("name", "").strip()
+    except (OSError, ElementTree.ParseError, ValueError, LookupError):
+        found = ""
+    return found or folder.name
+
+
+def _below(folder: Path) -> Iterator[Path]:
+    """Yield the folders in a folder, and then those in them."""
+    children = _in(folder)
+    yield from children
+    for child in children:
+        yield from _in(child)
+
+
+def _in(folder: Path) -> list[Path]:
+    try:
+        found = sorted(path for path in folder.iterdir() if path.is_dir())
+    except OSError:
+        return []
+    return [path for path in found if not path.name.startswith(".")]
