@@ -153,7 +153,7 @@ def _weights_choose(law: LawSettings, episode: Episode) -> bool:
     stands = np.array(law.weights) == 0
     for sight in _sights(episode):
         known = features.known(sight)
-        moves = law.moves(features, known, tilt_seen=sight.tilt_known)
+        moves = law.moves_for(features, known, tilt_seen=sight.tilt_known)
         has_choice = moves.sum() > known.sum() and (known.any() or law.secondary)
         if has_choice or (moves & stands).any():
             return True

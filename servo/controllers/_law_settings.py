@@ -92,7 +92,14 @@ class LawSettings:
                 'set controller.kind = "hold"'
             )
 
-    def moves(
+    def moves(self, *, six: bool) -> NDArray[np.bool_]:
+        """Return the degrees of freedom (6,) that may move, where six can be controlled or only
+        four.
+        """
+        chosen = self.dof if self.dof is not None else DOF if six else UNTILTED
+        return np.array([name in chosen for name in DOF])
+
+    def moves_for(
         self, features: FeatureSet, known: NDArray[np.bool_], *, tilt_seen: bool
     ) -> NDArray[np.bool_]:
         """Return the degrees of freedom (6,) that may move: while the depth or the angle is not
@@ -103,9 +110,7 @@ class LawSettings:
             known: Which of the features (k,) are known.
             tilt_seen: Whether the tilt of the target's plane is.
         """
-        six = tilt_seen and len(known) >= len(DOF)
-        chosen = self.dof if self.dof is not None else DOF if six else UNTILTED
-        moves = np.array([name in chosen for name in DOF])
+        moves = self.moves(six=tilt_seen and len(known) >= len(DOF))
         for name, dof in features.sole_dof.items():
             moves[DOF.index(dof)] &= known[features.names.index(name)]
         return moves

@@ -293,7 +293,7 @@ class Ibvs:
             L = self._chosen_matrix()
             pseudo = self._own_inverse.inverse(L, self._seen, self._camera)
             return Inverse(pseudo, L, np.ones(len(DOF), bool))
-        moves = self._config.moves(self._features, self._known, tilt_seen=self._tilt_seen)
+        moves = self._config.moves_for(self._features, self._known, tilt_seen=self._tilt_seen)
         return Inverse.of(self._chosen_matrix(), self._known, moves, self._weights)
 
     def _servoed_by(self, posture: Posture) -> NDArray[np.bool_]:
