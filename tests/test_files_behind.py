@@ -163,7 +163,7 @@ def test_a_urdf_has_what_it_takes_from_its_package_and_from_those_beside(tmp_pat
 
 ONE_NAME = {
     "C:\\ is not here": ("a.obj", "mtllib C:\\proj\\two.mtl", "two.mtl"),
-    "/home is not here": ("a.obj", "mtllib /home/u/two.mtl", "two.mtl"),
+    "an absolute path": ("a.obj", "mtllib /elsewhere/u/two.mtl", "two.mtl"),
     "moved": ("a.obj", "mtllib mats/two.mtl", "two.mtl"),
     "a byte order mark": ("a.obj", "\ufeffmtllib two.mtl", "two.mtl"),
     "a picture that moved": ("a.mtl", "map_Kd D:\\x\\c.png", "c.png"),

@@ -98,13 +98,11 @@ def test_a_picture_that_opencv_refuses_cannot_be_decoded(tmp_path, monkeypatch):
 
 
 def test_a_frame_that_has_no_pixels_is_none():
-    def fail(**_):
+    def fail(*_, **__):
         raise ValueError("odd")
 
-    frame = SimpleNamespace(
-        width=3, height=2, side_data={}, format=SimpleNamespace(name="rgb24"), to_ndarray=fail
-    )
-    assert video_file._rgb(frame, BitDepth()) is None
+    frame = SimpleNamespace(width=3, height=2, side_data={}, format=SimpleNamespace(name="rgb24"))
+    assert video_file._rgb(frame, BitDepth(), SimpleNamespace(reformat=fail)) is None
 
 
 class Packets:
