@@ -8,6 +8,7 @@ from tilted import Scene, placed, rms, tilted
 from servo.loop.episode import Episode
 from servo.scenario.load import load
 from servo.testing import check_tracker
+from sim.camera import gl
 from sim.camera.exact.raster import SEGMENT
 from sim.targets import tag
 from sim.types import Frame
@@ -121,7 +122,9 @@ def test_an_upright_tag_is_found_that_one_detector_misses(upright):
     """In the first picture and in those after it."""
     steps = list(upright[-1])
     assert {step.estimate.status for step in steps} == {Status.LOCKED}
-    assert max(rms(s.estimate.corners, s.truth.corners) for s in steps[1:]) < 0.06
+    # The exact renderer reads the nearest size of a texture: corners are up to 0.06 px off by that.
+    most = 0.06 if gl.is_there() else 0.12
+    assert max(rms(s.estimate.corners, s.truth.corners) for s in steps[1:]) < most
 
 
 def test_an_upright_tag_leads(upright):
