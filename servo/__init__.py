@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from servo.scenario.load import Scenario, load
     from servo.study.run import Record
     from servo.types import Command, Sight
+    from sim.channels import Channel, View
     from sim.ranges import File
     from sim.types import Camera, Frame, Pose, Posture
     from tracking import create
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Camera",
+    "Channel",
     "Command",
     "Controller",
     "Episode",
@@ -58,6 +60,7 @@ __all__ = [
     "Sweep",
     "Task",
     "Tracker",
+    "View",
     "__version__",
     "create",
     "load",
@@ -75,6 +78,7 @@ HOMES = {
     "servo.result": ("Run", "Sweep", "simulate", "sweep"),
     "servo.study.run": ("Record",),
     "servo.types": ("Command", "Sight"),
+    "sim.channels": ("Channel", "View"),
     "sim.ranges": ("File",),
     "sim.types": ("Camera", "Frame", "Pose", "Posture"),
     "tracking": ("create",),

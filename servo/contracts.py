@@ -15,6 +15,7 @@ import numpy as np
 
 from servo.parts import FeatureSet
 from servo.types import DOF, Command, Mode, OwnMotion, Prediction, Sight, Trace
+from sim.channels import VIEWED, Sees, needs_of
 from sim.geometry import is_rotation
 from sim.placement import area
 from sim.types import Array, Effect, Pose
@@ -376,6 +377,20 @@ def check_built(place: str, built: object) -> None:
         _check_model(place, built)
 
 
+def check_sees(config: object, built: object) -> None:
+    """Check that a part can be given the channels that its `Config` declares.
+
+    Raises:
+        BrokenContract: It has no method `see`.
+    """
+    viewed = needs_of(config) & VIEWED
+    require(
+        not viewed or isinstance(built, Sees),
+        "its Config needs {}, but it has no method see(view) to take that",
+        " and ".join(sorted(channel.name for channel in viewed)),
+    )
+
+
 def _check_model(place: str, built: object) -> None:
     from sim.kinematics.robot import Design
     from sim.models.target import Target  # MuJoCo: not for a tracker alone
@@ -418,6 +433,10 @@ class _Guarded:
         self._part = part
         self._checks = checks
         self._naming = naming
+        # From Python 3.12 on `isinstance` with a protocol does not ask `__getattr__`.
+        for name in dir(type(part)):
+            if not name.startswith("_") and callable(getattr(type(part), name)):
+                getattr(self, name)
 
     def __getattr__(self, name: str) -> Any:
         found = getattr(self._part, name)

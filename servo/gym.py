@@ -29,12 +29,14 @@ from servo.loop.episode import ImpossibleStart
 from servo.loop.run_measures import CONVERGED_PX
 from servo.output.annotated import View, annotated
 from servo.output.display import has_display
+from servo.parts import ChoosesMoves
 from servo.scenario.arguments import each_once, numbers, one_of, texts, whole
 from servo.scenario.catalogue import shipped
 from servo.scenario.keywords import own_parts
 from servo.scenario.load import parse
 from servo.scenario.toml import with_settings
 from servo.types import DOF
+from sim.channels import Channel, needs_of
 from sim.types import Array, Pose
 from tracking.types import Status
 
@@ -130,11 +132,12 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self.observation_space = self._space()
 
     def _law_moves(self) -> list[int]:
-        if getattr(self._base.controller, "uses_pictures", False):
+        law = self._base.controller
+        if Channel.PICTURE in needs_of(law):
             return list(range(len(DOF)))
-        moves = getattr(self._base.controller, "moves", None)
-        six = self._features >= len(DOF)
-        return LEVEL_DOF if moves is None else np.flatnonzero(moves(six=six)).tolist()
+        if not isinstance(law, ChoosesMoves):
+            return LEVEL_DOF
+        return np.flatnonzero(law.moves(six=self._features >= len(DOF))).tolist()
 
     def _space(self) -> spaces.Space[Any]:
         camera = self._base.camera

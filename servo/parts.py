@@ -14,7 +14,8 @@ from sim.types import Array, Camera, Frame, Posture
 class FeatureSet(Protocol):
     """What is servoed: k named functions of the sight, and their interaction matrix.
 
-    A set made of pixels says so by a member `uses_pictures = True`: `Sight.picture` is there then.
+    The `Config` of a set that is made of pixels declares `needs = frozenset({Channel.PICTURE,
+    Channel.GOAL_PICTURE})`: `Sight.picture` is there then, and in the goal too.
     """
 
     @property
@@ -95,7 +96,9 @@ class FeaturesConfig(Protocol):
 class Estimator(Protocol):
     """Estimates the part of de/dt that the target's own motion causes.
 
-    All features are divided by `FeatureSet.scales`.
+    All features are divided by `FeatureSet.scales`. One whose `Config` declares
+    `Channel.SEEN` is told before each call whether the target is seen, so that it can take back
+    what it measured while the target began to be hidden.
     """
 
     def start(self, features: FeatureSet) -> None:
@@ -119,26 +122,6 @@ class Estimator(Protocol):
         ...
 
 
-@runtime_checkable
-class Forgets(Protocol):
-    """An estimator that can take back what it measured last."""
-
-    def forget(self) -> None:
-        """Take back the last measurement: the target is hidden in this picture, and was partly
-        hidden in the one before. Does nothing if no measurement came last.
-        """
-
-
-@runtime_checkable
-class NeedsTruth(Protocol):
-    """An estimator that knows the truth, for comparison: a simulation only has it."""
-
-    def give(self, motion: Array) -> None:
-        """Take the true de/dt (k,) of the target's own motion while the next command acts, over
-        `FeatureSet.scales`; called before each `update` or `skip`.
-        """
-
-
 @dataclass(frozen=True, slots=True)
 class Task:
     """What a controller is to do."""
@@ -160,9 +143,9 @@ class Task:
 class Controller(Protocol):
     """Turns what is seen into camera twists.
 
-    A `Config` whose controller acts on pictures has a class attribute `uses_pictures = True`. Then
-    `Sight.picture` is there in the goal and in all that is seen, and the sight is None for dropped
-    frames only.
+    The `Config` of a controller that acts on pictures declares `needs =
+    frozenset({Channel.PICTURE})`, with `Channel.GOAL_PICTURE` to have one of the goal too: then
+    `Sight.picture` is there, and the sight is None for dropped frames only.
     """
 
     def start(self, task: Task) -> None:
@@ -180,6 +163,17 @@ class Controller(Protocol):
                 the goal moves, it is another one than that of the task.
             posture: What the robot knows of itself.
             dt: Time since the last picture that the tracker took [s].
+        """
+        ...
+
+
+@runtime_checkable
+class ChoosesMoves(Protocol):
+    """Settings of a controller that choose the degrees of freedom that it moves."""
+
+    def moves(self, *, six: bool) -> NDArray[np.bool_]:
+        """Return the degrees of freedom (6,) that may move, where six can be controlled or only
+        four.
         """
         ...
 

@@ -6,7 +6,8 @@ frame.
 
 # pyright: reportAttributeAccessIssue=false
 # LAPACK's functions come from a compiled module without stubs.
-from math import atan2, sqrt, tan
+from collections.abc import Sequence
+from math import atan2, cos, radians, sin, sqrt, tan
 
 import numpy as np
 from scipy.linalg import lapack
@@ -14,8 +15,22 @@ from scipy.linalg import lapack
 from sim.types import Array, Pose
 
 IDENTITY = np.eye(3)
+VISION_FROM_MUJOCO = np.diag([1.0, -1.0, -1.0])
+"""Rotation between a camera's frame in computer vision (x right, y down, z forward) and in MuJoCo
+(x right, y up, z back)."""
 SMALL_ANGLE = 1e-6
 """Below this angle [rad] the series is exact to rounding and the closed form is not."""
+
+
+def mount_pose(mount: Sequence[float]) -> Pose:
+    """Return the pose of x, y, z [m], roll, pitch, yaw [deg], turned about the fixed axes in this
+    order.
+    """
+    (cr, sr), (cp, sp), (cy, sy) = ((cos(radians(a)), sin(radians(a))) for a in mount[3:])
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return Pose(about_z @ about_y @ about_x, np.array(mount[:3]))
 
 
 def skew(w: Array) -> Array:

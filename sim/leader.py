@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
 from annotated_types import Ge, Le
 
 from sim.camera.camera import Pose6
-from sim.kinematics.model import mount_pose
+from sim.geometry import mount_pose
+from sim.marker import Marker
+from sim.models.tag_model import tag_target
 from sim.models.target import Target
 from sim.placement import object_frame
 from sim.ranges import Length
-from sim.targets import tag
 from sim.types import Array, Pose
 
 UPRIGHT = (0.0, 0.0, 0.4, 80.0, 0.0, 0.0)
@@ -42,7 +42,7 @@ class LeaderConfig:
         """
         if self.id is None:
             return None
-        target = tag.Config(self.id, self.size).build(np.random.default_rng(0))
+        target = tag_target(Marker(self.id, self.size))
         on = mount_pose(self.on)
         goal = on @ object_frame(target.outline) @ mount_pose(self.beside)
         return Leader(target, on, goal @ object_frame(outline).inverse())

@@ -10,10 +10,8 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.camera.renderer import VISION_FROM_MUJOCO
 from sim.geometry import exp_so3, log_se3
-from sim.kinematics.robot import CAMERA, Design, Robot, each_joint
-from sim.models.quaternion import matrix_of, quaternion_of
+from sim.kinematics.robot import Design, Robot, each_joint
 from sim.ranges import Degrees, EachJoint
 from sim.types import Array, Camera, Pose, Posture
 
@@ -115,14 +113,10 @@ class BelievedRobot:
         self._true = robot
         self._rng = rng
         model = copy.copy(robot.model)
-        stands = design.eye_to_hand
-        if stands is not None:
-            at = stands.T_world_camera @ believed.hand_eye
-            design = replace(design, eye_to_hand=replace(stands, T_world_camera=at))
         self._robot = Robot(model, design)
+        # Only now: a robot is refused whose site is not where its camera is.
+        self._robot.mounting = design.mounting.believed(model, believed.hand_eye)
         self._data = mujoco.MjData(model)
-        if stands is None:
-            _move_site(model, believed.hand_eye)
         names = robot.names
         self._offsets = each_joint("believed.joint_offsets", believed.joint_offsets, names)
         self._noise = each_joint("robot.encoder_noise", design.drives.encoder_noise, names)
@@ -181,12 +175,3 @@ def as_believed(
     if believed.is_body_right and not np.concatenate(errors).any():
         return robot
     return BelievedRobot(robot, design, believed, rng or np.random.default_rng(0))
-
-
-def _move_site(model: mujoco.MjModel, T_camera_believed: Pose) -> None:
-    """Put the camera's site of a model, by which a `Robot` computes, elsewhere on its body."""
-    site = model.site(CAMERA).id
-    R = matrix_of(model.site_quat[site]) @ VISION_FROM_MUJOCO
-    model.site_pos[site] += R @ T_camera_believed.translation
-    model.site_quat[site] = quaternion_of(R @ T_camera_believed.rotation @ VISION_FROM_MUJOCO.T)
-    model.site_sameframe[site] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE

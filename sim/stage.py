@@ -1,13 +1,14 @@
 """Puts what moves by itself where it is at a time: target, board, second target, leader, lights."""
 
-from collections.abc import Callable, Sequence
-from functools import lru_cache, reduce
+from collections.abc import Sequence
+from functools import lru_cache, partial, reduce
 from operator import or_
 from typing import Protocol
 
 import mujoco
 import numpy as np
 
+from sim.kinematics.robot import Robot
 from sim.leader import Leader
 from sim.models.assembly import LEADER, SECOND, SPOT, TARGET
 from sim.models.quaternion import quaternion_of
@@ -49,15 +50,17 @@ class Stage:
         model: mujoco.MjModel,
         motion: Motion,
         disturbances: Sequence[Disturbance],
-        held: Callable[[], Pose] | None = None,
+        robot: Robot,
+        data: mujoco.MjData,
         leader: Leader | None = None,
     ) -> None:
-        """Find the bodies; `held` gives the pose of a target that the robot moves: the motion is
-        then the leader's.
+        """Find the bodies; the robot's mounting, with the hand as of the last kinematics of `data`,
+        decides whether the motion or the robot moves the target.
         """
         self._model = model
         self._at = lru_cache(maxsize=4)(motion.at)  # the last two frames' are asked for again
-        self._held = held
+        self._mounting = robot.mounting
+        self._hand = partial(robot.hand, data)
         self._leader = leader
         self._disturbances = tuple(disturbances)
         self._has_second = any(SECOND in d.props for d in disturbances)
@@ -81,7 +84,7 @@ class Stage:
 
     def target(self, time: float) -> Pose:
         """T_world_target at a time [s]; of a target that the robot holds, that of now."""
-        return self._at(time) if self._held is None else self._held()
+        return self._mounting.target(self._at(time), self._hand)
 
     def goal(self, time: float) -> Pose | None:
         """T_world_target at a time [s] where it shall be beside a leader; None without one."""

@@ -15,9 +15,9 @@ from annotated_types import Ge, Le
 
 from sim.files.picture_file import read_image
 from sim.files.shipped import file_of
+from sim.models.paint import PLAIN, Colour, rgba
 from sim.models.shapes import lay
 from sim.ranges import Degrees, File, Share
-from sim.targets._paint import PLAIN, Colour, rgba
 from sim.types import Array, Image
 
 WOOD = "wood"

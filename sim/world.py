@@ -15,16 +15,15 @@ from sim.camera.camera import CameraConfig, camera_of
 from sim.camera.choice import renderer_of
 from sim.camera.depth_sensor import DepthSensor
 from sim.camera.lens import Lens, Sensor
-from sim.camera.renderer import VISION_FROM_MUJOCO, MakeRenderer, Promise, Supersampled, camera_pose
+from sim.camera.renderer import MakeRenderer, Promise, Supersampled, camera_pose
 from sim.geometry import log_se3
 from sim.kinematics.inverse_kinematics import Reach, reach
-from sim.kinematics.model import mount_pose
-from sim.kinematics.robot import CAMERA, Design, EyeToHand, Robot
+from sim.kinematics.robot import Design, Robot
 from sim.leader import LeaderConfig
 from sim.miscalibration import RIGHT, BelievedConfig, as_believed
 from sim.models.assembly import TARGET, build_model
-from sim.models.quaternion import quaternion_of
 from sim.models.target import Target
+from sim.mounting import CAMERA, mounting_of
 from sim.stage import Disturbance, Motion, Stage
 from sim.surroundings import Surroundings
 from sim.timing import Rates, exposures
@@ -119,10 +118,7 @@ class World:
         """
         config = parts.config
         camera = parts.camera
-        robot = parts.robot
-        if camera.mounted == "world":
-            there = EyeToHand(mount_pose(camera.pose), mount_pose(camera.held))
-            robot = replace(robot, eye_to_hand=there)
+        robot = replace(parts.robot, mounting=mounting_of(camera))
         rates = Rates.of(config.physics_rate, config.drive_rate, camera.rate)
         steps = rates.steps
         self._drive_steps = rates.drive_steps
@@ -134,19 +130,16 @@ class World:
             rates.physics, camera, robot, parts.target, props, parts.surroundings, leader
         )
         self.data = mujoco.MjData(self.model)
-        stands = robot.eye_to_hand
-        if stands is not None:
-            _put_camera(self.model, stands.T_world_camera)
         self.robot = Robot(self.model, robot)
-        self._held = None if stands is None else partial(self.robot.held, self.data, stands)
-        """T_world_target of a target that the robot holds, as of the last kinematics."""
         self.camera = camera_of(camera, self.model, CAMERA)
         self.camera_believed = parts.believed.camera(self.camera)
         self._known = as_believed(self.robot, robot, parts.believed, encoders)
         self._eye = self.model.camera(CAMERA).id
         self.outline = parts.target.outline
         self.outline_found = parts.target.found
-        self._stage = Stage(self.model, parts.motion, parts.disturbances, self._held, leader)
+        self._stage = Stage(
+            self.model, parts.motion, parts.disturbances, self.robot, self.data, leader
+        )
         self._visibility = config.visibility
         self._lens = Lens(self.camera)
         make = _supersampled(renderer or renderer_of(camera.renderer), camera.supersample)
@@ -224,16 +217,11 @@ class World:
 
     def _target_seen(self, time: float = 0.0) -> Pose:
         """The target at a time [s], in the frame in which `Robot.eye` is given."""
-        return self._stage.target(time) if self._held is None else Pose.planar(0.0, 0.0, 0.0)
-
-    def _eye_seen(self) -> Pose:
-        """The camera in this frame."""
-        return self._eye_at if self._held is None else self.robot.eye(self.data)
+        return self.robot.mounting.seen_from(self._stage.target(time))
 
     def _go(self, T_world_camera: Pose, way: Callable[[], Sequence[Pose]] | None) -> Reach:
         target = self._target_seen()
-        if self._held is None:  # else the pose is seen from the target
-            placement.check_above_table(T_world_camera)
+        self.robot.mounting.check_start(T_world_camera)
         placement.check_sight(self.outline, T_world_camera, target)
         point = target.apply(self.outline.mean(axis=0))
         reached = reach(self.robot, self.data, T_world_camera, point, way)
@@ -253,7 +241,7 @@ class World:
         Args:
             twists: A camera twist (6,), or one for each of the `ticks` (n, 6).
         """
-        before = self._eye_seen()
+        before = self.robot.eye(self.data)
         each = np.broadcast_to(twists, (len(self.ticks), 6))
         slowed_by = dict[str, None]()
         accepted = list[Array]()
@@ -278,7 +266,7 @@ class World:
         self._accepted = np.mean(accepted, axis=0)
         self.data.time = self._frames * self.period
         self._eye_at = self._set_stage(self.data.time)
-        self._mean_twist = log_se3(before.inverse() @ self._eye_seen()) / self.period
+        self._mean_twist = log_se3(before.inverse() @ self.robot.eye(self.data)) / self.period
         return tuple(slowed_by)
 
     def posture(self) -> Posture:
@@ -404,11 +392,3 @@ class World:
 def _supersampled(make: MakeRenderer, factor: int) -> MakeRenderer:
     """What makes renderers whose pixels are means of so many squared."""
     return partial(Supersampled, make, factor) if factor > 1 else make
-
-
-def _put_camera(model: mujoco.MjModel, T_world_camera: Pose) -> None:
-    """Take the camera from the robot's hand and put it into the room."""
-    camera = model.camera(CAMERA).id
-    model.cam_bodyid[camera] = 0
-    model.cam_pos[camera] = T_world_camera.translation
-    model.cam_quat[camera] = quaternion_of(T_world_camera.rotation @ VISION_FROM_MUJOCO)

@@ -8,9 +8,8 @@ from servo.loop.episode import measured_run
 from servo.loop.run_measures import Outcome
 from servo.scenario.load import load
 from tracking import create, trackers
-from tracking.wrapped import OF_THE_USER
 
-TRACKERS = [k for k in trackers.KINDS.names() if k not in OF_THE_USER | {"frozen"}]
+TRACKERS = [kind for kind in trackers.general_kinds() if kind != "frozen"]
 SHORT = ("run.duration=4.0", "measure.after=3.0")
 MOST_PX = 4.0
 """The camera ends this near the target."""

@@ -1,14 +1,17 @@
 """Every plugin found in its folder keeps the contract of its kind."""
 
+import inspect
+
 import cv2
 import numpy as np
 import pytest
 from servoing import begun, own, posture_of
 
 import servo
-from servo import Mistake, controllers, estimators
+from servo import Mistake, contracts, controllers, estimators, features
 from servo.scenario.catalogue import LISTS, PLUGINS
 from sim import kinds
+from sim.channels import View
 from sim.types import Frame
 from tracking import trackers
 from tracking.types import Estimate, Region, State, Status, goes_around, unknown_covariance
@@ -125,7 +128,7 @@ def test_estimators_begin_at_zero_and_bridge_a_gap_with_what_they_know(kind):
     first = estimator.update(np.zeros(4), rest, 0.1)
     assert first.motion.tolist() == [0.0] * 4
     if kind == "true":
-        estimator.give(speed)
+        estimator.see(View(true_motion=speed))
     for k in range(1, 60):
         estimator.update(0.1 * k * speed + rng.normal(0, 1e-5, 4), rest, 0.1)
     known = np.zeros(4) if kind == "none" else speed
@@ -207,3 +210,13 @@ def test_a_noisy_truth_whose_corners_cross_is_not_seen():
     statuses = {step.estimate.status for step in steps[1:]}
     assert Status.UNSURE in statuses
     assert all(step.estimate.corners is None or step.seen for step in steps[1:])
+
+
+@pytest.mark.parametrize("kind", ["partitioned", "weighted"])
+def test_a_checked_part_shows_its_methods_to_isinstance_of_every_python(kind):
+    """From Python 3.12 on `isinstance` with a protocol looks at attributes without calling
+    `__getattr__`: the law would not find the inverse that these features bring.
+    """
+    outline = np.array([[-0.1, 0.1, 0.0], [0.1, 0.1, 0.0], [0.1, -0.1, 0.0], [-0.1, -0.1, 0.0]])
+    found = contracts.guarded(features.KINDS.config(kind).build(outline), "features")
+    assert inspect.getattr_static(found, "inverse", None) is not None

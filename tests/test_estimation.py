@@ -14,6 +14,7 @@ from servo.loop.episode import Episode
 from servo.scenario.load import load
 from servo.sight import shape_moments
 from servo.types import OwnMotion, Sight
+from sim.channels import View
 from sim.geometry import exp_se3
 from sim.types import Pose
 
@@ -228,7 +229,8 @@ def test_ideal_feed_forward_leaves_no_error_in_a_kinematic_loop():
         V = -V if k == 50 else V
         sight = seen_from(camera, Pose(np.eye(3), target))
         relative = np.concatenate([-camera.rotation.T @ V, np.zeros(3)])
-        estimator.give(law._features.matrix(sight) @ relative / law._scales)
+        motion = law._features.matrix(sight) @ relative / law._scales
+        estimator.see(View(true_motion=motion))
         command = law.command(sight, posture_of(twist), dt)
         assert np.abs(command.trace.error).max() < 1e-12
         twist, target = command.twist, target + V * dt

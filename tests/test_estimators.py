@@ -8,9 +8,9 @@ from servoing import METRIC, begun, own
 from servo.estimators import difference, error_kalman, imm, integral, jump, kalman_ca, kalman_cv
 from servo.estimators._difference_filters import between
 from servo.estimators._error_filters import ErrorFilters
-from servo.estimators.difference import Difference
 from servo.estimators.jump import Cusum
 from servo.features.moments import NOISE
+from servo.sight.difference import Difference
 from servo.types import OwnMotion
 
 RNG = np.random.default_rng(0)

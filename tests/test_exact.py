@@ -19,7 +19,7 @@ from sim.camera import gl
 from sim.camera.choice import renderer_of
 from sim.camera.exact.renderer import ExactRenderer
 from sim.camera.renderer import OpenGLRenderer
-from sim.kinematics.robot import CAMERA
+from sim.mounting import CAMERA
 from sim.types import Camera
 
 NEAR = 8

@@ -15,10 +15,12 @@ from robot_files import built, mjcf_arm, tall_arm, urdf_arm, write_stl
 from servo.loop.episode import Episode, measured_run
 from servo.scenario.load import load
 from sim.camera.camera import CameraConfig, camera_of
+from sim.geometry import mount_pose
 from sim.kinematics import drives
 from sim.kinematics.inverse_kinematics import reach
-from sim.kinematics.model import FARTHEST, mount_pose
-from sim.kinematics.robot import CAMERA, STOP_MARGIN, Inversion
+from sim.kinematics.model import FARTHEST
+from sim.kinematics.robot import STOP_MARGIN, Inversion
+from sim.mounting import CAMERA
 from sim.robots import mjcf
 from sim.types import Pose
 

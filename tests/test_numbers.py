@@ -21,11 +21,11 @@ from sim.motions import KINDS as MOTIONS
 from sim.types import Frame
 from tracking.sequences.painted import KINDS as GENERATORS
 from tracking.trackers import KINDS as TRACKERS
+from tracking.trackers import general_kinds
 from tracking.types import Region, State
-from tracking.wrapped import OF_THE_USER
 
 FOLDERS = [*(folder for folder, _ in PLUGINS.values()), *LISTS.values(), GENERATORS]
-KINDS = [kind for kind in TRACKERS.names() if kind not in OF_THE_USER]
+KINDS = general_kinds()
 PRESETS = [(kind, name) for kind in KINDS for name in ("", *TRACKERS.presets(kind))]
 ROUNDING = 1e-4
 """Other processors round otherwise: a track may differ by this share."""

@@ -21,9 +21,8 @@ from sim.types import Camera, Pose
 from tracking.appearance.bins import Window
 from tracking.appearance.local_patterns import TextureBins
 from tracking.sequences.sequence import source_of
-from tracking.trackers import KINDS as TRACKERS
+from tracking.trackers import general_kinds
 from tracking.types import Region, State
-from tracking.wrapped import OF_THE_USER
 
 
 def test_a_kind_without_settings_says_so():
@@ -169,7 +168,7 @@ def test_too_many_runs_of_one_command_are_refused():
         ("listed", None, ["nothing"]),
         ("listed", "kams,sok", ["kams", "sok"]),
         ("plain", "sok", ["sok"]),
-        ("plain", None, [k for k in TRACKERS.names() if k not in OF_THE_USER]),
+        ("plain", None, general_kinds()),
     ],
 )
 def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(

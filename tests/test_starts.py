@@ -10,6 +10,7 @@ from servoing import CAMERA, OUTLINE, begun, own, posture_of
 from servo import controllers, estimators, features
 from servo.parts import Task
 from servo.testing._examples import DOWN, FIRST, film, region_of, seen_from
+from sim.channels import Channel, needs_of
 from sim.geometry import exp_se3
 from sim.types import Pose
 from tracking import trackers
@@ -78,8 +79,9 @@ def test_a_controller_that_is_started_again(kind, six):
 
 @pytest.mark.parametrize("kind", features.KINDS.names())
 def test_features_that_are_asked_about_another_task_between(kind):
-    found = features.KINDS.config_of(kind)().build(OUTLINE)
-    pixels = getattr(found, "uses_pictures", False)
+    config = features.KINDS.config_of(kind)()
+    found = config.build(OUTLINE)
+    pixels = Channel.PICTURE in needs_of(config)
     sight = seen_from(DOWN, Pose.planar(0.02, 0.01, 0.1), pixels=pixels)
     higher = Pose(DOWN.rotation, np.array([0.0, 0.0, 1.2]))
     other = seen_from(higher, GOAL, pixels=pixels)

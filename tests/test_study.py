@@ -20,8 +20,7 @@ from servo.study.parse import load
 from servo.study.run import Failure
 from servo.study.scenario_run import MEASURED, TIMES
 from servo.study.store import StudyFile
-from tracking.trackers import KINDS as TRACKERS
-from tracking.wrapped import OF_THE_USER
+from tracking.trackers import general_kinds
 
 SMALL = """# mine
 # Two trackers on a car that stands.
@@ -100,7 +99,7 @@ def test_the_command_of_a_run_makes_its_very_scenario(small):
 
 def test_every_shipped_study_parses_and_the_one_of_trackers_has_all_that_follow_the_car():
     everything = load("trackers")
-    every = {*TRACKERS.names()} - {*OF_THE_USER, "tag", "homography"}
+    every = {*general_kinds()} - {"homography"}
     of_car = {n for n in shipped() if "*" in scenarios.load(n).bounds.others}
     found = {(r.settings["tracker.kind"], r.subject.name) for r in everything.jobs()}
     assert found == {*itertools.product(every, of_car)}

@@ -13,7 +13,7 @@ from sim.camera.exact.raster import SEGMENT
 from sim.targets import tag
 from sim.types import Frame
 from tracking import create
-from tracking.trackers.tag import Tag
+from tracking.search.tag_detector import TagDetector
 from tracking.types import Region, State, Status
 
 FOCAL = 600.0
@@ -129,7 +129,7 @@ def test_an_upright_tag_is_found_that_one_detector_misses(upright):
 
 def test_an_upright_tag_leads(upright):
     frame, *_, corners, episode = upright
-    found = Tag().find(frame.image, episode.scenario.target.id, None)
+    found = TagDetector().find(frame.image, episode.scenario.target.id, None)
     assert rms(found, corners) < 0.06
 
 

@@ -13,8 +13,9 @@ import numpy as np
 from sim.kinds import PartConfig, kind_of
 from sim.types import Frame, Image
 from tracking.search.newton import changes
+from tracking.settings import ParticleSettings
 from tracking.trackers import KINDS
-from tracking.types import Region, State, Status, Tracker
+from tracking.types import Region, State, Status, Tracker, Trait, traits_of
 
 REPEATS = 12
 """Pictures that are shown: mean shift needs about six to settle."""
@@ -24,13 +25,9 @@ LEAST_PX = 3.0
 and this [px]."""
 BETTER = "pf_ssd"
 """Tracker that is tried where another one is a poor choice."""
-SILENT = ("opencv", "trax", "tag", "frozen", "truth")
-"""Kinds of ours that are not tried: they start programs, load models, or need no colours."""
 LEAST_CONTRAST = 0.15
 """A target whose colours change its distance by less when the template is shifted (`changes`) is
 hardly told from its ground by them: `camouflage` has 0.09, all other targets at least 0.23."""
-TEXTURE = ("texture_pf", "texture_ms", "homography", "cv_mil")
-"""Kinds that look at more than colours."""
 NO_CONTRAST = "its colours are those around it; texture_pf looks at texture, too"
 NO_ANGLE = "the target looks the same when it is turned: its angle is not followed"
 
@@ -48,14 +45,16 @@ def advice(config: PartConfig[Tracker], image: Image, region: Region, state: Sta
         The sentence; nothing where the tracker does well, and of other people's trackers.
     """
     kind = kind_of(config)
-    if kind in SILENT or type(config).__module__ != f"{KINDS.folder}.{kind}":
+    traits = traits_of(config) or frozenset()
+    if not traits & {Trait.COLOUR, Trait.TEXTURE}:
         return ""
     poor = f"{kind} is a poor choice for this target: "
     if changes(image, region, state)[0] < LEAST_CONTRAST:
-        return "" if kind in TEXTURE else poor + NO_CONTRAST
+        return "" if Trait.TEXTURE in traits else poor + NO_CONTRAST
     off, follows = _settled(config, image, region, state)
     if off <= max(LEAST_PX, LEAST_SHARE * sqrt(region.area(state))):
-        turns = kind == "mk_ssd" or getattr(config, "turn_noise", 0) > 0
+        filters_turn = isinstance(config, ParticleSettings) and config.turn_noise > 0
+        turns = filters_turn or Trait.ANGLE in traits
         return NO_ANGLE if turns and not follows else ""
     how = "does not recognise it" if off == inf else f"settles {off:.1f} px beside it"
     other, _ = _settled(KINDS.config(BETTER), image, region, state)

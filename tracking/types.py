@@ -11,7 +11,8 @@ from typing import Any, Protocol, runtime_checkable
 import cv2
 import numpy as np
 
-from sim.types import LARGEST_PICTURE, Array, Frame, Truth
+from sim.channels import Channel, needs_of
+from sim.types import LARGEST_PICTURE, Array, Frame
 
 LARGEST_LOG = 5.0
 """Largest size of ln scale: a target grows or shrinks by at most a factor of 148."""
@@ -164,14 +165,41 @@ class Tracker(Protocol):
         ...
 
 
-@runtime_checkable
-class NeedsTruth(Protocol):
-    """A tracker that is given the truth, for comparison: only a simulation has it. It looks at no
-    picture.
-    """
+class Trait(Enum):
+    """What is special about a tracker; each member carries its sentence."""
 
-    def give(self, truth: Truth) -> None:
-        """Take where the target is; called before `start` and each `update`."""
+    COLOUR = "It knows the target by its colours."
+    TEXTURE = "It knows the target by its texture."
+    ANGLE = "It follows the angle of a target that shows one."
+    CORNERS = "It reports the four corners of the target, and with them its tilt."
+    MARKER = "It follows markers of its own, and no other target."
+    FOREIGN = "It runs a program or a model that the user names."
+
+
+Traits = frozenset[Trait]
+SEES_PICTURES = frozenset({Channel.PICTURE, Channel.EGO_MOTION})
+"""The channels of a tracker whose settings declare none."""
+
+
+@runtime_checkable
+class Describes(Protocol):
+    """Settings of a tracker that name its traits."""
+
+    @property
+    def traits(self) -> Traits:
+        """The traits."""
+        ...
+
+
+def traits_of(config: object) -> Traits | None:
+    """Return the traits that a tracker's settings name; None where they name none."""
+    return config.traits if isinstance(config, Describes) else None
+
+
+def follows_any_target(config: object) -> bool:
+    """Return whether a tracker follows any target by the camera's pictures alone."""
+    marked = Trait.MARKER in (traits_of(config) or ())
+    return not marked and needs_of(config, SEES_PICTURES) <= SEES_PICTURES
 
 
 @runtime_checkable

@@ -24,7 +24,8 @@ from sim.files.behind import files_behind
 from sim.installed import Trusted
 from tracking.files.json_text import as_json
 from tracking.trackers import KINDS as TRACKERS
-from tracking.wrapped import OF_THE_USER
+from tracking.trackers import general_kinds
+from tracking.types import follows_any_target
 
 NULL = "still"
 PERFECT = "truth"
@@ -42,8 +43,6 @@ NAMING = ("tracker.command", "tracker.model", "controller.file")
 """Settings that name a guest's files."""
 SCRIPTS = (".py", ".sh")
 """Files of a command that may use the modules beside them."""
-UNFIT = ("truth", "tag")
-"""Trackers that cannot compete: one is given the truth, one sees tags only."""
 OF_CONTROLLERS: Settings = {"features.kind": "points"}
 """What a controller gets that is entered by its own name: features that determine all six degrees
 of freedom.
@@ -155,8 +154,7 @@ def home_of(benchmark: Benchmark) -> list[Contestant]:
     """Return the shipped contestants."""
     if benchmark.contestant == "law":
         return [Contestant(name, s, Division.HOME) for name, s in benchmark.home.items()]
-    kinds = [k for k in TRACKERS.names() if k not in (*OF_THE_USER, *UNFIT) and ":" not in k]
-    own = [k for k in kinds if not TRACKERS.package_of(k)]
+    own = [k for k in general_kinds() if ":" not in k and not TRACKERS.package_of(k)]
     return [Contestant(kind, {"tracker.kind": kind}, Division.HOME) for kind in own]
 
 
@@ -271,7 +269,7 @@ def _guest(benchmark: Benchmark, text: str, served: bool) -> Contestant:
         check_program(what.removeprefix(TRAX))
         return Contestant(name, settings, Division.CLOSED)
     kind = str(settings["tracker.kind"])
-    if kind in UNFIT:
+    if not follows_any_target(TRACKERS.config_of(kind)()):
         raise Mistake(f"the tracker '{kind}' cannot compete: it does not only see pictures")
     if kind in home:
         return Contestant(name, settings, Division.HOME)

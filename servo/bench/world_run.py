@@ -17,8 +17,10 @@ from servo.loop.step import Step
 from servo.scenario.load import Scenario, Table, parse
 from servo.study.run import Job, Record
 from servo.study.scenario_run import Sheet, record_of
+from sim.channels import Channel, needs_of
 from sim.types import Array, Image
 from sim.world import Unstable
+from tracking.types import SEES_PICTURES
 
 CONTESTANT = "contestant"
 WORLD = "world"
@@ -56,7 +58,7 @@ class WorldRun:
             sheet.add(step)
             pictures[1:] = [step.frame.image]
 
-        looks = getattr(scenario.tracker, "needs_pictures", True)
+        looks = Channel.PICTURE in needs_of(scenario.tracker, SEES_PICTURES)
         run = _run(scenario, keep if looks else None)
         record = record_of(job, scenario, run)
         digests = [hashlib.sha256(picture.tobytes()).hexdigest() for picture in pictures]

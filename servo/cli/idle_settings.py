@@ -14,15 +14,12 @@ from servo.scenario.draws import flat
 from servo.scenario.load import Scenario
 from servo.scenario.tables import TABLES
 from servo.types import DOF, Sight
+from sim.channels import Channel, needs_of
 from sim.disturbances import KINDS as DISTURBANCES
 from sim.disturbances import board, dropped_frames
 from sim.kinds import kind_of
-from tracking.trackers import KINDS as TRACKERS
+from tracking.types import SEES_PICTURES, Trait, traits_of
 
-WITHOUT_EGO = ("cv_mil", "opencv", "trax")
-"""Trackers of others, which are given pictures only."""
-OF_CORNERS = ("tag", "homography")
-"""Trackers of ours that report corners, and with them the target's tilt."""
 OF_IMAGE = ("moments", "points", "partitioned", "polar", "segment")
 """Features whose values are of the image alone: the target's plane is in their matrix only."""
 OF_POSE = ("hybrid", "pose")
@@ -60,16 +57,8 @@ def idle_settings(episode: Episode) -> list[str]:
 
 
 def reports_corners(scenario: Setup) -> bool:
-    """Return whether the tracker is one of ours that reports the target's corners."""
-    tracker = scenario.tracker
-    return kind_of(tracker) in OF_CORNERS or (
-        is_ours(tracker) and getattr(tracker, "corners", False)
-    )
-
-
-def is_ours(tracker: object) -> bool:
-    """Return whether settings are those of a tracker that comes with this package."""
-    return type(tracker).__module__.startswith(f"{TRACKERS.folder}.")
+    """Return whether the tracker is known to report the target's corners."""
+    return Trait.CORNERS in (traits_of(scenario.tracker) or ())
 
 
 def _late(episode: Episode) -> list[str]:
@@ -110,11 +99,12 @@ def _of_law(is_met: Callable[[LawSettings, Episode], object]) -> Callable[[Episo
 
 
 def _may_see_tilt(episode: Episode) -> bool:
-    """Return whether the tilt of the target's plane may be measured: a tracker of others may report
-    corners.
+    """Return whether the tilt of the target's plane may be measured: a tracker that names no traits
+    may report corners.
     """
     s = episode.scenario
-    return reports_corners(s) or s.sight.plane == "picture" or not is_ours(s.tracker)
+    is_known = traits_of(s.tracker) is not None
+    return reports_corners(s) or s.sight.plane == "picture" or not is_known
 
 
 def _sights(episode: Episode) -> list[Sight]:
@@ -183,7 +173,7 @@ def _takes_plane(episode: Episode) -> bool:
     """Return whether something may take the plane, where a law learns the matrix."""
     s = episode.scenario
     of_image = _features_among(episode, OF_IMAGE) and _law_among(episode, "broyden")
-    return s.run.ego or s.sight.uses_depths or not of_image
+    return s.run.ego or bool(s.sight.needs) or not of_image
 
 
 def _lacks_corners(episode: Episode) -> bool:
@@ -209,7 +199,7 @@ def _size_is_seen(episode: Episode) -> bool:
 
 
 def _sight_is_servoed(episode: Episode) -> bool:
-    return not episode.loop.uses_pictures
+    return not episode.loop.law.uses_pictures
 
 
 FEW = "the robot has fewer than six joints, and these decide what moves"
@@ -257,7 +247,7 @@ NEEDS = (
     ),
     Need(
         ("run.ego",),
-        _of_scenario(lambda s: kind_of(s.tracker) not in WITHOUT_EGO),
+        _of_scenario(lambda s: Channel.EGO_MOTION in needs_of(s.tracker, SEES_PICTURES)),
         "this tracker takes no motion of the camera",
     ),
     Need(

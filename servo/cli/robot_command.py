@@ -30,11 +30,12 @@ from sim.kinematics.doubts import doubts
 from sim.kinematics.drives import drive_of, has_velocity_drives, kind_of_joint, random_joints
 from sim.kinematics.inverse_kinematics import Reach, comfort
 from sim.kinematics.model import camera_chain
-from sim.kinematics.robot import CAMERA, Robot
+from sim.kinematics.robot import Robot
 from sim.kinematics.rollout import STEP
 from sim.models.assembly import ROBOT, build_model
 from sim.models.model_reader import read_spec
 from sim.motions import circle, line, still, wander
+from sim.mounting import CAMERA
 from sim.robots import mjcf
 from sim.stage import Motion
 from sim.targets import car

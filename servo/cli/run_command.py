@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
-from servo.cli.idle_settings import OF_CORNERS, idle_settings, is_ours, reports_corners
+from servo.cli.idle_settings import idle_settings, reports_corners
 from servo.cli.outputs import NOTHING_MORE, Outputs, announce, linger
 from servo.cli.terminal import (
     COMPILING,
@@ -48,6 +48,7 @@ from sim.kinematics.inverse_kinematics import Reach
 from sim.models.target import dimensions
 from sim.types import Array
 from tracking.advice import advice
+from tracking.types import traits_of
 
 if TYPE_CHECKING:
     from servo.ros2.server import Server
@@ -187,13 +188,15 @@ def _tilt_line(episode: Episode) -> str:
     """Return a sentence about a tilt that no feature can see; else nothing."""
     scenario = episode.scenario
     tracker = kind_of(scenario.tracker)
-    if not is_ours(scenario.tracker) or reports_corners(scenario):
+    if traits_of(scenario.tracker) is None or reports_corners(scenario):
         return ""
     goal = episode.running.goal_sight
-    is_tilted = scenario.start.tilt_deg > degrees(START_TURNED) and not episode.loop.uses_pictures
+    is_tilted = (
+        scenario.start.tilt_deg > degrees(START_TURNED) and not episode.loop.law.uses_pictures
+    )
     if not is_tilted or len(episode.loop.features.values(goal)) < DOF:
         return ""
-    instead = "tracker.corners = true" if tracker == "truth" else " and ".join(OF_CORNERS)
+    instead = "tracker.corners = true" if tracker == "truth" else "tag and homography"
     return (
         f"The tracker {tracker} reports no corners: the tilt of the start is neither seen nor "
         f"servoed; with {instead} it is"

@@ -16,11 +16,14 @@ import numpy as np
 
 from servo.parts import Task
 from servo.types import Command, Mode, Sight
+from sim.channels import Channel
 from sim.plain_part import config_for, has_methods, plain_config
 from sim.types import Array, Image, Posture
 
 Law = Callable[..., Array | Command]
 Act = Callable[[Image, Image, Posture], Array]
+SEES_PICTURES = frozenset({Channel.PICTURE, Channel.GOAL_PICTURE})
+"""The channels of a policy."""
 PICTURES = 3
 """Arguments of a function that is a policy: picture, goal_picture, posture."""
 
@@ -31,12 +34,12 @@ def adapted(found: Any) -> type[Any] | None:
         return plain_config(found, "command")
     if has_methods(found, "act"):
         make = found if isinstance(found, type) else lambda: found
-        return config_for(found, lambda **given: _of_object(make(**given)), uses_pictures=True)
+        return config_for(found, lambda **given: _of_object(make(**given)), needs=SEES_PICTURES)
     if not inspect.isfunction(found):
         return None
     if _asks_for(found) == PICTURES:
         return config_for(
-            found, lambda **given: PolicyLaw(partial(found, **given)), uses_pictures=True
+            found, lambda **given: PolicyLaw(partial(found, **given)), needs=SEES_PICTURES
         )
     return config_for(found, lambda **given: FunctionLaw(found, given))
 

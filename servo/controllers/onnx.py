@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from annotated_types import Ge, Le
 
-from servo.controllers._plain_law import PolicyLaw
+from servo.controllers._plain_law import SEES_PICTURES, PolicyLaw
 from sim.ranges import File
 from sim.types import Array, Image, Posture
 
@@ -34,7 +34,7 @@ class Config:
     output is the camera's twist (1, 6) in the camera's frame [m/s, rad/s]."""
     timeout: Annotated[float, Ge(0.1), Le(3600.0)] = 30.0
     """Longest wait for the network's answer [s]: one with a loop may never end."""
-    uses_pictures = True
+    needs = SEES_PICTURES
 
     def build(self, rng: np.random.Generator) -> PolicyLaw:
         """Return the controller; it draws nothing.

@@ -8,8 +8,8 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from servo.estimators._kalman_filters import KalmanFilters, Model
-from servo.estimators.difference import Difference
 from servo.parts import FeatureSet
+from servo.sight.difference import Difference
 from servo.types import OwnMotion, Prediction
 from sim.types import Array
 

@@ -21,6 +21,7 @@ import numpy as np
 from servo.estimators._kalman_filters import Flags, KalmanFilters, Level, Model
 from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
+from sim.channels import View
 from sim.types import Array
 
 PERSISTENT = 0.5
@@ -143,9 +144,11 @@ class ErrorFilters:
         shown, motion, variance = self._result(f, error, own)
         return Prediction(shown, motion, innovation, nis, variance)
 
-    def forget(self) -> None:
-        """Take back the last measurement, but not the first of a feature."""
-        if self._filters is not None:
+    def see(self, view: View) -> None:
+        """Where the target is hidden, take back the last measurement: it was partly hidden then.
+        The first one of a feature stays.
+        """
+        if view.seen is False and self._filters is not None:
             self._filters.forget(self._corrected)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:

@@ -13,6 +13,7 @@ import numpy as np
 
 from servo.estimators._difference_filters import between
 from servo.estimators._error_filters import ErrorFilters, TargetModel
+from sim.channels import Channel
 
 # Var(w2) T^4 / R, tuned on the scenarios at both rates: a slow camera sees a velocity that changes
 # faster from picture to picture.
@@ -29,6 +30,8 @@ or else each reversal is taken for the beginning of a faster drive."""
 @dataclass(frozen=True, slots=True)
 class Config:
     """No settings."""
+
+    needs = frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> ErrorFilters:
         """Return the estimator; it draws nothing."""

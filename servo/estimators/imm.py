@@ -18,6 +18,7 @@ from servo.estimators._kalman_filters import KalmanFilters, Level, where
 from servo.estimators.error_kalman import motion
 from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
+from sim.channels import Channel, View
 from sim.types import Array
 
 # Both were chosen by hand on the scenarios whose target reverses or weaves.
@@ -32,6 +33,8 @@ IMPOSSIBLE = 1e-300
 @dataclass(frozen=True, slots=True)
 class Config:
     """No settings."""
+
+    needs = frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> "Imm":
         """Return the estimator; it draws nothing."""
@@ -82,8 +85,12 @@ class Imm:
         error, motion, variance = self._ahead(own)
         return Prediction(error, motion, innovation, nis, variance)
 
-    def forget(self) -> None:
-        """Take back the last measurement, but not the first of a feature."""
+    def see(self, view: View) -> None:
+        """Where the target is hidden, take back the last measurement: it was partly hidden then.
+        The first one of a feature stays.
+        """
+        if view.seen is not False:
+            return
         taken_back = [f.forget(self._corrected) for f in self._filters]
         if any(taken_back):
             self._mu = np.where(self._corrected, self._mixed, self._mu)

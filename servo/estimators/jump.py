@@ -17,6 +17,7 @@ from servo.estimators._difference_filters import between
 from servo.estimators._error_filters import ErrorFilters, TargetModel
 from servo.estimators._kalman_filters import Flags
 from servo.estimators.kalman_cv import RATIO_AT_5_HZ, RHO, motion
+from sim.channels import Channel
 from sim.types import Array
 
 RATIO_AT_30_HZ = 0.15
@@ -32,6 +33,8 @@ THRESHOLD = 3.5
 @dataclass(frozen=True, slots=True)
 class Config:
     """No settings."""
+
+    needs = frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> ErrorFilters:
         """Return the estimator; it draws nothing."""

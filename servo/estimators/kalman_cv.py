@@ -25,6 +25,7 @@ from servo.estimators._difference_filters import (
 from servo.estimators._error_filters import ErrorFilters, TargetModel
 from servo.estimators._kalman_filters import Model
 from servo.parts import Estimator
+from sim.channels import Channel, Channels
 
 RHO = 0.6
 """Memory of the velocity's change from frame to frame, tuned with the ratios."""
@@ -43,6 +44,11 @@ class Config:
     """sQ / sR, per frame; by default what suits the camera's rate."""
     noise: Noise = "position"
     """Where the noise is white: on the "position", or on the "difference", as in ViSP."""
+
+    @property
+    def needs(self) -> Channels:
+        """Whether the target is seen; the filter of differences begins anew without being told."""
+        return frozenset() if self.noise == "difference" else frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> Estimator:
         """Return the estimator; it draws nothing."""

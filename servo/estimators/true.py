@@ -1,6 +1,6 @@
 """The true motion of the target, for comparison only: ideal feed-forward, which no camera can see.
 
-The loop has no truth; the simulation gives it with each frame (`motion_true` of `Loop.step`).
+The loop does not know it; the simulation tells it (`true_motion` of `Loop.start`).
 """
 
 from dataclasses import dataclass
@@ -10,12 +10,15 @@ import numpy as np
 
 from servo.parts import FeatureSet
 from servo.types import OwnMotion, Prediction
+from sim.channels import Channel, View
 from sim.types import Array
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
     """No settings."""
+
+    needs = frozenset({Channel.TRUE_MOTION})
 
     def build(self, rng: np.random.Generator) -> "Ideal":
         """Return the estimator; it draws nothing."""
@@ -30,11 +33,10 @@ class Ideal:
         """Begin with these features."""
         self._motion = np.zeros(len(features.names))
 
-    def give(self, motion: Array) -> None:
-        """Take the true de/dt (k,) of the target's own motion while the next command acts, over the
-        features' scales.
-        """
-        self._motion = motion
+    def see(self, view: View) -> None:
+        """Take the target's true motion while the next command acts."""
+        if view.true_motion is not None:
+            self._motion = view.true_motion
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """Return the truth, and the error as it was seen."""

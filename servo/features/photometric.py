@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from servo.mistake import Mistake
 from servo.sight.point_rows import point_rows
 from servo.types import CameraImage, Sight
+from sim.channels import Channel
 from sim.types import Array
 
 BORDER = 10
@@ -24,6 +25,8 @@ RANK_TOLERANCE = 1e-6
 @dataclass(frozen=True, slots=True)
 class Config:
     """No settings; the pixels' interaction matrix is taken at the goal."""
+
+    needs = frozenset({Channel.PICTURE, Channel.GOAL_PICTURE})
 
     def build(self, outline: Array) -> "PhotometricFeatures":
         """Return the features of any picture."""
@@ -44,7 +47,6 @@ class PhotometricFeatures:
     feed_forward = ()
     sole_dof: Mapping[str, str] = {}
     noise = np.full(6, 1e-4)
-    uses_pictures = True
 
     def __init__(self) -> None:
         self._goal: Sight | None = None

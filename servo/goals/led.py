@@ -7,10 +7,10 @@ import numpy as np
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.sight.planar_pose import CornersToPose
 from servo.types import Sight
-from sim.kinematics.model import mount_pose
+from sim.geometry import mount_pose
 from sim.leader import LeaderConfig
 from sim.types import Array, Camera, Frame, Pose
-from tracking.trackers.tag import Tag
+from tracking.search.tag_detector import TagDetector
 from tracking.types import Region
 
 STANDS = Pose(np.eye(3), np.zeros(3))
@@ -32,7 +32,7 @@ class Led:
         self._number = config.id
         self._beside = mount_pose(config.beside)
         self._camera = camera
-        self._tag = Tag()
+        self._tags = TagDetector()
         self._seen: Array | None = None
         self._corners_to_pose = CornersToPose((config.size, config.size))
         region = Region(1.0, 1.0)  # a pose needs no template
@@ -41,7 +41,7 @@ class Led:
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
         """Return the desired sight; None where the tag is not seen."""
         if self._number is not None:
-            self._seen = self._tag.find(frame.image, self._number, self._seen)
+            self._seen = self._tags.find(frame.image, self._number, self._seen)
         if self._seen is None:
             return None
         pose = self._corners_to_pose.of(self._camera.normalise(self._seen), STANDS)

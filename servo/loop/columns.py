@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from servo.loop.step import Step
 from servo.sight.certainty import certain
-from sim.kinematics.robot import CAMERA
+from sim.mounting import CAMERA
 from tracking.types import Status
 
 FINAL_SPAN = 1.0

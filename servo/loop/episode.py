@@ -22,11 +22,11 @@ from servo.mistake import Mistake
 from servo.sight.exact import sight_of
 from servo.types import Command, Sight
 from sim.camera.renderer import MakeRenderer, Unseen
+from sim.channels import Channel
 from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
 from sim.kinematics.rollout import FORESEEN, STEP
 from sim.placement import object_frame
-from sim.robots import mjcf
 from sim.surroundings import Surroundings
 from sim.types import Array, Frame, Image, Pose, Truth
 from sim.world import Moment, Unstable, World, WorldParts
@@ -46,10 +46,8 @@ class Passage:
     """Wall-clock time of the physics [s]."""
 
 
-DRAW_NOTHING = ("sim.robots.", "sim.targets.")
-"""Modules of parts that are the same in all runs."""
-HINT = "; try another robot.base, or a robot.home near a posture that gets there"
-"""What a user can do about a robot of theirs."""
+KEPT = ("robot", "target")
+"""Parts that an episode leaves to the next one, where they drew no random number."""
 
 
 class ImpossibleStart(Mistake):
@@ -100,7 +98,8 @@ class Episode:
                 self.loop = Loop(scenario, self.world.camera_believed, believed, self.world.camera)
             self.goal = Faced(scenario.goal, outline, self.world.camera, self.world.camera)
             """How the true camera shall see the target, where no leader says so."""
-            goal = self._picture_at_goal() if self.loop.uses_pictures or shows_goal else None
+            needs_goal = Channel.GOAL_PICTURE in scenario.needs
+            goal = self._picture_at_goal() if needs_goal or shows_goal else None
             self.goal_picture = goal
             """The picture (H, W, 3) that the camera takes at the goal, if it was taken."""
             self.begun = self._place_camera(scenario.start, self._way)
@@ -113,9 +112,7 @@ class Episode:
             """How the world has moved on from the last picture."""
             self._truths = {first.index: moment.truth}
             """The truth of each picture from the one last decided on."""
-            self._start_loop(
-                first, moment.truth, goal if self.loop.uses_pictures else None, steered=steered
-            )
+            self._start_loop(first, moment.truth, goal if needs_goal else None, steered=steered)
             unless_ready.pop_all()
 
     def close(self, *_: object) -> None:
@@ -146,10 +143,7 @@ class Episode:
         parts = WorldParts(
             robot, target, motion, disturbances, s.camera, s.believed, s.world, around, s.leader
         )
-        features = Part("features", s.features).build(target.outline)
-        seen |= getattr(s.tracker, "needs_pictures", True)
-        seen |= s.world.visibility or s.camera.depth or s.leader.id is not None
-        seen |= any(getattr(each, "uses_pictures", False) for each in (features, s.controller))
+        seen |= Channel.PICTURE in s.needs or s.world.visibility or s.camera.depth
         with self._refusals():
             return World(parts, sensor, encoders, renderer if seen else Unseen, depth)
 
@@ -166,10 +160,13 @@ class Episode:
     def _build(self, part: Part, draws: str = "") -> Any:
         """Return what a part's `Config` builds."""
         before, built = self._kept.get(part.place, (None, None))
-        if before != part.config:
-            with self._refusals():
-                built = part.build(stream(self.scenario.run.seed, draws or part.place))
-        if type(part.config).__module__.startswith(DRAW_NOTHING):
+        if before == part.config:
+            return built
+        rng = stream(self.scenario.run.seed, draws or part.place)
+        unused = rng.bit_generator.state
+        with self._refusals():
+            built = part.build(rng)
+        if part.place in KEPT and rng.bit_generator.state == unused:
             self._kept[part.place] = part.config, built
         return part.guarded(built) if hasattr(built, "at") else built
 
@@ -180,7 +177,7 @@ class Episode:
 
     def _way(self) -> list[Pose]:
         """Return the poses of the camera that the goal asks for along the run."""
-        known = self.loop.features.known
+        known = self.loop.law.features.known
         goal = self.goal.sight_at(0.0)
         turns = bool((known(goal) & ~known(replace(goal, angle_known=False))).any())
         times = np.arange(0.0, min(self.scenario.run.duration, FORESEEN), STEP).tolist()
@@ -200,10 +197,11 @@ class Episode:
         with self._refusals(f"start{drawn}: ", ImpossibleStart):
             reach = self._start(start, way)
             if not reach:
-                what = "camera" if self.scenario.camera.mounted == "robot" else "target"
-                hint = HINT * isinstance(self.scenario.robot, mjcf.Config)
+                carried = self.world.robot.mounting.carried
+                hint = self.world.robot.advice
                 raise ValueError(
-                    f"the robot cannot bring the {what} where this picture is taken: {reach}{hint}"
+                    f"the robot cannot bring the {carried} where this picture is taken: "
+                    f"{reach}{hint}"
                 )
         return reach
 
@@ -245,7 +243,7 @@ class Episode:
             world.outline,
             region,
             truth.size,
-            self.loop.features_of_truth,
+            self.loop.law.features_of_truth,
             world.period,
             world.model,
         )

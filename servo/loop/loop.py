@@ -15,29 +15,19 @@ from weakref import ref
 
 import numpy as np
 
-from servo.contracts import check_followed, check_same_features
-from servo.estimators.difference import Difference
 from servo.goals.faced import Faced
 from servo.goals.led import Led
 from servo.goals.shown import Shown
 from servo.loop.inputs import check_frame, check_picture, check_posture, check_setup, check_start
-from servo.loop.part_failures import Part, PartFailed
+from servo.loop.law import Law
+from servo.loop.perception import Perception
 from servo.loop.posture_record import elapsed
 from servo.loop.settings import Setup, stream
-from servo.parts import Controller, Estimator, FeatureSet, Forgets, GoalSource, NeedsTruth, Task
-from servo.sight.estimate_to_sight import EstimateToSight
+from servo.parts import FeatureSet, GoalSource
 from servo.types import CameraImage, Command, Sight
-from sim.targets import tag
+from sim.channels import Channel, View
 from sim.types import Array, Camera, Frame, Image, Posture, Truth
-from tracking.types import Estimate, Region, SeesOutline, State, Status, Tracker, unknown_covariance
-from tracking.types import NeedsTruth as TrackerNeedsTruth
-
-SAME_SIZE = 0.01
-"""Sides that differ by less than this share of them are the same."""
-NO_TRUTH = (
-    "this estimator needs the true motion of the target (true_motion), which only a simulation "
-    "knows; with a real camera choose another one, such as kalman_cv"
-)
+from tracking.types import Estimate, Region, State
 
 
 class TrueMotion(Protocol):
@@ -82,7 +72,7 @@ class Decision:
 
 @final
 class Loop:
-    """Tracker, features, estimator and controller of a scenario."""
+    """The perception and the law of a scenario."""
 
     def __init__(
         self, scenario: Setup, camera: Camera, outline: Array, true: Camera | None = None
@@ -99,49 +89,27 @@ class Loop:
 
         Raises:
             PartFailed: A part cannot be built.
-            ValueError: An argument is none.
+            ValueError: An argument has the wrong type or value.
         """
         check_setup(scenario, camera, outline)
         self.scenario = scenario
         self.camera = camera
         self.outline = outline
         seed = scenario.run.seed
-        tracker = Part("tracker", scenario.tracker)
-        features = Part("features", scenario.features)
-        estimator = Part("estimator", scenario.estimator)
-        controller = Part("controller", scenario.controller)
-        built = features.build(outline)
         draws = {name: stream(seed, name) for name in ("tracker", "estimator", "controller")}
-        estimates = estimator.build(draws["estimator"])
-        followed = tracker.build(draws["tracker"])
-        self.tracker: Tracker = tracker.guarded(followed)
-        self.features: FeatureSet = features.guarded(built)
-        self.features_of_truth: FeatureSet = features.guarded(built, checked=False)
-        """The same for records: values of what the camera cannot see need not be finite."""
-        self.controller: Controller = controller.guarded(controller.build(draws["controller"]))
-        guarded = estimator.guarded(estimates)
-        self.estimator: Estimator = guarded
-        self.truth_tracker = (
-            tracker.guarded(followed) if isinstance(followed, TrackerNeedsTruth) else None
-        )
-        """The tracker, if it must be given the true position of the target."""
-        self._sees_outline = None
-        if isinstance(followed, SeesOutline) and _is_tag(scenario, outline):
-            self._sees_outline = followed
-        self.needs_truth: NeedsTruth | None = guarded if isinstance(estimates, NeedsTruth) else None
-        """The estimator, if it must be given the target's true motion."""
-        self.forgets: Forgets | None = guarded if isinstance(estimates, Forgets) else None
-        """The estimator, if it can take back a measurement."""
-        self.is_policy = bool(getattr(scenario.controller, "uses_pictures", False))
-        """Whether the controller is given pictures."""
-        self.uses_pictures = self.is_policy or bool(getattr(built, "uses_pictures", False))
-        """Whether it is, or features are made of pixels: `start` then needs the goal's picture."""
+        self.law = Law(scenario, camera, outline, draws)
+        self.perception = Perception(scenario, camera, outline, draws["tracker"])
         self._draws = [(each, each.bit_generator.state) for each in draws.values()]
         self.latest: Callable[[], Running | None] = lambda: None
         """The run that was started last, if somebody still has it: it alone has the parts."""
         true = true or camera
         self._pictured = camera if scenario.believed.goal == "computed" else true
         self._seen = true if scenario.believed.goal == "pose" else camera
+
+    @property
+    def features(self) -> FeatureSet:
+        """What is servoed."""
+        return self.law.features
 
     def start(
         self,
@@ -170,16 +138,14 @@ class Loop:
 
         Raises:
             PartFailed: A part raised an exception.
-            ValueError: The region is none, or a setting does not fit the features.
+            ValueError: The tracker refuses the region, or a setting does not fit the features.
         """
         check_start(frame, self.camera, region, state)
-        if self._sees_outline is not None:
-            region, state = self._sees_outline.outline(frame, region, state)
         for draws, state_at_first in self._draws:
             draws.bit_generator.state = state_at_first  # each start gives the same numbers
         self.latest = lambda: None
-        source = self._goal_source(goal)
-        running = Running(self, frame, (region, state), source, true_motion, truth)
+        running = Running(self, self._goal_source(goal), true_motion, truth)
+        running.begin(frame, region, state)
         # Weakly: a tracker's process ends with the last one who has the loop, not when the garbage
         # collector finds a circle.
         self.latest = ref(running)
@@ -204,14 +170,6 @@ class Loop:
         return Shown(source, CameraImage(picture, self.camera))
 
 
-def _is_tag(scenario: Setup, outline: Array) -> bool:
-    """Return whether the target's outline is the black square of the scenario's tag."""
-    target = scenario.target
-    return isinstance(target, tag.Config) and bool(
-        np.allclose(np.ptp(outline[:, :2], axis=0), target.size, rtol=SAME_SIZE)
-    )
-
-
 @final
 class Running:
     """A loop that has been shown its target."""
@@ -219,83 +177,40 @@ class Running:
     def __init__(
         self,
         loop: Loop,
-        frame: Frame,
-        target: tuple[Region, State],
-        goal: GoalSource,
+        goals: GoalSource,
         true_motion: TrueMotion | None,
         truth: Callable[[int], Truth] | None,
     ) -> None:
-        """Begin, with the arguments of `Loop.start`; target is the region and its state."""
+        """Keep where goal and truth come from; `Loop.start` describes them."""
         self._loop = loop
-        scenario = loop.scenario
-        region, state = target
+        self._perception = loop.perception
+        self._law = loop.law
+        self._goals = goals
         self._true_motion = true_motion
         self._truth = truth
-        self._check_settings(frame)
-        self._goals = goal
-        self._tell(frame)
-        try:
-            loop.tracker.start(frame, region, state)
-        except PartFailed:
-            raise
-        except ValueError as error:
-            raise ValueError(f"first frame: {error}") from None
-        # The tracker has not reported yet what it follows: angle and size wait for that.
-        self._estimate = Estimate(
-            state, unknown_covariance(), 0.0, Status.LOCKED, follows=(False, False)
-        )
-        self._to_sight = EstimateToSight(
-            scenario.sight, loop.camera, region, loop.outline, scenario.believed.depth_factor
-        )
-        self._period = 1.0 / scenario.camera.rate
+        self._period = 1.0 / loop.scenario.camera.rate
+        self._frames_late = loop.scenario.run.frames_late(self._period)
         self._shown: float | None = None
-        self._carried = np.zeros(4)
-        self._follows_known = False
-        self.by_corners = False
-        """Whether the tracker has reported corners."""
-        features = loop.features
-        loop.estimator.start(features)
-        self._difference = Difference(features)
-        first = goal.sight(frame, by_corners=False)
+
+    def begin(self, frame: Frame, region: Region, state: State) -> None:
+        """Begin with the target in the first picture; `Loop.start` calls it."""
+        self._law.check(depths=frame.depth is not None, true_motion=self._true_motion is not None)
+        self._estimate = self._perception.start(frame, region, state, self._truth)
+        first = self._goals.sight(frame, by_corners=False)
         if first is None:
-            raise ValueError(f"leader: no tag {scenario.leader.id} is seen in the first picture")
+            number = self._loop.scenario.leader.id
+            raise ValueError(f"leader: no tag {number} is seen in the first picture")
         self.goal_sight = first
-        """How the target shall be seen now."""
-        self._scales = features.scales(features.values(self.goal_sight))
-        unknown = np.full(len(features.names), np.nan)
+        """The desired sight at the time of the last picture."""
+        self._law.start(first, self._frames_late)
+        unknown = np.full(len(self._law.features.names), np.nan)
         self.decision = Decision(self._estimate, None, Command(np.zeros(6)), unknown, 0.0)
         """The last one; before the first picture was decided on, to stand still."""
-        loop.controller.start(
-            Task(
-                self.goal_sight,
-                features,
-                loop.estimator,
-                loop.camera,
-                loop.outline,
-                scenario.run.frames_late(self._period),
-            )
-        )
 
-    def _check_settings(self, first: Frame) -> None:
-        """Refuse settings that cannot go together.
-
-        Raises:
-            ValueError: The estimator needs the truth and there is none, features made of pixels
-                shall do what they cannot, or the first picture lacks the depths that are needed.
-        """
-        loop = self._loop
-        if loop.scenario.sight.uses_depths and first.depth is None:
-            raise ValueError(
-                'sight: "picture" needs a depth picture: camera.depth = true, or Frame.depth of a '
-                "camera of yours"
-            )
-        if loop.uses_pictures and loop.needs_truth is not None:
-            raise ValueError(
-                "estimator: the true motion of features made of pixels is not known; choose "
-                "another one, such as none"
-            )
-        if loop.needs_truth is not None and self._true_motion is None:
-            raise ValueError(NO_TRUTH)
+    @property
+    def by_corners(self) -> bool:
+        """Whether the tracker has reported corners."""
+        return self._perception.by_corners
 
     def step(self, frame: Frame, posture: Posture) -> Command:
         """Track, and decide how the camera shall move.
@@ -329,39 +244,16 @@ class Running:
         interval = self._period
         if self._shown is not None:
             interval = elapsed(self._shown, frame.time, self._period)
-            self._estimate = self._tracked(frame, posture, interval)
+            had_reported = self._perception.has_reported
+            self._estimate = self._perception.track(frame, posture, interval)
+            if self._perception.has_reported and not had_reported:
+                self._law.check_followed(self._estimate)
         self._shown = frame.time
         command = None
-        if self._loop.is_policy:
+        if self._law.is_policy:
             sight = self._sight(frame, self._estimate, posture)
-            command = self._loop.controller.command(sight, posture, interval)
+            command = self._law.command(sight, posture, interval, self._view(frame, sight, None))
         return Observation(frame, self._estimate, interval, perf_counter() - began, command)
-
-    def _tracked(self, frame: Frame, posture: Posture, interval: float) -> Estimate:
-        """Return the next estimate. The tracker does not learn of a dropped frame: its last
-        estimate stays.
-        """
-        loop = self._loop
-        ego = None
-        if loop.scenario.run.ego:
-            self._carried += self._to_sight.ego(self._estimate.state, posture.twist, interval)
-            ego = self._carried
-        if not frame.fresh:
-            return self._estimate
-        self._carried = np.zeros(4)
-        self._tell(frame)
-        estimate = loop.tracker.update(frame, ego)
-        if not self._follows_known and estimate.status is Status.LOCKED:
-            self._follows_known = True
-            self.by_corners = estimate.corners is not None
-            with Part("features", loop.scenario.features).naming():
-                check_followed(loop.features, estimate, self.goal_sight)
-        return estimate
-
-    def _tell(self, frame: Frame) -> None:
-        """Tell the truth of a picture to a tracker that needs it, if it is known."""
-        if self._loop.truth_tracker is not None and self._truth is not None:
-            self._loop.truth_tracker.give(self._truth(frame.index))
 
     def decide(
         self, observation: Observation, posture: Posture, acts: float | None = None
@@ -375,42 +267,49 @@ class Running:
                 the latency of the scenario after the picture.
         """
         began = perf_counter()
-        loop = self._loop
         frame = observation.frame
-        if loop.needs_truth is not None and self._true_motion is not None:
-            if acts is None:
-                acts = frame.time + loop.scenario.run.frames_late(self._period) * self._period
-            motion = self._true_motion(frame.index, acts, acts + observation.interval)
-            loop.needs_truth.give(motion / self._scales)
+        interval = observation.interval
+        motion = self._motion_while(frame, interval, acts)
         goal = self._goals.sight(frame, by_corners=self.by_corners)
         self.goal_sight = goal or self.goal_sight
         # Where the goal is not known the error is not, as where the target is not seen.
         sight = None if goal is None else self._sight(frame, observation.estimate, posture)
-        if frame.fresh and sight is None and loop.forgets is not None:
-            loop.forgets.forget()
-        command = observation.command or loop.controller.command(
-            sight, posture, observation.interval
+        command = observation.command or self._law.command(
+            sight, posture, interval, self._view(frame, sight, motion)
         )
-        with Part("controller", loop.scenario.controller).naming():
-            check_same_features(command, loop.features.names)
         seconds = perf_counter() - began
-        motion = self._measured(command, sight, observation.interval)
-        self.decision = Decision(observation.estimate, sight, command, motion, seconds)
+        measured = self._law.motion_measured(command, sight, interval)
+        self.decision = Decision(observation.estimate, sight, command, measured, seconds)
         return self.decision
 
     def _sight(self, frame: Frame, estimate: Estimate, posture: Posture) -> Sight | None:
+        """Return the target as it is seen; where pixels are servoed, the goal with the picture in
+        place of it.
+        """
         goal = self.goal_sight
         if not frame.fresh:
             return None
-        if goal.picture is None:
-            return self._to_sight.see(estimate, posture, goal, frame.depth)
+        if not self._law.uses_pictures:
+            return self._perception.sight(frame, estimate, posture, goal)
         picture = CameraImage(frame.image, self._loop.camera)
         return replace(goal, picture=picture, goal=goal)
 
-    def _measured(self, command: Command, sight: Sight | None, interval: float) -> Array:
-        trace = command.trace
-        if trace is None or sight is None:
-            self._difference.forget()
-            return np.full(len(self._loop.features.names), np.nan)
-        found, fresh = self._difference.measure(trace.error / trace.scales, trace.own, interval)
-        return np.where(fresh, trace.scales * found, np.nan)
+    def _motion_while(self, frame: Frame, interval: float, acts: float | None) -> Array | None:
+        """Return the target's true motion (k,) over the features' scales while the next command
+        acts; None where no part needs it.
+        """
+        if Channel.TRUE_MOTION not in self._law.needs or self._true_motion is None:
+            return None
+        begin = frame.time + self._frames_late * self._period if acts is None else acts
+        return self._true_motion(frame.index, begin, begin + interval) / self._law.scales
+
+    def _view(self, frame: Frame, sight: Sight | None, motion: Array | None) -> View:
+        """Return the channels of the law's parts at the time of a picture."""
+        truth = None
+        if Channel.TRUTH in self._law.needs and self._truth is not None:
+            truth = self._truth(frame.index)
+        return View(
+            truth=truth,
+            true_motion=motion,
+            seen=sight is not None if frame.fresh else None,
+        )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Protocol, TypeVar, final
 
-from servo.contracts import BrokenContract, check_built, guarded
+from servo.contracts import BrokenContract, check_built, check_sees, guarded
 from servo.mistake import Mistake
 from sim.kinds import kind_of
 
@@ -51,6 +51,7 @@ class Part:
             except ValueError as error:
                 raise Mistake(f"{self.place}: {error}") from error
             check_built(self.kind_of_place, built)
+            check_sees(self.config, built)
         return built
 
     def guarded(self, built: Built, *, checked: bool = True) -> Built:

@@ -12,9 +12,11 @@ from servo.mistake import Mistake
 from servo.parts import Controller, Estimator, FeaturesConfig
 from servo.sight.estimate_to_sight import SightConfig
 from sim.camera.camera import CameraConfig
+from sim.channels import Channel, Channels, needs_of
 from sim.kinds import PartConfig, kind_of
 from sim.kinematics.robot import Design
 from sim.leader import LeaderConfig
+from sim.marker import marker_of
 from sim.miscalibration import BelievedConfig
 from sim.models.target import Target
 from sim.ranges import LONGEST, Degrees, Place, Time
@@ -22,7 +24,7 @@ from sim.stage import Disturbance, Motion
 from sim.surroundings import ClutterConfig, GroundConfig, LightConfig
 from sim.types import Array, Truth
 from sim.world import WorldConfig
-from tracking.types import Tracker
+from tracking.types import SEES_PICTURES, Tracker
 
 MOST_SEED = (1 << 63) - 1
 """The largest integer that TOML has."""
@@ -182,9 +184,17 @@ class Setup:
             return 'leader: it leads a target that the robot holds, so camera.mounted = "world"'
         if self.goal != GoalConfig():
             return "goal: it is beside the leader, so leave [goal] out"
-        if getattr(self.target, "id", None) == number:
+        marker = marker_of(self.target)
+        if marker is not None and marker.id == number:
             return f"leader.id: {number} is the target's own tag; choose another one"
         return ""
+
+    @property
+    def needs(self) -> Channels:
+        """The channels that its parts and its leader need."""
+        parts = (self.sight, self.features, self.estimator, self.controller)
+        needs = needs_of(self.tracker, SEES_PICTURES).union(*map(needs_of, parts))
+        return needs if self.leader.id is None else needs | {Channel.PICTURE}
 
     @property
     def frames(self) -> int:

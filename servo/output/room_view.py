@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from sim.camera.choice import renderer_of
-from sim.camera.renderer import VISION_FROM_MUJOCO
+from sim.geometry import VISION_FROM_MUJOCO
 from sim.models.assembly import with_stands
 from sim.models.quaternion import matrix_of
 from sim.types import Array, Camera, Image

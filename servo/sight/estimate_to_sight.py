@@ -13,6 +13,7 @@ from servo.sight.exact import plane_in, sight_of
 from servo.sight.planar_pose import CornersToPose
 from servo.sight.planes import FACING, PlaneFit, level_plane, plane_of_depth, plane_of_size
 from servo.types import Moments, Plane, Sight
+from sim.channels import Channel, Channels
 from sim.geometry import exp_se3
 from sim.types import Array, Camera, DepthPicture, Pose, Posture
 from tracking.types import Estimate, Region, State, Status
@@ -34,9 +35,10 @@ class SightConfig:
     """Height of the table over the room's origin, wherever the robot's base stands [m]."""
 
     @property
-    def uses_depths(self) -> bool:
-        """Whether a depth picture is needed."""
-        return "picture" in (self.plane, self.depth)
+    def needs(self) -> Channels:
+        """The depth picture, where plane or depth come from it."""
+        uses = "picture" in (self.plane, self.depth)
+        return frozenset({Channel.DEPTH}) if uses else frozenset()
 
 
 @final
@@ -177,7 +179,7 @@ class EstimateToSight:
 
     def _points(self, corners: Array, depth: DepthPicture | None) -> DepthPoints | None:
         """Return the target's points in a depth picture, if they are wanted and there are some."""
-        if depth is None or not self._config.uses_depths:
+        if depth is None or not self._config.needs:
             return None
         return DepthPoints.inside(corners, depth, self._camera)
 

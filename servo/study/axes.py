@@ -10,7 +10,7 @@ from servo.mistake import Mistake
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import LAWS, Draw, Value, flat, law_of
 from servo.scenario.tables import SECTIONS
-from tracking.wrapped import OF_THE_USER
+from tracking.trackers import general_kinds
 
 SCENARIO = "scenario"
 """Key of the axis of scenarios; the keys of all others are settings."""
@@ -59,9 +59,10 @@ def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[
                 draws.append(Draw(key, law, numbers))
                 continue
             given = _span(law, numbers, at)
+        elif given == ALL and key == "tracker.kind":
+            given = general_kinds()
         elif given == ALL and key.removesuffix(".kind") in PLUGINS and key.endswith(".kind"):
-            every = PLUGINS[key.removesuffix(".kind")][0].names()
-            given = [kind for kind in every if kind not in OF_THE_USER]
+            given = PLUGINS[key.removesuffix(".kind")][0].names()
         if not isinstance(given, list) or not given:
             raise Mistake(f"{at} = {given!r}: an axis is a list of values, or a law for them")
         if len(given) > MOST_VALUES:

@@ -13,7 +13,7 @@ from tracking.sequences.painted import KINDS as GENERATORS
 from tracking.sequences.sequence import is_folder
 from tracking.sequences.truth import Format
 from tracking.trackers import KINDS as TRACKERS
-from tracking.wrapped import OF_THE_USER
+from tracking.trackers import general_kinds
 
 SUITES: dict[str, list[dict[str, Any]]] = {
     "clutter": [{"kind": "clutter", "level": level} for level in "abcd"],
@@ -56,8 +56,7 @@ def contenders(text: str | None) -> list[Contender]:
     Raises:
         Mistake: There is no such tracker or preset.
     """
-    every = [kind for kind in TRACKERS.names() if kind not in OF_THE_USER]
-    words = every if text is None else [w.strip() for w in text.split(",")]
+    words = general_kinds() if text is None else [w.strip() for w in text.split(",")]
     chosen = [TRACKERS.named(word) for word in words]
     return _all_different([_contender(table, "--trackers") for table in chosen], "--trackers")
 

@@ -13,6 +13,7 @@ from servo.parts import Controller, Estimator, FeatureSet, Task
 from servo.testing._examples import CAMERA, DOWN, OUTLINE, posture, seen_from
 from servo.testing._subject import REMEMBERS, built, config_of, contract, used_twice
 from servo.types import DOF, OwnMotion, Sight
+from sim.channels import Channel, needs_of
 from sim.geometry import exp_se3
 from sim.types import Array, Pose
 
@@ -38,18 +39,19 @@ def check_features(features: Any) -> None:
     Raises:
         BrokenContract: It does not; the sentence says what to change.
     """
-    found: FeatureSet = built("features", config_of("features", features), OUTLINE)
+    config = config_of("features", features)
+    found: FeatureSet = built("features", config, OUTLINE)
+    pixels = Channel.PICTURE in needs_of(config)
     for x, y, heading, slope in POSES:
         tilted = exp_se3(np.array([0.0, 0.0, 0.0, slope, 0.0, 0.0]))
-        _check_matrix(found, tilted @ Pose.planar(x, y, heading))
+        _check_matrix(found, tilted @ Pose.planar(x, y, heading), pixels=pixels)
 
 
 def _sight(target: Pose, camera: Pose = DOWN, *, pixels: bool = False) -> Sight:
     return seen_from(camera, target, pixels=pixels)
 
 
-def _check_matrix(features: FeatureSet, target: Pose) -> None:
-    pixels = getattr(features, "uses_pictures", False)
+def _check_matrix(features: FeatureSet, target: Pose, *, pixels: bool) -> None:
     sight = _sight(target, pixels=pixels)
     values = features.values(sight)
     require(
@@ -127,7 +129,7 @@ def check_controller(controller: Any) -> None:
     """
     config = config_of("controller", controller)
     for latency in (0, 2):
-        twists = partial(_twists, latency, getattr(config, "uses_pictures", False))
+        twists = partial(_twists, latency, Channel.PICTURE in needs_of(config))
         once, restarted = used_twice("controller", config, twists)
         require(
             np.array_equal(once, twists(built("controller", config))),

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from sim.camera import gl
 from sim.camera.camera import pinhole
+from sim.geometry import VISION_FROM_MUJOCO
 from sim.types import Array, Camera, DepthPicture, Image, Pose
 
-VISION_FROM_MUJOCO = np.diag([1.0, -1.0, -1.0])
 ALONE = 5
 """A group of geoms that MuJoCo does not draw by itself."""
 TABLE = "table"

@@ -3,7 +3,8 @@
 import numpy as np
 
 from sim.kinematics.model import FARTHEST
-from sim.kinematics.robot import CAMERA, Robot
+from sim.kinematics.robot import Robot
+from sim.mounting import CAMERA
 
 LONGEST = 20.0
 """Links that are longer together are thought to be in mm [m]: no robot on a table needs so much."""

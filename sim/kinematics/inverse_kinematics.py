@@ -13,8 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.camera.renderer import VISION_FROM_MUJOCO
-from sim.geometry import angle_of
+from sim.geometry import VISION_FROM_MUJOCO, angle_of
 from sim.kinematics.chain import ALL_WAYS
 from sim.kinematics.drives import random_joints
 from sim.kinematics.robot import Robot
@@ -235,7 +234,7 @@ def _descend(
     whole[robot.qpos] = start
     configuration = mink.Configuration(robot.model, whole)
     task = mink.FrameTask("robot/eye", "site", 1.0, 1.0, lm_damping=1e-3)
-    hand = robot.hand_for(T_world_camera)
+    hand = robot.mounting.hand(T_world_camera)
     turned = hand.rotation @ VISION_FROM_MUJOCO.T
     task.set_target(
         mink.SE3.from_rotation_and_translation(mink.SO3.from_matrix(turned), hand.translation)

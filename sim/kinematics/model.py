@@ -4,7 +4,6 @@ contacts.
 
 from collections.abc import Sequence
 from itertools import chain
-from math import cos, radians, sin
 
 import mujoco
 import numpy as np
@@ -19,9 +18,9 @@ from sim.kinematics.drives import (
     kind_of_joint,
     own_speed,
 )
-from sim.kinematics.robot import EYE
 from sim.models.model_files import SIMULATION, compiled, leave_out
 from sim.models.quaternion import quaternion_of
+from sim.mounting import EYE
 from sim.types import Array, Pose
 
 FARTHEST = 10_000.0
@@ -114,15 +113,6 @@ def drive(
     usual = [own_speed(model, j) or SPEEDS[kind_of_joint(model.jnt_type[j])] for j in joints]
     chosen = [u if s is None else s for s, u in zip(speeds, usual, strict=True)]
     add_drives(spec, names, np.array(chosen), forces_of(model, joints))
-
-
-def mount_pose(mount: Sequence[float]) -> Pose:
-    """The pose of (x, y, z [m], roll, pitch, yaw [deg]): turned about the fixed x, y and z."""
-    (cr, sr), (cp, sp), (cy, sy) = ((cos(radians(a)), sin(radians(a))) for a in mount[3:])
-    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return Pose(about_z @ about_y @ about_x, np.array(mount[:3]))
 
 
 def _end_limits(joint: mujoco.MjsJoint) -> None:

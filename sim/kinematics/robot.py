@@ -8,6 +8,7 @@ model that is built otherwise is refused: its robot would move, but not as it is
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from math import inf, sqrt
 from typing import Annotated
 
@@ -16,17 +17,13 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.camera.renderer import VISION_FROM_MUJOCO
-from sim.geometry import adjoint, angle_of, exp_se3, inverse_if_strong, log_se3
+from sim.geometry import VISION_FROM_MUJOCO, angle_of, exp_se3, inverse_if_strong, log_se3
 from sim.kinematics.chain import ALL_WAYS
 from sim.kinematics.drives import wrong_drive
+from sim.mounting import CAMERA, CameraInHand, Mounting
 from sim.ranges import EachAcceleration, EachJoint, EachPlay
 from sim.types import Array, Pose, Posture
 
-EYE = "eye"
-"""Name of the camera in a robot's model, and of the site in its optical centre."""
-CAMERA = f"robot/{EYE}"
-"""Their name in the scene."""
 STOP_GAIN = 8.0
 """Largest rate towards a joint limit, per unit of room left [1/s]."""
 STOP_MARGIN = 0.01
@@ -97,16 +94,6 @@ class Inversion:
 
 
 @dataclass(frozen=True, slots=True)
-class EyeToHand:
-    """A camera that stands in the room, and a target in the robot's hand: at the site `eye`."""
-
-    T_world_camera: Pose
-    """Where the camera stands (x right, y down, z forward)."""
-    T_hand_target: Pose
-    """How the robot holds the target."""
-
-
-@dataclass(frozen=True, slots=True)
 class Design:
     """A robot before it is put into the room."""
 
@@ -123,8 +110,11 @@ class Design:
     """T_room_base: where it stands; the room's z is up, and the table's top at z = 0."""
     inversion: Inversion = Inversion()
     """How its joints follow a camera twist."""
-    eye_to_hand: EyeToHand | None = None
-    """Where the camera stands, if the robot carries the target in its place."""
+    mounting: Mounting = field(default_factory=CameraInHand)
+    """Whether the robot carries the camera or the target."""
+    advice: str = ""
+    """What a user can change where the robot does not get to a start pose, as the end of a
+    sentence."""
 
 
 def own_name(name: str) -> str:
@@ -165,28 +155,19 @@ def each_joint(setting: str, given: EachJoint, names: tuple[str, ...]) -> Array:
 
 
 def _check_drives(model: mujoco.MjModel, design: Design) -> None:
-    """Refuse actuators that are no velocity servos, and an optical centre away from the camera."""
+    """Refuse actuators that are no velocity servos, and a camera that cannot be carried."""
     place = f"the robot's model {design.name}"
     if model.nu == 0:
         raise ValueError(f"{place} has no actuators; each joint needs a velocity actuator")
     for i in range(model.nu):
         if (wrong := wrong_drive(model, i)) is not None:
             raise ValueError(f"{place}: the actuator '{own_name(model.actuator(i).name)}' {wrong}")
-    if design.eye_to_hand is not None:
-        return  # the camera is elsewhere
-    eye = model.site(CAMERA)
-    camera = model.camera(CAMERA)
-    same = np.allclose([*eye.pos, *eye.quat], [*camera.pos, *camera.quat], atol=1e-9)
-    if eye.bodyid != camera.bodyid or not same:
-        raise ValueError(f"{place}: the site '{EYE}' has to be where the camera '{EYE}' is")
+    design.mounting.check(model, place)
 
 
 class Robot:
-    """The chain of joints between the world and the camera.
-
-    Where the robot holds the target and the camera stands, poses and twists are the camera's as
-    they are seen from the target: moving the target by a twist moves the camera, seen from it, by
-    the opposite one. All that holds for a camera in the hand then holds for it too.
+    """The chain of joints between the world and the hand. Poses and twists are those of the camera
+    as `Mounting.eye` has them.
     """
 
     def __init__(self, model: mujoco.MjModel, design: Design) -> None:
@@ -199,7 +180,8 @@ class Robot:
         self.model = model
         self.homes = design.homes
         self._inversion = design.inversion
-        self._eye_to_hand = design.eye_to_hand
+        self.mounting = design.mounting
+        self.advice = design.advice
         self._site = model.site(CAMERA).id
         self.ids = joints = model.actuator_trnid[:, 0]
         self.names = tuple(own_name(model.joint(j).name) for j in joints)
@@ -271,19 +253,14 @@ class Robot:
         return data.qvel[self._dof].copy()
 
     def jacobian(self, data: mujoco.MjData) -> Array:
-        """Camera twist in the camera (vision) frame per joint rate (6, n), as of the last
-        kinematics.
-
-        With the camera in the room: -V J, where J gives the hand's twist and V takes it to the
-        camera's frame.
+        """Return the camera twist in the camera (vision) frame per joint rate (6, n), as of the
+        last kinematics.
         """
         linear, angular = self._jacobians
         mujoco.mj_jacSite(self.model, data, linear, angular, self._site)
         R_camera_world = (data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO).T
         J = (R_camera_world @ self._jacobians).reshape(6, -1)[:, self._dof]
-        if self._eye_to_hand is None:
-            return J
-        return -adjoint(self._eye_to_hand.T_world_camera.inverse() @ self.hand(data)) @ J
+        return self.mounting.jacobian(J, partial(self.hand, data))
 
     def rates(
         self, data: mujoco.MjData, twist: Array, hold: float = 0.0, before: Array | None = None
@@ -443,10 +420,9 @@ class Robot:
             J: The Jacobian (6, n).
             inverse: Its damped inverse (n, 6).
         """
-        # A target in the hand moves against the camera that sees it.
-        sign = 1.0 if self._eye_to_hand is None else -1.0
-        v, w = np.hsplit(sign * J.T, 2)
-        v_row, w_row = np.hsplit(sign * inverse, 2)
+        # Of the hand: a target that it holds moves against the camera.
+        v, w = np.hsplit(self.mounting.sign * J.T, 2)
+        v_row, w_row = np.hsplit(self.mounting.sign * inverse, 2)
         moved = self._carries @ (_cross(v, v_row) + _cross(w, w_row))
         others = (1.0 - self._carries) @ _cross(v_row, w)
         return np.sum(w * moved + v * others, axis=1)
@@ -482,28 +458,12 @@ class Robot:
         mujoco.mj_comPos(self.model, data)
 
     def eye(self, data: mujoco.MjData) -> Pose:
-        """T_world_camera, or T_target_camera where the robot holds the target, as of the last
-        kinematics.
-        """
-        stands = self._eye_to_hand
-        if stands is None:
-            return self.hand(data)
-        return self.held(data, stands).inverse() @ stands.T_world_camera
-
-    def held(self, data: mujoco.MjData, stands: EyeToHand) -> Pose:
-        """T_world_target of a target in the hand, as of the last kinematics."""
-        return self.hand(data) @ stands.T_hand_target
-
-    def hand_for(self, eye: Pose) -> Pose:
-        """T_world_hand with which `eye` is this pose."""
-        stands = self._eye_to_hand
-        if stands is None:
-            return eye
-        return stands.T_world_camera @ eye.inverse() @ stands.T_hand_target.inverse()
+        """Return the camera's pose as `Mounting.eye` has it, as of the last kinematics."""
+        return self.mounting.eye(self.hand(data))
 
     def camera(self, data: mujoco.MjData) -> Pose:
-        """T_world_camera, as of the last kinematics."""
-        return self.hand(data) if self._eye_to_hand is None else self._eye_to_hand.T_world_camera
+        """Return T_world_camera, as of the last kinematics."""
+        return self.mounting.camera(self.hand(data))
 
     def hand(self, data: mujoco.MjData) -> Pose:
         """T_world_hand: of the site `eye` (x right, y down, z forward), as of the last

@@ -9,13 +9,15 @@ import mujoco
 import numpy as np
 
 from sim.camera.camera import CameraConfig
-from sim.kinematics.robot import CAMERA, Design
+from sim.geometry import VISION_FROM_MUJOCO
+from sim.kinematics.robot import Design
 from sim.leader import Leader
 from sim.models.model_files import compiled
 from sim.models.quaternion import quaternion_of
 from sim.models.target import Target
+from sim.mounting import CAMERA
 from sim.surroundings import TABLE, Surroundings
-from sim.types import Array
+from sim.types import Array, Pose
 
 ROBOT = "robot"
 TARGET = "target"
@@ -83,7 +85,18 @@ def build_model(
         if SPOT in wanted:
             room.visual.quality.numquads = FINE_QUADS
         room.option.timestep = 1.0 / physics_rate
-        return compiled(room)
+        model = compiled(room)
+        if robot.mounting.standing is not None:
+            _put_camera(model, robot.mounting.standing)
+        return model
+
+
+def _put_camera(model: mujoco.MjModel, T_world_camera: Pose) -> None:
+    """Take the camera from the robot's hand and put it into the room."""
+    camera = model.camera(CAMERA).id
+    model.cam_bodyid[camera] = 0
+    model.cam_pos[camera] = T_world_camera.translation
+    model.cam_quat[camera] = quaternion_of(T_world_camera.rotation @ VISION_FROM_MUJOCO)
 
 
 def with_stands(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -107,8 +120,8 @@ def _attach_robot(room: mujoco.MjSpec, robot: Design, camera: CameraConfig) -> N
     if camera.fovy_deg is not None:
         room.camera(CAMERA).fovy = camera.fovy_deg
     _put_on_stand(room, base.translation, PEDESTAL)
-    if robot.eye_to_hand is not None:
-        at = robot.eye_to_hand.T_world_camera
+    at = robot.mounting.standing
+    if at is not None:
         _put_on_stand(room, at.translation, TRIPOD)
         room.worldbody.add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX,

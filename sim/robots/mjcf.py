@@ -15,7 +15,8 @@ import numpy as np
 from annotated_types import Ge, Le, MinLen
 
 from sim.files.shipped import file_of
-from sim.kinematics.model import camera_chain, drive, make_robot, mount_pose
+from sim.geometry import mount_pose
+from sim.kinematics.model import camera_chain, drive, make_robot
 from sim.kinematics.robot import Design, Drives, Inversion
 from sim.models.model_reader import joint_speeds, read_spec
 from sim.ranges import Degrees, File, Place
@@ -35,6 +36,9 @@ CHECKOUT = (
     f"name the file, as in {MENAGERIE}universal_robots_ur5e/ur5e.xml"
 )
 """The way to robots that needs no download."""
+
+
+ELSEWHERE = "; try another robot.base, or a robot.home near a posture that gets there"
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +80,7 @@ class Config(Drives):
             raise ValueError(f"{path.name}: {error}") from None
         x, y, z, yaw = self.base
         base = Pose(Pose.planar(0.0, 0.0, radians(yaw)).rotation, np.array([x, y, z]))
-        return Design(path.name, spec, drives=self, homes=self.home, base=base)
+        return Design(path.name, spec, drives=self, homes=self.home, base=base, advice=ELSEWHERE)
 
     def _prepare(self, spec: mujoco.MjSpec, own: dict[str, float]) -> None:
         """Make a model a robot."""

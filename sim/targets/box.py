@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.models.paint import Colour, box, picture_named, rgba
 from sim.models.target import Target, rectangle
 from sim.ranges import Length
-from sim.targets._paint import Colour, box, picture_named, rgba
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,10 @@ from sim.files.notices import notice
 from sim.files.shipped import file_of
 from sim.models.mesh_file import Material, Triangles, listed, read_mesh, trimesh
 from sim.models.model_files import said_by_mujoco
+from sim.models.paint import PLAIN, Colour, Outlined, picture_named, rgba
 from sim.models.shapes import fill, paint
 from sim.models.target import Target
 from sim.ranges import Degrees, File, Length
-from sim.targets._paint import PLAIN, Colour, Outlined, picture_named, rgba
 from sim.types import Array
 
 UPRIGHT = {

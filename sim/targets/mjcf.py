@@ -8,9 +8,9 @@ import numpy as np
 from sim.files.shipped import file_of
 from sim.models.model_files import SIMULATION, leave_out, said_by_mujoco
 from sim.models.model_reader import read_spec
+from sim.models.paint import Outlined
 from sim.models.target import Target
 from sim.ranges import File
-from sim.targets._paint import Outlined
 
 MOVING = (*SIMULATION, "actuators", "joints", "cameras")
 """Parts of a model that a target does not have."""

@@ -4,11 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.models.paint import THIN, box, picture_named
 from sim.models.target import Target, rectangle
 from sim.ranges import File, Length
-from sim.targets._paint import box, picture_named
-
-THICKNESS = 0.002
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,5 +27,5 @@ class Config:
             ValueError: There is no such picture.
         """
         picture = picture_named(self.picture, "picture")
-        spec = box((self.length, self.width, THICKNESS), (1, 1, 1, 1), picture)
-        return Target(spec, rectangle(np.array([0, 0, THICKNESS]), self.length, self.width))
+        spec = box((self.length, self.width, THIN), (1, 1, 1, 1), picture)
+        return Target(spec, rectangle(np.array([0, 0, THIN]), self.length, self.width))

@@ -102,7 +102,7 @@ def law_ms(estimator: str = "kalman_cv", rounds: int = 10) -> float:
 
         def think(step: Step) -> None:
             seen = to_sight.see(step.estimate, step.posture)
-            episode.loop.controller.command(seen, step.posture, dt)
+            episode.loop.law.controller.command(seen, step.posture, dt)
 
         return _median_ms([lambda s=step: think(s) for step in steps * rounds])
 

@@ -22,7 +22,7 @@ from sim.types import Image
 from tracking.appearance.bins import Bins, ColourBins, Labels, Window
 from tracking.appearance.model import AppearanceSettings
 from tracking.settings import MOST_LEVELS
-from tracking.types import Region, State
+from tracking.types import Region, State, Trait
 
 THRESHOLD = 8.0
 """Least difference of a neighbour that counts as brighter [grey levels]: the a = -8 of the
@@ -142,6 +142,8 @@ class TextureBins:
 @dataclass(frozen=True)
 class TextureSettings(AppearanceSettings):
     """Settings of histograms of colour and texture."""
+
+    traits = frozenset({Trait.COLOUR, Trait.TEXTURE})
 
     levels: Annotated[int, Ge(1), Le(MOST_LEVELS)] = 8
     """Colour bins a channel; 1: texture alone."""

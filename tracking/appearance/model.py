@@ -26,7 +26,7 @@ from tracking.appearance.reference import Reference
 from tracking.appearance.views import Views
 from tracking.loops import point_histograms as loops
 from tracking.settings import Contrast, Inset, Levels
-from tracking.types import Region, State
+from tracking.types import Region, State, Trait
 
 FINER = 4
 """The reference is read this much more densely a side, so that it does not depend on the pixel
@@ -42,6 +42,8 @@ annotated recordings (tracking/RESULTS.md)."""
 @dataclass(frozen=True)
 class AppearanceSettings:
     """Settings of the histograms that describe a target."""
+
+    traits = frozenset({Trait.COLOUR})
 
     levels: Levels = 8
     """Colour bins a channel; the KAMS paper has 10."""

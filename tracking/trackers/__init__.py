@@ -24,6 +24,20 @@ def _adapted(found: Any) -> type[Any] | None:
     return plain_config(found, "start", "update")
 
 
+def general_kinds() -> list[str]:
+    """Return the kinds that follow any target by pictures alone, and need no program or model of
+    the user's: those that "all trackers" stands for.
+    """
+    from tracking.types import Trait, follows_any_target, traits_of
+
+    configs = {kind: KINDS.config(kind) for kind in KINDS.names()}
+    return [
+        kind
+        for kind, config in configs.items()
+        if follows_any_target(config) and Trait.FOREIGN not in (traits_of(config) or ())
+    ]
+
+
 KINDS: Kinds[PartConfig[Tracker]] = Kinds(
     __name__,
     "servobench.trackers",

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.types import Array, Frame
 from tracking.trackers._hue import ENDS, HueTracker
-from tracking.types import SET_BY_START, Region, State
+from tracking.types import SET_BY_START, Region, State, Trait
 from tracking.wrapped.boxes import box_of
 
 SMALLEST_BOX = 4
@@ -18,6 +18,8 @@ SMALLEST_BOX = 4
 @dataclass(frozen=True, slots=True)
 class Config:
     """No settings."""
+
+    traits = frozenset({Trait.COLOUR})
 
     def build(self, rng: np.random.Generator) -> "Camshift":
         """Return the tracker; it draws nothing."""

@@ -8,13 +8,15 @@ import numpy as np
 
 from sim.types import Array, Frame
 from tracking.trackers._hue import ENDS, HueTracker
-from tracking.types import State
+from tracking.types import State, Trait
 from tracking.wrapped.boxes import box_of
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
     """No settings."""
+
+    traits = frozenset({Trait.COLOUR})
 
     def build(self, rng: np.random.Generator) -> "CvMeanShift":
         """Return the tracker; it draws nothing."""

@@ -8,9 +8,10 @@ from typing import final
 
 import numpy as np
 
+from sim.channels import Channel
 from sim.types import Array, Frame
 from tracking.trackers._hue import HueTracker
-from tracking.types import SET_BY_START, Region, State
+from tracking.types import SET_BY_START, Region, State, Trait
 from tracking.wrapped.boxes import box_of
 from tracking.wrapped.cv2_tracker import Cv2Tracker
 
@@ -21,6 +22,9 @@ SEED_BITS = 31
 @dataclass(frozen=True, slots=True)
 class Config:
     """No settings."""
+
+    needs = frozenset({Channel.PICTURE})
+    traits = frozenset({Trait.TEXTURE})
 
     def build(self, rng: np.random.Generator) -> "CvMil":
         """Return the tracker; OpenCV's own random state is seeded from the generator."""

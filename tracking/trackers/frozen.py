@@ -12,6 +12,7 @@ from tracking.types import (
     Region,
     State,
     Status,
+    Trait,
     check_region,
     unknown_covariance,
 )
@@ -20,6 +21,8 @@ from tracking.types import (
 @dataclass(frozen=True, slots=True)
 class Config:
     """No settings."""
+
+    traits = frozenset[Trait]()
 
     def build(self, rng: np.random.Generator) -> "Frozen":
         """Return the tracker; it draws nothing."""

@@ -24,6 +24,7 @@ from tracking.types import (
     Region,
     State,
     Status,
+    Trait,
     check_picture,
     check_region,
     unknown_covariance,
@@ -78,6 +79,8 @@ LARGEST_GROWTH = 2.0
 @dataclass(frozen=True, slots=True)
 class Config:
     """No settings."""
+
+    traits = frozenset({Trait.TEXTURE, Trait.CORNERS})
 
     def build(self, rng: np.random.Generator) -> "Homography":
         """Return the tracker; it draws the places where it searches."""

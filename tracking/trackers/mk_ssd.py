@@ -22,6 +22,7 @@ from tracking.types import (
     Region,
     State,
     Status,
+    Trait,
     check_region,
     unknown_covariance,
 )
@@ -46,6 +47,7 @@ class Config:
     the background shows, whose change would be taken for the target's."""
     velocity_memory: Share = 0.5
     """Share of the old velocity that the new one keeps; 1: begin where the target was last."""
+    traits = frozenset({Trait.COLOUR, Trait.ANGLE})
 
     def build(self, rng: np.random.Generator) -> "MkSsd":
         """Return the tracker; it draws nothing."""

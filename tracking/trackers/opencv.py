@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.ranges import File
+from tracking.types import Trait
 from tracking.wrapped.cv2_tracker import MODELS, Cv2Tracker
 from tracking.wrapped.foreign_tracker import ForeignTracker, JudgeSettings
 from tracking.wrapped.wrap import Wrapping
@@ -15,6 +16,8 @@ from tracking.wrapped.wrap import Wrapping
 @dataclass(frozen=True, slots=True)
 class Config(JudgeSettings):
     """OpenCV's name of the tracker, and the judge of its boxes."""
+
+    traits = frozenset({Trait.FOREIGN})
 
     name: str = "MIL"
     """The class in OpenCV without "Tracker": "Nano", "Vit", "DaSiamRPN", "MIL", "CSRT", "KCF"."""

@@ -6,6 +6,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
+from tracking.types import Trait
 from tracking.wrapped.foreign_tracker import ForeignTracker, JudgeSettings
 from tracking.wrapped.trax_client import TraxClient
 
@@ -14,6 +15,7 @@ from tracking.wrapped.trax_client import TraxClient
 class Config(JudgeSettings):
     """The server, and the judge of its regions: its score is the `confidence` it reports."""
 
+    traits = frozenset({Trait.FOREIGN})
     not_from_file = ("command",)
     """Settings that a file may not give: files are data, and nothing in them is run."""
 

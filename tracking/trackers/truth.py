@@ -11,8 +11,9 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Le
 
+from sim.channels import Channel, View
 from sim.types import Array, Frame, Truth
-from tracking.types import Estimate, Region, State, Status, goes_around
+from tracking.types import Estimate, Region, State, Status, Trait, Traits, goes_around
 
 NO_TRUTH = "the tracker 'truth' is told where the target is by a simulation, and here is none"
 
@@ -29,9 +30,14 @@ class Config:
     """Standard deviation of the size [%]."""
     dropouts: Annotated[float, Ge(0), Le(1)] = 0.0
     """Share of the pictures in which it does not see the target."""
-    needs_pictures = False
     corners: bool = False
     """Report the four corners, as `tag` does, and not centre, angle and size alone."""
+    needs = frozenset({Channel.TRUTH, Channel.EGO_MOTION})
+
+    @property
+    def traits(self) -> Traits:
+        """Corners, where they are reported."""
+        return frozenset({Trait.CORNERS}) if self.corners else frozenset()
 
     def build(self, rng: np.random.Generator) -> "TruthTracker":
         """Return the tracker, which draws its errors from the generator."""
@@ -47,9 +53,9 @@ class TruthTracker:
         self._rng = rng
         self._truth: Truth | None = None
 
-    def give(self, truth: Truth) -> None:
+    def see(self, view: View) -> None:
         """Take where the target is in the next picture that is shown."""
-        self._truth = truth
+        self._truth = view.truth
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Begin with the size that the target has in the first picture.

@@ -9,6 +9,7 @@ from typing import Literal, Protocol, final
 
 import numpy as np
 
+from sim.channels import Channel
 from sim.ranges import Share
 from sim.types import Array, Frame, Image
 from tracking.appearance.model import AppearanceSettings
@@ -38,6 +39,8 @@ LIMITS = LossLimits(floor=0.5, cap=0.75)
 @dataclass(frozen=True)
 class JudgeSettings:
     """Settings of the judgement whether the target is seen."""
+
+    needs = frozenset({Channel.PICTURE})
 
     judge: Literal["histogram", "score"] = "histogram"
     """Our colour histogram of the region that the tracker gives, or the tracker's own score."""

@@ -18,6 +18,8 @@ from sim.types import Image
 
 Colour = str | tuple[Share, Share, Share]
 """As "#rrggbb", or red, green and blue from 0 to 1."""
+THIN = 0.002
+"""Height of a plate or a tag on the table [m]."""
 HEX = re.compile("#[0-9a-fA-F]{6}")
 
 

@@ -1,0 +1,79 @@
+"""Channels: what a part of a run may use besides the arguments of its methods, and declares.
+
+The `Config` of a part names its channels: `needs = frozenset({Channel.TRUTH})`. What is no argument
+of a part's methods reaches it by one more method, `see(view)`, called before each of the others
+that work on a picture: the `View` holds the channels that were declared, and no other one.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol, runtime_checkable
+
+from sim.types import Array, Truth
+
+
+class Channel(Enum):
+    """What a part may be given; each member carries its sentence."""
+
+    PICTURE = "The picture of the camera."
+    DEPTH = "The depth picture of the camera."
+    GOAL_PICTURE = "The picture that the camera takes at the goal."
+    EGO_MOTION = "The motion in the picture that the camera's own motion causes."
+    TRUTH = "The exact place of the target, which only a simulation knows."
+    TRUE_MOTION = "The exact motion of the target, which only a simulation knows."
+    SEEN = "Whether the target is seen in this picture."
+
+
+Channels = frozenset[Channel]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """The channels at the time of one picture that are no arguments of a part's methods; None
+    stands for one that the part has not declared.
+    """
+
+    truth: Truth | None = None
+    """Where the target is in this picture."""
+    true_motion: Array | None = None
+    """Mean de/dt (k,) of the target's own motion while the next command acts, over
+    `FeatureSet.scales`."""
+    seen: bool | None = None
+    """Whether the target is seen; None too where the camera delivered no new picture."""
+
+    def only(self, needs: Channels) -> "View":
+        """Return the view of a part with these needs."""
+        return View(
+            truth=self.truth if Channel.TRUTH in needs else None,
+            true_motion=self.true_motion if Channel.TRUE_MOTION in needs else None,
+            seen=self.seen if Channel.SEEN in needs else None,
+        )
+
+
+VIEWED = frozenset({Channel.TRUTH, Channel.TRUE_MOTION, Channel.SEEN})
+"""Channels that a `View` holds."""
+
+
+@runtime_checkable
+class Sees(Protocol):
+    """A part with channels that are no arguments of its methods."""
+
+    def see(self, view: View) -> None:
+        """Take the declared channels of the next picture."""
+
+
+@runtime_checkable
+class Declares(Protocol):
+    """Settings that name the channels of their part."""
+
+    @property
+    def needs(self) -> Channels:
+        """The channels."""
+        ...
+
+
+def needs_of(config: object, usual: Channels = frozenset()) -> Channels:
+    """Return the channels that a part's settings declare; the usual ones where they declare
+    none.
+    """
+    return config.needs if isinstance(config, Declares) else usual

@@ -1,0 +1,40 @@
+"""A tag that is the whole target: trackers of tags find its outline by themselves."""
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from sim.types import Array
+
+SAME_SIZE = 0.01
+"""Sides that differ by less than this share of them are the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """An AprilTag of the family 36h11."""
+
+    id: int
+    """Its number in the family."""
+    size: float
+    """Side of its black square [m]."""
+
+    def is_outline(self, outline: Array) -> bool:
+        """Return whether a reference rectangle (4, 3) [m] has the size of the black square."""
+        return np.allclose(np.ptp(outline[:, :2], axis=0), self.size, rtol=SAME_SIZE)
+
+
+@runtime_checkable
+class Marked(Protocol):
+    """Settings of a target that is a marker."""
+
+    @property
+    def marker(self) -> Marker:
+        """The marker."""
+        ...
+
+
+def marker_of(config: object) -> Marker | None:
+    """Return the marker that a target with these settings is; None for other targets."""
+    return config.marker if isinstance(config, Marked) else None

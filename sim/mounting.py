@@ -1,0 +1,215 @@
+"""Who carries what: the robot the camera, or the robot the target before a camera that stands.
+
+All that is computed for a camera in the hand then holds for a target in the hand too, if the poses
+and twists of the camera are taken as they are seen from the target: moving the target by a twist
+moves the camera, seen from it, by the opposite one.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol, final
+
+import mujoco
+import numpy as np
+
+from sim import placement
+from sim.camera.camera import CameraConfig
+from sim.geometry import VISION_FROM_MUJOCO, adjoint, mount_pose
+from sim.models.quaternion import matrix_of, quaternion_of
+from sim.types import Array, Pose
+
+EYE = "eye"
+"""Name of the camera in a robot's model, and of the site in its optical centre."""
+CAMERA = f"robot/{EYE}"
+"""Their name in the scene."""
+ON_TABLE = Pose.planar(0.0, 0.0, 0.0)
+
+
+class Mounting(Protocol):
+    """How a robot's hand, the camera and the target hang together. The hand is the site `eye` (x
+    right, y down, z forward).
+    """
+
+    @property
+    def carried(self) -> str:
+        """What the robot carries: "camera" or "target"."""
+        ...
+
+    @property
+    def sign(self) -> float:
+        """1 where the camera moves as the hand does, -1 where it moves against it, seen from the
+        target.
+        """
+        ...
+
+    @property
+    def standing(self) -> Pose | None:
+        """T_world_camera of a camera that stands; None where the robot carries it."""
+        ...
+
+    def check(self, model: mujoco.MjModel, place: str) -> None:
+        """Refuse a robot's model that cannot carry it.
+
+        Raises:
+            ValueError: The site `eye` is not where the camera is; the sentence begins with a place.
+        """
+
+    def check_start(self, eye: Pose) -> None:
+        """Refuse a start pose.
+
+        Raises:
+            ValueError: The camera would be in the table, or below it.
+        """
+
+    def eye(self, hand: Pose) -> Pose:
+        """Return T_world_camera where the robot carries the camera, T_target_camera where it
+        carries the target, from T_world_hand.
+        """
+        ...
+
+    def hand(self, eye: Pose) -> Pose:
+        """Return T_world_hand with which `eye` is this pose."""
+        ...
+
+    def camera(self, hand: Pose) -> Pose:
+        """Return T_world_camera from T_world_hand."""
+        ...
+
+    def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
+        """Return T_world_target, from the pose that the scenario's motion gives and from what gives
+        T_world_hand.
+        """
+        ...
+
+    def seen_from(self, target: Pose) -> Pose:
+        """Return T_world_target in the frame in which `eye` gives the camera."""
+        ...
+
+    def jacobian(self, J: Array, hand: Callable[[], Pose]) -> Array:
+        """Return the twist of the camera, as `eye` has it, per joint rate (6, n).
+
+        Args:
+            J: The hand's twist, in its own frame, per joint rate (6, n).
+            hand: Gives T_world_hand.
+        """
+        ...
+
+    def believed(self, model: mujoco.MjModel, T_camera_believed: Pose) -> "Mounting":
+        """Return the mounting as a robot with a wrong hand-eye calibration believes it; where it
+        carries the camera, the site in the robot's own model is moved.
+        """
+        ...
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class CameraInHand:
+    """The robot carries the camera, and the scenario's motion moves the target."""
+
+    carried = "camera"
+    sign = 1.0
+    standing = None
+
+    def check(self, model: mujoco.MjModel, place: str) -> None:
+        """Refuse an optical centre away from the camera, as `Mounting.check` does."""
+        eye = model.site(CAMERA)
+        camera = model.camera(CAMERA)
+        same = np.allclose([*eye.pos, *eye.quat], [*camera.pos, *camera.quat], atol=1e-9)
+        if eye.bodyid != camera.bodyid or not same:
+            raise ValueError(f"{place}: the site '{EYE}' has to be where the camera '{EYE}' is")
+
+    def check_start(self, eye: Pose) -> None:
+        """Refuse a camera in the table, or below it."""
+        placement.check_above_table(eye)
+
+    def eye(self, hand: Pose) -> Pose:
+        """Return the hand's pose."""
+        return hand
+
+    def hand(self, eye: Pose) -> Pose:
+        """Return the camera's pose."""
+        return eye
+
+    def camera(self, hand: Pose) -> Pose:
+        """Return the hand's pose."""
+        return hand
+
+    def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
+        """Return the pose that the motion gives."""
+        return moved
+
+    def seen_from(self, target: Pose) -> Pose:
+        """Return the target's pose in the world."""
+        return target
+
+    def jacobian(self, J: Array, hand: Callable[[], Pose]) -> Array:
+        """Return the hand's Jacobian."""
+        return J
+
+    def believed(self, model: mujoco.MjModel, T_camera_believed: Pose) -> "CameraInHand":
+        """Move the site, by which a robot computes, on its body."""
+        site = model.site(CAMERA).id
+        R = matrix_of(model.site_quat[site]) @ VISION_FROM_MUJOCO
+        model.site_pos[site] += R @ T_camera_believed.translation
+        model.site_quat[site] = quaternion_of(R @ T_camera_believed.rotation @ VISION_FROM_MUJOCO.T)
+        model.site_sameframe[site] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        return self
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class TargetInHand:
+    """The robot carries the target, and the camera stands in the room."""
+
+    T_world_camera: Pose
+    """Where the camera stands (x right, y down, z forward)."""
+    T_hand_target: Pose
+    """How the robot holds the target."""
+    carried = "target"
+    sign = -1.0
+
+    @property
+    def standing(self) -> Pose:
+        """T_world_camera."""
+        return self.T_world_camera
+
+    def check(self, model: mujoco.MjModel, place: str) -> None:
+        """Refuse nothing: the model's camera is put elsewhere."""
+
+    def check_start(self, eye: Pose) -> None:
+        """Refuse nothing: the target may be below the table's top."""
+
+    def eye(self, hand: Pose) -> Pose:
+        """Return the camera's pose as it is seen from the target."""
+        return (hand @ self.T_hand_target).inverse() @ self.T_world_camera
+
+    def hand(self, eye: Pose) -> Pose:
+        """Return the hand's pose with which the target sees the camera there."""
+        return self.T_world_camera @ eye.inverse() @ self.T_hand_target.inverse()
+
+    def camera(self, hand: Pose) -> Pose:
+        """Return where the camera stands."""
+        return self.T_world_camera
+
+    def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
+        """Return where the hand holds the target; the motion is a leader's."""
+        return hand() @ self.T_hand_target
+
+    def seen_from(self, target: Pose) -> Pose:
+        """Return the identity: the camera's pose is given in the target's frame."""
+        return ON_TABLE
+
+    def jacobian(self, J: Array, hand: Callable[[], Pose]) -> Array:
+        """Return -V J, where V takes twists to the camera's frame."""
+        return -adjoint(self.T_world_camera.inverse() @ hand()) @ J
+
+    def believed(self, model: mujoco.MjModel, T_camera_believed: Pose) -> "TargetInHand":
+        """Return the mounting with the camera elsewhere."""
+        return replace(self, T_world_camera=self.T_world_camera @ T_camera_believed)
+
+
+def mounting_of(camera: CameraConfig) -> Mounting:
+    """Return the mounting that the settings of a camera ask for."""
+    if camera.mounted == "robot":
+        return CameraInHand()
+    return TargetInHand(mount_pose(camera.pose), mount_pose(camera.held))
