@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol, runtime_checkable
 
-from sim.types import Array, Truth
+from sim.types import Array, DepthPicture, Frame, Image, Truth
 
 
 class Channel(Enum):
@@ -29,10 +29,14 @@ Channels = frozenset[Channel]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """The channels at the time of one picture that are no arguments of a part's methods; None
-    stands for one that the part has not declared.
+    """The channels of one picture; None stands for one that the part has not declared, or that
+    nobody knows.
     """
 
+    picture: Image | None = None
+    """The picture, RGB (H, W, 3)."""
+    depth: DepthPicture | None = None
+    """Distance along the optical axis (H, W) [m]."""
     truth: Truth | None = None
     """Where the target is in this picture."""
     true_motion: Array | None = None
@@ -41,17 +45,27 @@ class View:
     seen: bool | None = None
     """Whether the target is seen; None too where the camera delivered no new picture."""
 
-    def only(self, needs: Channels) -> "View":
-        """Return the view of a part with these needs."""
+    @staticmethod
+    def of(
+        frame: Frame,
+        needs: Channels,
+        *,
+        truth: Truth | None = None,
+        true_motion: Array | None = None,
+        seen: bool | None = None,
+    ) -> "View":
+        """Return the view of a part with some needs, from a picture and what is known besides."""
         return View(
-            truth=self.truth if Channel.TRUTH in needs else None,
-            true_motion=self.true_motion if Channel.TRUE_MOTION in needs else None,
-            seen=self.seen if Channel.SEEN in needs else None,
+            picture=frame.image if Channel.PICTURE in needs else None,
+            depth=frame.depth if Channel.DEPTH in needs else None,
+            truth=truth if Channel.TRUTH in needs else None,
+            true_motion=true_motion if Channel.TRUE_MOTION in needs else None,
+            seen=seen if Channel.SEEN in needs else None,
         )
 
 
 VIEWED = frozenset({Channel.TRUTH, Channel.TRUE_MOTION, Channel.SEEN})
-"""Channels that a `View` holds."""
+"""Channels that reach a part by `see` alone."""
 
 
 @runtime_checkable

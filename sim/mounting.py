@@ -7,7 +7,7 @@ moves the camera, seen from it, by the opposite one.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol, final
+from typing import final
 
 import mujoco
 import numpy as np
@@ -25,27 +25,19 @@ CAMERA = f"robot/{EYE}"
 ON_TABLE = Pose.planar(0.0, 0.0, 0.0)
 
 
-class Mounting(Protocol):
-    """How a robot's hand, the camera and the target hang together. The hand is the site `eye` (x
-    right, y down, z forward).
+@final
+@dataclass(frozen=True, slots=True)
+class CameraInHand:
+    """The robot carries the camera in its hand, the site `eye` (x right, y down, z forward), and
+    the scenario's motion moves the target.
     """
 
-    @property
-    def carried(self) -> str:
-        """What the robot carries: "camera" or "target"."""
-        ...
-
-    @property
-    def sign(self) -> float:
-        """1 where the camera moves as the hand does, -1 where it moves against it, seen from the
-        target.
-        """
-        ...
-
-    @property
-    def standing(self) -> Pose | None:
-        """T_world_camera of a camera that stands; None where the robot carries it."""
-        ...
+    carried = "camera"
+    """What the robot carries."""
+    sign = 1.0
+    """The camera moves as the hand does."""
+    standing = None
+    """T_world_camera of a camera that stands: there is none."""
 
     def check(self, model: mujoco.MjModel, place: str) -> None:
         """Refuse a robot's model that cannot carry it.
@@ -53,65 +45,6 @@ class Mounting(Protocol):
         Raises:
             ValueError: The site `eye` is not where the camera is; the sentence begins with a place.
         """
-
-    def check_start(self, eye: Pose) -> None:
-        """Refuse a start pose.
-
-        Raises:
-            ValueError: The camera would be in the table, or below it.
-        """
-
-    def eye(self, hand: Pose) -> Pose:
-        """Return T_world_camera where the robot carries the camera, T_target_camera where it
-        carries the target, from T_world_hand.
-        """
-        ...
-
-    def hand(self, eye: Pose) -> Pose:
-        """Return T_world_hand with which `eye` is this pose."""
-        ...
-
-    def camera(self, hand: Pose) -> Pose:
-        """Return T_world_camera from T_world_hand."""
-        ...
-
-    def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
-        """Return T_world_target, from the pose that the scenario's motion gives and from what gives
-        T_world_hand.
-        """
-        ...
-
-    def seen_from(self, target: Pose) -> Pose:
-        """Return T_world_target in the frame in which `eye` gives the camera."""
-        ...
-
-    def jacobian(self, J: Array, hand: Callable[[], Pose]) -> Array:
-        """Return the twist of the camera, as `eye` has it, per joint rate (6, n).
-
-        Args:
-            J: The hand's twist, in its own frame, per joint rate (6, n).
-            hand: Gives T_world_hand.
-        """
-        ...
-
-    def believed(self, model: mujoco.MjModel, T_camera_believed: Pose) -> "Mounting":
-        """Return the mounting as a robot with a wrong hand-eye calibration believes it; where it
-        carries the camera, the site in the robot's own model is moved.
-        """
-        ...
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class CameraInHand:
-    """The robot carries the camera, and the scenario's motion moves the target."""
-
-    carried = "camera"
-    sign = 1.0
-    standing = None
-
-    def check(self, model: mujoco.MjModel, place: str) -> None:
-        """Refuse an optical centre away from the camera, as `Mounting.check` does."""
         eye = model.site(CAMERA)
         camera = model.camera(CAMERA)
         same = np.allclose([*eye.pos, *eye.quat], [*camera.pos, *camera.quat], atol=1e-9)
@@ -119,35 +52,41 @@ class CameraInHand:
             raise ValueError(f"{place}: the site '{EYE}' has to be where the camera '{EYE}' is")
 
     def check_start(self, eye: Pose) -> None:
-        """Refuse a camera in the table, or below it."""
+        """Refuse a start pose.
+
+        Raises:
+            ValueError: The camera would be in the table, or below it.
+        """
         placement.check_above_table(eye)
 
     def eye(self, hand: Pose) -> Pose:
-        """Return the hand's pose."""
+        """Return T_world_camera from T_world_hand: the same pose."""
         return hand
 
     def hand(self, eye: Pose) -> Pose:
-        """Return the camera's pose."""
+        """Return T_world_hand with which `eye` is this pose: the same pose."""
         return eye
 
     def camera(self, hand: Pose) -> Pose:
-        """Return the hand's pose."""
+        """Return T_world_camera from T_world_hand."""
         return hand
 
     def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
-        """Return the pose that the motion gives."""
+        """Return T_world_target, from the pose that the scenario's motion gives."""
         return moved
 
     def seen_from(self, target: Pose) -> Pose:
-        """Return the target's pose in the world."""
+        """Return T_world_target in the frame in which `eye` gives the camera: the world."""
         return target
 
     def jacobian(self, J: Array, hand: Callable[[], Pose]) -> Array:
-        """Return the hand's Jacobian."""
+        """Return the camera's twist per joint rate (6, n): that of the hand, in its own frame."""
         return J
 
     def believed(self, model: mujoco.MjModel, T_camera_believed: Pose) -> "CameraInHand":
-        """Move the site, by which a robot computes, on its body."""
+        """Return the mounting of a robot whose hand-eye calibration is wrong; in its own model the
+        site, by which it computes, is moved.
+        """
         site = model.site(CAMERA).id
         R = matrix_of(model.site_quat[site]) @ VISION_FROM_MUJOCO
         model.site_pos[site] += R @ T_camera_believed.translation
@@ -166,7 +105,9 @@ class TargetInHand:
     T_hand_target: Pose
     """How the robot holds the target."""
     carried = "target"
+    """What the robot carries."""
     sign = -1.0
+    """Seen from the target, the camera moves against the hand."""
 
     @property
     def standing(self) -> Pose:
@@ -180,19 +121,19 @@ class TargetInHand:
         """Refuse nothing: the target may be below the table's top."""
 
     def eye(self, hand: Pose) -> Pose:
-        """Return the camera's pose as it is seen from the target."""
+        """Return T_target_camera from T_world_hand."""
         return (hand @ self.T_hand_target).inverse() @ self.T_world_camera
 
     def hand(self, eye: Pose) -> Pose:
-        """Return the hand's pose with which the target sees the camera there."""
+        """Return T_world_hand with which `eye` is this pose."""
         return self.T_world_camera @ eye.inverse() @ self.T_hand_target.inverse()
 
     def camera(self, hand: Pose) -> Pose:
-        """Return where the camera stands."""
+        """Return T_world_camera, which the hand does not move."""
         return self.T_world_camera
 
     def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
-        """Return where the hand holds the target; the motion is a leader's."""
+        """Return T_world_target, from what gives T_world_hand; the motion is a leader's."""
         return hand() @ self.T_hand_target
 
     def seen_from(self, target: Pose) -> Pose:
@@ -200,12 +141,17 @@ class TargetInHand:
         return ON_TABLE
 
     def jacobian(self, J: Array, hand: Callable[[], Pose]) -> Array:
-        """Return -V J, where V takes twists to the camera's frame."""
+        """Return the twist of the camera, as `eye` has it, per joint rate: -V J (6, n), where J is
+        that of the hand, in its own frame, and V takes twists to the camera's frame.
+        """
         return -adjoint(self.T_world_camera.inverse() @ hand()) @ J
 
     def believed(self, model: mujoco.MjModel, T_camera_believed: Pose) -> "TargetInHand":
-        """Return the mounting with the camera elsewhere."""
+        """Return the mounting of a robot whose calibration of the camera is wrong."""
         return replace(self, T_world_camera=self.T_world_camera @ T_camera_believed)
+
+
+Mounting = CameraInHand | TargetInHand
 
 
 def mounting_of(camera: CameraConfig) -> Mounting:

@@ -1,6 +1,6 @@
 """From sights to camera twists: a scenario's features, estimator and controller."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import final
 
 import numpy as np
@@ -11,7 +11,7 @@ from servo.loop.settings import Setup
 from servo.parts import Controller, Estimator, FeatureSet, Task
 from servo.sight.difference import Difference
 from servo.types import Command, Sight
-from sim.channels import Channel, Sees, View, needs_of
+from sim.channels import Channel, Channels, Sees, View, needs_of
 from sim.types import Array, Camera, Posture
 from tracking.types import Estimate
 
@@ -130,7 +130,11 @@ class Law:
             check_followed(self.features, estimate, self._goal)
 
     def command(
-        self, sight: Sight | None, posture: Posture, interval: float, view: View
+        self,
+        sight: Sight | None,
+        posture: Posture,
+        interval: float,
+        view: Callable[[Channels], View],
     ) -> Command:
         """Return the twist to ask for.
 
@@ -138,13 +142,13 @@ class Law:
             sight: The target as it is seen; None where it is not.
             posture: What the robot knows of itself at the time of the picture.
             interval: Time since the picture before [s].
-            view: What is known besides.
+            view: Gives the view of a part with some needs.
 
         Raises:
             PartFailed: A part raised an exception, or gave something that has no meaning.
         """
         for viewer, needs in self._viewers:
-            viewer.see(view.only(needs))
+            viewer.see(view(needs))
         command = self.controller.command(sight, posture, interval)
         with self._naming["controller"]:
             check_same_features(command, self.features.names)

@@ -25,7 +25,7 @@ from servo.loop.posture_record import elapsed
 from servo.loop.settings import Setup, stream
 from servo.parts import FeatureSet, GoalSource
 from servo.types import CameraImage, Command, Sight
-from sim.channels import Channel, View
+from sim.channels import Channel, Channels, View
 from sim.types import Array, Camera, Frame, Image, Posture, Truth
 from tracking.types import Estimate, Region, State
 
@@ -303,13 +303,16 @@ class Running:
         begin = frame.time + self._frames_late * self._period if acts is None else acts
         return self._true_motion(frame.index, begin, begin + interval) / self._law.scales
 
-    def _view(self, frame: Frame, sight: Sight | None, motion: Array | None) -> View:
-        """Return the channels of the law's parts at the time of a picture."""
-        truth = None
-        if Channel.TRUTH in self._law.needs and self._truth is not None:
-            truth = self._truth(frame.index)
-        return View(
-            truth=truth,
-            true_motion=motion,
-            seen=sight is not None if frame.fresh else None,
-        )
+    def _view(
+        self, frame: Frame, sight: Sight | None, motion: Array | None
+    ) -> Callable[[Channels], View]:
+        """Return what gives the view of a part of the law at the time of a picture."""
+
+        def view(needs: Channels) -> View:
+            truth = None
+            if Channel.TRUTH in needs and self._truth is not None:
+                truth = self._truth(frame.index)
+            seen = sight is not None if frame.fresh else None
+            return View.of(frame, needs, truth=truth, true_motion=motion, seen=seen)
+
+        return view

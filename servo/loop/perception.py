@@ -135,5 +135,7 @@ class Perception:
 
     def _show(self, frame: Frame) -> None:
         """Give the tracker its channels of a picture."""
-        if self._viewer is not None and self._truth is not None:
-            self._viewer.see(View(truth=self._truth(frame.index)).only(self._needs))
+        if self._viewer is None:
+            return
+        truth = None if self._truth is None else self._truth(frame.index)
+        self._viewer.see(View.of(frame, self._needs, truth=truth))
