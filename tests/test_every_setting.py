@@ -359,17 +359,17 @@ def test_what_has_an_effect_is_not_said_to_have_none(changes, setting):
 
 
 @pytest.mark.parametrize(
-    ("disturbance", "begins"),
+    "disturbance",
     [
-        ("kind='board', start=5", 4.8),
-        ("kind='brightness', start=5", 5),
-        ("kind='spot'", 3),
-        ("kind='dropped_frames'", 0.5),
+        "kind='board', start=5",
+        "kind='brightness', start=5",
+        "kind='spot'",
+        "kind='dropped_frames'",
     ],
 )
-def test_a_disturbance_after_the_run_is_said(disturbance, begins):
+def test_a_disturbance_after_the_run_is_said(disturbance):
     said = said_or_refused((f"disturbances=[{{{disturbance}}}]",))
-    assert f"disturbances[0] begins after {begins:g} s, and the run ends after 0.14 s" in said
+    assert "disturbances[0] has no effect in the 0.14 s of the run" in said
     said = said_or_refused(("disturbances=[{kind='board', start=0.3}]",))
     assert "disturbances[0]" not in said
 

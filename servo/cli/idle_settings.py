@@ -8,16 +8,15 @@ import numpy as np
 
 from servo.controllers._law_settings import LawSettings
 from servo.loop.episode import Episode
-from servo.loop.settings import Setup
+from servo.loop.settings import Setup, stream
 from servo.parts import OwnInverse
 from servo.scenario.draws import flat
 from servo.scenario.load import Scenario
 from servo.scenario.tables import TABLES
 from servo.types import DOF, Sight
 from sim.channels import Channel, needs_of
-from sim.disturbances import KINDS as DISTURBANCES
-from sim.disturbances import board, dropped_frames
 from sim.kinds import kind_of
+from sim.types import Effect
 from tracking.types import SEES_PICTURES, Trait, traits_of
 
 OF_IMAGE = ("moments", "points", "partitioned", "polar", "segment")
@@ -62,20 +61,17 @@ def reports_corners(scenario: Setup) -> bool:
 
 
 def _late(episode: Episode) -> list[str]:
-    """Return a sentence for each disturbance of ours that begins after the run."""
+    """Return a sentence for each disturbance that does nothing in any picture of the run."""
     scenario = episode.scenario
-    begins = {
-        i: getattr(config, "start", dropped_frames.START)
-        - board.SLIDE * isinstance(config, board.Config)
-        for i, config in enumerate(scenario.disturbances)
-        if type(config).__module__.startswith(f"{DISTURBANCES.folder}.")
-    }
-    return [
-        f"disturbances[{i}] begins after {begin:g} s, and the run ends after "
-        f"{scenario.run.duration:g} s"
-        for i, begin in begins.items()
-        if begin >= _end(scenario)
-    ]
+    times = (np.arange(scenario.frames) / scenario.camera.rate).tolist()
+    said: list[str] = []
+    for i, config in enumerate(scenario.disturbances):
+        disturbance = config.build(stream(scenario.run.seed, f"disturbance {i}"))
+        if all(disturbance.at(time) == Effect() for time in times):
+            said.append(
+                f"disturbances[{i}] has no effect in the {scenario.run.duration:g} s of the run"
+            )
+    return said
 
 
 def _end(scenario: Setup) -> float:
@@ -183,7 +179,7 @@ def _lacks_corners(episode: Episode) -> bool:
     s = episode.scenario
     first, *_ = _sights(episode)
     is_used = s.run.ego or s.sight.depth == "picture" or not _law_among(episode, *LAWS, "broyden")
-    is_used |= bool(getattr(s.controller, "secondary", ()))
+    is_used |= isinstance(s.controller, LawSettings) and bool(s.controller.secondary)
     nothing = not episode.loop.features.known(first).any()
     return is_used or not (reports_corners(s) and nothing)
 
