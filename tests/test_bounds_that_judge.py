@@ -1,11 +1,12 @@
 """Bounds that every run misses, or none: found in the shipped scenarios, and said in others."""
 
+import numpy as np
 import pytest
 
 from servo.cli import main
 from servo.scenario.catalogue import shipped
 from servo.scenario.load import load
-from servo.study.bounds import doubtful_bounds, doubts_of
+from servo.study.bounds import doubtful_bounds, doubts_of, missed_bounds, missed_lines
 
 
 @pytest.mark.parametrize("name", shipped())
@@ -113,3 +114,11 @@ def test_a_study_says_it_of_its_own_bounds(tmp_path, capsys, monkeypatch):
     assert said.count("expect.retreat_m = 0: rounding alone misses it") == 1
     assert "expect.settle_s = 0.15: a run of 0.1 s misses it only where it never settles" in said
     assert "servo_rms_px = 1" not in said
+
+
+def test_a_run_that_is_too_short_has_one_line_also_for_when_it_settles():
+    measures = {"servo_rms_px": np.nan, "settle_s": np.inf}
+    missed = missed_bounds("TIMED_OUT", measures, {"servo_rms_px": 1.0, "settle_s": 1.0})
+    assert missed_lines(missed, measures) == [
+        "servo_rms_px, settle_s: no value, because the run ended before measure.after"
+    ]

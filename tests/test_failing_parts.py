@@ -157,6 +157,16 @@ def test_parts_that_share_a_module_are_told_apart():
     assert isinstance(failed.value.__cause__, ZeroDivisionError)
 
 
+def test_an_exception_that_ends_generators_is_named_too():
+    class Closes(Sees):
+        def command(self, seen, posture, dt):
+            raise GeneratorExit
+
+    law = Given(lambda rng: Closes())
+    with pytest.raises(PartFailed, match=r"^controller 'odd': GeneratorExit$"):
+        list(run(dataclasses.replace(load("still", SHORT), controller=law)))
+
+
 def test_features_that_are_not_finite_are_named():
     class Lost(MomentFeatures):
         def values(self, sight):

@@ -262,6 +262,14 @@ INERTIAL = (
 )
 UNSOUND = {
     "inertia.urdf": (URDF.replace("<visual>", INERTIAL.format(1, -1, 1)), "part"),
+    "moment.urdf": (
+        URDF.replace("<visual>", INERTIAL.format(1, 1, 1).replace(' izz="1"', "")),
+        "part",
+    ),
+    "weight.urdf": (
+        URDF.replace("<visual>", INERTIAL.format(1, 1, 1).replace(' value="1"', "")),
+        "part",
+    ),
     "mass.urdf": (URDF.replace("<visual>", INERTIAL.format("inf", 1, 1)), "part"),
     "full.xml": (
         mjcf_text(

@@ -10,7 +10,7 @@ from servo.mistake import Mistake
 from sim.kinds import kind_of
 
 Built = TypeVar("Built")
-ENDS = (KeyboardInterrupt, GeneratorExit, MemoryError)
+ENDS = (KeyboardInterrupt, MemoryError)
 """What ends a run from outside, whatever part is at work."""
 
 

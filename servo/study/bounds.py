@@ -99,7 +99,7 @@ def missed_lines(missed: Sequence[MissedBound], measures: Mapping[str, float | N
     """
     counted = run_measures.COUNTED
     is_short = all((value := measures.get(name)) is None or np.isnan(value) for name in counted)
-    short = [bound.name for bound in missed if is_short and bound.name in counted]
+    short = [b.name for b in missed if is_short and (b.found is None or b.name in counted)]
     lines = [str(bound) for bound in missed if bound.name not in short]
     if short:
         lines.append(f"{', '.join(short)}: no value, because the run ended before measure.after")

@@ -35,6 +35,9 @@ COMPILER = {
 """Every link stays, as the camera may be at any of them. Many exporters write zeros for an unknown
 mass or inertia, which MuJoCo refuses: the least ones take their place."""
 
+WEIGHTS = {"mass": ["value"], "inertia": ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"]}
+"""The numbers of a link's `inertial` element, all of which MuJoCo wants."""
+
 
 def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
     """Return the model in an MJCF or URDF file, which compiles.
@@ -89,6 +92,7 @@ def spec_of_urdf(path: Path, mended: Mended) -> mujoco.MjSpec:
     for mesh in tree.iter("mesh"):
         mesh.set("filename", str(_mesh_file(mesh.get("filename", ""), path, folder)))
     for link in tree.iter("link"):
+        _complete_weights(link, mended)
         _keep_visible(link, mended)
     for extension in tree.findall("mujoco"):
         tree.remove(extension)
@@ -110,6 +114,16 @@ def _leave_out_namespaces(tree: Element) -> None:
                 )
             if element.tag.startswith("{"):
                 parent.remove(element)
+
+
+def _complete_weights(link: Element, mended: Mended) -> None:
+    """Set the numbers of a mass and an inertia that are not given, which MuJoCo wants, to 0."""
+    for name, keys in WEIGHTS.items():
+        for element in link.findall(f"inertial/{name}"):
+            missing = [key for key in keys if key not in element.attrib]
+            element.attrib.update(dict.fromkeys(missing, "0"))
+            if missing:
+                mended.corrected.append(link.get("name", ""))
 
 
 def _check_limit(joint: Element) -> None:
