@@ -15,7 +15,6 @@ from datetime import UTC, datetime
 from queue import Empty, Full, Queue
 
 import av
-import av.logging
 import cv2
 from av.container import InputContainer
 from av.error import ExitError, FFmpegError
@@ -33,6 +32,7 @@ from tracking.sequences.video_file import (
     decoded,
     only_video,
     printed_by_ffmpeg,
+    rate_of,
 )
 
 ADDRESS = re.compile(r"(rtsps?|https?|tcp|udp)://", re.IGNORECASE)
@@ -226,7 +226,7 @@ def _stream(address: str) -> Generator[Feed]:
             video = only_video(container)
         except ValueError as error:
             raise SourceLost(str(error)) from None
-        rate = float(video.average_rate or video.guessed_rate or 0)
+        rate = rate_of(video)
         recording = scheme.startswith("http") and container.duration is not None
         rate = rate if SLOWEST <= rate <= FASTEST else RATE
         with closing(_pictures(container, video)) as pictures:
@@ -239,7 +239,7 @@ def _pictures(container: InputContainer, video: VideoStream) -> Generator[Decode
     packets = container.demux(video)
     began = False
     try:
-        with printed_by_ffmpeg(av.logging.ERROR) as printed:
+        with printed_by_ffmpeg() as printed:
             for frame in decoded(packets if is_stamped else _waited_for(packets)):
                 damaged = frame.damaged or any(name in printers for _, name, _ in printed)
                 printed.clear()
