@@ -91,8 +91,11 @@ class Video:
                     stream = only_video(container)
                     return Video(path, _rate(stream), _count(container, stream))
             except FFmpegError:
-                reason = f"this is not a video that can be read{quoted(printed)}; known formats are"
-                reason = f"{reason} {KNOWN}"
+                of_format = [each for each in printed if "whitelist" not in each[2]]
+                reason = (
+                    f"this is not a video that can be read{quoted(of_format)}; "
+                    f"known formats are {KNOWN}"
+                )
             except OSError as error:
                 reason = f"cannot read this video: {error.strerror}"
             except ValueError as error:
@@ -245,7 +248,7 @@ def printed_by_ffmpeg() -> Generator[Printed]:
 
 def quoted(printed: Printed) -> str:
     """Return the first message of FFmpeg in brackets, to end a sentence; empty without one."""
-    return f" (FFmpeg: {' '.join(printed[0][2].split())})" if printed else ""
+    return f" (FFmpeg: {' '.join(printed[0][2].split()).rstrip('.')})" if printed else ""
 
 
 class _Nameless:
