@@ -17,12 +17,11 @@ from sim.files.bit_depth import BitDepth
 from sim.installed import plain
 from tracking.sequences.image_message import (
     KINDS,
-    NANO,
     decoder_of,
     picture_of,
     plain_kind,
 )
-from tracking.sequences.sources import RATE, SECOND, End, Picture, timed
+from tracking.sequences.sources import NANO, RATE, End, Picture, timed
 
 if TYPE_CHECKING:
     from mcap.records import Schema
@@ -108,8 +107,8 @@ class Bag:
     def __iter__(self) -> Iterator[Picture]:
         return timed(self._messages(), self.rate)
 
-    def _messages(self) -> Iterator[tuple[float | None, Picture]]:
-        """Give the stamp [s] of each picture, and the picture without its time."""
+    def _messages(self) -> Iterator[Picture]:
+        """Give the pictures without their times."""
         topic = self._topic
         depth = BitDepth()
         index = 0
@@ -122,11 +121,10 @@ class Bag:
                     try:
                         stated, image = picture_of(decode, data, depth)
                     except ValueError as error:
-                        yield None, Picture(name, 0.0, None, str(error))
+                        yield Picture(name, 0.0, None, str(error))
                     else:
                         stamp = recorded if stated is None else stated
-                        picture = Picture(name, 0.0, image, stamp=stamp, notes=depth.notes)
-                        yield stamp // SECOND + NANO * (stamp % SECOND), picture
+                        yield Picture(name, 0.0, image, stamp=stamp, notes=depth.notes)
                     index += 1
         except ValueError as error:
             if index == 0:

@@ -37,7 +37,6 @@ CODES = {
 """Bytes a pixel of each encoding, and OpenCV's conversion to RGB."""
 DEEP = "mono16"
 """Two bytes a pixel, of which a camera may use fewer bits."""
-NANO = 1e-9
 Decoder = Callable[[bytes], Any]
 """Turns the bytes of a message into an object with its fields."""
 

@@ -18,7 +18,9 @@ from sim.types import Image
 RATE = 30.0
 """Default rate of folders and cameras [pictures a second]."""
 SECOND = 1_000_000_000
-"""Nanoseconds."""
+"""A second [ns]."""
+NANO = 1e-9
+"""A nanosecond [s]."""
 SET_BACK = 1.0
 SET_FORWARD = 86_400.0
 """A clock that goes back or forward so far was set [s]; chosen by hand."""
@@ -48,6 +50,8 @@ class Picture:
     """Sentences about the source that are known by now, each to be said once."""
     came: datetime | None = None
     """When it came, by this machine's clock, if the source is live."""
+    damaged: bool = False
+    """True if FFmpeg has filled in parts of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,10 +95,10 @@ class Times:
         self._gap = 1.0 / rate
         self._last = -self._gap
         self._zero: float | None = None
-        self._stamp: float | None = None
+        self._stamp: int | None = None
 
-    def since_first(self, stamp: float | None) -> float:
-        """The time of the next picture.
+    def since_first(self, stamp: int | None) -> float:
+        """Return the time [s] of the next picture by its stamp [ns].
 
         Without a stamp, or with that of the last, it is one picture later than the last. Pictures
         in a wrong order follow each other closely, until one is later again. A clock that was set
@@ -102,32 +106,34 @@ class Times:
         """
         time = self._last + self._gap
         if stamp is not None:
-            ahead = -math.inf if self._zero is None else stamp - self._zero - self._last
+            # Whole seconds apart: a float of nanoseconds since 1970 has steps of 256 ns.
+            stated = stamp // SECOND + NANO * (stamp % SECOND)
+            ahead = -math.inf if self._zero is None else stated - self._zero - self._last
             if stamp == self._stamp:
                 time = self._last + min(self._gap, REPEATED)
             elif -SET_BACK < ahead < SET_FORWARD:
                 time = self._last + max(ahead, CLOSE)
             else:
-                self._zero = stamp - time
+                self._zero = stated - time
             self._stamp = stamp
         self._last = time
         return time
 
 
-def timed(pictures: Iterable[tuple[float | None, Picture]], rate: float) -> Iterator[Picture]:
-    """Give pictures their times by their stamps [s].
+def timed(pictures: Iterable[Picture], rate: float) -> Iterator[Picture]:
+    """Give pictures their times by their stamps.
 
     Those that cannot be decoded and have no stamp wait for the next one, and lie evenly before it;
-    where no picture with a stamp follows, they come at the rate.
+    where no picture with a stamp follows, they come at the rate [1/s].
     """
     times = Times(rate)
     waiting: list[Picture] = []
     last = math.nan
-    for stamp, picture in pictures:
-        if stamp is None and picture.image is None and not math.isnan(last):
+    for picture in pictures:
+        if picture.stamp is None and picture.image is None and not math.isnan(last):
             waiting.append(picture)
             continue
-        time = times.since_first(stamp)
+        time = times.since_first(picture.stamp)
         step = (time - last) / (len(waiting) + 1)
         for k, blind in enumerate(waiting, 1):
             yield replace(blind, time=last + k * step)

@@ -18,7 +18,6 @@ import av
 import cv2
 from av.container import InputContainer
 from av.error import ExitError, FFmpegError
-from av.packet import Packet
 from av.video.stream import VideoStream
 
 from sim.files.picture_file import rgb
@@ -28,7 +27,6 @@ from tracking.sequences.video_file import (
     FASTEST,
     FORMATS,
     SLOWEST,
-    Decoded,
     decoded,
     only_video,
     printed_by_ffmpeg,
@@ -57,10 +55,6 @@ and the target is elsewhere. No "nobuffer": it throws away what was read to dete
 so the first key frame and all pictures up to the next one."""
 UNSTAMPED = ("mpjpeg", "mjpeg", "jpeg_pipe", "h264", "hevc")
 """Formats without stamps, for which FFmpeg counts at 25 Hz; a picture's arrival is its time."""
-WAITED = 0.003
-"""A packet that takes longer than this was waited for [s]; those in a buffer come within 0.1 ms."""
-CATCH_UP = 1.0
-"""Longest time in which packets of a buffer are passed over [s]: some streams never wait."""
 WAKE = 0.1
 """Time after which a waiting thread checks that the other one goes on [s]: short for Ctrl-C."""
 
@@ -73,20 +67,12 @@ class SourceLost(Exception):
 class Feed:
     """An open camera or stream."""
 
-    pictures: Iterator[Decoded]
-    """Raises SourceLost."""
+    pictures: Iterator[Picture]
+    """Pictures without names and times. Raises SourceLost."""
     rate: float = RATE
+    """About how many come in a second."""
     waits: bool = False
     """True for a recording on a server, which waits for the tracker; nothing is dropped."""
-
-
-@dataclass(frozen=True, slots=True)
-class Item:
-    """A picture in the queue: its number, when it came."""
-
-    index: int
-    came: datetime
-    frame: Decoded
 
 
 class LiveSource:
@@ -104,7 +90,7 @@ class LiveSource:
         self.name = name
         self.rate = RATE
         self._opened = opened
-        self._queue: Queue[Item] = Queue(maxsize=1)
+        self._queue: Queue[Picture] = Queue(maxsize=1)
         self._stop = threading.Event()
         self._given = self._dropped = self._damaged = self._failed = 0
         self._over = False
@@ -134,16 +120,10 @@ class LiveSource:
         reader.start()
         try:
             times = None
-            while (item := self._next(reader)) is not None:
+            while (picture := self._next(reader)) is not None:
                 times = times or Times(self.rate)
                 self._given += 1
-                yield Picture(
-                    f"frame {item.index}",
-                    times.since_first(item.frame.stamp),
-                    item.frame.image,
-                    notes=item.frame.notes,
-                    came=item.came,
-                )
+                yield replace(picture, time=times.since_first(picture.stamp), stamp=None)
             if not self._given:
                 reason = self._broken or "there are no pictures in it"
                 raise ValueError(f"{self.name}: {reason}")
@@ -152,7 +132,7 @@ class LiveSource:
             self._stop.set()
             reader.join(WAKE)  # one that waits for a camera ends by itself later
 
-    def _next(self, reader: threading.Thread) -> Item | None:
+    def _next(self, reader: threading.Thread) -> Picture | None:
         while True:
             with suppress(Empty):
                 return self._queue.get(timeout=WAKE)
@@ -164,10 +144,11 @@ class LiveSource:
         try:
             with self._opened() as feed:
                 self.rate = feed.rate
-                for frame in feed.pictures:
-                    if frame.image is not None:
-                        self._damaged += frame.damaged
-                        self._put(Item(index, datetime.now(UTC), frame), wait=feed.waits)
+                for picture in feed.pictures:
+                    if picture.image is not None:
+                        self._damaged += picture.damaged
+                        named = replace(picture, name=f"frame {index}", came=datetime.now(UTC))
+                        self._put(named, wait=feed.waits)
                         index += 1
                     elif index:  # before the first picture are parts of one that was sent earlier
                         self._failed += 1
@@ -176,10 +157,10 @@ class LiveSource:
         except SourceLost as error:
             self._broken = str(error)
 
-    def _put(self, item: Item, *, wait: bool) -> None:
+    def _put(self, picture: Picture, *, wait: bool) -> None:
         while not self._stop.is_set():
             with suppress(Full):
-                return self._queue.put(item, timeout=WAKE if wait else 0.0)
+                return self._queue.put(picture, timeout=WAKE if wait else 0.0)
             if not wait:
                 with suppress(Empty):
                     self._queue.get_nowait()
@@ -233,44 +214,21 @@ def _stream(address: str) -> Generator[Feed]:
             yield Feed(pictures, rate, waits=recording)
 
 
-def _pictures(container: InputContainer, video: VideoStream) -> Generator[Decoded]:
+def _pictures(container: InputContainer, video: VideoStream) -> Generator[Picture]:
     is_stamped = container.format.name not in UNSTAMPED
     printers = {video.codec_context.name, container.format.name}  # not those of a film meanwhile
-    packets = container.demux(video)
     began = False
     try:
         with printed_by_ffmpeg() as printed:
-            for frame in decoded(packets if is_stamped else _waited_for(packets)):
-                damaged = frame.damaged or any(name in printers for _, name, _ in printed)
+            for picture in decoded(container.demux(video)):
+                damaged = picture.damaged or any(name in printers for _, name, _ in printed)
                 printed.clear()
-                stamp = frame.stamp if is_stamped else time.monotonic()
+                stamp = picture.stamp if is_stamped else time.monotonic_ns()
                 # What was printed before the first picture is of one whose beginning was missed.
-                yield replace(frame, stamp=stamp, damaged=began and damaged)
-                began = began or frame.image is not None
+                yield replace(picture, stamp=stamp, damaged=began and damaged)
+                began = began or picture.image is not None
     except (FFmpegError, OSError) as error:
         raise SourceLost(_reason(error)) from None
-
-
-def _waited_for(packets: "Iterator[Packet[VideoStream]]") -> "Iterator[Packet[VideoStream]]":
-    """Give the packets of an open stream from the first one on that was waited for.
-
-    Those that were read to detect the format came earlier than they can be taken, so that their
-    arrival is not known. They are passed over, unless the stream ends with them.
-    """
-    opened = asked = time.monotonic()
-    buffered: list[Packet[VideoStream]] = []
-    for packet in packets:
-        came = time.monotonic()
-        is_end = not packet.size
-        if is_end or came - asked > WAITED or came - opened > CATCH_UP:
-            yield from buffered if is_end else ()
-            yield packet
-            break
-        buffered.append(packet)
-        with suppress(FFmpegError):
-            packet.decode()  # later pictures may refer to it
-        asked = time.monotonic()
-    yield from packets
 
 
 def _reason(error: Exception) -> str:
@@ -295,9 +253,9 @@ def _camera(number: int) -> Generator[Feed]:
         capture.release()
 
 
-def _captured(capture: cv2.VideoCapture) -> Iterator[Decoded]:
+def _captured(capture: cv2.VideoCapture) -> Iterator[Picture]:
     while True:
         more, image = capture.read()
         if not more:
             raise SourceLost("it gives no more pictures")
-        yield Decoded(time.monotonic(), rgb(image))
+        yield Picture("", 0.0, rgb(image), stamp=time.monotonic_ns())

@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -50,20 +50,6 @@ Matrix = tuple[int, int, int, int]
 """(a, b, c, d) of a display matrix: a pixel (x, y) is shown at (a x + c y, b x + d y)."""
 UNTURNED: Matrix = (1, 0, 0, 1)
 """The display matrix of a frame that is shown as it is stored."""
-
-
-@dataclass(frozen=True, slots=True)
-class Decoded:
-    """One frame of a video, as it was decoded."""
-
-    stamp: float | None
-    """The time that the file states [s]."""
-    image: Image | None
-    """None if it cannot be decoded."""
-    damaged: bool = False
-    """True if FFmpeg has filled in parts of it."""
-    notes: tuple[str, ...] = ()
-    """As those of `Picture`."""
 
 
 @dataclass(slots=True)
@@ -106,8 +92,8 @@ class Video:
         """Give all frames; those that are missing at the end of a truncated file have no image."""
         return timed(self._frames(), self.rate)
 
-    def _frames(self) -> Iterator[tuple[float | None, Picture]]:
-        """Give the stamp [s] of each frame, and the frame without its time."""
+    def _frames(self) -> Iterator[Picture]:
+        """Give the frames without their times."""
         index = readable = damaged = 0
         report = ""
         self.end = None
@@ -121,10 +107,7 @@ class Video:
                     readable += frame.image is not None
                     damaged += frame.damaged or bool(printed)
                     report = report or quoted(printed)
-                    stamp = None if frame.stamp is None else round(frame.stamp * SECOND)
-                    name = f"frame {index}"
-                    picture = Picture(name, 0.0, frame.image, stamp=stamp, notes=frame.notes)
-                    yield frame.stamp, picture
+                    yield replace(frame, name=f"frame {index}")
                     printed.clear()  # also what a film that is written meanwhile has printed
                     index += 1
                 damaged += bool(printed)
@@ -138,11 +121,11 @@ class Video:
         if sentence:
             self.end = End(f"{self.path}: {sentence}", lost=True, damaged=damaged)
         for missing in range(index, min(self.count, index + MOST_MISSING)):
-            yield None, Picture(f"frame {missing}", 0.0, None)
+            yield Picture(f"frame {missing}", 0.0, None)
 
 
-def decoded(packets: "Iterable[Packet[VideoStream]]") -> Iterator[Decoded]:
-    """Decode the stamps and frames of the packets of an open file or stream.
+def decoded(packets: "Iterable[Packet[VideoStream]]") -> Iterator[Picture]:
+    """Decode the packets of an open file or stream: pictures without names and times.
 
     Raises:
         FFmpegError, OSError: It breaks off.
@@ -154,14 +137,15 @@ def decoded(packets: "Iterable[Packet[VideoStream]]") -> Iterator[Decoded]:
         try:
             frames = packet.decode()
         except (FFmpegError, OSError):
-            yield Decoded(None, None)
+            yield Picture("", 0.0, None)
             continue
         for frame in frames:
             # Only once: reading side data makes a cycle of objects that keeps the frame's pixels.
             matrix = matrix or _display_matrix(frame)
             image = _rgb(frame, matrix, depth, reformatter)
+            stamp = None if frame.pts is None else round(frame.time * SECOND)
             notes = (*_turns(matrix), *depth.notes)
-            yield Decoded(frame.time, image, frame.is_corrupt, notes)
+            yield Picture("", 0.0, image, stamp=stamp, notes=notes, damaged=frame.is_corrupt)
 
 
 def _rgb(
