@@ -69,7 +69,6 @@ def test_values_that_are_equal_count_as_the_same(values, twice):
     [
         ('x,y,w,h\n"1"2,3,4,5\n', "this is not CSV: "),
         ("x,y,w,h\n", ": this truth is empty"),
-        ("frame,x,y,w,h\nfirst,1,2,3,4\n", "the column frame does not count 0, 1, 2 ..."),
     ],
 )
 def test_tables_of_truth_that_are_none(tmp_path, text, said):

@@ -113,17 +113,6 @@ def test_a_cluster_that_cannot_start_is_one_sentence(monkeypatch):
     assert str(refused.value) == ("the worker processes cannot be started: Input/output error")
 
 
-def test_a_file_is_whole_where_folders_cannot_be_flushed(monkeypatch, tmp_path):
-    for broken in ("open", "fsync"):
-        with monkeypatch.context() as patched:
-            if broken == "open":
-                patched.setattr(atomic.os, "open", refusing())
-                atomic._flush_folder(tmp_path)
-            else:
-                patched.setattr(atomic.os, "fsync", refusing())
-                atomic._flush_folder(tmp_path)
-
-
 def test_errors_name_their_file():
     for before, after in ((None, "here/a"), ("there", "there")):
         error = OSError(5, "why", before)

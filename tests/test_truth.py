@@ -161,11 +161,6 @@ def test_a_line_that_would_be_read_as_something_else_is_refused(tmp_path, line, 
         ("x,y,w,h\n1,5,2,5,3,4", "AUTO", "line 2: the header has 4 columns, this line has not"),
         ("x,y,w,h\n1,2,,4", "AUTO", "line 2: '1;2;nan;4' lacks some numbers"),
         ("x,y,w,h\n1,2,-3,4", "AUTO", "line 2: the target is -3 x 4 px; both sides must be"),
-        (
-            "frame,x,y,w,h\n0,1,2,3,4\n10,1,2,3,4",
-            "AUTO",
-            "the column frame does not count 0, 1, 2 ... or 1, 2, 3 ...",
-        ),
     ],
 )
 def test_each_format_refuses_what_it_has_not(tmp_path, text, form, message):

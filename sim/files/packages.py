@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Iterator
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
@@ -49,7 +49,7 @@ def _around(model: Path, package: str) -> Iterator[Path]:
     for folder in folders_above(model):
         yield from (folder, folder / package, folder / installed, folder / "install" / installed)
     for folder in (*model.absolute().parents[:AROUND], *model.resolve().parents[:AROUND]):
-        yield from islice(_below(folder), MOST)
+        yield from islice(chain(sorted(folder.glob("[!.]*/")), folder.glob("[!.]*/[!.]*/")), MOST)
 
 
 def _name_of(folder: Path) -> str:
@@ -59,19 +59,3 @@ def _name_of(folder: Path) -> str:
     except (OSError, ElementTree.ParseError, ValueError, LookupError):
         found = ""
     return found or folder.name
-
-
-def _below(folder: Path) -> Iterator[Path]:
-    """Yield the folders in a folder, and then those in them."""
-    children = _in(folder)
-    yield from children
-    for child in children:
-        yield from _in(child)
-
-
-def _in(folder: Path) -> list[Path]:
-    try:
-        found = sorted(path for path in folder.iterdir() if path.is_dir())
-    except OSError:
-        return []
-    return [path for path in found if not path.name.startswith(".")]

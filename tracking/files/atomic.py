@@ -8,7 +8,7 @@ import errno
 import os
 import stat
 from collections.abc import Generator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
@@ -56,7 +56,6 @@ def writing(root: Path, name: str) -> Generator[BinaryIO]:
     except BaseException:
         aside.unlink(missing_ok=True)
         raise
-    _flush_folder(path.parent)
 
 
 def _check_replaceable(path: Path) -> None:
@@ -110,13 +109,3 @@ def folder(root: Path, name: str) -> Path:
             raise OSError(errno.ELOOP, "this is a link, and nothing is written through it", path)
         path.mkdir(exist_ok=True)
     return path
-
-
-def _flush_folder(path: Path) -> None:
-    """Flush a folder, so that a rename survives a power failure, if the system supports it."""
-    with suppress(OSError):  # the system cannot open folders, or this one cannot be read
-        opened = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(opened)
-        finally:
-            os.close(opened)

@@ -25,11 +25,10 @@ def labels(image: Image, left: int, top: int, right: int, bottom: int, levels: i
     part = image[top:bottom, left:right]
     for i in range(found.shape[0]):
         for j in range(found.shape[1]):
-            red = int(part[i, j, 0])
-            green = int(part[i, j, 1])
-            blue = int(part[i, j, 2])
-            first = ((red * levels) >> 8) * levels + ((green * levels) >> 8)
-            found[i, j] = first * levels + ((blue * levels) >> 8)
+            number = 0
+            for k in range(3):
+                number = number * levels + ((int(part[i, j, k]) * levels) >> 8)
+            found[i, j] = number
     return found
 
 
@@ -44,11 +43,7 @@ def evened(image: Image, floor: int) -> Image:
     found = np.empty_like(image)
     for i in range(image.shape[0]):
         for j in range(image.shape[1]):
-            red = int(image[i, j, 0])
-            green = int(image[i, j, 1])
-            blue = int(image[i, j, 2])
-            whole = max(red, green, blue) + floor
-            found[i, j, 0] = 255 * red // whole
-            found[i, j, 1] = 255 * green // whole
-            found[i, j, 2] = 255 * blue // whole
+            whole = floor + max(int(image[i, j, 0]), int(image[i, j, 1]), int(image[i, j, 2]))
+            for k in range(3):
+                found[i, j, k] = 255 * int(image[i, j, k]) // whole
     return found

@@ -126,11 +126,8 @@ def _weigh(
 def _add(rows: Array, b: int, share: float, weight: Weight) -> None:
     """Add a share of a weight to row b (5,)."""
     row = rows[np.uint64(b)]
-    row[0] += share * weight[0]
-    row[1] += share * weight[1]
-    row[2] += share * weight[2]
-    row[3] += share * weight[3]
-    row[4] += share * weight[4]
+    for p in range(5):
+        row[p] += share * weight[p]
 
 
 @compiled(error_model="numpy")

@@ -286,24 +286,12 @@ def _of_csv(lines: list[str], path: Path) -> Array:
         need = "x1..y4, or left, top, width, height"
         raise ValueError(f"{path.name}: the columns are {', '.join(names)}; it needs {need}")
     rows: list[Array] = []
-    frames: list[float] = []
     for i, row in enumerate(table, 2):
         place = f"{path.name}, line {i}"
         if None in row or None in row.values():
             raise ValueError(f"{place}: the header has {len(names)} columns, this line has not")
         numbers = _numbers(";".join(row[name].strip() or "nan" for name in wanted), place)
         rows.append(_corners(numbers, Format.VOT, place))
-        frames.append(_number(row.get("frame", str(i - 2))))
     if not rows:
         raise ValueError(f"{path}: this truth is empty")
-    if not any(frames == [first + i for i in range(len(frames))] for first in (0, 1)):
-        raise ValueError(f"{path.name}: the column frame does not count 0, 1, 2 ... or 1, 2, 3 ...")
     return np.stack(rows)
-
-
-def _number(text: str) -> float:
-    """Return the number of a frame; nan for other text."""
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan
