@@ -1,5 +1,5 @@
-"""Trackers of others as ours: conventions of calls, boxes as states, judges, the TraX protocol."""
+"""Trackers of other authors with our interface: OpenCV, GOT-10k, TraX."""
 
 OF_THE_USER = frozenset({"opencv", "tag", "trax", "truth"})
-"""Kinds that need what the user has, a tracker, a tag on the target or a simulation that knows the
-truth: "all trackers" leaves them out."""
+"""Kinds of trackers that "all trackers" leaves out: they need a tracker of the user, a tag on the
+target, or the truth of a simulation."""

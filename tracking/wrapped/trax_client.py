@@ -1,4 +1,4 @@
-"""A tracker in a process of its own that speaks the TraX protocol: starts, asks and ends it."""
+"""Client of a tracker that runs in another process and speaks the TraX protocol."""
 
 import os
 import shlex
@@ -34,35 +34,36 @@ from tracking.wrapped.trax_messages import (
 )
 
 TOGETHER = {"1", "2", "3"}
-"""Versions in which region and first picture come in one message; later, they come in two."""
+"""Versions of TraX whose first message holds region and picture; later versions send two."""
 PICTURES = frozenset({"path", "memory", "buffer", "data"})
 """Formats in which we send pictures."""
 REGIONS = frozenset({"rectangle", "polygon"})
 """Forms in which we send regions."""
 LAST_LINES = 3
-"""Lines of a server's stderr that an error quotes."""
+"""Number of lines of a server's stderr that an error quotes."""
 LONGEST_LINE = 1 << 24
-"""A longer line is read in pieces [bytes]: output without an end of line does not fill memory."""
+"""Longest piece of a server's output that is read at once [bytes]: output without an end of line
+cannot fill the memory."""
 GRACE = 0.5
-"""Time that a server has to end by itself [s]."""
+"""Time between the request to quit and the kill of a server [s]."""
 KEEPER = 'read -r _; kill -s KILL -- "-$1"; rm -rf -- "$2"'
-"""Script that ends a server with all that it has started, and removes its folder, once it gets a
-line or we have died: a process that is killed cannot do so itself."""
+"""Shell script that kills a server with its children and removes its folder, as soon as it reads a
+line or the end of its input. It does so also after a kill of our own process."""
 
 
 class TraxClient:
-    """One server, as a source of regions. It ends with this object, or with Python."""
+    """A TraX server as a source of regions; the server ends with this object."""
 
     def __init__(self, command: str, timeout: float) -> None:
         """Start a server and wait for its hello.
 
         Args:
-            command: The program with its arguments, as in a shell, but run without one.
+            command: The program and its arguments, quoted as in a shell; no shell runs it.
             timeout: Longest wait for an answer [s].
 
         Raises:
-            ValueError: It cannot be started, sends no hello, or takes neither our regions nor our
-                pictures.
+            ValueError: The server does not start, sends no hello, or accepts none of our forms of
+                regions or pictures.
         """
         if not command.strip():
             raise ValueError("a TraX server needs a command, such as 'python server.py'")
@@ -86,7 +87,7 @@ class TraxClient:
             self._fail(f"needs the channels {', '.join(channels)}; we have color")
 
     def start(self, image: Image, region: Region, state: State) -> Box:
-        """Show the first picture with the corners, or the box, of the target.
+        """Send the first picture, RGB (H, W, 3), and the target's region; return its box [px].
 
         Raises:
             ValueError: As for `update`.
@@ -101,10 +102,14 @@ class TraxClient:
         return box
 
     def update(self, image: Image) -> Array | None:
-        """Ask the server: a box (4,), the corners (4, 2) of a convex quadrilateral, or None.
+        """Send a picture, RGB (H, W, 3), and return the target's region in it [px].
+
+        Returns:
+            A box (4,) of x, y, width, height, or the corners (4, 2) of a convex quadrilateral;
+            None where the server does not see the target.
 
         Raises:
-            ValueError: The server has ended, hangs, or answers something that is no region.
+            ValueError: The server has ended, hangs, or its answer is not a region.
         """
         answer = self._ask("state", Message("frame", (self._picture(image),)))
         self._named = answer.named
@@ -124,7 +129,7 @@ class TraxClient:
         """Return the confidence of the last answer, 0..1.
 
         Raises:
-            ValueError: There is none.
+            ValueError: The server reported no confidence.
         """
         if CONFIDENCE not in self._named:
             raise ValueError(
@@ -133,13 +138,13 @@ class TraxClient:
         return score_in(self._named[CONFIDENCE], self._name)
 
     def _picture(self, image: Image) -> str:
-        """Return a picture as the server takes it: where it is a file, the last two stay."""
+        """Return a picture in a form that the server accepts; of files, the last two are kept."""
         self._count += 1
         (self._folder / f"{self._count - 2:08}.png").unlink(missing_ok=True)
         return picture_text(image, self._pictures, self._folder / f"{self._count:08}.png")
 
     def _taken(self, offered: Sequence[str], ours: frozenset[str], what: str) -> Sequence[str]:
-        """Return what the server takes, if some of it is ours."""
+        """Return the forms that a server accepts; fail if none of ours is among them."""
         if not ours & set(offered):
             self._fail(f"takes {', '.join(offered)} as {what}; we have {', '.join(sorted(ours))}")
         return offered
@@ -170,7 +175,7 @@ class TraxClient:
         return answer
 
     def _fail(self, fault: str) -> NoReturn:
-        """End the server, and raise its fault with the last lines of its stderr."""
+        """End the server, and raise a ValueError with the last lines of its stderr."""
         with self._log.open("rb") as log:
             lines = deque(filter(bytes.strip, log), LAST_LINES)
         self._close()
