@@ -115,10 +115,10 @@ def test_boxes_that_leave_the_picture_but_fit_as_corners_are_not_guessed(tmp_pat
 def test_the_one_number_of_vots_is_an_absent_target(tmp_path):
     found = truth.read(written(tmp_path, "m10,20,3,2,0,6\n0\n0.0\n1,2,3,4\n"))
     assert np.isfinite(found).all(axis=(1, 2)).tolist() == [True, False, False, True]
-    with pytest.raises(ValueError, match="line 2: '2' is no region") as refused:
+    with pytest.raises(ValueError, match="line 2: '2' is not a region") as refused:
         truth.read(written(tmp_path, "1,2,3,4\n2\n"))
     assert str(refused.value) == (
-        "groundtruth.txt, line 2: '2' is no region: a line of one number is VOT's 0, where the "
+        "groundtruth.txt, line 2: '2' is not a region: a line of one number is VOT's 0, where the "
         "target is absent"
     )
 

@@ -1,6 +1,7 @@
 """Compile the loops and load the files of a tracker before its time is measured."""
 
 from contextlib import suppress
+
 import cv2
 import numpy as np
 

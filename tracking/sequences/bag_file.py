@@ -38,7 +38,7 @@ INDEX = "metadata.yaml"
 INDEX_KEY = b"rosbag2_bagfile_information"
 """The key near the beginning of that file."""
 HEAD = 1000
-"""Length of the beginning of a file by which its kind is known [bytes]."""
+"""Length of the beginning of a file that shows its kind [bytes]."""
 LARGEST_RECORD = 1_000_000_000
 """Largest record of an MCAP file that is read into memory [bytes]."""
 
@@ -91,7 +91,7 @@ class Bag:
     end: End | None = None
 
     def __init__(self, path: Path, topic: str | None) -> None:
-        """Find the topic; None stands for the only one with pictures.
+        """Open a bag and find a topic; None stands for the only one with pictures.
 
         Raises:
             ValueError: The bag cannot be read, or has no such topic of pictures.

@@ -1,8 +1,7 @@
-"""Cameras of this machine (camera:0), and streams by their address (rtsp, http, tcp, udp).
+"""Live sources: cameras of this machine (camera:0), and streams by address (rtsp, http, tcp, udp).
 
-A thread reads them, and a slower tracker gets the newest picture. Between them is a queue for one
-picture. A new picture replaces one that was not taken yet, so that a tracker is never late by more
-than the picture at which it works; what was replaced is counted.
+A thread reads the source into a queue for one picture. A new picture replaces one that the tracker
+has not taken yet, so that a slow tracker gets the newest picture; replaced pictures are counted.
 """
 
 import re
@@ -35,7 +34,7 @@ from tracking.sequences.video_file import (
 
 ADDRESS = re.compile(r"(rtsps?|https?|tcp|udp)://", re.IGNORECASE)
 PASSWORD = re.compile(r"^(\w+://[^/@:]*):.*@", re.DOTALL)
-"""A password may hold every character: the last @ ends it."""
+"""Beginning of an address with a password, which may contain any character: the last @ ends it."""
 PROTOCOLS = {
     "rtsp": "rtp,udp,tcp",
     "rtsps": "rtp,udp,tcp,tls",
@@ -46,21 +45,21 @@ PROTOCOLS = {
 }
 """Protocols that FFmpeg may open for an address: never a file of this machine."""
 STREAMS = f"{FORMATS},rtsp,rtp,mpjpeg,mjpeg,jpeg_pipe,h264,hevc"
-"""Formats that FFmpeg may detect: no playlists, which name other addresses and files."""
+"""Formats that FFmpeg may detect; without playlists, which name other addresses and files."""
 PATIENCE = 5.0
 """Longest time without an answer or a picture [s]."""
 OPTIONS = {"rtsp_flags": "prefer_tcp", "analyzeduration": "1000000", "fpsprobesize": "2"}
-"""Two pictures show the rate: the 20 that FFmpeg reads come at once afterwards, most are replaced,
-and the target is elsewhere. No "nobuffer": it throws away what was read to detect the format, and
-so the first key frame and all pictures up to the next one."""
+"""Options of FFmpeg. Two pictures show the rate; by default FFmpeg reads 20, which then come at once,
+and most of them are replaced. "nobuffer" is not among them: it discards the pictures that were read
+to detect the format, and without the first key frame all pictures up to the next one are lost."""
 UNSTAMPED = ("mpjpeg", "mjpeg", "jpeg_pipe", "h264", "hevc")
-"""Formats without stamps, for which FFmpeg counts at 25 Hz; a picture's arrival is its time."""
+"""Formats without stamps: the time of a picture is that of its arrival."""
 WAKE = 0.1
-"""Time after which a waiting thread checks that the other one goes on [s]: short for Ctrl-C."""
+"""Time after which a waiting thread checks the other one [s]; Ctrl-C waits for it."""
 
 
 class SourceLost(Exception):
-    """A camera or stream cannot be opened, or broke off; the reason."""
+    """A camera or stream cannot be opened, or broke off; the message is the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,16 +75,16 @@ class Feed:
 
 
 class LiveSource:
-    """Pictures of a camera or stream, which can be read once."""
+    """Pictures of a camera or stream, which can be read only once."""
 
     count: int | None = None
 
     def __init__(self, name: str, opened: Callable[[], AbstractContextManager[Feed]]) -> None:
-        """Make a source that opens when it is read.
+        """Make a source, which is opened when it is read.
 
         Args:
-            name: What it is called in messages.
-            opened: Opens it; raises SourceLost.
+            name: Its name in messages.
+            opened: Opens the source; raises SourceLost.
         """
         self.name = name
         self.rate = RATE
@@ -98,7 +97,7 @@ class LiveSource:
 
     @property
     def end(self) -> End | None:
-        """The end, and the number of dropped pictures."""
+        """Report on the pictures so far: the source's end, and dropped and damaged pictures."""
         odd = {
             "were dropped, because they came too fast": self._dropped,
             "are damaged": self._damaged,
@@ -130,7 +129,7 @@ class LiveSource:
             self._over = True
         finally:
             self._stop.set()
-            reader.join(WAKE)  # one that waits for a camera ends by itself later
+            reader.join(WAKE)  # a thread that waits for a camera ends later
 
     def _next(self, reader: threading.Thread) -> Picture | None:
         while True:
@@ -180,12 +179,12 @@ def shown(address: str) -> str:
 
 
 def stream(address: str) -> LiveSource:
-    """Return the stream at an address that `ADDRESS` matches."""
+    """Return the source of a stream by its address, which `ADDRESS` matches."""
     return LiveSource(shown(address), lambda: _stream(address))
 
 
 def camera(number: int) -> LiveSource:
-    """Return a camera of this machine."""
+    """Return the source of a camera of this machine by its number."""
     return LiveSource(f"camera:{number}", lambda: _camera(number))
 
 

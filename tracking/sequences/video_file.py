@@ -89,11 +89,11 @@ class Video:
         raise ValueError(f"{path}: {reason}")
 
     def __iter__(self) -> Iterator[Picture]:
-        """Give all frames; those that are missing at the end of a truncated file have no image."""
+        """Yield all frames; those that are missing at the end of a cut file have no image."""
         return timed(self._frames(), self.rate)
 
     def _frames(self) -> Iterator[Picture]:
-        """Give the frames without their times."""
+        """Yield the frames; their times are not set yet."""
         index = readable = damaged = 0
         report = ""
         self.end = None
@@ -125,7 +125,7 @@ class Video:
 
 
 def decoded(packets: "Iterable[Packet[VideoStream]]") -> Iterator[Picture]:
-    """Decode the packets of an open file or stream: pictures without names and times.
+    """Decode the packets of an open file or stream; names and times are not set.
 
     Raises:
         FFmpegError, OSError: It breaks off.
@@ -151,7 +151,7 @@ def decoded(packets: "Iterable[Packet[VideoStream]]") -> Iterator[Picture]:
 def _rgb(
     frame: av.VideoFrame, matrix: Matrix, depth: BitDepth, reformatter: VideoReformatter
 ) -> Image | None:
-    """Return a frame (H, W, 3) as its file says that it is shown; None if it cannot be decoded."""
+    """Return a frame, RGB (H, W, 3), turned as its file states; None if it cannot be decoded."""
     try:
         check_size(frame.width, frame.height)
         pixels = _eight_bits(frame, depth, reformatter)
@@ -163,9 +163,9 @@ def _rgb(
 
 
 def _eight_bits(frame: av.VideoFrame, depth: BitDepth, reformatter: VideoReformatter) -> Image:
-    """Return a frame as RGB (H, W, 3), without the bits that its camera does not use.
+    """Return a frame as RGB (H, W, 3) of 8 bits; of 16 bits, by those that its camera uses.
 
-    A format of 10 or 12 bits states which are used. So does YUV, whose black and white are fixed.
+    Formats of 10 or 12 bits state the bits in use. So does YUV, whose black and white are fixed.
     """
     deep = DEEP_FORMATS.match(frame.format.name)
     if deep is not None and depth.used != DEEP:
@@ -178,7 +178,7 @@ def _eight_bits(frame: av.VideoFrame, depth: BitDepth, reformatter: VideoReforma
 
 
 def _display_matrix(frame: av.VideoFrame) -> Matrix:
-    """Return the matrix by which a frame is shown: a telephone writes it."""
+    """Return the display matrix of a frame, which telephones write."""
     matrix = frame.side_data.get("DISPLAYMATRIX")
     if matrix is None:
         return UNTURNED
@@ -187,7 +187,7 @@ def _display_matrix(frame: av.VideoFrame) -> Matrix:
 
 
 def _as_shown(image: Image, matrix: Matrix) -> Image:
-    """Return an image turned by quarter turns and mirrored as a display matrix says."""
+    """Return an image turned by quarter turns and mirrored as a display matrix states."""
     a, b, c, d = matrix
     if abs(a) + abs(d) < abs(b) + abs(c):
         image = image.swapaxes(0, 1)
@@ -197,7 +197,7 @@ def _as_shown(image: Image, matrix: Matrix) -> Image:
 
 
 def _turns(matrix: Matrix) -> list[str]:
-    """Return a sentence about a display matrix that is not of quarter turns, if it is not."""
+    """Return a list with a sentence if a display matrix is no quarter turn, else an empty one."""
     a, b, c, d = matrix
     straight = abs(a) + abs(d)
     crossed = abs(b) + abs(c)
@@ -236,7 +236,7 @@ def quoted(printed: Printed) -> str:
 
 
 class _Nameless:
-    """An open file without its name, which FFmpeg would use to detect the format."""
+    """An open file that hides its name, by which FFmpeg would guess the format."""
 
     def __init__(self, file: BinaryIO) -> None:
         self.read = file.read
@@ -250,10 +250,11 @@ def _container(file: BinaryIO) -> InputContainer:
 
 
 def only_video(container: InputContainer) -> VideoStream:
-    """Return the only video stream, without album covers.
+    """Return the only video stream; album covers do not count.
 
     Raises:
-        ValueError: There is none or are several, or its pictures have no size or a huge one.
+        ValueError: There is no video stream, there are several, or its pictures have no size or a
+            too large one.
     """
     streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
     if len(streams) != 1:
