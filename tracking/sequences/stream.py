@@ -49,9 +49,9 @@ STREAMS = f"{FORMATS},rtsp,rtp,mpjpeg,mjpeg,jpeg_pipe,h264,hevc"
 PATIENCE = 5.0
 """Longest time without an answer or a picture [s]."""
 OPTIONS = {"rtsp_flags": "prefer_tcp", "analyzeduration": "1000000", "fpsprobesize": "2"}
-"""Options of FFmpeg. Two pictures show the rate; by default FFmpeg reads 20, which then come at once,
-and most of them are replaced. "nobuffer" is not among them: it discards the pictures that were read
-to detect the format, and without the first key frame all pictures up to the next one are lost."""
+"""Options of FFmpeg. Two pictures show the rate; by default FFmpeg reads 20, which then come at
+once, so that most are replaced. "nobuffer" is not among them: it discards the pictures that were
+read to detect the format; without the first key frame, all up to the next one are lost."""
 UNSTAMPED = ("mpjpeg", "mjpeg", "jpeg_pipe", "h264", "hevc")
 """Formats without stamps: the time of a picture is that of its arrival."""
 WAKE = 0.1
