@@ -17,18 +17,20 @@ OVERLAPS = np.linspace(0, 1, 21)
 PIXELS = np.arange(51.0)
 """Thresholds of the precision curve [px]."""
 SHARES = np.linspace(0, 0.5, 51)
-"""Thresholds of the normalised precision curve, over the target's size (Mueller et al. 2018)."""
+"""Thresholds of the normalised precision curve, as shares of the target's size (Mueller et al.
+2018)."""
 NEAR = 20
-"""Error at which the precision is reported [px]."""
+"""Threshold of the reported precision [px]."""
 LOSS_RUN = 5
-"""Number of frames in a row away from the target that count as a loss: one jump is none."""
+"""Number of frames in a row off the target that count as a loss; one jump does not."""
 ON_TARGET = 0.1
 """Least overlap of a box that counts as on the target in `lost_signal`."""
 RATE = 30.0
 """Pictures a second in `auc_streamed`: sequences of benchmarks have no times."""
 HALF = 0.5
+"""Overlap of a frame in which the target is held."""
 MOST = 0.9
-"""Criterion of success: an overlap above this in at least this share of the frames."""
+"""Least share of such frames in a track that holds the target."""
 
 
 class Better(Enum):
@@ -60,7 +62,13 @@ class Comparison:
 
     @staticmethod
     def of(track: Track, truth: Array, states: Array | None = None) -> "Comparison":
-        """Compare a track with its truth, up to the length of the shorter one."""
+        """Compare a track with the truth of its pictures, up to the length of the shorter one.
+
+        Args:
+            track: The track.
+            truth: True corners (n, 4, 2) [px]; nan in frames without the target.
+            states: True x, y [px], theta [rad], scale (n, 4) if they are known exactly.
+        """
         count = min(len(track.states), len(truth))
         truth, present = truth[:count], seen_in(truth[:count])
         seen = track.corners[:count][present]
@@ -80,15 +88,15 @@ class Comparison:
 
     @property
     def errors(self) -> Array:
-        """Distances (m,) of the centres [px]."""
+        """Distances (m,) between the true and the found centres [px]."""
         return np.hypot(*self.offsets.T)
 
     def success(self) -> Array:
-        """Share of frames (21,) whose upright overlap exceeds each of `OVERLAPS`."""
+        """Return the shares (21,) of frames whose upright overlap exceeds each of `OVERLAPS`."""
         return np.mean(self.overlaps > OVERLAPS[:, None], axis=1)
 
     def precision(self) -> Array:
-        """Share of frames (51,) whose error is at most each of `PIXELS`."""
+        """Return the shares (51,) of frames whose error is at most each of `PIXELS`."""
         return np.mean(self.errors <= PIXELS[:, None], axis=1)
 
 
@@ -106,7 +114,7 @@ class TrackMeasure:
 
 
 def seen_in(corners: Array) -> NDArray[np.bool_]:
-    """Return the frames (n,) of a truth (n, 4, 2) in which the target is present."""
+    """Return a mask (n,) of the frames of a truth (n, 4, 2) in which the target is present."""
     return np.asarray(np.isfinite(corners).all(axis=(1, 2)))
 
 
@@ -170,9 +178,10 @@ def late_success(c: Comparison, late: int) -> float:
 
 
 def streamed_success(c: Comparison) -> float:
-    """Return the same where frames come at `RATE`, and each estimate after the time that was
-    measured for it. A tracker that is busy leaves out the frames that come meanwhile; what it then
-    finds in the next one is taken to be what it found when it saw them all.
+    """Return the success AUC where frames come at `RATE`, and estimates after their measured time.
+
+    A busy tracker misses the frames that come meanwhile. Its estimate for the next frame is assumed
+    to be the one that it made when it saw all frames.
     """
     period = 1e3 / RATE
     count = len(c.present)
@@ -350,5 +359,5 @@ MEASURES = (
 
 
 def measure_all(comparison: Comparison) -> dict[str, float]:
-    """All measures by name; nan if one does not apply."""
+    """Return all measures by name; nan for a measure that does not apply."""
     return {measure.name: measure.of(comparison) for measure in MEASURES}
