@@ -81,14 +81,19 @@ class Sampling:
         return grid(region, self.cells, density)
 
 
+def lattice(count: int, region: Region) -> Array:
+    """Return the centres (count^2, 2) [px] of count x count equal cells of a region, row by row."""
+    at = (np.arange(count) + 0.5) / count - 0.5
+    u, v = np.meshgrid(at * region.width, at * region.height)
+    return np.stack([u.ravel(), v.ravel()], axis=1)
+
+
 def grid(region: Region, per_side: int, density: int) -> Layout:
     """Return a layout of per_side^2 equal cells of density^2 points, under constant kernels."""
     steps = per_side * density
-    at = (np.arange(steps) + 0.5) / steps - 0.5
-    u, v = np.meshgrid(at, at)
     column, row = np.meshgrid(np.arange(steps) // density, np.arange(steps) // density)
-    points = np.stack([u.ravel() * region.width, v.ravel() * region.height], axis=1)
-    return Layout.of(points, (row * per_side + column).ravel(), np.ones(len(points)))
+    parts = (row * per_side + column).ravel()
+    return Layout.of(lattice(steps, region), parts, np.ones(steps**2))
 
 
 def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout:

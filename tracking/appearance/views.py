@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Image
+from tracking.appearance.layout import lattice
 from tracking.loops import view_correlation as loops
 from tracking.types import Region, State
 
@@ -38,9 +39,7 @@ class Views:
             state: State of the target there.
             count: Largest number of views.
         """
-        at = (np.arange(SIDE) + 0.5) / SIDE - 0.5
-        u, v = np.meshgrid(at * region.width, at * region.height)
-        self._points = np.stack([u.ravel(), v.ravel()], axis=1)
+        self._points = lattice(SIDE, region)
         self._region = region
         self._count = count
         self._scale = state.scale

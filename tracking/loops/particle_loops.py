@@ -19,25 +19,6 @@ LARGEST_BETA = 1e4
 
 
 @compiled()
-def moved(samples: Array, change: Array, spread: Array, draws: Array, most: float) -> Array:
-    """Return samples (N, 4) of x, y, theta and ln scale after a common change and noise.
-
-    Args:
-        samples: The samples (N, 4).
-        change: Change (4,) of all samples.
-        spread: Standard deviations (4,) of the noise.
-        draws: Standard normal numbers (N, 4).
-        most: Limit of ln scale: it is clipped to -most..most.
-    """
-    found = np.empty_like(samples)
-    for n in range(len(found)):
-        for d in range(4):
-            found[n, d] = samples[n, d] + change[d] + spread[d] * draws[n, d]
-        found[n, 3] = np.minimum(np.maximum(found[n, 3], -most), most)
-    return found
-
-
-@compiled()
 def normalised(log_weights: Array) -> Array:
     """Return weights (N,) that sum to 1, from logarithms (N,) with any constant added."""
     # The largest becomes exp(0): without this, all could underflow to 0.
@@ -81,18 +62,6 @@ def covariance(samples: Array, weights: Array) -> Array:
             for j in range(count):
                 apart = (samples[n, i] - middle[i]) * (samples[n, j] - middle[j])
                 found[i, j] += weights[n] * apart
-    return found
-
-
-@compiled()
-def cloud(samples: Array, weights: Array) -> Array:
-    """Return samples (N, 4), with scale instead of its logarithm, and their weights as (N, 5)."""
-    found = np.empty((len(samples), 5))
-    for n in range(len(samples)):
-        for d in range(3):
-            found[n, d] = samples[n, d]
-        found[n, 3] = np.exp(samples[n, 3])
-        found[n, 4] = weights[n]
     return found
 
 

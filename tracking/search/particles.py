@@ -43,8 +43,8 @@ class ParticleFilter:
     def predict(self, velocity: Array, widen: float = 1.0) -> None:
         """Move all samples by a velocity (4,) per frame, and add noise; `widen` is its factor."""
         draws = self._rng.standard_normal(self.samples.shape)
-        spread = widen * self._noise
-        self.samples = particle_loops.moved(self.samples, velocity, spread, draws, LARGEST_LOG)
+        self.samples = self.samples + velocity + widen * self._noise * draws
+        self.samples[:, 3] = self.samples[:, 3].clip(-LARGEST_LOG, LARGEST_LOG)
 
     def weigh(self, log_likelihood: Array) -> None:
         """Multiply the weights by a likelihood, given by its logarithm (N,), and normalise them."""
@@ -91,7 +91,9 @@ class ParticleFilter:
             follows=self.follows,
             ess=particle_loops.effective_size(self.weights),
             evaluations=evaluations,
-            particles=particle_loops.cloud(self.samples, self.weights),
+            particles=np.column_stack(
+                [self.samples[:, :3], np.exp(self.samples[:, 3]), self.weights]
+            ),
         )
 
     def resample(self, power: float = 1.0) -> None:
