@@ -23,7 +23,6 @@ from math import sqrt
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.appearance.layout import lattice
 from tracking.loops import descent as loops
 from tracking.types import Region, State
 
@@ -115,7 +114,9 @@ class KernelModel:
         self._anywhere = ANYWHERE * (size, size, 1, 1)
         inside = region.inner(grid.inset)
         # One kernel in the middle of each cell of the grid (section III: nine kernels).
-        centres = lattice(grid.per_side, inside)
+        offsets = (np.arange(grid.per_side) + 0.5) / grid.per_side - 0.5
+        u, v = np.meshgrid(offsets * inside.width, offsets * inside.height)
+        centres = np.stack([u.ravel(), v.ravel()], axis=1)
         cell = grid.span * inside.width / grid.per_side, grid.span * inside.height / grid.per_side
         half = (inside.width / 2, inside.height / 2)
         self.kernels: loops.Kernels = half, centres, cell, grid.levels, PIXELS
