@@ -197,10 +197,9 @@ def _stream(address: str) -> Generator[Feed]:
     try:
         container = av.open(f"{scheme}:{place}", options=options, timeout=PATIENCE)
     except (FFmpegError, OSError, ValueError) as error:
-        late = time.monotonic() > began + PATIENCE  # RTSP then says that the data are invalid
-        raise SourceLost(
-            f"cannot open this stream: {_silent() if late else _reason(error)}"
-        ) from None
+        # Of a silent address RTSP says that the data are invalid.
+        reason = _reason(error, late=time.monotonic() > began + PATIENCE)
+        raise SourceLost(f"cannot open this stream: {reason}") from None
     with container:
         try:
             video = only_video(container)
@@ -230,14 +229,10 @@ def _pictures(container: InputContainer, video: VideoStream) -> Generator[Pictur
         raise SourceLost(_reason(error)) from None
 
 
-def _reason(error: Exception) -> str:
-    if isinstance(error, ExitError):
-        return _silent()
+def _reason(error: Exception, *, late: bool = False) -> str:
+    if late or isinstance(error, ExitError):
+        return f"nothing came for {PATIENCE:g} s"
     return getattr(error, "strerror", None) or str(error)
-
-
-def _silent() -> str:
-    return f"nothing came for {PATIENCE:g} s"
 
 
 @contextmanager

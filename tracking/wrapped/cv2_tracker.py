@@ -1,7 +1,8 @@
 """OpenCV's own trackers by their names; OpenCV's errors become sentences."""
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -66,14 +67,9 @@ class Cv2Tracker:
                 f"the region is {box[2]} x {box[3]} px; {self._place()} needs a side of at least "
                 f"{LEAST_MIL} px"
             )
-        try:
-            with silent_libraries():
-                return self._tracker.init(image, box)
-        except cv2.error as error:
-            raise ValueError(
-                f"{self._place()}: {_reason(error)} (for a region of {box[2]} x {box[3]} px in a "
-                f"picture of {image.shape[1]} x {image.shape[0]} px)"
-            ) from None
+        height, width = image.shape[:2]
+        with self._named(f" (region: {box[2]} x {box[3]} px, picture: {width} x {height} px)"):
+            return self._tracker.init(image, box)
 
     def update(self, image: Image) -> tuple[bool, Any]:
         """Return (ok, box) of the target in the next picture; ok is False where it is not seen.
@@ -86,11 +82,11 @@ class Cv2Tracker:
         if image.shape != self._size:
             return False, None
         try:
-            with silent_libraries():
+            with self._named():
                 found, box = self._tracker.update(image)
-        except cv2.error as error:
+        except ValueError:
             if self._models and not self._proven:
-                raise ValueError(f"{self._place()}: {_reason(error)}") from None
+                raise
             return False, None
         self._proven = True
         return found and min(box[2:]) > 0, box
@@ -114,11 +110,17 @@ class Cv2Tracker:
         settings = getattr(cv2, f"Tracker{self._name}_Params")()
         for part, path in zip(parts, self._models, strict=True):
             setattr(settings, part, str(path))
+        with self._named():
+            return made_by.create(settings)
+
+    @contextmanager
+    def _named(self, end: str = "") -> Generator[None]:
+        """Raise a ValueError with the tracker's name and files for OpenCV's errors in the block."""
         try:
             with silent_libraries():
-                return made_by.create(settings)
+                yield
         except cv2.error as error:
-            raise ValueError(f"{self._place()}: {_reason(error)}") from None
+            raise ValueError(f"{self._place()}: {_reason(error)}{end}") from None
 
     def _place(self) -> str:
         files = ", ".join(map(str, self._models))
