@@ -1,10 +1,10 @@
 """Files that a setting names: the user's own, or shipped ones in `scenes`."""
 
-import os
 from importlib import resources
 from pathlib import Path
 
 from sim.files.notices import Notice, notice
+from sim.files.packages import is_file
 
 FOLDER_NAMES = (".", "..")
 """Paths without a slash."""
@@ -35,7 +35,7 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
     files = (resources.files("scenes") / folder).iterdir()
     shipped = {f.name: Path(str(f)) for f in files if f.name.endswith(suffix)}
     found = shipped.get(name if own.suffix else name + suffix)
-    if "/" in name or name in FOLDER_NAMES or (_is_file(name) and (own.suffix or not found)):
+    if "/" in name or name in FOLDER_NAMES or (is_file(own) and (own.suffix or not found)):
         warn_of_shipped(name)
         return own
     if not found and not own.suffix:
@@ -56,12 +56,8 @@ def warn_of_shipped(name: str) -> None:
 
 def warn_of_own(name: str, file: str, what: str) -> None:
     """Warn that a bare name stands for something shipped if the user has a file of its name."""
-    if _is_file(file):
+    if is_file(Path(file)):
         notice(
             f"{what} = {name!r} is the shipped one, not your {file}: write {file} for that",
             SameName,
         )
-
-
-def _is_file(name: str) -> bool:
-    return os.path.isfile(name)  # noqa: PTH113  (Path refuses a name that no file can have)

@@ -12,7 +12,7 @@ import numpy as np
 
 from sim.types import Array
 from tracking.appearance.bins import LabelledImage
-from tracking.appearance.layout import Layout, histograms, ring
+from tracking.appearance.layout import TINY, Layout, histograms, ring
 from tracking.types import Region, State
 
 # Rates as published trackers have them: 0.04 in Staple and CSRT, 0.05 in DAT. The share of the
@@ -29,8 +29,6 @@ SURROUNDINGS_DENSITY = 32
 """Points along each side of the background."""
 RARE = 1e-4
 """Mass of a bin [share of a histogram] below which it carries no information."""
-TINY = 1e-12
-"""Least divisor: it keeps the division by an empty histogram's sum finite."""
 
 
 class Reference:

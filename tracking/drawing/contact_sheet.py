@@ -70,14 +70,13 @@ def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) ->
 def page(tiles: Sequence[Image]) -> Image:
     """Return a picture with tiles (h, `TILE`, 3) in rows of four."""
     height = max(t.shape[0] for t in tiles)
-    width = TILE
     columns = min(COLUMNS, len(tiles))
     rows = -(-len(tiles) // columns)
-    whole = np.full((rows * (height + GAP) + GAP, columns * (width + GAP) + GAP, 3), 30, np.uint8)
+    whole = np.full((rows * (height + GAP) + GAP, columns * (TILE + GAP) + GAP, 3), 30, np.uint8)
     for i, one in enumerate(tiles):
         y = GAP + i // columns * (height + GAP)
-        x = GAP + i % columns * (width + GAP)
-        whole[y : y + one.shape[0], x : x + width] = one
+        x = GAP + i % columns * (TILE + GAP)
+        whole[y : y + one.shape[0], x : x + TILE] = one
     return whole
 
 

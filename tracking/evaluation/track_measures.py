@@ -223,13 +223,11 @@ def _shown(c: Comparison) -> NDArray[np.bool_]:
     return (c.track.milliseconds > 0) & (np.arange(len(c.track.milliseconds)) > 0)
 
 
-H = Better.HIGHER
-L = Better.LOWER
 MEASURES = (
     TrackMeasure(
         "auc",
         "",
-        H,
+        Better.HIGHER,
         "success: area under the curve of upright box overlap",
         lambda c: float(c.success().mean()),
         1.0,
@@ -237,7 +235,7 @@ MEASURES = (
     TrackMeasure(
         "auc_turned",
         "",
-        H,
+        Better.HIGHER,
         "the same for rectangles as they are turned",
         lambda c: float(np.mean(c.turned_overlaps > OVERLAPS[:, None])),
         1.0,
@@ -245,7 +243,7 @@ MEASURES = (
     TrackMeasure(
         "auc_late_1",
         "",
-        H,
+        Better.HIGHER,
         "success, each frame compared with the estimate of the frame before",
         lambda c: late_success(c, 1),
         1.0,
@@ -253,7 +251,7 @@ MEASURES = (
     TrackMeasure(
         "auc_late_3",
         "",
-        H,
+        Better.HIGHER,
         "the same of three frames before: 100 ms at 30 Hz",
         lambda c: late_success(c, 3),
         1.0,
@@ -261,7 +259,7 @@ MEASURES = (
     TrackMeasure(
         "auc_streamed",
         "",
-        H,
+        Better.HIGHER,
         "the same for pictures at 30 Hz, late by the measured time, without those missed",
         streamed_success,
         1.0,
@@ -269,7 +267,7 @@ MEASURES = (
     TrackMeasure(
         "expected_overlap",
         "",
-        H,
+        Better.HIGHER,
         "mean overlap of the first n frames, 0 from a loss on, averaged over all n",
         expected_overlap,
         1.0,
@@ -277,7 +275,7 @@ MEASURES = (
     TrackMeasure(
         "precision_20",
         "",
-        H,
+        Better.HIGHER,
         "share of frames with an error of at most 20 px",
         lambda c: float(c.precision()[NEAR]),
         1.0,
@@ -285,7 +283,7 @@ MEASURES = (
     TrackMeasure(
         "precision_norm",
         "",
-        H,
+        Better.HIGHER,
         "area under the curve of error over the target's size",
         lambda c: float(np.mean(_relative(c) <= SHARES[:, None])),
         1.0,
@@ -293,34 +291,42 @@ MEASURES = (
     TrackMeasure(
         "rmse_px",
         "px",
-        L,
+        Better.LOWER,
         "root mean square error of the centre",
         lambda c: float(np.sqrt(np.mean(c.errors**2))),
     ),
     TrackMeasure(
-        "mean_error_px", "px", L, "mean error of the centre", lambda c: float(np.mean(c.errors))
+        "mean_error_px",
+        "px",
+        Better.LOWER,
+        "mean error of the centre",
+        lambda c: float(np.mean(c.errors)),
     ),
     TrackMeasure(
-        "angle_rmse_deg", "deg", L, "root mean square error of theta", lambda c: _state_rmse(c, 2)
+        "angle_rmse_deg",
+        "deg",
+        Better.LOWER,
+        "root mean square error of theta",
+        lambda c: _state_rmse(c, 2),
     ),
     TrackMeasure(
         "scale_rmse",
         "",
-        L,
+        Better.LOWER,
         "root mean square relative error of the size",
         lambda c: _state_rmse(c, 3),
     ),
     TrackMeasure(
         "frames_until_loss",
         "",
-        H,
+        Better.HIGHER,
         "frames before five in a row off by the target's size",
         frames_until_loss,
     ),
     TrackMeasure(
         "completed",
         "",
-        H,
+        Better.HIGHER,
         "1 if it was never lost",
         lambda c: float(frames_until_loss(c) == len(c.errors)),
         1.0,
@@ -328,7 +334,7 @@ MEASURES = (
     TrackMeasure(
         "held",
         "",
-        H,
+        Better.HIGHER,
         "1 if the overlap exceeds 0.5 in 90 % of the frames",
         lambda c: float(np.mean(c.overlaps > HALF) >= MOST),
         1.0,
@@ -336,7 +342,7 @@ MEASURES = (
     TrackMeasure(
         "lost_auc",
         "",
-        H,
+        Better.HIGHER,
         "area under the ROC of 1 - confidence as a sign of being off",
         lost_signal,
         1.0,
@@ -344,14 +350,14 @@ MEASURES = (
     TrackMeasure(
         "milliseconds",
         "ms",
-        L,
+        Better.LOWER,
         "median time for a frame",
         lambda c: float(np.median(c.track.milliseconds[_shown(c)])) if _shown(c).any() else 0.0,
     ),
     TrackMeasure(
         "evaluations",
         "",
-        L,
+        Better.LOWER,
         "mean number of histograms read for a frame",
         lambda c: float(np.mean(c.track.evaluations[_shown(c)])) if _shown(c).any() else 0.0,
     ),
