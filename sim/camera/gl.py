@@ -198,7 +198,12 @@ def finish() -> None:
     not while MuJoCo reads pixels.
     """
     if sys.platform == "linux":
-        ctypes.CDLL("libGL.so.1").glFinish()
+        _opengl().glFinish()
+
+
+@functools.cache  # opening it takes 0.1 ms
+def _opengl() -> ctypes.CDLL:
+    return ctypes.CDLL("libGL.so.1")
 
 
 def _before_fork() -> None:
