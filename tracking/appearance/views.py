@@ -1,7 +1,6 @@
 """Views of the target: small pictures of it, which recognise it by normalised correlation.
 
-They are the first one and some later ones that are trusted (Kalal, Mikolajczyk, Matas,
-Tracking-Learning-Detection, 2012).
+They are the first one and some later ones that are trusted (Kalal, Mikolajczyk, Matas 2012).
 """
 
 import math
