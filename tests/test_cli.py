@@ -115,7 +115,7 @@ def test_a_mistake_is_one_sentence_exit_2_and_leaves_nothing(monkeypatch, capfd,
 def test_without_a_gl_library_it_is_named_and_the_exact_renderer_is_used(
     monkeypatch, capfd, elsewhere, command
 ):
-    monkeypatch.setattr(gl, "_library", lambda name: None)
+    monkeypatch.setattr(gl, "LIBRARIES", {"egl": (("libGone.so.1",), gl.INSTALL)})
     monkeypatch.setattr(gl.sys, "platform", "linux")
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     monkeypatch.setenv(gl.WITHOUT, "")  # the command sets it: it is taken back after the test
@@ -124,7 +124,7 @@ def test_without_a_gl_library_it_is_named_and_the_exact_renderer_is_used(
     code, _, err = call(monkeypatch, capfd, *command)
     assert code == 0
     assert err == (
-        "servobench: The OpenGL library libEGL.so.1 is missing on this machine: "
+        "servobench: The OpenGL library libGone.so.1 is missing on this machine: "
         f'run {gl.INSTALL}. camera.renderer = "exact" is used.\n'
     )
     gl.is_there.cache_clear()

@@ -41,7 +41,7 @@ def machine_with(monkeypatch, *names, device=True):
         (
             ("libEGL.so.1",),
             True,
-            f"The OpenGL library libOpenGL.so.0 is missing on this machine: run {INSTALL}.",
+            f"The OpenGL library libGL.so.1 is missing on this machine: run {INSTALL}.",
         ),
         (
             ("libEGL.so.1", "libGL.so.1"),
@@ -93,8 +93,8 @@ def test_without_a_screen_glfw_says_what_is_known(monkeypatch, broken):
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     with pytest.raises(gl.NoRenderer) as refused:
         gl.call(int)
-    why = " (Failed to load GLFW3 shared library.)" if broken else ""
-    assert str(refused.value) == f"{gl.NO_SCREEN}{why}."
+    why = "Failed to load GLFW3 shared library." if broken else "GLFW made no window"
+    assert str(refused.value) == f"{gl.NO_CONTEXT} ({why})."
 
 
 def first_picture(*changes):
@@ -184,21 +184,16 @@ sys.exit(os.waitstatus_to_exitcode(os.wait()[1]))
 
 
 @pytest.mark.opengl
-@pytest.mark.parametrize("threads", [None, "2"])
-def test_a_fork_of_a_process_that_has_rendered_renders_or_says_why_not(threads):
+def test_a_fork_of_a_process_that_has_rendered_renders():
     others = {k: v for k, v in os.environ.items() if k != gl.MESA_THREADS}
     done = subprocess.run(
         [sys.executable, "-c", FORKS],
-        env=others if threads is None else {**others, gl.MESA_THREADS: threads},
+        env=others,
         capture_output=True,
         text=True,
         check=False,
     )
-    now = (
-        [renderer.ELSEWHERE, "(240, 320, 3)"]
-        if threads is None
-        else [renderer.ELSEWHERE, gl.FORKED]
-    )
+    now = [renderer.ELSEWHERE, "(240, 320, 3)"]
     assert (done.returncode, done.stdout.splitlines()) == (0, now), done.stderr
 
 

@@ -11,7 +11,6 @@ import servo  # noqa: E402
 import servo.gym  # noqa: E402
 from servo import Mistake  # noqa: E402
 from servo.output import display  # noqa: E402
-from sim.camera import gl  # noqa: E402
 
 SHORT = ["run.duration=0.4", "tracker.particles=20"]
 
@@ -94,19 +93,6 @@ def test_mistakes_are_one_sentence(given, message, monkeypatch):
     with pytest.raises(Mistake) as found:
         servo.gym.ServoEnv(**given)
     assert str(found.value) == message
-
-
-def test_tritons_library_is_loaded_before_mesas(monkeypatch, tmp_path):
-    """Both contain LLVM; in the other order `stable_baselines3.PPO(env)` crashed the process."""
-    (tmp_path / "triton").mkdir()
-    (tmp_path / "triton" / "__init__.py").touch()
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delenv("MUJOCO_GL", raising=False)
-    loaded = []
-    monkeypatch.setattr(gl, "_library", lambda name: loaded.append(name) or name)
-    monkeypatch.setattr(gl, "_has_device", lambda: bool(loaded.append("driver")) or True)
-    gl.backend()
-    assert loaded == [f"{tmp_path}/triton/_C/libtriton.so", "libEGL.so.1", "libGL.so.1", "driver"]
 
 
 def test_a_mistake_can_be_made_of_one_as_a_vector_environment_does():

@@ -63,7 +63,7 @@ def test_a_pose_out_of_reach_is_not_reached():
 def test_other_systems_and_libraries_render_too(monkeypatch, platform, asked, found):
     monkeypatch.setattr(gl.sys, "platform", platform)
     monkeypatch.setenv(gl.CHOSEN_BY, asked)
-    monkeypatch.setattr(gl, "_require", lambda name, remedy: name)
+    monkeypatch.setattr(gl, "LIBRARIES", {"osmesa": ((), "")})
     assert gl.backend() == found
 
 

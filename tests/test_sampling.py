@@ -3,7 +3,7 @@ import pytest
 
 from tracking.loops import particle_loops
 from tracking.search.particles import ParticleFilter
-from tracking.types import Region, State
+from tracking.types import LARGEST_LOG, Region, State
 
 RNG = np.random.default_rng(8)
 
@@ -30,16 +30,14 @@ def test_mean_and_covariance_are_the_weighted_ones():
     )
 
 
-def test_moving_and_packing_samples_agree_with_numpy():
-    samples, draws = RNG.normal(size=(30, 4)), RNG.normal(size=(30, 4))
-    change, spread = np.array([3.0, -2.0, 0.1, 0.2]), np.array([1.0, 2.0, 0.3, 0.4])
-    expected = samples + change + spread * draws
-    expected[:, 3] = expected[:, 3].clip(-0.5, 0.5)
-    moved = particle_loops.moved(samples, change, spread, draws, 0.5)
-    np.testing.assert_allclose(moved, expected, rtol=1e-14)
-    weights = RNG.dirichlet(np.ones(30))
-    packed = np.column_stack([samples[:, :3], np.exp(samples[:, 3]), weights])
-    np.testing.assert_allclose(particle_loops.cloud(samples, weights), packed, rtol=1e-14)
+def test_samples_move_with_noise_and_their_size_is_limited():
+    region, state = Region(40.0, 10.0), State(100.0, 50.0)
+    cloud = ParticleFilter(region, state, 4000, (0.1, 0.3, 0.4), np.random.default_rng(0))
+    cloud.predict(np.array([3.0, -2.0, 0.1, 0.2]), 2.0)
+    np.testing.assert_allclose(cloud.samples.mean(axis=0), [103.0, 48.0, 0.1, 0.2], atol=0.1)
+    np.testing.assert_allclose(cloud.samples.std(axis=0), [4.0, 4.0, 0.6, 0.8], rtol=0.05)
+    cloud.predict(np.array([0.0, 0.0, 0.0, 1e3]))
+    assert set(cloud.samples[:, 3]) == {LARGEST_LOG}
 
 
 def test_systematic_resampling_agrees_with_numpy_whatever_the_weights_sum_to():

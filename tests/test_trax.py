@@ -143,15 +143,6 @@ def test_a_box_whose_area_vanishes_has_none():
         follow(config("vanishes"))
 
 
-def test_a_server_that_answers_twice_is_out_of_step():
-    tracker = config("twice").build(np.random.default_rng(0))
-    tracker.start(frame(0), REGION, START)
-    tracker.update(frame(1))
-    time.sleep(0.5)  # the second answer has come
-    with pytest.raises(ValueError, match=r"said state unasked$"):
-        tracker.update(frame(2))
-
-
 @pytest.mark.parametrize(("mode", "wanted"), [("silent", "hello"), ("hangs", "state")])
 def test_a_server_that_hangs_is_ended(mode, wanted):
     settings, began = config(mode, timeout=0.8), time.monotonic()

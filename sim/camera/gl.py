@@ -7,14 +7,12 @@ thing, so this file checks first.
 import ctypes
 import functools
 import importlib
-import importlib.util
 import os
 import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
@@ -24,17 +22,24 @@ INSTALL = (
     "'apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri' (Debian, Ubuntu), "
     "'dnf install mesa-libEGL mesa-libGL mesa-dri-drivers' (Fedora) or 'pacman -S mesa' (Arch)"
 )
-"""What brings OpenGL without a GPU."""
-NO_SCREEN = (
-    "GLFW made no OpenGL context. macOS and Windows bring OpenGL, but give it to a user who is "
-    "logged in at the screen only, not over ssh or to a service; servobench is tested on Linux"
+"""Commands that install OpenGL without a GPU."""
+LIBRARIES = {
+    "egl": (("libEGL.so.1", "libGL.so.1"), INSTALL),
+    "osmesa": (
+        ("libOSMesa.so.8",),
+        "'apt-get install --no-install-recommends libosmesa6 libgl1'",
+    ),
+}
+"""Libraries that each back end needs on Linux, and the command that installs them."""
+NO_CONTEXT = (
+    "OpenGL made no context. macOS brings OpenGL, but gives it to a user who is logged in at the "
+    "screen only, not over ssh or to a service; servobench is tested on Linux"
 )
 CHOSEN_BY = "MUJOCO_GL"
 OFF = ("off", "disable", "disabled", "false", "0")
-ANY = ("", "on", "enable", "enabled", "true", "1", "glfw")
-NATIVE = {"linux": ("glx", "egl", "osmesa"), "win32": ("wgl",), "darwin": ("cgl",)}
-"""Names of back ends that MuJoCo takes on every system, and on one."""
-OSMESA = ("libOSMesa.so.8", "'apt-get install --no-install-recommends libosmesa6 libgl1'")
+"""Values of MUJOCO_GL that switch rendering off."""
+KNOWN = (*OFF, "", "on", "enable", "enabled", "true", "1", "glfw", "glx", "cgl", *LIBRARIES)
+"""Values of MUJOCO_GL that MuJoCo accepts on Linux or macOS."""
 NO_WINDOW = 16
 """Side of a context's own buffer [px]: everything is rendered into buffers of MuJoCo's."""
 KEPT = threading.local()
@@ -48,18 +53,13 @@ RETURNED: dict[int, SimpleQueue[Callable[[], object]]] = {}
 Result = TypeVar("Result")
 
 WITHOUT = "SERVOBENCH_WITHOUT_OPENGL"
-"""Set where there is no OpenGL, and this was said: processes that are started say it no more."""
+"""Variable that is set once the user was told that there is no OpenGL: child processes do not
+repeat it."""
 RASTERISERS = ("llvmpipe", "softpipe", "swrast")
-"""How Mesa's rasterisers, which draw on the processor, call themselves."""
+"""Beginnings of the names of Mesa's rasterisers, which draw on the processor."""
 MESA_THREADS = "LP_NUM_THREADS"
 """Number of threads of Mesa's rasteriser. They do not survive a fork, and a child would wait for
 them for ever, so by default there are none; pictures of 320 x 240 px lose no time by it."""
-WITH_THREADS: set[int] = set()
-"""The processes that had such threads when they were forked, from the first ancestor on."""
-FORKED = (
-    "This process was forked from one that has rendered with threads of Mesa's, which a fork does "
-    f'not have: start processes with context="spawn", or unset {MESA_THREADS}.'
-)
 
 
 class NoRenderer(RuntimeError):
@@ -67,7 +67,7 @@ class NoRenderer(RuntimeError):
 
 
 def backend() -> str:
-    """The off-screen back end to use: 'egl' or 'osmesa' on Linux, 'glfw' elsewhere.
+    """Return MuJoCo's name of the back end: 'egl' or 'osmesa' on Linux, 'glfw' elsewhere.
 
     Raises:
         NoRenderer: A library is missing, or the user switched rendering off.
@@ -78,25 +78,20 @@ def backend() -> str:
         raise NoRenderer(f"Rendering is switched off by {CHOSEN_BY}={asked}: unset it.")
     if sys.platform != "linux":
         return "glfw"
-    _load_triton()
-    if asked == "osmesa":
-        _require(*OSMESA)
-        return "osmesa"
-    _require("libEGL.so.1", INSTALL)
-    if _library("libGL.so.1") is None:
-        _require("libOpenGL.so.0", INSTALL)
+    name = "osmesa" if asked == "osmesa" else "egl"
+    _require(name)
     with silent_libraries():
-        answers = _has_device()
+        answers = name == "osmesa" or _has_device()
     if not answers:
         raise NoRenderer(
             f"No OpenGL driver answers on this machine (libEGL finds no device): run {INSTALL}."
         )
-    return "egl"
+    return name
 
 
 @functools.cache
 def is_there() -> bool:
-    """Return whether this machine has OpenGL; print a line where it has none."""
+    """Return whether this machine has OpenGL; print a line on stderr if it has not."""
     try:
         backend()
         if sys.platform != "linux":  # it is known only when a context is made
@@ -110,16 +105,16 @@ def is_there() -> bool:
 
 
 def check_environment() -> None:
-    """Check what MuJoCo and PyOpenGL read when they are imported, and would fail on.
+    """Check the variables that MuJoCo and PyOpenGL read when they are imported.
 
     Raises:
         NoRenderer: MUJOCO_GL names a back end that does not exist, or is not on this machine.
     """
     asked = _asked()
-    if asked not in (*ANY, *OFF, *NATIVE.get(sys.platform, ())):
+    if asked not in KNOWN:
         raise NoRenderer(f"{CHOSEN_BY}={asked}: there is no such back end: unset it, or use egl.")
-    if asked in ("egl", "osmesa"):
-        _require(*OSMESA) if asked == "osmesa" else _require("libEGL.so.1", INSTALL)
+    if asked in LIBRARIES:
+        _require(asked)
     os.environ.pop("PYOPENGL_PLATFORM", None)  # MuJoCo sets it to its back end
 
 
@@ -130,8 +125,7 @@ def call(function: Callable[..., Result], *args: object) -> Future[Result]:
     others, and worlds may be used in any thread.
 
     Raises:
-        NoRenderer: As for `backend`, or the process was forked from one with threads of Mesa's; by
-            the result.
+        NoRenderer: As for `backend`, or OpenGL makes no context; by the result.
     """
     if sys.platform != "linux":  # GLFW makes contexts in the main thread only
         done: Future[Result] = Future()
@@ -151,7 +145,7 @@ def call_later(function: Callable[..., object], *args: object) -> None:
 
 
 def rendering() -> ThreadPoolExecutor:
-    """The thread of this process that makes pictures; a fork waits until it is idle."""
+    """Return the thread of this process that makes pictures; a fork waits until it is idle."""
     return RENDERING.setdefault(os.getpid(), ThreadPoolExecutor(1, "rendering"))
 
 
@@ -160,8 +154,6 @@ def _with_context(function: Callable[..., Result], *args: object) -> Result:
     depends on MUJOCO_GL at the time mujoco was imported.
     """
     if not hasattr(KEPT, "context"):
-        if WITH_THREADS - {os.getpid()}:
-            raise NoRenderer(FORKED)
         KEPT.context = _new_context(backend())
         KEPT.context.make_current()
     returned = RETURNED.setdefault(os.getpid(), SimpleQueue())
@@ -174,22 +166,20 @@ def _with_context(function: Callable[..., Result], *args: object) -> Result:
 def _new_context(name: str) -> Any:
     try:
         context: Any = importlib.import_module(f"mujoco.{name}").GLContext(NO_WINDOW, NO_WINDOW)
+        if name == "glfw" and not context._context:
+            raise RuntimeError("GLFW made no window")  # MuJoCo goes on without one
     except Exception as error:
-        if name != "glfw":
-            raise
-        raise NoRenderer(f"{NO_SCREEN} ({error}).") from error
-    if name == "glfw" and not context._context:  # without a screen GLFW gives no window
-        raise NoRenderer(f"{NO_SCREEN}.")
+        raise NoRenderer(f"{NO_CONTEXT} ({error}).") from error
     return context
 
 
 def describe() -> str:
-    """The name the OpenGL driver gives itself, and its version."""
+    """Return the name that the OpenGL driver gives itself, and its version."""
     return call(_names).result()
 
 
 def has_gpu() -> bool:
-    """Return whether a GPU draws what OpenGL is asked for; Mesa's own rasterisers are none."""
+    """Return whether OpenGL renders on a GPU, not by one of Mesa's rasterisers."""
     try:
         backend()
         return not describe().startswith(RASTERISERS)
@@ -208,23 +198,19 @@ def finish() -> None:
     not while MuJoCo reads pixels.
     """
     if sys.platform == "linux":
-        _finish()()
+        _opengl().glFinish()
 
 
-@functools.cache
-def _finish() -> Callable[[], None]:
-    library = _library("libOpenGL.so.0") or ctypes.CDLL("libGL.so.1")
-    return library.glFinish
+@functools.cache  # opening it takes 0.1 ms
+def _opengl() -> ctypes.CDLL:
+    return ctypes.CDLL("libGL.so.1")
 
 
 def _before_fork() -> None:
-    """Wait until the rendering thread is idle, and note whether Mesa has threads."""
+    """Wait until the rendering thread is idle: a fork would copy locks that it holds."""
     if os.getpid() in RENDERING:
         with suppress(RuntimeError):  # the interpreter is shutting down
             RENDERING[os.getpid()].submit(int).result()
-    names = (task.read_text() for task in Path("/proc/self/task").glob("*/comm"))
-    if any(name.startswith("llvmpipe") for name in names):
-        WITH_THREADS.add(os.getpid())
 
 
 os.register_at_fork(before=_before_fork)
@@ -234,30 +220,25 @@ def _asked() -> str:
     return os.environ.get(CHOSEN_BY, "").strip().lower()
 
 
-def _library(name: str) -> ctypes.CDLL | None:
-    try:
-        return ctypes.CDLL(name)
-    except OSError:
-        return None
+def _require(name: str) -> None:
+    """Load the libraries of a back end.
 
-
-def _load_triton() -> None:
-    """Load the library of Triton, which comes with PyTorch, before Mesa's: both contain LLVM, and
-    in the other order the process crashes (Triton of PyTorch 2.15, Mesa 22.3; 0.1 s).
+    Raises:
+        NoRenderer: One is missing.
     """
-    found = importlib.util.find_spec("triton")
-    for folder in (found.submodule_search_locations if found else None) or ():
-        _library(f"{folder}/_C/libtriton.so")
-
-
-def _require(name: str, remedy: str) -> None:
-    if _library(name) is None:
-        raise NoRenderer(f"The OpenGL library {name} is missing on this machine: run {remedy}.")
+    libraries, remedy = LIBRARIES[name]
+    for library in libraries:
+        try:
+            ctypes.CDLL(library)
+        except OSError:
+            raise NoRenderer(
+                f"The OpenGL library {library} is missing on this machine: run {remedy}."
+            ) from None
 
 
 def _has_device() -> bool:
-    """Try to initialise an EGL device (needs a DRI driver, which libEGL alone does not
-    bring).
+    """Return whether an EGL device can be initialised: it needs a DRI driver, which libEGL alone
+    does not bring.
     """
     try:
         egl: Any = importlib.import_module("mujoco.egl")

@@ -1,1 +1,1 @@
-"""Reading files that a user names: only regular ones, up to a size, never by what they claim."""
+"""Reading of files that a user names: only regular files, up to a limit of size."""

@@ -1,31 +1,37 @@
-"""The files behind a file: those that it names, and those that these name.
+"""Files that a file refers to, directly or through other files.
 
 MJCF and URDF name meshes, pictures and other models; OBJ names materials, and these name pictures;
 ONNX names files with weights. A name is looked for in more folders than a reader would look in: a
-file too many does no harm, and one that is missed leaves old results in place of new ones.
+file too many does no harm, and without a file that belongs to it, old results would be taken for
+new ones.
 """
 
 import functools
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path, PurePath
 from xml.etree import ElementTree
 
 from sim.files.packages import folders_above, is_file, package_folder, parted
 
-URI = re.compile(rb'"uri"\s*:\s*"([^":]*)"')
-"""The name of a file in glTF; contents begin with "data:"."""
+NAMES = {
+    ".obj": re.compile(rb"^\W*mtllib\s+(.+)$", re.IGNORECASE | re.MULTILINE),
+    ".mtl": re.compile(rb"^\s*\w+\s+(.+)$", re.MULTILINE),
+    ".gltf": re.compile(rb'"uri"\s*:\s*"([^":]*)"'),
+    ".glb": re.compile(rb'"uri"\s*:\s*"([^":]*)"'),
+}
+"""Texts with the names of files, by suffix. Contents in glTF begin with "data:"."""
 COLLADA = ("init_from", "ref")
 """Ends of the elements of Collada with the name of a picture."""
 BEGIN = b"\xef\xbb\xbf\xff\xfe\0 \t\r\n"
-"""What may be in front of XML."""
-LOCATION = re.compile(rb"\n\x08location\x12")
-"""An entry of `TensorProto.external_data` in ONNX up to its value: fields 1 and 2 of the message,
-both of bytes. It is found in any graph, at any depth."""
+"""Bytes that may stand before the first element of XML."""
+LOCATION = re.compile(rb"\n\x08location\x12([\x80-\xff]{0,3}[\x00-\x7f])")
+"""An entry of `TensorProto.external_data` in ONNX up to the length of its value, a varint: fields 1
+and 2 of the message, both of bytes. It is found in any graph, at any depth."""
 
 
 def files_behind(path: Path) -> set[Path]:
-    """Return a file and all that it refers to, of what exists.
+    """Return a file and all existing files that it refers to, directly or through others.
 
     Raises:
         OSError: A file cannot be read.
@@ -53,27 +59,25 @@ def files_behind(path: Path) -> set[Path]:
 
 @functools.lru_cache(maxsize=1024)  # each run of a study asks again
 def _named(path: Path, changed: int, size: int) -> tuple[frozenset[str], frozenset[str]]:
-    """Return the names of files in a file that has this size and was changed then [ns], and the
-    folders that it names.
+    """Return the names of files and the names of folders in a file.
+
+    Args:
+        path: The file.
+        changed: Time of its last change [ns]; with the size, it tells whether the cache is valid.
+        size: Its size [bytes].
     """
     del changed, size
-    match path.suffix.lower():
-        case ".obj":
-            lines = (words for words in _lines(path) if words[0].lower() == "mtllib")
-        case ".mtl":
-            lines = _lines(path)
-        case ".onnx":
-            return frozenset(_locations(path.read_bytes())), frozenset()
-        case ".gltf" | ".glb":
-            found = URI.findall(path.read_bytes())
-            return frozenset(name.decode("utf-8", "surrogateescape") for name in found), frozenset()
-        case _:
-            return _in_xml(path)
-    return frozenset(_ends(lines)), frozenset()
+    suffix = path.suffix.lower()
+    if suffix in NAMES:
+        texts = NAMES[suffix].findall(path.read_bytes())
+        return frozenset(end for text in texts for end in _ends(_decoded(text))), frozenset()
+    if suffix == ".onnx":
+        return frozenset(_locations(path.read_bytes())), frozenset()
+    return _in_xml(path)
 
 
 def _in_xml(path: Path) -> tuple[frozenset[str], frozenset[str]]:
-    """Return the names of files and of folders in a model; none where it is no XML."""
+    """Return the names of files and the names of folders in a model; none if it is not XML."""
     with path.open("rb") as file:
         if not file.read(64).lstrip(BEGIN).startswith(b"<"):
             return frozenset(), frozenset()
@@ -87,29 +91,22 @@ def _in_xml(path: Path) -> tuple[frozenset[str], frozenset[str]]:
     return frozenset(names), frozenset(value for key, value in every if key.endswith("dir"))
 
 
-def _lines(path: Path) -> Iterator[list[str]]:
-    """Yield the words of each line that has some."""
-    with path.open(encoding="utf-8-sig", errors="surrogateescape") as file:
-        yield from filter(None, (line.split() for line in file))
-
-
-def _ends(lines: Iterable[list[str]]) -> Iterator[str]:
-    """Yield each word of lines but the first, and each rest of a line: names may have spaces, and
-    options stand before them.
+def _ends(text: str) -> Iterator[str]:
+    """Yield each word of a text, and the text from each word on: names may have spaces, and options
+    stand before them.
     """
-    for _, *words in lines:
-        for i, word in enumerate(words):
-            yield word
-            yield " ".join(words[i:])
+    words = text.split()
+    for i, word in enumerate(words):
+        yield word
+        yield " ".join(words[i:])
 
 
 def _locations(content: bytes) -> Iterator[str]:
     """Yield the names of files with the weights of a network."""
     for entry in LOCATION.finditer(content):
-        size = 0
-        for shift, byte in enumerate(content[entry.end() : entry.end() + 4]):  # a varint
-            size |= (byte & 0x7F) << 7 * shift
-            if byte < 0x80:
-                begin = entry.end() + shift + 1
-                yield content[begin : begin + size].decode("utf-8", "surrogateescape")
-                break
+        size = sum((byte & 0x7F) << 7 * place for place, byte in enumerate(entry[1]))
+        yield _decoded(content[entry.end() : entry.end() + size])
+
+
+def _decoded(name: bytes) -> str:
+    return name.decode("utf-8", "surrogateescape")

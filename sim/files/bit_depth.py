@@ -1,4 +1,4 @@
-"""Pictures of 16 bits as such of 8: many cameras use only 10, 12 or 14 of the 16."""
+"""Conversion of pictures of 16 bits to 8: many cameras use only 10, 12 or 14 of the 16 bits."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,23 +7,24 @@ from sim.types import Image
 
 DEEP = 16
 USED = (8, 10, 12, 14, DEEP)
-"""Bits that cameras use."""
+"""Numbers of bits that cameras use."""
 WHITE = 255
 
 
 class BitDepth:
-    """The bits in use in the pictures of one source: the fewest of `USED` that hold the largest
-    value of the first picture of 16 bits which is not black. They are kept for all pictures, so
-    that the same brightness keeps its value.
+    """The number of bits in use in the pictures of one source.
+
+    It is the smallest of `USED` that holds the largest value of the first picture of 16 bits that
+    is not black, and the same for all later pictures, so that a brightness keeps its value.
     """
 
     used: int | None = None
-    """None until there was such a picture."""
+    """The number of bits; None before the first such picture."""
     notes: tuple[str, ...] = ()
-    """A sentence for the user, if fewer than 16 bits are used."""
+    """A sentence for the user if fewer than 16 bits are used."""
 
     def uses_all(self, deep: NDArray[np.uint16]) -> bool:
-        """Return whether all 16 bits are used, in the source of a picture (H, W, ...), uint16."""
+        """Return whether the source of a picture (H, W, ...), uint16, uses all 16 bits."""
         largest = int(deep.max(initial=0))
         if self.used is None and largest > 0:
             self.used = next(bits for bits in USED if largest < 1 << bits)
@@ -35,7 +36,7 @@ class BitDepth:
         return self.used == DEEP
 
     def reduced(self, deep: NDArray[np.uint16]) -> Image:
-        """Return a picture (H, W, ...), uint16, by the highest 8 of the bits in use, as uint8."""
+        """Return the highest 8 of the bits in use of a picture (H, W, ...), uint16, as uint8."""
         self.uses_all(deep)
         shift = (self.used or DEEP) - 8
         return np.minimum(deep >> shift, WHITE).astype(np.uint8)

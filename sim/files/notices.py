@@ -1,14 +1,14 @@
-"""Sentences about a user's files that are no errors: warnings that the command line prints."""
+"""Warnings about a user's files, which the command line prints as one line each."""
 
 import functools
 import warnings
 
 
 class Notice(UserWarning):
-    """A sentence for the user about a file."""
+    """A warning about a user's file."""
 
 
-@functools.cache  # a part is built several times, and it is said once
+@functools.cache  # a part is built several times, but warns once
 def notice(sentence: str, kind: type[Notice] = Notice) -> None:
-    """Warn of something."""
+    """Warn with a sentence, once in a process."""
     warnings.warn(sentence, kind, stacklevel=3)

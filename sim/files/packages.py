@@ -1,41 +1,41 @@
-"""Folders of ROS packages, found by their names around a model that names files in them."""
+"""Folders of ROS packages, found by name around a model that refers to files in them."""
 
 import os
 import re
 from collections.abc import Iterator
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
 FILE = re.compile("^file:(//)?", re.IGNORECASE)
 IN_PACKAGE = re.compile(r"^(?:(?:package|model)://+|\$\(find\s+)([^/)]+)\)?/+(.*)", re.IGNORECASE)
-"""How URDF begins the name of a file, other than with its path."""
+"""Name of a file in a ROS package, as URDF has it."""
 AROUND = 4
-"""Folders above a model whose content is looked through: urdf, its package, a repository, src."""
+"""Number of folders above a model that are searched: urdf, its package, a repository, src."""
 MOST = 1000
-"""Folders that are looked through in each: a model may be in a home folder."""
+"""Most folders that are searched in each of them: a model may lie in a home folder."""
 
 
 def parted(name: str) -> tuple[str, str]:
-    """Return the ROS package in the name of a file, empty where there is none, and the path."""
+    """Return the ROS package in the name of a file, "" without one, and the path in it."""
     plain = FILE.sub("", unquote(name).replace("\\", "/"))
     found = IN_PACKAGE.match(plain)
     return (found[1], found[2]) if found else ("", plain)
 
 
 def is_file(path: Path) -> bool:
-    """Return whether there is a file; never of a name that no file can have."""
+    """Return whether a path is a file; false for a name that no file can have."""
     return os.path.isfile(path)  # noqa: PTH113 (Path's raises for such a name)
 
 
 def folders_above(model: Path) -> list[Path]:
-    """Return the folders above a file, the nearest first; then those above what it links to."""
+    """Return the folders above a file, the nearest first, then those above the target of a link."""
     return list(dict.fromkeys((*model.absolute().parents, *model.resolve().parents)))
 
 
 def package_folder(model: Path, package: str, inside: str) -> Path | None:
-    """Return the folder of a ROS package that has a file of a given path; None without one."""
+    """Return the folder of a ROS package around a model that has a file `inside`; else None."""
     having = (folder for folder in _around(model, package) if is_file(folder / inside))
     own = next((folder for folder in having if _name_of(folder) == package), None)
     # Else one of this name whose package.xml has another.
@@ -44,34 +44,18 @@ def package_folder(model: Path, package: str, inside: str) -> Path | None:
 
 
 def _around(model: Path, package: str) -> Iterator[Path]:
-    """Yield folders that may be a package, the most likely first."""
+    """Yield folders that may be a package of a name, the most likely first."""
     installed = Path(package, "share", package)
     for folder in folders_above(model):
         yield from (folder, folder / package, folder / installed, folder / "install" / installed)
     for folder in (*model.absolute().parents[:AROUND], *model.resolve().parents[:AROUND]):
-        yield from islice(_below(folder), MOST)
+        yield from islice(chain(sorted(folder.glob("[!.]*/")), folder.glob("[!.]*/[!.]*/")), MOST)
 
 
 def _name_of(folder: Path) -> str:
-    """The name of a package in a folder: that of its package.xml, else the folder's."""
+    """Return the name of the package in a folder, by its package.xml; else the folder's name."""
     try:
         found = ElementTree.parse(folder / "package.xml").findtext("name", "").strip()
     except (OSError, ElementTree.ParseError, ValueError, LookupError):
         found = ""
     return found or folder.name
-
-
-def _below(folder: Path) -> Iterator[Path]:
-    """Yield the folders in a folder, and then those in them."""
-    children = _in(folder)
-    yield from children
-    for child in children:
-        yield from _in(child)
-
-
-def _in(folder: Path) -> list[Path]:
-    try:
-        found = sorted(path for path in folder.iterdir() if path.is_dir())
-    except OSError:
-        return []
-    return [path for path in found if not path.name.startswith(".")]

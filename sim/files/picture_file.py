@@ -1,4 +1,4 @@
-"""Picture files as RGB, by OpenCV's readers."""
+"""Reading of picture files as RGB, by OpenCV."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ def read_image(file: Path, depth: BitDepth | None = None) -> Image:
 
     Args:
         file: The picture.
-        depth: That of the source it belongs to; without, the picture stands alone.
+        depth: Bits in use in its source; None: decided by this picture alone.
 
     Raises:
         ValueError: It cannot be read or decoded, or is too large.
@@ -67,7 +67,7 @@ def _read(data: bytes, flags: int) -> np.ndarray:
 
 
 def check_size(width: int, height: int, what: str = "the picture") -> None:
-    """Refuse a picture that is too large for memory; `what` is its name in the message.
+    """Refuse a picture by its sides [px]; `what` names it in the message.
 
     Raises:
         ValueError: A side is too long, or not positive.

@@ -1,4 +1,4 @@
-"""Reading of files that a user names: only regular files up to a limit of size."""
+"""Reading of files that a user names: only regular files, up to a limit of size."""
 
 import re
 import stat
@@ -16,11 +16,11 @@ KINDS = {
 
 
 def opened(path: Path, what: str) -> BinaryIO:
-    """A regular file, open for reading; a pipe or a device is refused before it is opened.
+    """Open a regular file for reading; a pipe or a device is refused before it is opened.
 
     Args:
         path: Its path; links are followed.
-        what: What it should be, for messages, such as "truth".
+        what: Kind of the file in messages, such as "truth".
 
     Raises:
         ValueError: It cannot be read, or is not a regular file.
@@ -36,11 +36,11 @@ def opened(path: Path, what: str) -> BinaryIO:
 
 
 def content(path: Path, what: str, most: int) -> bytes:
-    """The bytes of a regular file.
+    """Return the bytes of a regular file.
 
     Args:
         path: Its path.
-        what: What it should be, for messages.
+        what: Kind of the file in messages.
         most: Largest size [bytes].
 
     Raises:
@@ -59,7 +59,7 @@ def content(path: Path, what: str, most: int) -> bytes:
 
 
 def text(path: Path, what: str, most: int) -> str:
-    """The UTF-8 text of a regular file, without a byte order mark; arguments as for `content`.
+    """Return the UTF-8 text of a regular file, without a byte order mark; arguments as `content`.
 
     Raises:
         ValueError: As for `content`, or it is not UTF-8 text.
@@ -71,7 +71,7 @@ def text(path: Path, what: str, most: int) -> str:
 
 
 def names(folder: Path) -> list[Path]:
-    """The paths in a folder sorted by name, with numbers in names sorted by value.
+    """Return the paths in a folder sorted by name, numbers in names by value.
 
     Raises:
         ValueError: There is no such folder, or it cannot be read.
@@ -84,6 +84,6 @@ def names(folder: Path) -> list[Path]:
 
 
 def _by_number(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """A sort key by which 9.png comes before 10.png."""
+    """Return a sort key by which 9.png comes before 10.png."""
     parts = NUMBERS.split(path.name)
     return [(int(p), "") if i % 2 else (0, p) for i, p in enumerate(parts)], path.name

@@ -1,10 +1,10 @@
-"""Files that a setting names: the user's own, or those that are shipped in `scenes`."""
+"""Files that a setting names: the user's own, or shipped ones in `scenes`."""
 
-import os
 from importlib import resources
 from pathlib import Path
 
 from sim.files.notices import Notice, notice
+from sim.files.packages import is_file
 
 FOLDER_NAMES = (".", "..")
 """Paths without a slash."""
@@ -13,29 +13,29 @@ FOLDERS = ("robots", "targets")
 
 
 class SameName(Notice):
-    """The user's file and a shipped one have the same name; the sentence says which is taken."""
+    """A warning that a user's file and a shipped one have the same name, and which is used."""
 
 
 def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
-    """The file that a setting names: a shipped one by its bare name, else a path.
+    """Return the file that a setting names: a shipped one by its bare name, else a path.
 
-    A path with a slash is never looked up elsewhere. The full name of a shipped file stands for
-    it where the user has no file of this name.
+    A path with a slash is never a shipped file. The full name of a shipped file stands for it
+    unless the user has a file of this name.
 
     Args:
         name: Such as "duck", "duck.obj" or "mine/duck.obj".
-        folder: Of the shipped files, in `scenes`.
-        suffix: Of the shipped files, such as ".obj".
-        setting: What messages call it, such as "file".
+        folder: Folder of the shipped files in `scenes`.
+        suffix: Suffix of the shipped files, such as ".obj".
+        setting: Name of the setting in messages, such as "file".
 
     Raises:
-        ValueError: It is a bare name, and no file of this name is shipped or there.
+        ValueError: No shipped file has this bare name.
     """
     own = Path(name)
     files = (resources.files("scenes") / folder).iterdir()
     shipped = {f.name: Path(str(f)) for f in files if f.name.endswith(suffix)}
     found = shipped.get(name if own.suffix else name + suffix)
-    if "/" in name or name in FOLDER_NAMES or (_is_file(name) and (own.suffix or not found)):
+    if "/" in name or name in FOLDER_NAMES or (is_file(own) and (own.suffix or not found)):
         warn_of_shipped(name)
         return own
     if not found and not own.suffix:
@@ -47,7 +47,7 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
 
 
 def warn_of_shipped(name: str) -> None:
-    """Say that the user's file is taken, where a shipped model, mesh or picture has its name."""
+    """Warn that the user's file is used if a shipped model, mesh or picture has its name."""
     if "/" not in name and any(
         (resources.files("scenes") / folder / name).is_file() for folder in FOLDERS
     ):
@@ -55,13 +55,9 @@ def warn_of_shipped(name: str) -> None:
 
 
 def warn_of_own(name: str, file: str, what: str) -> None:
-    """Say that a bare name stands for something shipped, where the user has such a file."""
-    if _is_file(file):
+    """Warn that a bare name stands for something shipped if the user has a file of its name."""
+    if is_file(Path(file)):
         notice(
             f"{what} = {name!r} is the shipped one, not your {file}: write {file} for that",
             SameName,
         )
-
-
-def _is_file(name: str) -> bool:
-    return os.path.isfile(name)  # noqa: PTH113  (Path refuses a name that no file can have)

@@ -1,4 +1,4 @@
-"""Bins of a histogram: numbers of the pixels in a window of the image."""
+"""Bins of a histogram, and the bin numbers of the pixels in a window of the image."""
 
 import math
 from dataclasses import dataclass
@@ -13,12 +13,13 @@ from tracking.types import check_picture
 
 Labels = NDArray[np.integer[Any]]
 DARK = 8
-"""Added to the largest channel of evenly lit pixels: darker ones are noise without colour."""
+"""Grey levels added to the largest channel of evenly lit pixels: darker ones have no colour but
+noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """A rectangle of whole pixels inside an image."""
+    """A rectangle of whole pixels inside an image; right and bottom are the first ones outside."""
 
     left: int
     top: int
@@ -27,18 +28,18 @@ class Window:
 
     @staticmethod
     def around(states: Array, radius: float, image: Image, more: float = 0.0) -> "Window":
-        """Return the part of an image that holds all within a radius of states.
+        """Return the window of an image around the template under all of several states.
 
         Args:
-            states: States (N, 4).
+            states: States (N, 4): x, y [px], theta, ln scale.
             radius: Radius of the template at scale 1 [px].
-            image: Image whose size bounds the window.
-            more: Distance by which the window goes farther [px].
+            image: Image (H, W, 3) whose size bounds the window.
+            more: Margin around it [px].
         """
         height, width = image.shape[:2]
         low = np.minimum.reduce(states).tolist()
         high = np.maximum.reduce(states).tolist()
-        reach = radius * math.exp(high[3]) + more
+        reach = radius * math.exp(high[3]) + more  # of the largest state, for all
         return Window(
             _whole(math.floor(low[0] - reach), width),
             _whole(math.floor(low[1] - reach), height),
@@ -61,7 +62,7 @@ def _whole(at: int, most: int) -> int:
 
 
 class Bins(Protocol):
-    """Bins that pixels are counted in."""
+    """Bins into which the pixels of a picture are counted."""
 
     @property
     def count(self) -> int:
@@ -69,13 +70,13 @@ class Bins(Protocol):
         ...
 
     def label(self, image: Image, window: Window) -> Labels:
-        """Return bin numbers (h, w) of the pixels in a window; negative: in no bin."""
+        """Return the bin numbers (h, w) of the pixels in a window; negative ones are in no bin."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class ColourBins:
-    """Equal bins in each channel of RGB."""
+    """Bins of colour: equal intervals of each channel of RGB."""
 
     levels: int = 8
     """Bins a channel, 1 to `MOST_LEVELS`."""
@@ -90,22 +91,21 @@ class ColourBins:
 
 
 class LabelledImage:
-    """One picture with the bin numbers of its pixels, each computed once and only where needed.
+    """One picture with the bin numbers of its pixels, computed in windows as they are needed.
 
-    The labels live as long as this object. A caller may write the next picture into the same
-    array, as cameras do: the next picture is another object.
+    The caller may reuse the picture's memory for the next picture, for which it makes a new object.
     """
 
     def __init__(
         self, image: Image, bins: Bins, farthest: float = 0.0, blurred: Image | None = None
     ) -> None:
-        """Label nothing yet.
+        """Begin without labels.
 
         Args:
-            image: RGB (H, W, 3); not written to while this object is in use.
+            image: RGB (H, W, 3); it must not change while this object is in use.
             bins: Bins of the pixels.
-            farthest: Label at least this far around any state [px].
-            blurred: The picture as views are read in it; by default the picture itself.
+            farthest: Least radius around a state that is labelled at once [px].
+            blurred: The picture in which views are read; None: `image`.
         """
         self.image = image
         self.bins = bins
@@ -114,7 +114,7 @@ class LabelledImage:
         self._last: tuple[Window, Labels] | None = None
 
     def around(self, states: Array, radius: float, more: float = 0.0) -> tuple[Labels, int, int]:
-        """Return the labels (h, w) around states, and the first column and row they stand for.
+        """Return the labels (h, w) around states, and the image's column and row of the first one.
 
         Args:
             states: States (N, 4).
@@ -122,6 +122,7 @@ class LabelledImage:
             more: Distance beyond that, at any scale [px].
         """
         last = self._last
+        # Several readers follow each other in a frame: the widest window serves all of them.
         if last is None or not last[0].holds(Window.around(states, radius, self.image, more)):
             window = Window.around(states, max(radius, self._farthest), self.image, more)
             last = self._last = window, self.bins.label(self.image, window)
@@ -130,10 +131,10 @@ class LabelledImage:
 
 
 def as_seen(image: Image, *, even: bool) -> Image:
-    """Return a picture (H, W, 3) as a tracker sees it: as it is, or evenly lit.
+    """Return a picture (H, W, 3) as it is or, with `even`, each pixel over its largest channel.
 
     Raises:
-        ValueError: It is no picture.
+        ValueError: The array is not a picture.
     """
     check_picture(image)
     return loops.evened(image, DARK) if even else image

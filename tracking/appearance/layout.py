@@ -1,4 +1,4 @@
-"""Points of a template in parts under kernels, and the histograms read at them.
+"""Points of a template, in parts under kernels, and the histograms of the pixels at them.
 
 A template is read at points that every state carries along, not at whole pixels, so that a
 histogram's normaliser is a constant, a state costs the same at every scale, and no point lies
@@ -18,17 +18,17 @@ from tracking.types import Region, State
 
 Kernel = Literal["epanechnikov", "linear"]
 Combine = Literal["mean", "sum"]
-"""Combination of the parts' squared distances: the mean, or the sum, as if they were
-independent."""
+"""Combination of the squared distances of the parts: their mean, or their sum, which assumes that
+they are independent."""
 TINY = 1e-12
-"""Keeps a division by a sum of zero finite; sums are of shares, so it changes no other."""
+"""Least divisor: it keeps the division by an empty histogram's sum finite."""
 LEAST_RING = 8
-"""Points along each side of a ring: with fewer, none might lie outside the template."""
+"""Least number of points along each side of a ring: of fewer, all might lie in the template."""
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Points at which a template is read, with the part and the weight of each."""
+    """Points at which a template is read, with their parts and weights."""
 
     points: Array
     """Template points (P, 2) [px]."""
@@ -41,13 +41,21 @@ class Layout:
     count: int
     """Number of parts K."""
     pulls: Array
-    """Weight of each point in a mean-shift step (P,): -k'(r^2), up to a factor."""
+    """Weight of each point in a mean-shift step (P,): -k'(r^2) of the kernel k, up to a factor."""
 
     @staticmethod
     def of(
         points: Array, parts: NDArray[np.int64], kernel: Array, pulls: Array | None = None
     ) -> "Layout":
-        """Return a layout with the kernel's values (P,) normalised over each part."""
+        """Return a layout of points (P, 2) whose kernel values (P,) are normalised over each part.
+
+        Args:
+            points: Template points (P, 2) [px].
+            parts: Part of each point (P,).
+            kernel: Values of the kernel (P,), above 0.
+            pulls: Weights in a mean-shift step (P,); None: all 1, as of Epanechnikov's kernel.
+        """
+        # No point leaves the template: a histogram's normaliser C does not depend on the state.
         mass = np.bincount(parts, kernel)
         radius = float(np.max(np.hypot(points[:, 0], points[:, 1])))
         pulls = np.ones(len(points)) if pulls is None else pulls
@@ -56,7 +64,7 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Points at which a template is read: in cells, or in one part under a kernel."""
+    """Settings of a layout: cells, or one part under a kernel."""
 
     density: int = 16
     """Points along each side of a cell, or along the kernel's diameter."""
@@ -66,25 +74,30 @@ class Sampling:
     combine: Combine = "mean"
 
     def layout(self, region: Region, finer: int = 1) -> Layout:
-        """Return the layout in a region, read so many times more densely."""
+        """Return the layout in a region, with `finer` times as many points along each side."""
         density = finer * self.density
         if self.cells is None:
             return disc(region, density, self.kernel)
         return grid(region, self.cells, density)
 
 
+def lattice(count: int, region: Region) -> Array:
+    """Return the centres (count^2, 2) [px] of count x count equal cells of a region, row by row."""
+    at = (np.arange(count) + 0.5) / count - 0.5
+    u, v = np.meshgrid(at * region.width, at * region.height)
+    return np.stack([u.ravel(), v.ravel()], axis=1)
+
+
 def grid(region: Region, per_side: int, density: int) -> Layout:
-    """Cut the template into per_side^2 equal parts: constant kernels, density^2 points in each."""
+    """Return a layout of per_side^2 equal cells of density^2 points, under constant kernels."""
     steps = per_side * density
-    at = (np.arange(steps) + 0.5) / steps - 0.5
-    u, v = np.meshgrid(at, at)
     column, row = np.meshgrid(np.arange(steps) // density, np.arange(steps) // density)
-    points = np.stack([u.ravel() * region.width, v.ravel() * region.height], axis=1)
-    return Layout.of(points, (row * per_side + column).ravel(), np.ones(len(points)))
+    parts = (row * per_side + column).ravel()
+    return Layout.of(lattice(steps, region), parts, np.ones(steps**2))
 
 
 def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout:
-    """Return one part: the ellipse in the template, under a kernel 1 - r^2, or 1 - r (pull 1 / r).
+    """Return a layout of one part: the ellipse in the template, under a kernel 1 - r^2, or 1 - r.
 
     The KAMS paper steps under its linear kernel as if all points pulled alike, which does not climb
     the linear kernel's coefficient; with 1 / r the step does.
@@ -93,16 +106,16 @@ def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout
     u, v = np.meshgrid(at, at)
     squared = u**2 + v**2
     kernel = 1 - u**2 - v**2 if shape == "epanechnikov" else 1 - np.sqrt(squared)
-    inside = kernel > 0
+    inside = kernel > 0  # a point of weight 0 would only cost time
     points = np.stack([u[inside] * region.width / 2, v[inside] * region.height / 2], axis=1)
-    pulls = None
+    pulls = None  # -k' of 1 - r^2 is constant, that of 1 - r is 1 / r
     if shape == "linear":
         pulls = 1 / np.sqrt(np.maximum(squared[inside], 1 / density**2))  # finite in the middle
     return Layout.of(points, np.zeros(len(points), np.int64), kernel[inside], pulls)
 
 
 def ring(region: Region, width: float, density: int) -> Layout:
-    """Return one part: the frame around the template, out to (1 + width) times its size."""
+    """Return a layout of one part: the frame around the template, to (1 + width) times its size."""
     density = max(density, LEAST_RING)
     outer = 1.0 + width
     at = outer * ((np.arange(density) + 0.5) / density - 0.5)
@@ -113,7 +126,10 @@ def ring(region: Region, width: float, density: int) -> Layout:
 
 
 def histograms(image: LabelledImage, layout: Layout, state: State) -> Array:
-    """Return normalised histograms (K, B) of the parts; points off the image are left out."""
+    """Return the normalised histograms (K, B) of a layout's parts at a state of an image.
+
+    Points off the image are left out; a part without points in it has zeros.
+    """
     vector = state.vector
     window = image.around(vector[None], layout.radius)
     at = (layout.points, layout.parts, layout.weights)

@@ -28,16 +28,19 @@ THRESHOLD = 8.0
 """Least difference of a neighbour that counts as brighter [grey levels]: the a = -8 of the
 authors' program."""
 FEWEST = 2
-"""Least number of ones, and of zeros, in the patterns that count."""
+"""Least number of ones, and of zeros, in a pattern that counts as texture."""
 NO_FRACTION = 1e-9
-"""A neighbour nearer than this to a pixel's row or column is on it [px]."""
+"""Distance from a pixel's row or column below which a neighbour is on it [px]."""
 
 Rest = Literal["discard", "bin", "colour"]
 Grey = NDArray[np.float32]
 
 
 def riu2(bits: NDArray[np.bool_]) -> NDArray[np.int16]:
-    """Return the numbers of ones of uniform patterns (P, ...); -1: not uniform (Ojala's P + 1)."""
+    """Return the numbers of ones (...) of patterns (P, ...); -1 where one is not uniform.
+
+    A pattern is uniform if it has at most two changes around its circle.
+    """
     changes = np.sum(bits != np.roll(bits, 1, axis=0), axis=0)
     return np.where(changes <= 2, bits.sum(axis=0), -1).astype(np.int16)
 
@@ -45,11 +48,11 @@ def riu2(bits: NDArray[np.bool_]) -> NDArray[np.int16]:
 def ones_of(
     grey: Grey, threshold: float = THRESHOLD, neighbours: int = 8, radius: float = 1.0
 ) -> NDArray[np.int16]:
-    """Return the numbers of ones of the uniform patterns at the inner pixels (h - 2m, w - 2m); -1:
-    not uniform.
+    """Return the numbers of ones of the patterns of the inner pixels (h - 2m, w - 2m); -1 where one
+    is not uniform.
 
     Args:
-        grey: (h, w).
+        grey: A picture (h, w) [grey levels].
         threshold: Least difference of a brighter neighbour [grey levels].
         neighbours: Points P on the circle, the first to the right, then clockwise.
         radius: Radius of the circle [px]; the margin m is the next whole number.
@@ -62,14 +65,14 @@ def ones_of(
 
 
 def _inner(grey: Grey, radius: float, dy: int, dx: int) -> Grey:
-    """Return the inner pixels' neighbours at a whole distance."""
+    """Return the neighbours of all inner pixels at a distance of whole pixels."""
     (height, width) = grey.shape
     margin = math.ceil(radius)
     return grey[margin + dy : height - margin + dy, margin + dx : width - margin + dx]
 
 
 def _between(grey: Grey, radius: float, dy: float, dx: float) -> Grey:
-    """Return the inner pixels' neighbours at any distance, bilinearly."""
+    """Return the neighbours of all inner pixels at any distance, interpolated bilinearly."""
     (near_y, far_y, by_y) = _split(dy)
     (near_x, far_x, by_x) = _split(dx)
     if by_y == 0 and by_x == 0:
@@ -82,6 +85,7 @@ def _between(grey: Grey, radius: float, dy: float, dx: float) -> Grey:
     beside = rest_y * by_x
     a = _inner(grey, radius, far_y, near_x)
     b = _inner(grey, radius, near_y, far_x)
+    # Diagonal neighbours have equal weights: one product, and the same bits in either order.
     sides = below * (a + b) if below == beside else below * a + beside * b
     corner = by_y * by_x * _inner(grey, radius, far_y, far_x)
     mixed = corner + sides + rest_y * rest_x * _inner(grey, radius, near_y, near_x)
@@ -89,7 +93,7 @@ def _between(grey: Grey, radius: float, dy: float, dx: float) -> Grey:
 
 
 def _split(distance: float) -> tuple[int, int, float]:
-    """Return the whole distances before and after one, and the share of the one after."""
+    """Return the whole distances before and after a distance, and the weight of the one after."""
     size = abs(distance)
     whole = math.floor(size + NO_FRACTION)
     share = max(size - whole, 0.0)
@@ -101,7 +105,7 @@ def _split(distance: float) -> tuple[int, int, float]:
 
 @dataclass(frozen=True, slots=True)
 class TextureBins:
-    """levels^3 colours times the major textures; pixels without one of these are in no bin."""
+    """Joint bins: levels^3 colours times the major textures."""
 
     levels: int = 8
     """Colour bins a channel; 1: texture alone."""
@@ -110,11 +114,11 @@ class TextureBins:
     radius: float = 1.0
     """Radius of the circle [px]."""
     rest: Rest = "discard"
-    """Bin of the pixels without major texture: none, one of all, or one for each colour."""
+    """Bins of pixels without major texture: "discard" none, "bin" one, "colour" one a colour."""
 
     @property
     def textures(self) -> int:
-        """Number of major textures: of eight neighbours, five."""
+        """Number of major textures; five of eight neighbours."""
         return self.neighbours + 1 - 2 * FEWEST
 
     @property
@@ -123,14 +127,16 @@ class TextureBins:
         return major + {"discard": 0, "bin": 1, "colour": self.levels**3}[self.rest]
 
     def label(self, image: Image, window: Window) -> Labels:
-        """Bin numbers (h, w) of the pixels in a window; -1: no major texture."""
+        """Return the bin numbers (h, w) of the pixels in a window; -1 is in no bin."""
         colours = ColourBins(self.levels).label(image, window)
         if colours.size == 0:
             return colours
         part = _cut(image, window, math.ceil(self.radius))
         grey = cv2.cvtColor(part, cv2.COLOR_RGB2GRAY).astype(np.float32)
+        # Patterns of 0 or 1 ones or zeros are flat areas and spots: they are not major.
         texture = ones_of(grey, THRESHOLD, self.neighbours, self.radius) - FEWEST
         major = (texture >= 0) & (texture < self.textures)
+        # Many levels and textures make more bins than 16 bits hold.
         number = np.int16 if self.count <= np.iinfo(np.int16).max else np.int32
         colours = colours.astype(number)
         joint = colours * number(self.textures) + texture
@@ -165,6 +171,7 @@ class TextureSettings(AppearanceSettings):
         Few pixels in so many bins make a histogram that no two pictures share. Texture alone stays.
         """
         joint = TextureBins(self.levels, self.neighbours, self.radius, self.rest)
+        # The square in the middle: the corners of the region may show the ground.
         inside = Window.around(state.vector[None], min(region.width, region.height) / 2, image)
         textured = np.mean(joint.label(image, inside) >= 0)
         smooth = self.levels > 1 and textured < self.least_texture
@@ -172,7 +179,7 @@ class TextureSettings(AppearanceSettings):
 
 
 def _cut(image: Image, window: Window, margin: int) -> Image:
-    """Return the window with a margin around it; at the image's border, its last pixel again."""
+    """Return the pixels of a window with a margin [px]; beyond the border the last ones repeat."""
     height, width = image.shape[:2]
     rows = np.arange(window.top - margin, window.bottom + margin).clip(0, height - 1)
     columns = np.arange(window.left - margin, window.right + margin).clip(0, width - 1)

@@ -1,5 +1,5 @@
-"""Distance of any state from a target's reference: histograms at fixed template points, under one
-kernel or many.
+"""Distance of any state from the target's reference histograms, at fixed template points under one
+kernel or several.
 
 With the template cut into cells this is the multiple-kernel representation of the particle filter
 (Teuliere, Marchand, Eck, sections II and IV-B); with one Epanechnikov disc it is that of mean shift
@@ -29,8 +29,8 @@ from tracking.settings import Contrast, Inset, Levels
 from tracking.types import Region, State, Trait
 
 FINER = 4
-"""The reference is read this much more densely a side, so that it does not depend on the pixel
-grid."""
+"""Factor on the number of the reference's points along each side, so that it does not depend on the
+pixel grid."""
 RING = 0.4
 """Width of the ring around the target that is compared with it, both sides together, over its size:
 the nine cells' bias of size is then smallest (a prototype on painted scenes)."""
@@ -61,30 +61,29 @@ class AppearanceSettings:
 
     @property
     def sampling(self) -> Sampling:
-        """Points at which states are read: by default one histogram under Epanechnikov's kernel."""
+        """Points at which states are read; by default of one part under Epanechnikov's kernel."""
         return Sampling()
 
     def bins(self, image: Image, region: Region, state: State) -> Bins:
-        """Return the bins that are counted: by default colours.
+        """Return the bins of the histograms: by default colours.
 
         Args:
-            image: First picture, as it is seen (H, W, 3).
+            image: First picture (H, W, 3), evenly lit if `even` is set.
             region: The template.
             state: State of the target there.
         """
         return ColourBins(self.levels)
 
     def model(self, image: Image, region: Region, state: State) -> "SampledModel":
-        """Return the target's appearance in the first picture, RGB (H, W, 3)."""
+        """Return the model of the target at a state of the first picture, RGB (H, W, 3)."""
         return SampledModel(image, region, state, self)
 
 
 class SampledModel:
     """The target's reference histograms, and the distance of any state from them.
 
-    `contrast` adds eta times the likeness of the surrounding ring to the whole target to the
-    squared distance: a box that shrinks into the target then pays for it, which the histogram alone
-    does not see.
+    `contrast` adds eta times the similarity of the surrounding ring and the target to the squared
+    distance: the histogram alone does not change when the region shrinks into the target.
     """
 
     def __init__(
@@ -108,18 +107,19 @@ class SampledModel:
         self._factor = self._layout.count if sampling.combine == "sum" else 1
         self._radius = max(self._layout.radius, self._ring.radius)
         self._views: Views | None = None
+        # Read on a finer grid than states are: else the reference prefers its own pixel phase.
         labelled = LabelledImage(seen, self._bins)
         fine = sampling.layout(inside, FINER)
         self._reference = Reference(labelled, region, state, fine, learns=settings.learn)
 
     def label(self, image: Image) -> LabelledImage:
-        """Return a picture (H, W, 3), ready to be read by the other methods."""
+        """Return a picture (H, W, 3) with labels, as the other methods take it."""
         seen = as_seen(image, even=self._settings.even)
         blurred = seen if self._views is None else self._views.blurred(seen)
         return LabelledImage(seen, self._bins, self._reference.radius, blurred)
 
     def recognise(self, views: Views) -> None:
-        """Add from now on `UNLIKE` times 1 - the likeness to the views to the energy."""
+        """Add `UNLIKE` (1 - c) to the energy from now on, where c is the correlation with views."""
         self._views = views
 
     def distances(self, image: LabelledImage, states: Array) -> Array:
@@ -128,8 +128,10 @@ class SampledModel:
         return np.sqrt(loops.squared_distances(rho))
 
     def energy(self, image: LabelledImage, states: Array) -> Array:
-        """Return the energy (N,) of a likelihood exp(-gamma energy) at states (N, 4): d_m^2 + eta *
-        likeness of the ring, and of views if there are some; with summed parts, times their number.
+        """Return the energy (N,) of the likelihood exp(-gamma energy) at states (N, 4).
+
+        It is d_m^2 + eta rho of the ring + `UNLIKE` (1 - c) with views; times the number of parts
+        if their distances are summed.
         """
         window = self._window(image, states)
         squared = loops.squared_distances(self._coefficients(window, states))
@@ -144,7 +146,7 @@ class SampledModel:
     def climb(
         self, image: LabelledImage, states: Array, *, most: int, tolerance: float, reach: float
     ) -> tuple[Array, Array, int]:
-        """Search from each state by mean shift, under one kernel.
+        """Move each state to a mode of the coefficient by mean shift, under one kernel.
 
         Args:
             image: The picture.
@@ -164,7 +166,7 @@ class SampledModel:
         return found, np.sqrt(loops.squared_distances(rho[:, None])), evaluations
 
     def learn(self, image: LabelledImage, state: State) -> None:
-        """Take over the present appearance of target and surroundings, if the settings say so."""
+        """Update the reference by the appearance at a state, if the settings ask for it."""
         self._reference.learn(image, state)
 
     def _coefficients(self, window: loops.Window, states: Array) -> Array:

@@ -1,4 +1,4 @@
-"""A target's appearance, learned from the first picture and, if asked, from later ones.
+"""Reference histograms of the target, learned from the first picture and, if asked, later ones.
 
 Learning is beyond the papers. It weighs each bin of the reference by the share of the target among
 target and surroundings, q_u / (q_u + b_u): what the background also shows counts less (the ratio of
@@ -12,29 +12,27 @@ import numpy as np
 
 from sim.types import Array
 from tracking.appearance.bins import LabelledImage
-from tracking.appearance.layout import Layout, histograms, ring
+from tracking.appearance.layout import TINY, Layout, histograms, ring
 from tracking.types import Region, State
 
 # Rates as published trackers have them: 0.04 in Staple and CSRT, 0.05 in DAT. The share of the
 # first appearance and the rate of the background were chosen by hand on recordings.
 TARGET_RATE = 0.05
-"""Share of the target's appearance that is new in each picture where it was found."""
+"""Weight of the present picture in the target's appearance, where the target was found."""
 SURROUNDINGS_RATE = 0.1
-"""Share of the background that is new in each of these pictures."""
+"""Weight of the present picture in the background's appearance, there too."""
 ANCHOR = 0.7
-"""Share of the first appearance in a reference that follows the target."""
+"""Weight of the first appearance in a reference that follows the target."""
 SURROUNDINGS = 1.0
-"""Width of the background that counts, both sides together, over the target's size."""
+"""Width of the surrounding background, both sides together, over the target's size."""
 SURROUNDINGS_DENSITY = 32
 """Points along each side of the background."""
 RARE = 1e-4
-"""A bin with less mass than this carries no information."""
-TINY = 1e-12
-"""Keeps a division by a sum of zero finite; sums are of shares, so it changes no other."""
+"""Mass of a bin [share of a histogram] below which it carries no information."""
 
 
 class Reference:
-    """The reference histograms of all parts, and of the whole."""
+    """The reference histograms of all parts and of the whole target."""
 
     root_parts: Array
     """Square roots of the histograms (K, B)."""
@@ -67,7 +65,7 @@ class Reference:
         return self._around.radius if self._learns else self._layout.radius
 
     def learn(self, image: LabelledImage, state: State) -> None:
-        """Take over the appearance at a state where the target was found, if asked to learn."""
+        """Update target and background by a state where the target was found, if asked to."""
         if self._learns:
             self._now = _blend(self._now, histograms(image, self._layout, state), TARGET_RATE)
             around = histograms(image, self._around, state)[0]
@@ -75,9 +73,11 @@ class Reference:
             self._combine()
 
     def _combine(self) -> None:
+        # The first appearance stays in the blend, so that errors of learning cannot accumulate.
         parts = _blend(self._now, self._first, ANCHOR)
         if self._learns:
             whole = parts.mean(axis=0)
+            # Bins that the background shows, too, count less: q_u / (q_u + b_u).
             parts = parts * (whole + RARE) / (whole + self._background + 2 * RARE)
             parts = parts / np.maximum(parts.sum(axis=1, keepdims=True), TINY)
         self.root_parts = np.sqrt(parts)

@@ -1,6 +1,6 @@
-"""Views of the target: small pictures of it, the first and some later ones, which recognise it
-where its colours do not, and find it again (Kalal, Mikolajczyk, Matas 2012: normalised correlation
-with stored patches, of which only trusted ones are stored).
+"""Views of the target: small pictures of it, which recognise it by normalised correlation.
+
+They are the first one and some later ones that are trusted (Kalal, Mikolajczyk, Matas 2012).
 """
 
 import math
@@ -9,24 +9,25 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Image
+from tracking.appearance.layout import lattice
 from tracking.loops import view_correlation as loops
 from tracking.types import Region, State
 
 # Chosen by hand on 13 annotated recordings (tracking/RESULTS.md).
 SIDE = 8
-"""Points along each side of a view."""
+"""Number of points along each side of a view."""
 NEW = 0.9
-"""A view that is more like a stored one than this shows nothing new."""
+"""Correlation with a stored view above which a view is not new."""
 SIZES = (0.8, 1.0, 1.25)
-"""Sizes over the last one at which the whole picture is searched."""
+"""Factors on the last size at which the whole picture is searched."""
 LARGEST = 1024
-"""The whole picture is not searched where it would have more points than this along a side."""
+"""Most points along a side of the whole picture; a larger one is not searched."""
 APART = SIDE // 2
-"""Candidates of one size are at least so many points apart."""
+"""Least distance of two candidates of one size [points of a view]."""
 
 
 class Views:
-    """The first view and the newest ones, to compare states with."""
+    """The first view of the target and the newest ones."""
 
     def __init__(self, image: Image, region: Region, state: State, count: int) -> None:
         """Take the first view.
@@ -35,18 +36,16 @@ class Views:
             image: First frame (H, W, 3).
             region: The template.
             state: State of the target there.
-            count: Number of views that are kept.
+            count: Largest number of views.
         """
-        at = (np.arange(SIDE) + 0.5) / SIDE - 0.5
-        u, v = np.meshgrid(at * region.width, at * region.height)
-        self._points = np.stack([u.ravel(), v.ravel()], axis=1)
+        self._points = lattice(SIDE, region)
         self._region = region
         self._count = count
         self._scale = state.scale
         self._stored = self._view(self.blurred(image), state)
 
     def blurred(self, image: Image) -> Image:
-        """Return the picture blurred: each pixel is the mean of the area of a view's point."""
+        """Return a picture (H, W, 3) blurred: a pixel is the mean over a view point's area."""
         sides = (self._region.width, self._region.height)
         width, height = (
             min(max(round(side * self._scale / SIDE), 1), most)
@@ -55,12 +54,13 @@ class Views:
         return np.asarray(cv2.blur(image, (width, height)), np.uint8)
 
     def likeness(self, blurred: Image, states: Array) -> Array:
-        """Return the largest correlation (N,) of each state (N, 4) with a view, -1 to 1."""
+        """Return the largest correlation (N,), -1..1, of a picture at states (N, 4) with a view."""
         return loops.correlations(blurred, states, self._points, self._stored)
 
     def learn(self, blurred: Image, state: State) -> None:
-        """Store the view at a state where the target certainly is, in place of the oldest but the
-        first, if it is new.
+        """Store the view at a state where the target certainly is, if it is new.
+
+        It replaces the oldest view but the first.
         """
         self._scale = state.scale
         if self._count > 1 and float(self.likeness(blurred, state.vector[None])[0]) <= NEW:
@@ -68,8 +68,15 @@ class Views:
             self._stored = np.vstack([self._stored[:1], newest, self._view(blurred, state)])
 
     def search(self, blurred: Image, last: State, most: int) -> Array:
-        """Return the places (n, 4) of the whole picture that are most like a view, the best first:
-        with the last state's angle, at about its size; none in a picture that is too large for it.
+        """Return states (n, 4) anywhere in a picture that resemble a view most, the best first.
+
+        Args:
+            blurred: The picture, blurred (H, W, 3).
+            last: The last state; the angle is its angle, the sizes are about its size.
+            most: Largest number of states.
+
+        Returns:
+            States of x, y [px], theta, ln scale; none in a picture that is too large to search.
         """
         found: list[tuple[float, list[float]]] = []
         for scale in (last.scale * size for size in SIZES):
@@ -89,13 +96,15 @@ class Views:
                 _, value, _, (x, y) = cv2.minMaxLoc(alike)
                 centre = place @ [x + SIDE / 2, y + SIDE / 2, 1.0]
                 found.append((value, [*centre.tolist(), last.theta, math.log(scale)]))
+                # Not the same peak again.
                 alike[max(y - APART, 0) : y + APART + 1, max(x - APART, 0) : x + APART + 1] = -1
+        # Sizes compete by their correlations, which do not depend on size.
         found.sort(key=lambda item: -item[0])
         return np.array([state for _, state in found[:most]]).reshape(-1, 4)
 
     def _shrunk(self, image: Image, theta: float, scale: float) -> tuple[Image, Array] | None:
-        """Return the picture turned upright, a pixel a point of a view; and the matrix (2, 3) that
-        takes its points to the picture.
+        """Return the picture turned by -theta with one pixel a view point, and the affine matrix
+        (2, 3) from its points to the picture; None if it is too large or smaller than a view.
         """
         c = math.cos(theta)
         s = math.sin(theta)

@@ -1,4 +1,4 @@
-"""The film of a track: truth white; estimate green, amber or red by the tracker's status."""
+"""Film of a track: truth white; estimate green, amber or red by the tracker's status."""
 
 from pathlib import Path
 
@@ -12,18 +12,25 @@ from tracking.types import Region
 CAPTION = "estimate green (locked), amber (unsure), red (lost); truth white"
 CURVES = {"confidence": colours.CURVES[1]}
 SMALLEST = (608, 64)
+"""Least width and height of a panel [px]; smaller pictures are enlarged."""
 LARGEST = (1888, 1000)
-"""Pictures are enlarged or reduced to a panel between these [px]."""
+"""Largest width and height of a panel [px]; larger pictures are reduced."""
 
 
 class AnnotatedVideo:
-    """Writer of one film; its size is that of the first picture."""
+    """Writer of a film; its size follows from that of the first picture."""
 
     def __init__(
         self, to: Path | Pages, rate: float, region: Region, title: str, end: float | None = None
     ) -> None:
-        """Make a film of pictures at about a rate [1/s] that ends at a time [s], if it is known;
-        it goes to a file, or to what takes its frames.
+        """Prepare a film; the file is opened with the first picture.
+
+        Args:
+            to: The file to write, or the receiver of the frames.
+            rate: Approximate rate of the pictures [1/s].
+            region: The target's region.
+            title: Title of the film.
+            end: Time of the last picture [s]; None: unknown.
         """
         self._to = to
         self._rate = rate
@@ -34,7 +41,7 @@ class AnnotatedVideo:
         self._film: FilmPage | None = None
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a picture.
+        """Write a picture with its estimate, and the true corners (4, 2) [px] if they are known.
 
         Raises:
             OSError: The file cannot be written.
@@ -53,7 +60,7 @@ class AnnotatedVideo:
             self._film.close()
 
     def abandon(self) -> None:
-        """Close the file as it is; it can be played up to here."""
+        """Close the file early; it can be played up to its last whole second."""
         if self._film:
             self._film.abandon()
 

@@ -1,4 +1,4 @@
-"""Contact sheets: pictures of a sequence in rows, with truth and estimate."""
+"""Contact sheets: rows of a sequence's pictures with truth and estimate."""
 
 from collections.abc import Sequence
 
@@ -14,10 +14,11 @@ TILE = 240
 GAP = 4
 """Space between pictures [px]."""
 COLUMNS = 4
+"""Pictures in a row."""
 SUBPIXEL_BITS = 4
-"""OpenCV then takes places in sixteenths of a pixel, so that outlines do not jump."""
+"""Bits of OpenCV's coordinates below a pixel: outlines move by sixteenths of a pixel."""
 FARTHEST = 2**30
-"""Largest place in those units that OpenCV draws a line to."""
+"""Largest coordinate in those units to which OpenCV draws a line."""
 
 
 def outline(
@@ -29,8 +30,15 @@ def outline(
     *,
     closed: bool = True,
 ) -> None:
-    """Draw a polygon, or an open line, through points (n, 2) [px] of an image, with a black border;
-    not if one is nan.
+    """Draw a polygon or an open line with a black border into an image; nothing if a point is nan.
+
+    Args:
+        image: RGB (H, W, 3), which is changed.
+        corners: Points (n, 2) [px], before the image was resized.
+        colour: RGB.
+        factor: Factor by which the image was resized.
+        width: Width of the line [px].
+        closed: Join the last point to the first.
     """
     if not np.isfinite(corners).all():
         return
@@ -41,7 +49,7 @@ def outline(
 
 
 def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) -> Image:
-    """A contact sheet of up to `count` pictures at equal distances, in rows of four.
+    """Return a contact sheet of up to `count` pictures at equal distances in a sequence.
 
     Args:
         source: The pictures.
@@ -60,22 +68,25 @@ def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) ->
 
 
 def page(tiles: Sequence[Image]) -> Image:
-    """A picture made of tiles in rows of four."""
+    """Return a picture with tiles (h, `TILE`, 3) in rows of four."""
     height = max(t.shape[0] for t in tiles)
-    width = TILE
     columns = min(COLUMNS, len(tiles))
     rows = -(-len(tiles) // columns)
-    whole = np.full((rows * (height + GAP) + GAP, columns * (width + GAP) + GAP, 3), 30, np.uint8)
+    whole = np.full((rows * (height + GAP) + GAP, columns * (TILE + GAP) + GAP, 3), 30, np.uint8)
     for i, one in enumerate(tiles):
         y = GAP + i // columns * (height + GAP)
-        x = GAP + i % columns * (width + GAP)
-        whole[y : y + one.shape[0], x : x + width] = one
+        x = GAP + i % columns * (TILE + GAP)
+        whole[y : y + one.shape[0], x : x + TILE] = one
     return whole
 
 
 def tile(picture: Picture, truth: Array, found: Array | None) -> Image:
-    """A picture with its name, resized to the width TILE, with corners (4, 2) of truth and
-    estimate; black if it could not be read.
+    """Return a picture resized to the width `TILE`, with its name and two outlines.
+
+    Args:
+        picture: The picture; black if it could not be read.
+        truth: True corners (4, 2) [px].
+        found: Estimated corners (4, 2) [px]; None: not drawn.
     """
     image = np.zeros((TILE * 3 // 4, TILE, 3), np.uint8) if picture.image is None else picture.image
     factor = TILE / image.shape[1]

@@ -16,13 +16,16 @@ STYLES = ("-", "--", ":", "-.")
 def draw(
     results: Sequence[Mapping[str, Any]], order: Sequence[str], title: str, folder: Path
 ) -> list[Path]:
-    """Write success.png and precision.png; their paths.
+    """Write success.png and precision.png, and return their paths.
 
     Args:
-        results: All runs.
-        order: Trackers in the order of the legend.
+        results: Results of all runs, with "tracker", "success" and "precision".
+        order: Names of the trackers in the order of the legend.
         title: Name of the suite.
-        folder: Where to write.
+        folder: Folder of the files.
+
+    Raises:
+        OSError: A file cannot be written.
     """
     wanted = {
         "success": (OVERLAPS, "overlap threshold", "share of frames above it", None),

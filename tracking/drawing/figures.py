@@ -1,4 +1,4 @@
-"""Plain axes, texts without formulas and PNG files for all figures drawn with matplotlib."""
+"""Axes, texts and PNG files of all figures that Matplotlib draws."""
 
 from io import BytesIO
 from pathlib import Path
@@ -14,14 +14,14 @@ from tracking.files import atomic
 DOTS = 130
 """Resolution of a figure [dots per inch]."""
 SCREEN = 80
-"""The same, in a notebook."""
+"""Resolution of a figure in a notebook [dots per inch]."""
 
 
 class Drawing(Figure):
-    """A figure that a notebook shows by itself."""
+    """A figure that a notebook displays when it is the value of a cell."""
 
     def png(self) -> bytes:
-        """The figure as a PNG file."""
+        """Return the content of a PNG file with the figure."""
         file = BytesIO()
         self.savefig(file, format="png", dpi=SCREEN)
         return file.getvalue()
@@ -32,7 +32,7 @@ class Drawing(Figure):
 def panels(
     width: float, height: float, rows: int = 1, columns: int = 1, *, sharex: bool = False
 ) -> tuple[Drawing, list[Axes]]:
-    """A figure of a size [inch] and its axes, row by row, with a light grid and an open frame."""
+    """Return a figure of a size [inch] and its axes, row by row, with a light grid."""
     figure = Drawing(figsize=(width, height), layout="constrained")
     axes = list(np.atleast_1d(figure.subplots(rows, columns, sharex=sharex)).ravel())
     for ax in axes:
@@ -42,22 +42,22 @@ def panels(
 
 
 def plain_logarithm(axis: Axis) -> None:
-    """Label a logarithmic axis with plain numbers such as 0.5, 1, 2."""
+    """Label a logarithmic axis with numbers such as 0.5, 1, 2 instead of powers of ten."""
     axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
     axis.set_minor_locator(ticker.NullLocator())
 
 
 def literal(text: str) -> str:
-    """A text with its dollar signs escaped, so that matplotlib draws it without formulas."""
+    """Return a text with escaped dollar signs, so that Matplotlib does not read formulas in it."""
     return text.replace("$", r"\$")
 
 
 def save(figure: Figure, folder: Path, name: str) -> Path:
-    """Write a figure as a PNG file into a folder; its path.
+    """Write a figure as a PNG file into a folder, and return its path.
 
     Raises:
-        OSError: The disk refuses.
+        OSError: The file cannot be written.
     """
     with atomic.writing(folder, name) as file:
         figure.savefig(file, format="png", dpi=DOTS)

@@ -1,4 +1,4 @@
-"""A film: a line of text, pictures beside each other, and below them a chart that grows."""
+"""Films: a title, pictures beside each other, and below them a chart that grows with time."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,26 +18,35 @@ from tracking.drawing.running_chart import Chart, RunningChart
 from tracking.drawing.video_writer import VideoWriter
 
 MARGIN = 16
+"""Space around the pictures [px]."""
 HEAD = 40
+"""Height of the title's line [px]."""
 CAPTION = 24
+"""Height of the captions [px]."""
 CHART = 194
-"""Space around the pictures; heights of the line of text, of the captions, of the chart [px]."""
+"""Height of the chart [px]."""
 LETTER = 12
+"""Width of a letter of the title [px]; a longer title is cut."""
 OTHERS = 410
+"""Width of the texts beside the title [px]."""
 STATUS = 100
-"""Widths of a letter of the title, of all that stands beside it, and of the status in there [px]; a
-longer title is cut."""
+"""Width of the status among these [px]."""
 LEFT = 70
+"""Space left of the chart's axes [px]."""
 BELOW = 50
+"""Space below the chart's axes [px]."""
 ABOVE = 32
-"""Space around the axes of the chart [px]; above them is the legend."""
+"""Space above the chart's axes, for the legend [px]."""
 GROUND = (228, 228, 228)
+"""Colour around a picture in its panel (RGB)."""
 LINE = 2
+"""Width of an outline [px]."""
 DOT = 1
-"""Width of an outline, and radius of a particle [px]."""
+"""Radius of a particle [px]."""
 FRONT = 0.5
-"""Length of the line that shows the front, from the centre: the last share of the way."""
+"""Beginning of the line to the target's front, as a share of the distance from the centre."""
 Marks = Sequence[tuple[Array, tuple[int, int, int]]]
+"""Points (n, 2) [px] of outlines or lines, each with its colour (RGB)."""
 
 
 def panel(
@@ -48,15 +57,15 @@ def panel(
     particles: Array | None = None,
     ways: Marks = (),
 ) -> Image:
-    """A picture in the middle of a panel (height, width, 3), black where there is none.
+    """Return a panel (height, width, 3) with a picture in its middle; black without a picture.
 
     Args:
         image: RGB of any size.
-        width: Of the panel [px].
-        height: Of the panel [px].
-        marks: Corners (4, 2) [px] of the picture to draw into it, each with its colour.
-        particles: Places (n, 2 or more) [px] to draw as dots.
-        ways: Points (n, 2) [px] to join by a line, each with its colour.
+        width: Width of the panel [px].
+        height: Height of the panel [px].
+        marks: Corners (4, 2) of outlines, in pixels of the picture.
+        particles: Positions (n, 2 or more) of dots, in pixels of the picture.
+        ways: Points (n, 2) of lines, in pixels of the picture.
     """
     if image is None:
         return np.zeros((height, width, 3), np.uint8)
@@ -84,7 +93,7 @@ def panel(
 
 
 class Pages(Protocol):
-    """Takes the frames of a film that is no file."""
+    """Receiver of the frames of a film that is not written to a file."""
 
     def add(self, image: Image, time: float, /) -> None:
         """Take a frame (height, width, 3) that is shown from a time on [s]."""
@@ -97,7 +106,7 @@ class Pages(Protocol):
 
 
 class FilmPage:
-    """Writer of one film."""
+    """Writer of a film."""
 
     def __init__(
         self,
@@ -111,12 +120,12 @@ class FilmPage:
         """Open the file.
 
         Args:
-            to: The file to write, or what takes the frames instead.
-            rate: About how many frames come in a second [1/s].
-            title: What the film shows.
-            captions: One above each panel.
-            size: Even width and height of each panel [px].
-            chart: What grows below them.
+            to: The file to write, or the receiver of the frames.
+            rate: Approximate rate of the frames [1/s].
+            title: Title of the film.
+            captions: Captions of the panels.
+            size: Width and height of each panel [px], even numbers.
+            chart: The chart below the panels.
 
         Raises:
             OSError: The file cannot be written.
@@ -161,7 +170,7 @@ class FilmPage:
         self.close = self._video.close
         """Finish the file."""
         self.abandon = self._video.abandon
-        """Close the file as it is; it can be played up to here."""
+        """Close the file early; it can be played up to its last whole second."""
 
     def add(
         self,
@@ -174,11 +183,11 @@ class FilmPage:
         """Write a frame.
 
         Args:
-            time: When it is shown [s].
-            panels: One for each caption, of the panel's size.
-            values: One for each curve.
-            statuses: LOCKED, UNSURE or LOST: one of the film, or one of each panel.
-            note: More about the frame.
+            time: Time of the frame [s].
+            panels: A picture of the panel's size for each caption.
+            values: A value for each curve.
+            statuses: LOCKED, UNSURE or LOST: one for the film, or one for each panel.
+            note: Text before the time.
 
         Raises:
             OSError: The file cannot be written.

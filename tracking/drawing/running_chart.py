@@ -1,4 +1,4 @@
-"""A chart over time that grows frame by frame, above bands in the statuses' colours."""
+"""A chart over time that grows frame by frame, with bands in the colours of the status."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,32 +17,33 @@ from tracking.drawing.figures import DOTS
 BAND = 0.07
 """Height of the bands, as a share of the axes."""
 FIRST_END = 10.0
+"""First end of the time axis if the film's end is unknown [s]."""
 LONGER = 1.5
-"""End of the time axis where it is not known [s], and its factor when it is reached."""
+"""Factor on the end of the time axis when it is reached."""
 NICE = (1.0, 2.0, 5.0, 10.0)
-"""First digits of the end of an axis that grows."""
+"""First digits of the end of a growing axis."""
 LOWEST = 5.0
-"""Least end of a vertical axis that grows."""
+"""Least end of a growing vertical axis."""
 POINTS = 72
-"""Of an inch: widths of lines are in points."""
+"""Points in an inch; widths of lines are in points."""
 
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Curves that share an axis from 0 up."""
+    """Settings of a chart whose curves share an axis that begins at 0."""
 
     curves: Mapping[str, str]
-    """Colours by name."""
+    """Colours of the curves by name."""
     label: str
-    """Of the vertical axis."""
+    """Label of the vertical axis."""
     end: float | None = None
-    """Of the time axis [s]; None: it is not known."""
+    """End of the time axis [s]; None: unknown."""
     top: float | None = None
-    """Of the vertical axis; None: it grows with the values."""
+    """End of the vertical axis; None: it grows with the values."""
 
 
 class RunningChart:
-    """A chart in axes, which grow where a value passes their end."""
+    """A chart whose axes grow when a value exceeds their end."""
 
     def __init__(self, axes: Axes, chart: Chart) -> None:
         """Begin a chart in empty axes."""
@@ -69,7 +70,7 @@ class RunningChart:
         self._band = LineCollection([], antialiaseds=False, transform=axes.get_xaxis_transform())
         axes.add_collection(self._band)
         self.artists: Sequence[Artist] = (*self._lines, self._band)
-        """What changes with each frame; it is drawn upon everything else."""
+        """The artists that change with each frame; they are drawn above everything else."""
         for artist in self.artists:
             artist.set_animated(True)
         self._times: list[float] = []
@@ -83,12 +84,12 @@ class RunningChart:
         """Add a frame.
 
         Args:
-            time: Later than that of the last call [s].
-            values: One for each curve; nan leaves a gap.
-            statuses: LOCKED, UNSURE or LOST of each band, from above.
+            time: Time of the frame [s], later than that of the last one.
+            values: A value for each curve; nan leaves a gap.
+            statuses: LOCKED, UNSURE or LOST of each band, from top to bottom.
 
         Returns:
-            True if the axes have grown, so that they must be drawn anew.
+            True if the axes have grown, and must be drawn again.
         """
         self._times.append(time)
         self._statuses.append(statuses)

@@ -1,7 +1,7 @@
-"""H.264 in an MP4 that browsers play, with the true times of its frames.
+"""Writing of MP4 files in H.264 that browsers play, with the true times of the frames.
 
-While it is written, the file consists of fragments of a second that can be played by themselves, so
-that a film is playable even if the program is killed; in the end it becomes an ordinary MP4.
+While it is written, the file consists of fragments of a second that players accept, so that a film
+is playable even if the program is killed; in the end it becomes an ordinary MP4.
 """
 
 import io
@@ -22,7 +22,7 @@ from tracking.files import atomic
 CODEC = "libx264"
 FORMAT = "yuv420p"
 OPTIONS = {"preset": "veryfast", "tune": "zerolatency", "crf": "18", "forced-idr": "1"}
-"""Every frame is encoded when it comes; thin lines and small numbers stay sharp."""
+"""Options of the encoder: it encodes each frame at once, and thin lines stay sharp."""
 FRAGMENTED = {
     "movflags": "hybrid_fragmented+frag_keyframe+empty_moov+default_base_moof",
     "flush_packets": "1",
@@ -32,16 +32,22 @@ FRAGMENT = 1.0
 TICKS = 90_000
 """Resolution of the times [1/s]."""
 NO_OTHER_KEYS = 1_000_000
-"""Largest distance of the encoder's own key frames; ours begin the fragments."""
+"""Largest distance of the encoder's own key frames, so that only our fragments begin with one."""
 BT709 = 1
-"""Number of the standard's primaries and transfer function in H.264."""
+"""H.264's number of the primaries and the transfer function of the standard BT.709."""
 
 
 class VideoWriter:
-    """Writer of one video."""
+    """Writer of a video file."""
 
     def __init__(self, path: Path, rate: float, width: int, height: int) -> None:
-        """Open the file; `rate` is about that of the pictures [1/s], the sides are even [px].
+        """Open the file.
+
+        Args:
+            path: The file.
+            rate: Approximate rate of the frames [1/s].
+            width: Width of the frames [px], an even number.
+            height: Height of the frames [px], an even number.
 
         Raises:
             OSError: The file cannot be written.
@@ -73,7 +79,7 @@ class VideoWriter:
         """Write a frame (height, width, 3) that is shown from a time on [s], until the next one.
 
         Raises:
-            OSError: The file cannot be written, and is abandoned.
+            OSError: The file cannot be written; it is abandoned.
         """
         ticks = max(round(TICKS * time), self._last + 1)
         frame = av.VideoFrame.from_ndarray(image, format="rgb24").reformat(
@@ -92,10 +98,10 @@ class VideoWriter:
         self._head = self._head or self._whole
 
     def close(self) -> None:
-        """Finish the file; one without frames, or that is abandoned, is not there.
+        """Finish the file; a file without frames is removed.
 
         Raises:
-            OSError: The file cannot be written, and is abandoned.
+            OSError: The file cannot be written; it is abandoned.
         """
         if self._last < 0:
             self.abandon()
@@ -107,13 +113,13 @@ class VideoWriter:
         self._file.close()
 
     def abandon(self) -> None:
-        """Close the file with its whole fragments; without any, remove it: nothing can play it."""
+        """Close the file with its whole fragments; remove it if it has none."""
         if self._file.closed:
             return
         # FFmpeg still writes an end; PyAV 15 crashes where it cannot, some time later.
         with Path(os.devnull).open("wb") as nowhere:
             os.dup2(nowhere.fileno(), self._file.fileno())
-        with self._file, suppress(OSError, FFmpegError):  # told before
+        with self._file, suppress(OSError, FFmpegError):  # the caller has the first error
             self._container.close()
         if self._whole > self._head:
             os.truncate(self._path, self._whole)
@@ -122,7 +128,7 @@ class VideoWriter:
 
     @contextmanager
     def _abandoned_if_refused(self) -> Generator[None]:
-        """Name the file in an error of the disk in the block, and abandon it."""
+        """Abandon the file if the block raises an OSError, in which the file is named."""
         try:
             with atomic.naming(self._path):
                 yield
@@ -132,8 +138,9 @@ class VideoWriter:
 
 
 class _WholeFile(io.FileIO):
-    """An unbuffered file that writes all that it is given: a full disk takes a part, and PyAV would
-    not notice.
+    """An unbuffered file whose `write` writes everything or raises an OSError.
+
+    A full disk accepts a part of the bytes, which PyAV would not notice.
     """
 
     def write(self, content: bytes) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]

@@ -1,1 +1,1 @@
-"""Comparison of trackers: sequences with truth, measures, statistics and drawings."""
+"""Tracks of trackers, and their measures against the truth."""

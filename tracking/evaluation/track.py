@@ -1,4 +1,4 @@
-"""A track: a tracker's estimate for each picture of a source, and its time."""
+"""Tracks: a tracker's estimate for each picture of a source, and the time that it took."""
 
 import dataclasses
 import time
@@ -14,28 +14,28 @@ from tracking.types import Estimate, Region, State, Status, Tracker, unknown_cov
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """One picture with the tracker's estimate."""
+    """A picture with the tracker's estimate."""
 
     picture: Picture
     index: int
     estimate: Estimate
     seconds: float
-    """Time of the tracker [s]; 0 if there was no picture."""
+    """Time that the tracker took [s]; 0 if the picture could not be read."""
     size: tuple[int, int] | None
-    """Width and height of the picture [px]; None if there was none."""
+    """Width and height of the picture [px]; None if it could not be read."""
 
     @property
     def blind(self) -> bool:
-        """True if there was no picture."""
+        """True if the picture could not be read."""
         return self.size is None
 
     @property
     def confidence(self) -> float:
-        """1 - the estimate's distance; 0 if there was no picture."""
+        """1 - the estimate's distance, 0..1; 0 if the picture could not be read."""
         return 1.0 - self.estimate.distance
 
     def without_picture(self) -> "Shot":
-        """The shot without picture and particles, which take much memory."""
+        """Return a copy without image and particles, which take much memory."""
         picture = dataclasses.replace(self.picture, image=None)
         estimate = dataclasses.replace(self.estimate, particles=None)
         return dataclasses.replace(self, picture=picture, estimate=estimate)
@@ -44,10 +44,10 @@ class Shot:
 def follow(
     tracker: Tracker, source: Iterable[Picture], region: Region, state: State
 ) -> Iterator[Shot]:
-    """Start a tracker on the first picture and follow the target through the others.
+    """Start a tracker on the first picture, and yield its estimate for each picture.
 
-    A picture that cannot be decoded gives a LOST shot with the last state, without a call of the
-    tracker.
+    For a picture that cannot be decoded the tracker is not called: the estimate is LOST, with the
+    last state.
 
     Raises:
         ValueError: The region is not valid, or the first picture cannot be read.
@@ -78,22 +78,22 @@ def follow(
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """The numbers of all shots of a track."""
+    """The numbers of a track of n pictures."""
 
     states: Array
-    """x, y, theta, scale (n, 4)."""
+    """x, y [px], theta [rad], scale (n, 4)."""
     corners: Array
     """Corners (n, 4, 2) of the estimate [px]."""
     confidence: Array
     """Confidence (n,), 0..1."""
     milliseconds: Array
-    """Time of the tracker (n,) [ms]; the first is that of its start."""
+    """Time that the tracker took (n,) [ms]; the first is that of its start."""
     evaluations: Array
-    """Number of evaluated histograms (n,)."""
+    """Number of histograms that the tracker read (n,)."""
 
     @staticmethod
     def of(shots: list[Shot], region: Region) -> "Track":
-        """The track of shots."""
+        """Return the numbers of shots."""
         found = [shot.estimate for shot in shots]
         return Track(
             np.array([(e.state.x, e.state.y, e.state.theta, e.state.scale) for e in found]),

@@ -1,4 +1,4 @@
-"""A track as a CSV file: a row for each picture, written immediately."""
+"""Tracks as CSV files with a row for each picture."""
 
 import csv
 import io
@@ -13,7 +13,7 @@ from tracking.files import atomic
 from tracking.types import Region
 
 FORMAT = 3
-"""Number of the track's format, which its header identifies; it increases with each change."""
+"""Version of the format; `HEADER` identifies it, and it increases with each change."""
 HEADER = (
     "frame",
     "time",
@@ -38,13 +38,15 @@ HEADER = (
     "name",
 )
 CORNERS = slice(HEADER.index("x1"), HEADER.index("y4") + 1)
+"""Columns of the corners."""
 DIGITS = 9
+"""Significant digits of numbers."""
 LARGEST = 1_000_000_000
-"""Largest track [bytes]."""
+"""Largest file that is read [bytes]."""
 
 
 class TrackFile:
-    """Writer of the rows of one track; each row is written before the next picture is read."""
+    """Writer of a track; each row is in the file before the next picture is read."""
 
     def __init__(self, path: Path, region: Region) -> None:
         self._path = path
@@ -56,10 +58,10 @@ class TrackFile:
         self._writer.writerow(HEADER)
 
     def add(self, shot: Shot) -> None:
-        """Write a row.
+        """Write the row of a shot.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The file cannot be written.
         """
         state = shot.estimate.state
         numbers = [
@@ -92,7 +94,7 @@ class TrackFile:
 
 
 def stamp_text(stamp: int | None) -> str:
-    """Return a stamp [ns] in seconds with all its digits; nothing where there is none.
+    """Return a stamp [ns] as text in seconds with all its digits; an empty text for None.
 
     >>> stamp_text(1_700_000_000_250_000_001)
     '1700000000.250000001'
@@ -101,7 +103,7 @@ def stamp_text(stamp: int | None) -> str:
 
 
 def read(path: Path) -> Track:
-    """The track in a file, without the numbers of evaluated histograms, which are nan.
+    """Return the track in a file; its numbers of histograms are nan, as the file has none.
 
     Raises:
         ValueError: The file cannot be read, or is not a track.

@@ -17,18 +17,20 @@ OVERLAPS = np.linspace(0, 1, 21)
 PIXELS = np.arange(51.0)
 """Thresholds of the precision curve [px]."""
 SHARES = np.linspace(0, 0.5, 51)
-"""Thresholds of the normalised precision curve, over the target's size (Mueller et al. 2018)."""
+"""Thresholds of the normalised precision curve, as shares of the target's size (Mueller et al.
+2018)."""
 NEAR = 20
-"""Error at which the precision is reported [px]."""
+"""Threshold of the reported precision [px]."""
 LOSS_RUN = 5
-"""Number of frames in a row away from the target that count as a loss: one jump is none."""
+"""Number of frames in a row off the target that count as a loss; one jump does not."""
 ON_TARGET = 0.1
 """Least overlap of a box that counts as on the target in `lost_signal`."""
 RATE = 30.0
 """Pictures a second in `auc_streamed`: sequences of benchmarks have no times."""
 HALF = 0.5
+"""Overlap of a frame in which the target is held."""
 MOST = 0.9
-"""Criterion of success: an overlap above this in at least this share of the frames."""
+"""Least share of such frames in a track that holds the target."""
 
 
 class Better(Enum):
@@ -60,7 +62,13 @@ class Comparison:
 
     @staticmethod
     def of(track: Track, truth: Array, states: Array | None = None) -> "Comparison":
-        """Compare a track with its truth, up to the length of the shorter one."""
+        """Compare a track with the truth of its pictures, up to the length of the shorter one.
+
+        Args:
+            track: The track.
+            truth: True corners (n, 4, 2) [px]; nan in frames without the target.
+            states: True x, y [px], theta [rad], scale (n, 4) if they are known exactly.
+        """
         count = min(len(track.states), len(truth))
         truth, present = truth[:count], seen_in(truth[:count])
         seen = track.corners[:count][present]
@@ -80,15 +88,15 @@ class Comparison:
 
     @property
     def errors(self) -> Array:
-        """Distances (m,) of the centres [px]."""
+        """Distances (m,) between the true and the found centres [px]."""
         return np.hypot(*self.offsets.T)
 
     def success(self) -> Array:
-        """Share of frames (21,) whose upright overlap exceeds each of `OVERLAPS`."""
+        """Return the shares (21,) of frames whose upright overlap exceeds each of `OVERLAPS`."""
         return np.mean(self.overlaps > OVERLAPS[:, None], axis=1)
 
     def precision(self) -> Array:
-        """Share of frames (51,) whose error is at most each of `PIXELS`."""
+        """Return the shares (51,) of frames whose error is at most each of `PIXELS`."""
         return np.mean(self.errors <= PIXELS[:, None], axis=1)
 
 
@@ -106,7 +114,7 @@ class TrackMeasure:
 
 
 def seen_in(corners: Array) -> NDArray[np.bool_]:
-    """Return the frames (n,) of a truth (n, 4, 2) in which the target is present."""
+    """Return a mask (n,) of the frames of a truth (n, 4, 2) in which the target is present."""
     return np.asarray(np.isfinite(corners).all(axis=(1, 2)))
 
 
@@ -170,9 +178,10 @@ def late_success(c: Comparison, late: int) -> float:
 
 
 def streamed_success(c: Comparison) -> float:
-    """Return the same where frames come at `RATE`, and each estimate after the time that was
-    measured for it. A tracker that is busy leaves out the frames that come meanwhile; what it then
-    finds in the next one is taken to be what it found when it saw them all.
+    """Return the success AUC where frames come at `RATE`, and estimates after their measured time.
+
+    A busy tracker misses the frames that come meanwhile. Its estimate for the next frame is assumed
+    to be the one that it made when it saw all frames.
     """
     period = 1e3 / RATE
     count = len(c.present)
@@ -214,13 +223,11 @@ def _shown(c: Comparison) -> NDArray[np.bool_]:
     return (c.track.milliseconds > 0) & (np.arange(len(c.track.milliseconds)) > 0)
 
 
-H = Better.HIGHER
-L = Better.LOWER
 MEASURES = (
     TrackMeasure(
         "auc",
         "",
-        H,
+        Better.HIGHER,
         "success: area under the curve of upright box overlap",
         lambda c: float(c.success().mean()),
         1.0,
@@ -228,7 +235,7 @@ MEASURES = (
     TrackMeasure(
         "auc_turned",
         "",
-        H,
+        Better.HIGHER,
         "the same for rectangles as they are turned",
         lambda c: float(np.mean(c.turned_overlaps > OVERLAPS[:, None])),
         1.0,
@@ -236,7 +243,7 @@ MEASURES = (
     TrackMeasure(
         "auc_late_1",
         "",
-        H,
+        Better.HIGHER,
         "success, each frame compared with the estimate of the frame before",
         lambda c: late_success(c, 1),
         1.0,
@@ -244,7 +251,7 @@ MEASURES = (
     TrackMeasure(
         "auc_late_3",
         "",
-        H,
+        Better.HIGHER,
         "the same of three frames before: 100 ms at 30 Hz",
         lambda c: late_success(c, 3),
         1.0,
@@ -252,7 +259,7 @@ MEASURES = (
     TrackMeasure(
         "auc_streamed",
         "",
-        H,
+        Better.HIGHER,
         "the same for pictures at 30 Hz, late by the measured time, without those missed",
         streamed_success,
         1.0,
@@ -260,7 +267,7 @@ MEASURES = (
     TrackMeasure(
         "expected_overlap",
         "",
-        H,
+        Better.HIGHER,
         "mean overlap of the first n frames, 0 from a loss on, averaged over all n",
         expected_overlap,
         1.0,
@@ -268,7 +275,7 @@ MEASURES = (
     TrackMeasure(
         "precision_20",
         "",
-        H,
+        Better.HIGHER,
         "share of frames with an error of at most 20 px",
         lambda c: float(c.precision()[NEAR]),
         1.0,
@@ -276,7 +283,7 @@ MEASURES = (
     TrackMeasure(
         "precision_norm",
         "",
-        H,
+        Better.HIGHER,
         "area under the curve of error over the target's size",
         lambda c: float(np.mean(_relative(c) <= SHARES[:, None])),
         1.0,
@@ -284,34 +291,42 @@ MEASURES = (
     TrackMeasure(
         "rmse_px",
         "px",
-        L,
+        Better.LOWER,
         "root mean square error of the centre",
         lambda c: float(np.sqrt(np.mean(c.errors**2))),
     ),
     TrackMeasure(
-        "mean_error_px", "px", L, "mean error of the centre", lambda c: float(np.mean(c.errors))
+        "mean_error_px",
+        "px",
+        Better.LOWER,
+        "mean error of the centre",
+        lambda c: float(np.mean(c.errors)),
     ),
     TrackMeasure(
-        "angle_rmse_deg", "deg", L, "root mean square error of theta", lambda c: _state_rmse(c, 2)
+        "angle_rmse_deg",
+        "deg",
+        Better.LOWER,
+        "root mean square error of theta",
+        lambda c: _state_rmse(c, 2),
     ),
     TrackMeasure(
         "scale_rmse",
         "",
-        L,
+        Better.LOWER,
         "root mean square relative error of the size",
         lambda c: _state_rmse(c, 3),
     ),
     TrackMeasure(
         "frames_until_loss",
         "",
-        H,
+        Better.HIGHER,
         "frames before five in a row off by the target's size",
         frames_until_loss,
     ),
     TrackMeasure(
         "completed",
         "",
-        H,
+        Better.HIGHER,
         "1 if it was never lost",
         lambda c: float(frames_until_loss(c) == len(c.errors)),
         1.0,
@@ -319,7 +334,7 @@ MEASURES = (
     TrackMeasure(
         "held",
         "",
-        H,
+        Better.HIGHER,
         "1 if the overlap exceeds 0.5 in 90 % of the frames",
         lambda c: float(np.mean(c.overlaps > HALF) >= MOST),
         1.0,
@@ -327,7 +342,7 @@ MEASURES = (
     TrackMeasure(
         "lost_auc",
         "",
-        H,
+        Better.HIGHER,
         "area under the ROC of 1 - confidence as a sign of being off",
         lost_signal,
         1.0,
@@ -335,14 +350,14 @@ MEASURES = (
     TrackMeasure(
         "milliseconds",
         "ms",
-        L,
+        Better.LOWER,
         "median time for a frame",
         lambda c: float(np.median(c.track.milliseconds[_shown(c)])) if _shown(c).any() else 0.0,
     ),
     TrackMeasure(
         "evaluations",
         "",
-        L,
+        Better.LOWER,
         "mean number of histograms read for a frame",
         lambda c: float(np.mean(c.track.evaluations[_shown(c)])) if _shown(c).any() else 0.0,
     ),
@@ -350,5 +365,5 @@ MEASURES = (
 
 
 def measure_all(comparison: Comparison) -> dict[str, float]:
-    """All measures by name; nan if one does not apply."""
+    """Return all measures by name; nan for a measure that does not apply."""
     return {measure.name: measure.of(comparison) for measure in MEASURES}

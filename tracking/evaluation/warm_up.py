@@ -1,11 +1,11 @@
-"""Compile and load what a tracker needs, before its time counts."""
+"""Compile the loops and load the files of a tracker before its time is measured."""
 
 from contextlib import suppress
-from typing import Protocol
 
 import cv2
 import numpy as np
 
+from sim.kinds import PartConfig
 from sim.types import Image
 from tracking.evaluation.track import Shot, follow
 from tracking.sequences.sources import Picture
@@ -14,27 +14,21 @@ from tracking.types import Region, State, Tracker
 SIZE = (240, 320)
 """Height and width of the pictures on which a tracker is warmed up [px]."""
 BLUR = (9, 9)
-"""Window in which their noise is averaged [px], so that it has slopes to follow."""
+"""Window in which the noise is averaged [px], so that it has gradients to follow."""
 
 
-class Config(Protocol):
-    """The settings of a tracker."""
-
-    def build(self, rng: np.random.Generator, /) -> Tracker:
-        """Return the tracker."""
-        ...
-
-
-def warm_up(config: Config) -> list[Shot]:
-    """Let a tracker of its own, that is thrown away, follow pictures of noise: its target moves by
-    a pixel, and is gone.
+def warm_up(config: PartConfig[Tracker]) -> list[Shot]:
+    """Let a new tracker follow pictures of noise, in which its target moves by a pixel and is lost.
 
     Compiled loops and network files are then in memory, and a tracker in another process has
-    stored what it compiled. A tracker that fails here fails again on the pictures that count, with
-    its sentence.
+    stored what it compiled. An error here is ignored: the tracker raises it again on the user's
+    pictures.
+
+    Args:
+        config: Settings of the tracker.
 
     Returns:
-        What it reported, up to where it failed.
+        Its estimates up to the error, if there is one.
     """
     shots = list[Shot]()
     pictures = [Picture("noise", 0.0, image) for image in _images()]
@@ -47,8 +41,9 @@ def warm_up(config: Config) -> list[Shot]:
 
 
 def _images() -> list[Image]:
-    """Return pictures of blurred noise: one, the same a pixel further, and another, which cannot be
-    written to, as those of a simulated camera: numba compiles a loop for each of both.
+    """Return pictures of blurred noise: one, the same moved by 1 and 2 pixels, and another.
+
+    Half of them are read-only, as those of a simulated camera: numba compiles loops for both kinds.
     """
     noise = np.random.default_rng(0).integers(0, 256, (2, *SIZE, 3), np.uint8)
     first, other = (cv2.blur(each, BLUR) for each in noise)

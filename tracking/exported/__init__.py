@@ -1,4 +1,4 @@
-"""Our trackers with the interfaces of OpenCV, GOT-10k, the VOT toolkit and TraX."""
+"""Our trackers with the interfaces of OpenCV, of the GOT-10k and VOT toolkits, and of TraX."""
 
 from tracking.exported.toolkits import Got10kTracker, OpenCVTracker, VotHandle, run_vot
 

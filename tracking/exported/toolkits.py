@@ -1,4 +1,4 @@
-"""Our trackers in the conventions of OpenCV, of the GOT-10k toolkit (Huang, Zhao, Huang 2021) and
+"""Our trackers with the interfaces of OpenCV, of the GOT-10k toolkit (Huang, Zhao, Huang 2021) and
 of the VOT toolkit's Python integration.
 """
 
@@ -23,7 +23,7 @@ Rect = tuple[float, float, float, float]
 
 
 class Follower:
-    """Keeps the time of pictures at a fixed rate."""
+    """A tracker that is given pictures at a fixed rate [1/s]."""
 
     def __init__(self, kind: str, seed: int, rate: float, settings: dict[str, Any]) -> None:
         self._kind = kind
@@ -32,12 +32,12 @@ class Follower:
         self._settings = settings
 
     def start(self, image: Image, numbers: Any, *, turned: bool = False) -> None:
-        """Begin anew, as often as one likes, with a box (4,), or coordinates (8,) of corners [px].
+        """Make a new tracker and show it the target.
 
         Args:
-            image: The first picture.
-            numbers: Left, top, width, height, or x and y of each corner.
-            turned: Keep the rotation of corners that form a rectangle; else take the upright box.
+            image: The first picture, RGB (H, W, 3).
+            numbers: Box (4,) of left, top, width, height, or corners (8,) x1, y1 ... x4, y4 [px].
+            turned: Keep the rotation of corners that form a rectangle; else use the upright box.
 
         Raises:
             ValueError: The region is empty, or most of it is outside the picture.
@@ -48,7 +48,7 @@ class Follower:
         self._tracker.start(self._frame(image), self.region, state)
 
     def update(self, image: Image) -> tuple[Estimate, Rect]:
-        """Find the target, with the upright box around it."""
+        """Return the estimate for the next picture, and the upright box around the target."""
         found = self._tracker.update(self._frame(image))
         left, top, width, height = boxes(found.outline(self.region)[None])[0].tolist()
         return found, (left, top, width, height)
@@ -77,7 +77,7 @@ class OpenCVTracker:
         self._follower = Follower(kind, seed, rate, settings)
 
     def init(self, image: np.ndarray, rect: Rect) -> None:
-        """Learn the target.
+        """Learn the target in a box of the first picture, BGR (H, W, 3).
 
         Raises:
             ValueError: The rectangle is empty, or most of it is outside the picture.
@@ -85,21 +85,19 @@ class OpenCVTracker:
         self._follower.start(rgb(image), rect)
 
     def update(self, image: np.ndarray) -> tuple[bool, Rect]:
-        """Find the target.
+        """Find the target in the next picture, BGR (H, W, 3).
 
         Returns:
-            True if it is seen (OpenCV's own trackers also return that if it is not), and its box
-            (left, top, width, height) [px].
+            True if it is seen, and its box (left, top, width, height) [px].
         """
         found, rect = self._follower.update(rgb(image))
         return found.status is Status.LOCKED, rect
 
 
 class Got10kTracker:
-    """A tracker for the toolkit's experiments: a name, `track(img_files, box)`, and its methods
-    `init(image, box)` and `update(image) -> box`.
+    """Interface of the GOT-10k toolkit: `init(image, box)`, `update(image) -> box` and `track`.
 
-    Pictures are RGB, of PIL or arrays; boxes are of OTB's kind (pixels counted from 1).
+    Pictures are RGB, arrays or PIL's; boxes are left, top, width, height, pixels counted from 1.
     """
 
     is_deterministic = True
@@ -110,7 +108,7 @@ class Got10kTracker:
         self._follower = Follower(kind, seed, rate, settings)
 
     def init(self, image: Any, box: Any) -> None:
-        """Learn the target.
+        """Learn the target in a box (4,) of the first picture.
 
         Raises:
             ValueError: The box is empty, or most of it is outside the picture.
@@ -118,7 +116,7 @@ class Got10kTracker:
         self._follower.start(_array(image), np.array(box, dtype=float) - (1, 1, 0, 0))
 
     def update(self, image: Any) -> Array:
-        """Return the box (4,)."""
+        """Return the target's box (4,) in the next picture."""
         _, (left, top, width, height) = self._follower.update(_array(image))
         return np.array([left + 1.0, top + 1.0, width, height])
 
@@ -131,12 +129,12 @@ class Got10kTracker:
         """Follow a target through picture files.
 
         Args:
-            img_files: Their paths.
-            box: The target in the first one.
-            visualize: Nothing is shown; `servobench track --video` draws.
+            img_files: Paths of the pictures.
+            box: Box (4,) of the target in the first picture.
+            visualize: Not used; `servobench track --video` writes a film.
 
         Returns:
-            Boxes (n, 4), and the time that each picture took (n,) [s].
+            Boxes (n, 4), and the tracker's time for each picture (n,) [s].
 
         Raises:
             ValueError: As for `init`, or a picture cannot be read.
@@ -160,25 +158,32 @@ class VotHandle(Protocol):
     """Interface of `vot.VOT("rectangle")` or `vot.VOT("polygon")` of the toolkit's integration."""
 
     def region(self) -> Any:
-        """Return the target in the first picture: x, y, width, height, or points of x, y."""
+        """Return the target's region in the first picture: a rectangle or a polygon."""
         ...
 
     def frame(self) -> str | None:
-        """Return the next picture's path; nothing at the end."""
+        """Return the path of the next picture; None or "" at the end."""
         ...
 
     def report(self, region: Any, confidence: float) -> None:
-        """Report the target's region to the toolkit; the confidence where it is taken."""
+        """Report the target's region, and the confidence 0..1 if the toolkit accepts one."""
 
 
 def run_vot(
     handle: VotHandle, kind: str, seed: int = 0, rate: float = RATE, **settings: Any
 ) -> None:
-    """Follow a target for the VOT toolkit until it gives no more pictures.
+    """Follow a target for the VOT toolkit until its pictures end.
+
+    Args:
+        handle: The toolkit's integration, such as `vot.VOT("rectangle")`.
+        kind: Kind of the tracker; see `tracking.create`.
+        seed: Seed of the tracker's random numbers.
+        rate: Rate of the pictures [1/s].
+        **settings: The tracker's settings.
 
     Raises:
         ValueError: A picture cannot be read or decoded, or is too large; or the region is neither a
-            rectangle nor four points.
+            rectangle nor a polygon of four points.
     """
     given = handle.region()
     path = handle.frame()

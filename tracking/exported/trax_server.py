@@ -47,17 +47,17 @@ def run_trax(
     answers: TextIO | None = None,
     **settings: Any,
 ) -> None:
-    """Follow what a TraX client shows until it quits.
+    """Serve a TraX client until it quits.
 
-    What the tracker needs is compiled and loaded before the hello, as clients limit the time of
-    each answer: the VOT toolkit ends a server after 30 s.
+    The tracker is compiled and loaded before the hello, because clients limit the time of each
+    answer: the VOT toolkit ends a server after 30 s.
 
     Args:
-        kind: The tracker; see `tracking.create`.
-        seed: Seed of its random draws.
+        kind: Kind of the tracker; see `tracking.create`.
+        seed: Seed of the tracker's random numbers.
         rate: Rate of the pictures [1/s].
-        requests: The client's messages; None: standard input.
-        answers: Stream for our messages; None: standard output.
+        requests: Stream of the client's messages; None: standard input.
+        answers: Stream of our messages; None: standard output.
         **settings: The tracker's settings.
 
     Raises:
@@ -110,7 +110,7 @@ def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Ite
 
 
 def _region(text: str) -> Array:
-    """Return the box (4,) or the polygon (n, 2) of a client."""
+    """Return the client's region: a box (4,) or a polygon (n, 2) [px]."""
     try:
         region = region_in(text)
     except ValueError as error:
@@ -125,7 +125,7 @@ def _state(region: Array, confidence: float) -> Message:
 
 
 def _answer(outline: Array, found: Estimate) -> Message:
-    """Return the answer to a picture; one in which a tracker saw nothing at all says so."""
+    """Return the answer to a picture; it is marked if the tracker saw no target."""
     answer = _state(outline, 1.0 - found.distance)
     if found.distance >= 1.0 and found.status is not Status.LOCKED:
         return replace(answer, named={**answer.named, SEEN: UNSEEN})

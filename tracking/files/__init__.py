@@ -1,1 +1,1 @@
-"""Writing files: completely or not at all, and not through links; and the texts in them."""
+"""Writing of files, completely or not at all and never through links, and of CSV and JSON texts."""

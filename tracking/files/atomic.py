@@ -1,4 +1,4 @@
-"""Writing files completely or not at all, and never through a link.
+"""Writing of files, completely or not at all and never through a link.
 
 A file is written under another name, flushed to the disk, and renamed over an older one. The folder
 may come from another person: a link at a file's place is replaced, a link to a folder is refused.
@@ -8,14 +8,14 @@ import errno
 import os
 import stat
 from collections.abc import Generator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
 from sim.files.reading import KINDS
 
 ASIDE = ".{}.part"
-"""Name of a file while it is written."""
+"""Name of an unfinished file."""
 NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
 
 
@@ -31,7 +31,7 @@ def write(root: Path, name: str, content: bytes | str) -> Path:
         The path of the file.
 
     Raises:
-        OSError: The file cannot be written, or a folder on the way is a link.
+        OSError: The file cannot be written, or a folder of its path is a link.
     """
     with writing(root, name) as file:
         file.write(content.encode() if isinstance(content, str) else content)
@@ -40,7 +40,7 @@ def write(root: Path, name: str, content: bytes | str) -> Path:
 
 @contextmanager
 def writing(root: Path, name: str) -> Generator[BinaryIO]:
-    """A binary file to write to, which gets its name when the block ends without an exception.
+    """Open a binary file, which gets its name when the block ends without an exception.
 
     Arguments and errors are those of `write`.
     """
@@ -56,14 +56,13 @@ def writing(root: Path, name: str) -> Generator[BinaryIO]:
     except BaseException:
         aside.unlink(missing_ok=True)
         raise
-    _flush_folder(path.parent)
 
 
 def _check_replaceable(path: Path) -> None:
-    """Refuse to replace a device, a pipe or a folder by a file, or a link such as /dev/stdout.
+    """Refuse to replace a device, a pipe, a folder or a link such as /dev/stdout by a file.
 
     Raises:
-        OSError: The path is one of them.
+        OSError: The path is one of these.
     """
     try:
         mode = path.lstat().st_mode
@@ -77,7 +76,7 @@ def _check_replaceable(path: Path) -> None:
 
 @contextmanager
 def naming(path: Path) -> Generator[None]:
-    """Add the path to errors of the operating system in the block."""
+    """Add a path to each OSError of the block that names no file."""
     try:
         yield
     except OSError as error:
@@ -87,20 +86,20 @@ def naming(path: Path) -> Generator[None]:
 
 
 def new_file(path: Path) -> BinaryIO:
-    """A new file to write to, which replaces an older one or a link.
+    """Open a new binary file for writing, in place of an older file or a link.
 
     Raises:
-        OSError: It cannot be opened.
+        OSError: The file cannot be opened.
     """
     path.unlink(missing_ok=True)
     return os.fdopen(os.open(path, NEW, 0o666), "wb")
 
 
 def folder(root: Path, name: str) -> Path:
-    """Make a folder below a root, with all folders on the way, none of which may be a link.
+    """Make a folder below a root and return its path; no folder of the path may be a link.
 
     Raises:
-        OSError: It cannot be made, or a folder on the way is a link.
+        OSError: It cannot be made, or a folder of the path is a link.
     """
     root.mkdir(parents=True, exist_ok=True)
     path = root
@@ -110,13 +109,3 @@ def folder(root: Path, name: str) -> Path:
             raise OSError(errno.ELOOP, "this is a link, and nothing is written through it", path)
         path.mkdir(exist_ok=True)
     return path
-
-
-def _flush_folder(path: Path) -> None:
-    """Flush a folder, so that a rename survives a power failure, if the system supports it."""
-    with suppress(OSError):  # the system cannot open folders, or this one cannot be read
-        opened = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(opened)
-        finally:
-            os.close(opened)

@@ -1,4 +1,4 @@
-"""Text of CSV files."""
+"""Texts of CSV files."""
 
 import csv
 import io
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def csv_text(head: Sequence[Any], rows: Iterable[Sequence[Any]]) -> str:
-    """The text of a CSV file with a header."""
+    """Return the text of a CSV file with a header row and rows of cells."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(head)

@@ -1,4 +1,4 @@
-"""Values as JSON, without infinity, nan and invalid characters, which JSON does not have."""
+"""Conversion of values to JSON, which has no infinity, nan or invalid characters."""
 
 import dataclasses
 import json
@@ -10,13 +10,14 @@ import numpy as np
 
 
 def number(value: float) -> float | None:
-    """A number for JSON: None if it is infinite or nan."""
+    """Return a number for JSON: None for infinity and nan."""
     return value if math.isfinite(value) else None
 
 
 def as_json(value: Any) -> Any:
-    """A value in the types of JSON: a dataclass becomes a table, an enum its value, an infinite
-    number or nan None, and any other type its text.
+    """Return a value in the types of JSON.
+
+    A dataclass becomes a table, an enum its value, infinity and nan None, any other type its text.
     """
     match value:
         case bool() | int() | None:
@@ -40,5 +41,5 @@ def as_json(value: Any) -> Any:
 
 
 def json_text(document: Any) -> str:
-    """The text of a JSON file."""
+    """Return the text of a JSON file with a value that `as_json` converts."""
     return json.dumps(as_json(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"

@@ -1,4 +1,4 @@
-"""Compiled loops for bin numbers of colours, and for colours without brightness."""
+"""Compiled loops: bin numbers of colours, and colours without brightness."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from sim.types import Image
 
 @compiled()
 def labels(image: Image, left: int, top: int, right: int, bottom: int, levels: int) -> NDArray[Any]:
-    """Bin numbers (h, w) of the pixels of a window: equal bins of red, green and blue.
+    """Return the bin numbers (h, w) of the pixels of a window: equal bins of red, green and blue.
 
     Args:
         image: RGB (H, W, 3).
@@ -25,30 +25,29 @@ def labels(image: Image, left: int, top: int, right: int, bottom: int, levels: i
     part = image[top:bottom, left:right]
     for i in range(found.shape[0]):
         for j in range(found.shape[1]):
-            red = int(part[i, j, 0])
-            green = int(part[i, j, 1])
-            blue = int(part[i, j, 2])
-            first = ((red * levels) >> 8) * levels + ((green * levels) >> 8)
-            found[i, j] = first * levels + ((blue * levels) >> 8)
+            # The number is written with three digits of base `levels`: red, green, blue.
+            number = 0
+            for k in range(3):
+                number = number * levels + ((int(part[i, j, k]) * levels) >> 8)
+            found[i, j] = number
     return found
 
 
 @compiled()
 def evened(image: Image, floor: int) -> Image:
-    """Channels divided by the pixel's largest one: 255 c / (max + floor), rounded down (H, W, 3).
+    """Return a picture (H, W, 3) whose channels are divided by the largest one of each pixel.
+
+    A channel c becomes 255 c / (max + floor), rounded down.
 
     Args:
         image: RGB (H, W, 3).
-        floor: Added to the largest channel; keeps dark pixels, whose colour is noise, dark.
+        floor: Grey levels that are added to the largest channel. They keep dark pixels dark, whose
+            colour is noise.
     """
     found = np.empty_like(image)
     for i in range(image.shape[0]):
         for j in range(image.shape[1]):
-            red = int(image[i, j, 0])
-            green = int(image[i, j, 1])
-            blue = int(image[i, j, 2])
-            whole = max(red, green, blue) + floor
-            found[i, j, 0] = 255 * red // whole
-            found[i, j, 1] = 255 * green // whole
-            found[i, j, 2] = 255 * blue // whole
+            whole = floor + max(int(image[i, j, 0]), int(image[i, j, 1]), int(image[i, j, 2]))
+            for k in range(3):
+                found[i, j, k] = 255 * int(image[i, j, k]) // whole
     return found

@@ -1,5 +1,5 @@
-"""Compiled loops for Levenberg's descent on the SSD of the square roots of histograms: pixels under
-Epanechnikov kernels, with their derivatives.
+"""Compiled loops: Levenberg's descent on the squared differences of the roots of histograms, of
+pixels under Epanechnikov kernels.
 
 A state is (x, y, theta, ln scale); f_x maps an image point l into the template,
 r = R(-theta) (l - (x, y)) / scale. Pixel (i, j) has its centre at (j + 0.5, i + 0.5).
@@ -14,8 +14,8 @@ from sim.types import Array, Image
 from tracking.types import LARGEST_LOG
 
 Kernels = tuple[tuple[float, float], Array, tuple[float, float], int, int]
-"""Half sides of the template [px], centres (K, 2) and half axes of the kernels [px], bins of
-each channel, and the number of pixels above which only every second, third, ... is read."""
+"""Half sides of the template [px], centres (K, 2) and half axes of the kernels [px], number of bins
+of each channel, and the number of pixels above which only every second, third, ... is read."""
 Weight = tuple[float, float, float, float, float]
 """A pixel's weight under a kernel, and its derivatives by (x, y, theta, ln scale)."""
 FLOOR = 1e-3
@@ -23,12 +23,13 @@ FLOOR = 1e-3
 TINY = np.finfo(np.float64).tiny
 # Levenberg's damping, relative to the trace; chosen by hand, with little effect on the basin.
 FIRST_DAMPING = 1e-3
+"""Damping of the first step."""
 MORE = 8.0
-"""Factor after a bad step."""
+"""Factor on the damping after a step that raised the cost."""
 LESS = 0.2
-"""Factor after a good step."""
+"""Factor on the damping after a step that lowered the cost."""
 MOST_DAMPING = 1e3
-"""With more damping, steps are too short to matter, and the descent ends."""
+"""Damping that ends the descent: its steps are too short to matter."""
 
 
 @compiled(error_model="numpy")
@@ -112,7 +113,19 @@ def _weigh(
     c: float,
     s: float,
 ) -> Weight:
-    """k and dk/d(x, y, theta, ln scale) of a pixel at r with kernel value k and gradient dk/dr."""
+    """Return the weight k of a pixel at r = (rx, ry), and dk/d(x, y, theta, ln scale).
+
+    Args:
+        rx: The pixel's place in the template, along its width [px].
+        ry: The same along its height [px].
+        cover: The share of the pixel that the template covers, with its derivatives.
+        value: Value of the kernel at r.
+        gx: Derivative of the kernel by rx [1/px].
+        gy: Derivative of the kernel by ry [1/px].
+        per_scale: Inverse of the scale.
+        c: Cosine of theta.
+        s: Sine of theta.
+    """
     return (
         value * cover[0],
         value * cover[1] - cover[0] * (gx * c - gy * s) * per_scale,
@@ -124,13 +137,10 @@ def _weigh(
 
 @compiled(error_model="numpy")
 def _add(rows: Array, b: int, share: float, weight: Weight) -> None:
-    """Add a share of a weight to row b (5,)."""
+    """Add a share of a weight to row b of rows (B, 5)."""
     row = rows[np.uint64(b)]
-    row[0] += share * weight[0]
-    row[1] += share * weight[1]
-    row[2] += share * weight[2]
-    row[3] += share * weight[3]
-    row[4] += share * weight[4]
+    for p in range(5):
+        row[p] += share * weight[p]
 
 
 @compiled(error_model="numpy")
@@ -143,7 +153,7 @@ def kernel_histograms(
     levels: int,
     stride: int,
 ) -> tuple[Array, Array]:
-    """Un-normalised soft histograms under Epanechnikov kernels, and their derivatives.
+    """Return soft histograms under Epanechnikov kernels and their derivatives, not normalised.
 
     Args:
         image: RGB (H, W, 3).
@@ -168,6 +178,7 @@ def kernel_histograms(
     per_y = 1.0 / span[1]
     reach_x = scale * (abs(c) * half[0] + abs(s) * half[1]) + 1.0
     reach_y = scale * (abs(s) * half[0] + abs(c) * half[1]) + 1.0
+    # The upright box around the turned template bounds the pixels that are read.
     first_i = max(0, int(state[1] - reach_y))
     last_i = min(len(image), int(state[1] + reach_y) + 1)
     first_j = max(0, int(state[0] - reach_x))
@@ -182,6 +193,7 @@ def kernel_histograms(
             if cover[0] == 0.0:
                 continue
             bins, shares = _share_between_bins(image, np.uint64(i), np.uint64(j), levels)
+            # Kernels overlap where their span exceeds a cell: a pixel may count in several.
             for k in range(len(centres)):
                 ax = (rx - centres[k, 0]) * per_x
                 ay = (ry - centres[k, 1]) * per_y
@@ -212,7 +224,9 @@ def histograms(image: Image, x: Array, kernels: Kernels) -> tuple[Array, Array]:
 def ssd_normal_equations(
     sums: Array, totals: Array, root_reference: Array, floor: float
 ) -> tuple[float, Array, Array]:
-    """Cost, gradient (4,) and curvature (4, 4) of mean_k ||sqrt(q_k + floor) - reference_k||^2.
+    """Return cost, gradient (4,) and curvature (4, 4) of mean_k ||sqrt(q_k + floor) - q*_k||^2.
+
+    The curvature is that of Gauss-Newton, J' J: second derivatives are left out.
 
     Args:
         sums: Sums of `kernel_histograms` (K, B, 5).
@@ -230,7 +244,7 @@ def ssd_normal_equations(
         total = max(totals[k, 0], 1e-12)
         for b in range(n_bins):
             mass = sums[k, b, 0]
-            if mass == 0.0:
+            if mass == 0.0:  # most bins: no derivative
                 e = root_floor - root_reference[k, b]
                 cost += e * e
                 continue
@@ -238,6 +252,7 @@ def ssd_normal_equations(
             root = np.sqrt(q + floor)
             e = root - root_reference[k, b]
             cost += e * e
+            # d sqrt(q + floor) / dp with q = mass / total, where total depends on p, too.
             for p in range(4):
                 row[p] = (sums[k, b, 1 + p] - q * totals[k, 1 + p]) / (2.0 * total * root)
             for p in range(4):
@@ -284,7 +299,7 @@ def solved(A: Array, b: Array) -> Array:
 
 @compiled(error_model="numpy")
 def damped_step(gradient: Array, curvature: Array, damping: float, units: Array) -> Array:
-    """Levenberg's step (4,): -(H + damping * mean of its diagonal)^-1 g, in the given units.
+    """Return Levenberg's step (4,): -(H + damping * mean of its diagonal)^-1 g, in given units.
 
     Args:
         gradient: Gradient (4,).
@@ -301,7 +316,7 @@ def damped_step(gradient: Array, curvature: Array, damping: float, units: Array)
             H[p, r] = curvature[p, r] * units[p] * units[r]
         trace += H[p, p]
     for p in range(4):
-        H[p, p] += damping * trace / 4.0 + TINY
+        H[p, p] += damping * trace / 4.0 + TINY  # regular also where the picture has one colour
     return -units * solved(H, g)
 
 
@@ -309,7 +324,7 @@ def damped_step(gradient: Array, curvature: Array, damping: float, units: Array)
 def linearise(
     image: Image, x: Array, kernels: Kernels, root_reference: Array
 ) -> tuple[float, Array, Array]:
-    """Cost, gradient (4,) and curvature (4, 4) at x (4,)."""
+    """Return cost, gradient (4,) and curvature (4, 4) of `ssd_normal_equations` at x (4,)."""
     sums, totals = histograms(image, x, kernels)
     return ssd_normal_equations(sums, totals, root_reference, FLOOR)
 
@@ -325,7 +340,7 @@ def descend(
     tolerance: float,
     hopeless: float,
 ) -> tuple[Array, float, int]:
-    """Descend to the nearest minimum of the cost.
+    """Descend from a state to a minimum of the cost, by Levenberg's steps.
 
     Args:
         image: RGB (H, W, 3).
@@ -344,7 +359,7 @@ def descend(
     cost, gradient, curvature = linearise(image, x, kernels, root_reference)
     damping = FIRST_DAMPING
     evaluations = 1
-    if cost > hopeless:
+    if cost > hopeless:  # too far from the target: a descent would end in clutter
         return x, cost, evaluations
     while evaluations < most and damping < MOST_DAMPING:
         step = damped_step(gradient, curvature, damping, units)
@@ -354,7 +369,7 @@ def descend(
         is_last = True
         for p in range(4):
             is_last &= abs(step[p] / units[p]) < tolerance
-        if is_last:
+        if is_last:  # right without an evaluation, so near the minimum
             return there, cost, evaluations
         at = linearise(image, there, kernels, root_reference)
         evaluations += 1

@@ -1,7 +1,7 @@
-"""Compiled loops over weighted samples, which particle filters run in every frame.
+"""Compiled loops over the weighted samples of particle filters.
 
 They assign numbers, not slices: numba compiles an assignment to a slice together with the text of
-its error, which takes 1.7 s. Loops compile in a third of the time that sums of arrays take.
+its error, which takes 1.7 s. Loops compile in a third of the time of sums of arrays.
 """
 
 from typing import Any
@@ -13,27 +13,15 @@ from sim.compiled import compiled
 from sim.types import Array
 
 BISECTIONS = 40
+"""Number of bisections that find an exponent: to 1e-8 below `LARGEST_BETA`."""
 LARGEST_BETA = 1e4
-"""With these the exponent is found to 1e-8; a larger one has no use."""
-
-
-@compiled()
-def moved(samples: Array, change: Array, spread: Array, draws: Array, most: float) -> Array:
-    """Return samples (N, 4) after a common change (4,) and noise: a spread (4,) times draws (N, 4).
-
-    The last coordinate, ln scale, is limited to -most..most.
-    """
-    found = np.empty_like(samples)
-    for n in range(len(found)):
-        for d in range(4):
-            found[n, d] = samples[n, d] + change[d] + spread[d] * draws[n, d]
-        found[n, 3] = np.minimum(np.maximum(found[n, 3], -most), most)
-    return found
+"""Largest exponent that is searched."""
 
 
 @compiled()
 def normalised(log_weights: Array) -> Array:
-    """Return weights (N,) that sum to 1, from log-weights with any additive constant."""
+    """Return weights (N,) that sum to 1, from logarithms (N,) with any constant added."""
+    # The largest becomes exp(0): without this, all could underflow to 0.
     top = -np.inf
     for log_weight in log_weights:
         top = max(top, log_weight)
@@ -49,13 +37,13 @@ def normalised(log_weights: Array) -> Array:
 
 @compiled()
 def effective_size(weights: Array) -> float:
-    """Effective sample size 1 / sum w^2, between 1 and N."""
+    """Return the effective sample size 1 / sum w^2, 1..N, of weights (N,) that sum to 1."""
     return 1.0 / np.sum(weights * weights)
 
 
 @compiled()
 def mean(samples: Array, weights: Array) -> Array:
-    """Weighted mean (D,) of samples (N, D). Angles must be continuous, without wrapping."""
+    """Return the weighted mean (D,) of samples (N, D); angles must be continuous, not wrapped."""
     found = np.zeros(samples.shape[1])
     for n in range(len(samples)):
         for d in range(len(found)):
@@ -65,7 +53,7 @@ def mean(samples: Array, weights: Array) -> Array:
 
 @compiled()
 def covariance(samples: Array, weights: Array) -> Array:
-    """Weighted covariance (D, D) of samples (N, D)."""
+    """Return the weighted covariance (D, D) of samples (N, D)."""
     middle = mean(samples, weights)
     count = samples.shape[1]
     found = np.zeros((count, count))
@@ -78,18 +66,6 @@ def covariance(samples: Array, weights: Array) -> Array:
 
 
 @compiled()
-def cloud(samples: Array, weights: Array) -> Array:
-    """Return samples (N, 4), with scale instead of its logarithm, and their weights as (N, 5)."""
-    found = np.empty((len(samples), 5))
-    for n in range(len(samples)):
-        for d in range(3):
-            found[n, d] = samples[n, d]
-        found[n, 3] = np.exp(samples[n, 3])
-        found[n, 4] = weights[n]
-    return found
-
-
-@compiled()
 def systematic(weights: Array, first: float) -> NDArray[Any]:
     """Return the indices (N,) of a systematic resampling (Kitagawa 1996).
 
@@ -97,7 +73,7 @@ def systematic(weights: Array, first: float) -> NDArray[Any]:
 
     Args:
         weights: Weights (N,), not negative, with any sum.
-        first: A uniform draw from [0, 1).
+        first: A uniform random number of [0, 1): the place of the first sample in its step.
     """
     count = len(weights)
     step = np.sum(weights) / len(weights)
@@ -105,7 +81,7 @@ def systematic(weights: Array, first: float) -> NDArray[Any]:
     i = 0
     reached = weights[0]
     for n in range(count):
-        # With rounding, the last position could exceed the sum.
+        # The last position could exceed the sum by rounding: i stays below N.
         while reached <= (n + first) * step and i < count - 1:
             i += 1
             reached += weights[i]
@@ -132,6 +108,7 @@ def exponent(log_likelihood: Array, target: float) -> float:
             weight = np.exp(middle * (w - top))
             total += weight
             squares += weight * weight
+        # A larger exponent leaves weight to fewer samples: the effective size falls with beta.
         if total * total / squares > target:
             low = middle
         else:

@@ -1,4 +1,5 @@
-"""Compiled loop of the direct alignment of a plane: Gauss, Newton, inverse compositional.
+"""Compiled loops: direct alignment of a plane by Gauss-Newton steps, inverse compositional
+(Baker, Matthews, Lucas-Kanade 20 years on, 2004).
 
 A point x of the template, in a unit square, is seen at H x; pixel (i, j) has its centre at
 (j + 0.5, i + 0.5).
@@ -13,35 +14,38 @@ from sim.compiled import compiled
 from sim.types import Array
 
 TUKEY = 4.685
-"""Residuals beyond so many robust standard deviations have no weight: the usual constant, with 95 %
-efficiency for normal residuals."""
+"""Number of robust standard deviations from which on residuals have no weight: the usual constant,
+with 95 % efficiency for normal residuals."""
 QUANTILE = 0.35
-"""Share of the residuals whose size gives the standard deviation: the median would grow with an
+"""Quantile of the residuals' sizes that gives the standard deviation: the median would grow with an
 object that hides a third of the target."""
 NORMAL = 0.4538
-"""This quantile of the size of normal residuals of standard deviation 1."""
+"""That quantile of the sizes of normal residuals of standard deviation 1."""
 # The numbers below were chosen by hand on rendered plates with a part hidden (tracking/RESULTS.md).
 LEAST_SIGMA = 1.0
-"""The residuals' standard deviation is taken for at least this [grey levels]."""
+"""Least standard deviation of the residuals [grey levels]."""
 USUAL = 0.8
-"""Mean weight where all points but the noise are the template's."""
+"""Mean weight of the points where nothing hides the template."""
 HIDDEN = 0.3
-"""With a smaller mean weight a part of the template counts as hidden."""
+"""Mean weight below which a cell of the template counts as hidden."""
 SHOWN = 0.6
-"""With a larger mean weight it counts as seen."""
+"""Mean weight above which a cell counts as seen."""
 LARGEST_STEP = 0.7
-"""A descent with a larger step has failed."""
+"""Largest step of a descent that has not failed [sides of the template]."""
 LARGEST_GAIN = 10.0
-"""The light is never changed by more."""
+"""Largest gain of the brightness; the smallest is its inverse."""
 LEAST_SEEN = 0.4
-"""With a smaller share of the template in the picture nothing is aligned."""
+"""Least share of the template's points that must lie in the picture."""
 FEWEST = 12
-"""Nor is it with fewer points: ten numbers are sought."""
+"""Least number of points in the picture: ten parameters are sought."""
 
 
 @compiled(error_model="numpy")
 def sample(image: NDArray[np.float32], H: Array, points: Array) -> Array:
-    """Return the brightness (n,) at which points (n, 2) are seen; nan outside the picture."""
+    """Return the brightness (n,) of a picture (height, width) at the places H x of points (n, 2).
+
+    It is interpolated bilinearly, and nan outside the picture and behind the camera.
+    """
     height, width = image.shape
     seen = np.empty(len(points))
     for i in range(len(points)):
@@ -65,14 +69,14 @@ def sample(image: NDArray[np.float32], H: Array, points: Array) -> Array:
 
 @compiled(error_model="numpy")
 def sigma_of(error: Array) -> float:
-    """Robust standard deviation of errors (n,)."""
+    """Return the robust standard deviation of errors (n,), of which some may be nan."""
     size = np.abs(error[~np.isnan(error)])
     return max(float(np.quantile(size, QUANTILE)) / NORMAL, LEAST_SIGMA)
 
 
 @compiled(error_model="numpy")
 def tukey(error: Array, sigma: float) -> Array:
-    """Tukey's weights (n,), 0..1, of errors (n,) with this standard deviation."""
+    """Return Tukey's biweights (n,), 0..1, of errors (n,) with a standard deviation sigma."""
     limit = TUKEY * sigma
     # An error of nan, outside the picture, is not below the limit.
     return np.where(np.abs(error) < limit, (1.0 - (error / limit) ** 2) ** 2, 0.0)
@@ -80,10 +84,9 @@ def tukey(error: Array, sigma: float) -> Array:
 
 @compiled(error_model="numpy")
 def agreed(weights: Array, cells: NDArray[np.intp]) -> Array:
-    """Return smaller weights (n,) for points whose neighbours in a cell (n,) have little weight.
+    """Return weights (n,), reduced in cells (n,) whose points have little weight on average.
 
-    An object that hides the target hides whole parts of it, of which some points are alike by
-    chance.
+    An object that hides the target hides whole cells, in which some points fit by chance.
     """
     mean = (np.bincount(cells, weights) / np.bincount(cells))[cells]
     return weights * np.minimum(np.maximum((mean - HIDDEN) / (SHOWN - HIDDEN), 0.0), 1.0)
@@ -101,7 +104,7 @@ def normal_equations(
     row = np.empty(10)
     for i in range(len(error)):
         w = weights[i]
-        if w == 0.0:
+        if w == 0.0:  # hidden, or outside the picture, where the error is nan
             continue
         for p in range(8):
             row[p] = gain * rows[i, p]
@@ -114,13 +117,17 @@ def normal_equations(
     for p in range(10):
         for q in range(p):
             A[q, p] = A[p, q]
+        # A little damping keeps A regular where the visible part has no texture.
         A[p, p] = A[p, p] * (1.0 + 1e-9) + 1e-6
     return A, g
 
 
 @compiled(error_model="numpy")
 def correlation(seen: Array, template: Array, weights: Array) -> float:
-    """Weighted correlation of two brightnesses (n,), less where many points have little weight."""
+    """Return the weighted correlation of two brightnesses (n,), -1..1.
+
+    It is reduced in proportion where the mean weight is below `USUAL`: what fits is a small part.
+    """
     total = 1e-12
     mean = 0.0
     expected = 0.0
@@ -146,11 +153,15 @@ def correlation(seen: Array, template: Array, weights: Array) -> float:
 
 @compiled(error_model="numpy")
 def misfit(weights: Array, sigma: float, spread: float) -> float:
-    """Mean logarithm of the points' standard deviations: sigma [grey levels] for the share that is
-    seen, for what hides the others that of the template's brightness, spread.
+    """Return the mean logarithm of the standard deviations of all points; a better fit has less.
 
-    Of two alignments the better one has less, be it that more is seen or that it fits better.
+    Args:
+        weights: Weights of the points (n,).
+        sigma: Standard deviation of the visible points [grey levels].
+        spread: Standard deviation of the template's brightness [grey levels], which hidden points
+            are assumed to have.
     """
+    # So an alignment is better if more is seen, or if it fits better: neither alone decides.
     seen = min(1.0, weights.sum() / (USUAL * len(weights)))
     return seen * np.log(sigma) + (1.0 - seen) * np.log(max(spread, sigma))
 
@@ -159,7 +170,7 @@ def misfit(weights: Array, sigma: float, spread: float) -> float:
 def align(
     image: NDArray[np.float32], begin: Array, light: Array, level: Any, most: int, tolerance: float
 ) -> tuple[Array, Array, float, float]:
-    """Find H (3, 3) with I(H x) = gain T(x) + bias.
+    """Return the homography H (3, 3) with I(H x) = gain T(x) + bias, by Gauss-Newton steps.
 
     Args:
         image: Brightness (height, width).
@@ -168,11 +179,11 @@ def align(
         level: Points (n, 2) of the template, its brightness T (n,) there, derivatives (n, 8), and
             the cells (n,) that the points are in.
         most: Largest number of steps.
-        tolerance: After a step with all parts below this the descent ends.
+        tolerance: Length of a step that ends the descent [sides of the template].
 
     Returns:
-        The new H, the new light, the correlation and the misfit there; the correlation is 0 where
-        the template left the picture.
+        H, gain and bias (2,), the correlation and the misfit there; the correlation is 0 where the
+        template left the picture or the descent failed.
     """
     points, template, rows, cells = level
     at = begin
@@ -197,6 +208,7 @@ def align(
             return at, light, 0.0, np.inf
         gain = min(max(gain + d[8], 1.0 / LARGEST_GAIN), LARGEST_GAIN)
         bias = bias + d[9]
+        # Inverse compositional: the step is one of the template, so its inverse moves the picture.
         step = np.array([[1 + d[0], d[1], d[2]], [d[3], 1 + d[4], d[5]], [d[6], d[7], 1.0]])
         at = at @ np.linalg.inv(step)
         at = at / at[2, 2]

@@ -1,4 +1,4 @@
-"""Compiled loops for histograms at fixed points of the template, which move with the state.
+"""Compiled loops: histograms at fixed points of the template, which move with the state.
 
 A state is (x, y, theta, ln scale). A point r of the template lies at (x, y) + scale R(theta) r in
 the image; the pixel there has the label of its bin, or a negative label if it belongs to no bin.
@@ -14,23 +14,25 @@ from sim.compiled import compiled
 from sim.types import Array
 
 Window = tuple[NDArray[Any], int, int]
-"""Labels (h, w) of a part of the image, and its left and top [px]."""
+"""Labels (h, w) of the pixels in a part of the image, and its left and top [px]."""
 Points = tuple[Array, NDArray[Any], Array]
 """Template points (P, 2) [px], their parts (P,) and their weights (P,)."""
 Scratch = tuple[Array, NDArray[Any], NDArray[Any], Array]
-"""A flat histogram of zeros (K * bins,), two arrays (P,) for indices of bins, and the mass (K,) of
-each part that lies in no bin.
-"""
+"""Memory of a loop: a flat histogram of zeros (K * bins,), two arrays (P,) for indices of bins, and
+the weight (K,) of each part's points that belong to no bin."""
 LEAST_KEPT = 1e-9
-"""A part with less mass in bins than this has no histogram."""
+"""Least weight in bins of a part with a histogram."""
 
 
 @compiled()
 def _read(window: Window, state: Array, template: Points, bins: int, scratch: Scratch) -> int:
-    """Add the weights of the points to the histogram.
+    """Add the weights of the points under a state to the histogram in `scratch`.
 
-    Writes the index of each point's bin, or -1, to the second array of `scratch`, and indices of
-    bins that are not zero to the third; returns the number of these.
+    The index of each point's bin, or -1, is written to the second array of `scratch`, and the
+    indices of the bins that are not zero to the third.
+
+    Returns:
+        The number of bins that are not zero.
     """
     labels, left, top = window
     points, parts, weights = template
@@ -51,6 +53,7 @@ def _read(window: Window, state: Array, template: Points, bins: int, scratch: Sc
             label = labels[np.uint32(v), np.uint32(u)]
             if label >= 0:
                 place = parts[p] * bins + label
+                # The list of used bins saves a pass over all bins, of which most are empty.
                 if histogram[place] == 0.0:
                     used[count] = place
                     count += 1
@@ -63,7 +66,9 @@ def _read(window: Window, state: Array, template: Points, bins: int, scratch: Sc
 
 @compiled()
 def _normalised(rho: float, masked: float) -> float:
-    """Return a coefficient as of a histogram that sums to 1 without the masked points."""
+    """Return a Bhattacharyya coefficient of a histogram whose weights sum to 1 - masked, as if they
+    summed to 1.
+    """
     if 0.0 < masked < 1.0 - LEAST_KEPT:
         return rho / np.sqrt(1.0 - masked)
     return rho
@@ -85,7 +90,17 @@ def histograms(
     count: int,
     bins: int,
 ) -> Array:
-    """Return histograms (count, bins) of the parts of one state (4,), not normalised."""
+    """Return the histograms (count, bins) of all parts at one state (4,), not normalised.
+
+    Args:
+        window: Labels, left, top.
+        state: x, y [px], theta [rad], ln scale.
+        points: Template points (P, 2) [px].
+        parts: Part of each point (P,), 0..count-1.
+        weights: Kernel weight of each point (P,).
+        count: Number of parts.
+        bins: Number of bins.
+    """
     scratch = _scratch(count, bins, len(points))
     _read(window, state, (points, parts, weights), bins, scratch)
     return scratch[0].reshape((count, bins))
@@ -95,7 +110,7 @@ def histograms(
 def coefficients(
     window: Window, states: Array, points: Array, parts: NDArray[Any], weights: Array, root_q: Array
 ) -> Array:
-    """Bhattacharyya coefficient of each part of each state (N, K) with its reference histogram.
+    """Return the Bhattacharyya coefficients (N, K) of each state's parts with their references.
 
     Args:
         window: Labels, left, top.
@@ -115,7 +130,7 @@ def coefficients(
         for i in range(count):
             place = used[i]
             rho[n, place // bins] += flat_q[place] * np.sqrt(histogram[place])
-            histogram[place] = 0.0
+            histogram[place] = 0.0  # ready for the next state
         for k in range(len(root_q)):
             rho[n, k] = _normalised(rho[n, k], masked[k])
     return rho
@@ -123,7 +138,7 @@ def coefficients(
 
 @compiled()
 def squared_distances(rho: Array) -> Array:
-    """Squared distances d_m^2 (N,) of coefficients (N, K)."""
+    """Return squared distances d_m^2 = 1 - mean_k rho_k (N,) of coefficients rho (N, K)."""
     found = np.empty(len(rho))
     for n in range(len(rho)):
         found[n] = max(1.0 - np.mean(rho[n]), 0.0)
@@ -134,7 +149,7 @@ def squared_distances(rho: Array) -> Array:
 def _mean_shift_step(
     window: Window, state: Array, template: Points, pulls: Array, root_q: Array, scratch: Scratch
 ) -> tuple[float, float, float]:
-    """Coefficient at a state, and the mean-shift vector in the image [px]."""
+    """Return the coefficient at a state, and x and y of the mean-shift vector in the image [px]."""
     count = _read(window, state, template, 0, scratch)
     points = template[0]
     (histogram, seen, used, masked) = scratch
@@ -146,6 +161,7 @@ def _mean_shift_step(
         root = float(np.sqrt(histogram[used[i]]))
         rho += float(root_q[used[i]] * root)
         histogram[used[i]] = root_q[used[i]] / root
+    # Each point pulls by sqrt(q*_u / q_u) (Comaniciu, Ramesh, Meer 2003).
     for p in range(len(points)):
         if seen[p] >= 0:
             pull = histogram[seen[p]] * pulls[p]
@@ -154,7 +170,7 @@ def _mean_shift_step(
             shift_y += pull * points[p, 1]
     for i in range(count):
         histogram[used[i]] = 0.0
-    if mass == 0.0:
+    if mass == 0.0:  # no point lies on a colour of the target
         return 0.0, 0.0, 0.0
     scale = np.exp(state[3])
     c = scale * np.cos(state[2])
@@ -176,14 +192,14 @@ def mean_shift(
     most: int,
     tolerance: float,
 ) -> tuple[Array, Array, int]:
-    """Move each state (N, 4) to the nearest maximum of the coefficient with a reference histogram.
+    """Move each state (N, 4) to a maximum of the coefficient with a reference, by mean shift.
 
     Args:
         window: Labels, left, top.
         states: First states (N, 4).
         points: Template points (P, 2) [px].
         weights: Their kernel weights (P,), summing to 1.
-        pulls: How much they count in a step (P,): all alike under an Epanechnikov kernel.
+        pulls: Their weights in a step (P,): equal under an Epanechnikov kernel.
         root_q: Square roots of the reference histogram (1, B).
         most: Largest number of evaluated histograms for a state.
         tolerance: A shorter shift ends the search [px].
@@ -211,7 +227,8 @@ def mean_shift(
             )
             evaluations += 1
             left -= 1
-            if better < rho[n]:  # halve the step (Comaniciu, Ramesh, Meer 2003)
+            # A step may pass the maximum: it is halved (Comaniciu, Ramesh, Meer 2003).
+            if better < rho[n]:
                 dx = dx / 2
                 dy = dy / 2
                 continue

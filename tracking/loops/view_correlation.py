@@ -1,4 +1,4 @@
-"""Compiled loops for how alike a picture under a state and stored views of the target are."""
+"""Compiled loops: correlation of a picture under a state with stored views of the target."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from sim.compiled import compiled
 from sim.types import Array, Image
 
 LEAST = 1e-6
-"""A view with a smaller sum of squares has no contrast, and is like nothing."""
+"""Least sum of squares of a view with contrast; a view with less correlates with nothing."""
 
 
 @compiled()
@@ -33,6 +33,7 @@ def view(image: Image, state: Array, points: Array) -> Array:
             inside[p] = 1.0
             for k in range(3):
                 found[p, k] = image[np.uint32(v), np.uint32(u), k]
+    # Points off the image get 0, which is the mean after it is subtracted: they do not correlate.
     count = max(np.sum(inside), 1.0)
     squares = 0.0
     for k in range(3):
@@ -59,7 +60,7 @@ def correlations(image: Image, states: Array, points: Array, stored: Array) -> A
     for n in range(len(states)):
         seen = view(image, states[n], points)
         for m in range(len(stored)):
-            product = 0.0
+            product = 0.0  # views have mean 0 and length 1, so their product is the correlation
             for i in range(len(seen)):
                 product += seen[i] * stored[m, i]
             found[n] = max(found[n], product)

@@ -1,1 +1,1 @@
-"""Search for a target: sampling, and local optimisation."""
+"""Search for the target's state: particle filter, annealing, velocity and Newton descent."""

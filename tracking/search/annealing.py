@@ -2,8 +2,8 @@
 (Naeem, Pridmore, Mills).
 
 A likelihood w is first flattened to w^beta with a small beta, then sharpened layer by layer: layer
-M is the broadest, layer 0 the last, and the noise shrinks with it. The KAMS paper's figure stops
-before w_0 is used; here the set that leaves layer 0 is weighed with it.
+M is the broadest, layer 0 the last, and the noise shrinks with it. In the KAMS paper's figure the
+last weights w_0 are not used; here the particles of layer 0 are weighed with them.
 """
 
 from collections.abc import Callable
@@ -19,25 +19,25 @@ from tracking.search.particles import ParticleFilter
 # As published annealed filters have them: half of the particles survive a layer (Deutscher, Blake,
 # Reid), and the noise halves with each.
 SURVIVAL = 0.5
-"""Share of the particles that survives a layer: alpha."""
+"""Share of the particles that survives a layer (alpha of Deutscher, Blake, Reid)."""
 RATIO = 2.0
-"""Fixed schedule: each exponent over that of the layer before."""
+"""Ratio of the exponents of a layer and the layer before, in the fixed schedule."""
 COOLING = 0.5
-"""Noise of a layer over the layer before."""
+"""Ratio of the noise of a layer and of the layer before."""
 
 
 class Schedule(StrEnum):
-    """Rule for the exponents of the layers."""
+    """Rule for the exponents beta of the layers."""
 
     SURVIVAL = "survival"
-    """A given share of the particles survives each layer (Deutscher)."""
+    """The share `SURVIVAL` of the particles survives each layer (Deutscher, Blake, Reid)."""
     FIXED = "fixed"
     """A geometric series that ends at 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Annealing:
-    """Number of layers, and the schedule of their exponents."""
+    """Settings of annealing: the number of layers and the schedule of their exponents."""
 
     layers: int
     schedule: Schedule
@@ -54,23 +54,25 @@ def anneal(
     settings: Annealing,
     widen: float,
 ) -> None:
-    """Move a cloud through all layers; it ends weighed with the sharpest likelihood, not resampled.
+    """Move particles through all layers; they end weighed with the last layer, not resampled.
 
     Args:
-        cloud: The particles.
-        velocity: Their motion since the last frame (4,), before the first layer.
-        likelihood: Log-likelihood (N,) of the particles where they are; it may move them first.
+        cloud: The particles, which are changed.
+        velocity: Change (4,) of x, y [px], theta and ln scale since the last frame.
+        likelihood: Returns the log-likelihood (N,) of the particles; it may move them first.
         settings: Layers and schedule.
-        widen: Factor on all noise.
+        widen: Factor on the noise of all layers.
     """
     for layer in range(settings.layers - 1, -1, -1):
         spread = widen * COOLING ** (settings.layers - 1 - layer)
+        # The target has moved once: the later layers only refine.
         cloud.predict(velocity if layer == settings.layers - 1 else np.zeros(4), spread)
         w = likelihood(cloud)
         if settings.schedule == Schedule.SURVIVAL:
+            # The share that survives is the effective sample size over N (Deutscher, Blake, Reid).
             beta = particle_loops.exponent(w, SURVIVAL * len(w))
         else:
             beta = RATIO**-layer
         cloud.weigh(beta * w)
-        if layer > 0:
+        if layer > 0:  # the last weights give the estimate, which resampling would only blur
             cloud.resample()

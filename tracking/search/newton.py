@@ -27,12 +27,13 @@ from tracking.loops import descent as loops
 from tracking.types import Region, State
 
 TINY = 1e-12
-"""Keeps the histogram of a kernel without a pixel finite: it is then empty."""
+"""Least normaliser of a histogram: a kernel without pixels gets an empty one instead of nan."""
 PIXELS = 2000
-"""Larger targets are read at every second, third, ... pixel to stay below this number."""
+"""Most pixels that are read: of larger targets only every second, third, ... one."""
 TOLERANCE = 0.2
-"""A shorter step is the last [px, or as much in angle and scale]. It is taken without being tried:
-so near the minimum Newton's steps are right, and to try it would cost a third of the search."""
+"""Length of a step that ends the descent [px, or as much in angle and scale]. It is taken without
+an evaluation: so near the minimum Newton's steps are right, and an evaluation would cost a third of
+the search."""
 UNITS = np.array([1.0, 1.0, 1 / 20, 1 / 20])
 """Steps of x, y [px], of the angle [rad] and of ln scale that move a common target's rim alike."""
 
@@ -49,11 +50,11 @@ the angle evenly over all, of ln scale about threefold."""
 
 @dataclass(frozen=True, slots=True)
 class Descent:
-    """The end of a search."""
+    """The result of a descent."""
 
     state: State
     distance: float
-    """The distance d_m there: the objective is O = 2 d_m^2."""
+    """Distance d_m at that state; the objective is O = 2 d_m^2."""
     evaluations: int
     """Number of times the histograms were computed."""
 
@@ -74,12 +75,12 @@ class KernelGrid:
 
 
 TURNS = np.radians(np.arange(15, 360, 15))
-"""Turns of the template that are tried on the first picture [rad]."""
+"""Turns of the template in the first picture [rad]."""
 SHIFTED = 0.25
-"""Length of the shifts that they are compared with, over the target's size."""
+"""Length of the shifts with which the turns are compared, over the target's size."""
 INNER = KernelGrid(inset=0.3)
-"""Kernels that look at the middle only: the corners around a round target show the ground, which
-does not turn with it."""
+"""Kernels over the middle of the template: its corners around a round target show the ground,
+which does not turn with the target."""
 LEAST_TURN = 0.3
 """A target shows no angle if a turn changes its distance by less than this share of what a shift
 changes. Discs and cylinders from above have at most 0.09, a plain rectangle of sides 1.2 to 1 has
@@ -98,7 +99,7 @@ class KernelModel:
         *,
         turns: bool = True,
     ) -> None:
-        """Learn the reference histograms.
+        """Learn the reference histograms from the first picture.
 
         Args:
             image: First picture, RGB (H, W, 3).
@@ -107,10 +108,12 @@ class KernelModel:
             grid: The kernels.
             turns: Search the angle, too.
         """
+        # Levenberg's damping acts on steps in these units: a tiny unit holds the angle.
         self._units = UNITS if turns else UNITS * (1, 1, HELD, 1)
         size = sqrt(region.area(state))
         self._anywhere = ANYWHERE * (size, size, 1, 1)
         inside = region.inner(grid.inset)
+        # One kernel in the middle of each cell of the grid (section III: nine kernels).
         offsets = (np.arange(grid.per_side) + 0.5) / grid.per_side - 0.5
         u, v = np.meshgrid(offsets * inside.width, offsets * inside.height)
         centres = np.stack([u.ravel(), v.ravel()], axis=1)
@@ -138,7 +141,7 @@ class KernelModel:
             state: First state.
             most: Largest number of evaluations.
             tolerance: A step shorter than this ends the descent [px].
-            hopeless: A start with a larger distance than this is returned as it is.
+            hopeless: Distance of a first state above which there is no descent.
 
         Returns:
             The last state, its distance, and the number of evaluations.
@@ -153,6 +156,7 @@ class KernelModel:
             tolerance,
             2 * hopeless**2,
         )
+        # O = 2 d_m^2 is at most 2, but for rounding.
         return Descent(State.of(x), sqrt(min(cost / 2, 1.0)), evaluations)
 
     def covariance(self, image: Image, state: State) -> Array:
@@ -162,6 +166,8 @@ class KernelModel:
         It is large where the template slips inside something of one colour, and nan for an angle
         that is not searched. These histograms do not count as a search.
         """
+        # O grows by dx' H dx, and H / (2 USUAL^2) is the information. The prior `_anywhere` bounds
+        # the variance along which O is flat.
         _, _, curvature = loops.linearise(image, state.vector, self.kernels, self.root_reference)
         found = np.linalg.inv(curvature / (2 * USUAL**2) + np.diag(self._anywhere**-2))
         searched = self._units > HELD
@@ -169,8 +175,11 @@ class KernelModel:
 
 
 def changes(image: Image, region: Region, state: State) -> tuple[float, float]:
-    """Return the distances of the target in the first picture from itself where the template is
-    shifted, on average over directions, and where it is turned, at most.
+    """Return how much the target's histograms change when the template moves in the first picture.
+
+    Returns:
+        The distance d_m after a shift, the mean of eight directions; and after a turn, the largest
+        of all `TURNS`.
     """
     model = KernelModel(image, region, state, INNER)
     shift = SHIFTED * np.sqrt(region.area(state))
@@ -188,10 +197,11 @@ def changes(image: Image, region: Region, state: State) -> tuple[float, float]:
 
 
 def shows_angle(image: Image, region: Region, state: State) -> bool:
-    """Return whether the target in the first picture looks different when it is turned.
+    """Return whether a turn changes the appearance of the target in the first picture.
 
-    A disc, or a mug from above, does not: an angle that is followed all the same drifts, and the
-    camera turns with it. Where nothing is seen, not even a shift, nothing is said against it.
+    A turn of a disc, or of a mug from above, changes nothing: an estimated angle would drift, and
+    the camera would turn with it. Where not even a shift changes the histograms, the result is
+    true.
     """
     shifted, turned = changes(image, region, state)
     return turned >= LEAST_TURN * shifted

@@ -10,7 +10,10 @@ from tracking.types import LARGEST_LOG, Estimate, Region, State, Status
 
 
 class ParticleFilter:
-    """Samples, their weights, and the velocity that moves them: predict, weigh, read, resample."""
+    """Samples (N, 4) of x, y [px], theta [rad] and ln scale, and their weights (N,).
+
+    A frame is predict, weigh, mean, resample.
+    """
 
     def __init__(
         self,
@@ -28,7 +31,7 @@ class ParticleFilter:
             count: Number of samples.
             noise: Standard deviations per frame: of x and y over the target's size (the root of its
                 area), of theta [rad], of ln scale.
-            rng: Source of all draws.
+            rng: Generator of all random numbers.
         """
         self.size = size = float(np.sqrt(region.area(state)))
         """Root of the target's area at the start [px]."""
@@ -38,26 +41,27 @@ class ParticleFilter:
         self.weights = np.full(count, 1.0 / count)
 
     def predict(self, velocity: Array, widen: float = 1.0) -> None:
-        """Move every sample by the velocity (4,) per frame, and spread them."""
+        """Move all samples by a velocity (4,) per frame, and add noise; `widen` is its factor."""
         draws = self._rng.standard_normal(self.samples.shape)
-        spread = widen * self._noise
-        self.samples = particle_loops.moved(self.samples, velocity, spread, draws, LARGEST_LOG)
+        self.samples = self.samples + velocity + widen * self._noise * draws
+        self.samples[:, 3] = self.samples[:, 3].clip(-LARGEST_LOG, LARGEST_LOG)
 
     def weigh(self, log_likelihood: Array) -> None:
-        """Weigh the samples by a log-likelihood (N,), on top of the weights they have."""
+        """Multiply the weights by a likelihood, given by its logarithm (N,), and normalise them."""
+        # In logarithms: likelihoods of a sharp layer underflow.
         self.weights = particle_loops.normalised(np.log(self.weights) + log_likelihood)
 
     def mean(self) -> State:
-        """Return the weighted mean. It is read before resampling, which only adds variance."""
+        """Return the weighted mean of the samples, before resampling, which only adds variance."""
         return State.of(particle_loops.mean(self.samples, self.weights))
 
     def covariance(self) -> Array:
-        """Return the covariance (4, 4) of the samples."""
+        """Return the weighted covariance (4, 4) of the samples."""
         return particle_loops.covariance(self.samples, self.weights)
 
     @property
     def follows(self) -> tuple[bool, bool]:
-        """True where the angle, and the size, vary between the samples."""
+        """Return whether the samples vary in angle, and whether they vary in size."""
         return bool(self._noise[2] > 0), bool(self._noise[3] > 0)
 
     def best(self) -> State:
@@ -67,9 +71,17 @@ class ParticleFilter:
     def estimate(
         self, state: State, covariance: Array, distance: float, status: Status, evaluations: int
     ) -> Estimate:
-        """Return the report of a filter that found this state, with a covariance (4, 4), in the
-        frame; nan stands in it for what does not vary between the samples.
+        """Return the estimate of a frame by the state that was found.
+
+        Args:
+            state: The state.
+            covariance: Its covariance (4, 4); rows and columns of an angle or a size that does not
+                vary between the samples become nan.
+            distance: Distance from the target's appearance, 0..1.
+            status: LOCKED, UNSURE or LOST.
+            evaluations: Number of histograms that were read.
         """
+        # Samples that never vary in a coordinate say nothing about it: 0 would claim certainty.
         kept = np.array([False, False, *(not on for on in self.follows)])
         return Estimate(
             state=state,
@@ -79,27 +91,37 @@ class ParticleFilter:
             follows=self.follows,
             ess=particle_loops.effective_size(self.weights),
             evaluations=evaluations,
-            particles=particle_loops.cloud(self.samples, self.weights),
+            particles=np.column_stack(
+                [self.samples[:, :3], np.exp(self.samples[:, 3]), self.weights]
+            ),
         )
 
     def resample(self, power: float = 1.0) -> None:
-        """Draw the samples anew, in proportion to their weights raised to a power."""
+        """Draw the samples again, each with a probability of its weight raised to a power."""
+        # Systematic: a sample gets N w_i copies, rounded up or down, which adds little chance.
         weights = self.weights if power == 1.0 else self.weights**power
         self.samples = self.samples[particle_loops.systematic(weights, self._rng.random())]
         self.weights = np.full(len(self.samples), 1.0 / len(self.samples))
 
     def gather(self, state: State) -> None:
-        """Put all samples on one state, as at the start."""
+        """Put all samples on one state, as at the start; the weights stay."""
         self.samples = np.tile(state.vector, (len(self.samples), 1))
 
     def scatter(self, share: float, size: tuple[int, int], state: State) -> None:
-        """Strew a share of the samples evenly over an image of this width and height [px], with a
-        state's angle and size: the target may be anywhere (Lenser, Veloso 2000).
+        """Redraw a share of the samples uniformly over the picture: the target may be anywhere.
+
+        It is sensor resetting (Lenser, Veloso 2000).
+
+        Args:
+            share: Share of the samples.
+            size: Width and height of the picture [px].
+            state: State whose angle and size these samples get.
         """
+        # After resampling the order of samples has no meaning: the first ones are as good as any.
         count = round(share * len(self.samples))
         self.samples[:count, :2] = self._rng.uniform((0.0, 0.0), size, (count, 2))
         self.samples[:count, 2:] = state.vector[2:]
 
     def shift(self, correction: Array) -> None:
-        """Move all samples by (4,)."""
+        """Add a correction (4,) to all samples."""
         self.samples = self.samples + correction

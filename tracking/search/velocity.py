@@ -1,6 +1,6 @@
-"""Constant velocity: how the target moved from frame to frame, remembered.
+"""Constant-velocity prediction: an exponential mean of the target's motion from frame to frame.
 
-Where the camera's own part of it is given (ego), only the rest is remembered.
+Where the part of the motion that the camera causes is given (`ego`), the mean is of the rest.
 """
 
 import numpy as np
@@ -13,34 +13,42 @@ class Velocity:
     """An exponential mean of the state's change per frame."""
 
     def __init__(self, state: State, memory: float) -> None:
-        """Begin at rest.
+        """Begin with velocity 0.
 
         Args:
-            state: State of the target.
-            memory: Share of the old velocity that the new one keeps; 1: always at rest.
+            state: First state of the target.
+            memory: Weight of the old velocity in the new one, 0..1; with 1 the velocity stays 0.
         """
         self._last = state.vector
         self._memory = memory
         self.value = np.zeros(4)
 
     def step(self, ego: Array | None) -> Array:
-        """Return the expected change (4,) until the next frame, with the camera's part if it is
-        given.
+        """Return the expected change (4,) of x, y [px], theta and ln scale until the next frame.
+
+        Args:
+            ego: Part of that change (4,) that the camera's motion causes; None: not known.
         """
         if ego is None:
             return self.value
+        # `learn` compares with the last state: moving it by the camera's part leaves the target's.
         self._last = self._last + ego
         return self.value + ego
 
     def jump(self, state: State, size: float) -> float:
-        """Return the distance of a state from what `step` expected: position over the target's
-        size, or ln scale, whichever is larger. The size [px] is that at scale 1.
+        """Return the distance of a state from the expectation of `step`: that of the position over
+        the target's size, or that of ln scale, whichever is larger.
+
+        Args:
+            state: The state that was found.
+            size: Size of the target at scale 1 [px].
         """
         x, y, _, scale = state.vector - (self._last + self.value)
         return float(max(np.hypot(x, y) / (size * state.scale), abs(scale)))
 
     def learn(self, state: State, *, seen: bool) -> None:
-        """Take the next state; the velocity of a target that is not seen stays."""
+        """Update the velocity by the next state; where the target is not seen, keep it."""
+        # A state that was not confirmed would teach the velocity the tracker's own drift.
         if seen:
             moved: Array = state.vector - self._last
             self.value = self._memory * self.value + (1 - self._memory) * moved

@@ -1,1 +1,1 @@
-"""Pictures with their truth: folders, videos, cameras, truth files, painted sequences."""
+"""Sequences of pictures from folders, videos, bags, streams and cameras, and their truth."""

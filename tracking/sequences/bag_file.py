@@ -1,86 +1,73 @@
 """The pictures of one topic of a bag: MCAP, ROS 1 (.bag), ROS 2 (a folder, or one .db3 file).
 
-`mcap` and `rosbags` read the files and decode the messages. What they decompress is limited here: a
-few bytes can become more than the memory holds.
+`mcap` and `rosbags` read the files; their errors become one sentence.
 """
 
 from __future__ import annotations
 
-from bz2 import BZ2Decompressor
-from collections.abc import Callable, Generator, Iterator
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import partial
-from io import BytesIO
 from pathlib import Path
-from tempfile import gettempdir
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, BinaryIO
 
 from sim.files import reading
 from sim.files.bit_depth import BitDepth
+from sim.installed import plain
 from tracking.sequences.image_message import (
     KINDS,
-    NANO,
     decoder_of,
     picture_of,
     plain_kind,
 )
-from tracking.sequences.sources import RATE, SECOND, End, Picture, timed
+from tracking.sequences.sources import NANO, RATE, End, Picture, timed
 
 if TYPE_CHECKING:
-    from mcap.records import Channel, McapRecord, Message, Schema
+    from mcap.records import Schema
+    from mcap.summary import Summary
 
 MCAP = b"\x89MCAP0\r\n"
+"""First bytes of an MCAP file."""
 ROS1 = b"#ROSBAG V"
+"""First bytes of a ROS 1 bag."""
 SQLITE = b"SQLite format 3"
-"""First bytes of the files."""
+"""First bytes of a ROS 2 bag of one file."""
 INDEX = "metadata.yaml"
+"""The file that makes a folder a ROS 2 bag."""
 INDEX_KEY = b"rosbag2_bagfile_information"
-"""The file that makes a folder a ROS 2 bag, and its key near the beginning."""
+"""The key near the beginning of that file."""
 HEAD = 1000
-"""Length of the beginning in which the key is searched for [bytes]."""
-LARGEST_INDEX = 1_000_000
-"""Largest metadata.yaml [bytes]: thousands of files; the parser takes seconds for it."""
+"""Length of the beginning of a file that shows its kind [bytes]."""
 LARGEST_RECORD = 1_000_000_000
 """Largest record of an MCAP file that is read into memory [bytes]."""
-LARGEST_UNPACKED = 150_000_000
-"""Largest decompressed chunk or message [bytes]: a picture of 7680x4320 px in colour has 100 MB."""
-LARGEST_RATIO = 100
-"""Most that a larger file that is compressed whole may grow: pictures shrink by 2 to 20 times."""
-PIECE = 1 << 20
-"""Bytes that are unpacked at a time."""
-MOST_NAMED = 8
-"""Most topics in a message."""
 
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One topic: its type without "/msg", how its messages are written, how many there are."""
+    """One topic of a bag."""
 
     name: str
     kind: str
+    """Type of its messages, without "/msg"."""
     serialization: str
+    """"ros1", "cdr", "protobuf" or another encoding of its messages."""
     count: int
+    """Number of its messages."""
     schema: Schema | None = None
     """The definition that an MCAP file holds; Protobuf cannot be decoded without."""
 
     @property
     def has_pictures(self) -> bool:
+        """True if its messages are pictures that can be read."""
         return self.kind in KINDS.get(self.serialization, ())
-
-    @property
-    def shown_kind(self) -> str:
-        """The type, and how it is written if it is not read for that reason."""
-        other = any(self.kind in kinds for kinds in KINDS.values()) and not self.has_pictures
-        return f"{self.kind} as {self.serialization}" if other else self.kind
 
 
 @dataclass(frozen=True, slots=True)
 class Contents:
     """An open bag."""
 
-    topics: list[Topic]
+    topics: Iterable[Topic]
     span: float
     """Time from the first message to the last [s]."""
     messages: Callable[[str], Iterator[tuple[int, bytes]]]
@@ -104,14 +91,14 @@ class Bag:
     end: End | None = None
 
     def __init__(self, path: Path, topic: str | None) -> None:
-        """Find the topic; None stands for the only one with pictures.
+        """Open a bag and find a topic; None stands for the only one with pictures.
 
         Raises:
             ValueError: The bag cannot be read, or has no such topic of pictures.
         """
         self.path = path
         with _opened(path) as bag:
-            topics = bag.topics
+            topics = list(bag.topics)
             span = bag.span
         self._topic = _chosen(path, topics, topic)
         self.count = self._topic.count
@@ -120,8 +107,8 @@ class Bag:
     def __iter__(self) -> Iterator[Picture]:
         return timed(self._messages(), self.rate)
 
-    def _messages(self) -> Iterator[tuple[float | None, Picture]]:
-        """Give the stamp [s] of each picture, and the picture without its time."""
+    def _messages(self) -> Iterator[Picture]:
+        """Give the pictures without their times."""
         topic = self._topic
         depth = BitDepth()
         index = 0
@@ -131,16 +118,13 @@ class Bag:
                 decode = decoder_of(topic.kind, topic.serialization, topic.schema)
                 for recorded, data in bag.messages(topic.name):
                     name = f"message {index}"
-                    if len(data) > LARGEST_UNPACKED:
-                        raise _Refused(f"{name} has over {LARGEST_UNPACKED:,} bytes")
                     try:
                         stated, image = picture_of(decode, data, depth)
                     except ValueError as error:
-                        yield None, Picture(name, 0.0, None, str(error))
+                        yield Picture(name, 0.0, None, str(error))
                     else:
                         stamp = recorded if stated is None else stated
-                        picture = Picture(name, 0.0, image, stamp=stamp, notes=depth.notes)
-                        yield stamp // SECOND + NANO * (stamp % SECOND), picture
+                        yield Picture(name, 0.0, image, stamp=stamp, notes=depth.notes)
                     index += 1
         except ValueError as error:
             if index == 0:
@@ -152,10 +136,10 @@ class Bag:
 def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
     images = [topic for topic in topics if topic.has_pictures]
     if not images:
-        there = _listed([f"{topic.name} ({topic.shown_kind})" for topic in topics])
-        raise ValueError(f"{path}: no topic has pictures; there is {there}")
+        there = [f"{topic.name} ({topic.kind} as {topic.serialization})" for topic in topics]
+        raise ValueError(f"{path}: no topic has pictures; there is {', '.join(there) or 'none'}")
     found = [topic for topic in images if name in (None, topic.name)]
-    there = _listed([f"{topic.name} ({topic.count})" for topic in images])
+    there = ", ".join(f"{topic.name} ({topic.count})" for topic in images)
     if not found:
         raise ValueError(f"{path}: there is no topic '{name}' with pictures; there is {there}")
     if len(found) > 1:
@@ -167,11 +151,6 @@ def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
     return found[0]
 
 
-def _listed(names: list[str]) -> str:
-    more = len(names) - MOST_NAMED
-    return ", ".join(names[:MOST_NAMED] + ([f"and {more} more"] if more > 0 else [])) or "none"
-
-
 @contextmanager
 def _opened(path: Path) -> Generator[Contents]:
     """Open a bag of any kind.
@@ -180,12 +159,12 @@ def _opened(path: Path) -> Generator[Contents]:
         ValueError: It cannot be read; also later, where it is damaged.
     """
     head = b""
+    if path.is_dir():
+        _check_links(path)
+    else:
+        with reading.opened(path, "bag") as file:
+            head = file.read(HEAD)
     try:
-        if path.is_dir():
-            _check_folder(path)
-        else:
-            with reading.opened(path, "bag") as file:
-                head = file.read(HEAD)
         with _mcap(path) if head.startswith(MCAP) else _ros(path, head) as found:
             yield found
     except ModuleNotFoundError as error:
@@ -194,179 +173,104 @@ def _opened(path: Path) -> Generator[Contents]:
             f"{path}: bags are read by the package '{package}', which is not "
             "installed: install servobench[ros]"
         ) from None
-    except _Refused as error:
-        raise ValueError(f"{path}: {error}") from None
     except Exception as error:
-        # The libraries raise all kinds of them for a damaged file, MemoryError for one length.
-        mend = "; 'rosbag reindex' may mend it" if head.startswith(ROS1) else ""
-        known = type(error).__name__ == "ReaderError" and not mend
-        reason = f" ({str(error).rstrip('.')})" if known else ""
-        raise ValueError(f"{path}: this bag is damaged or incomplete{reason}{mend}") from None
+        # The libraries raise errors of many types for a damaged file, some without a text.
+        reason = plain(str(error))
+        quoted = f" ({reason.rstrip('.')})" if reason else ""
+        raise ValueError(f"{path}: this bag is damaged or incomplete{quoted}") from None
 
 
-class _Refused(Exception):
-    """What a bag has and should not have, in words that follow its path."""
+def _check_links(folder: Path) -> None:
+    """Refuse a ROS 2 bag with links to other folders.
 
-
-def _check_folder(path: Path) -> None:
-    """Refuse a ROS 2 bag with links to other folders, or with an index that takes long to parse."""
-    for file in path.iterdir():
-        if file.resolve().parent != path.resolve():
-            raise _Refused(f"{file.name} is a link out of the folder of this bag")
-    if (path / INDEX).stat().st_size > LARGEST_INDEX:
-        raise _Refused(f"{INDEX} is too large; the limit is {LARGEST_INDEX:,} bytes")
-
-
-def _unpacked(data: bytes, compression: str) -> bytes:
-    """Decompress a chunk or message up to `LARGEST_UNPACKED`."""
-    from lz4.frame import LZ4FrameDecompressor
-    from rosbags.rosbag2.reader import zstd  # pyright: ignore[reportPrivateImportUsage]
-
-    if not compression:
-        return data
-    kinds = {"zstd": zstd.ZstdDecompressor, "lz4": LZ4FrameDecompressor, "bz2": BZ2Decompressor}
-    decompressor = kinds[compression]()
-    found = BytesIO()  # it grows in place, where one call would hold all of it twice
-    piece = decompressor.decompress(data, PIECE)
-    while piece:
-        found.write(piece)
-        if found.tell() > LARGEST_UNPACKED:
-            raise _Refused(f"a part of this bag is compressed from over {LARGEST_UNPACKED:,} bytes")
-        piece = b"" if decompressor.eof else decompressor.decompress(b"", PIECE)
-    return found.getvalue()
-
-
-def _unpack_file(packed: BinaryIO, unpacked: BinaryIO, most: int) -> None:
-    """Write a file that is compressed whole to the temporary disk, up to a size [bytes]."""
-    while piece := packed.read(PIECE):
-        if unpacked.tell() + len(piece) > most:
-            raise _Refused(f"a file of this bag is compressed from over {most:,} bytes")
-        try:
-            unpacked.write(piece)
-            unpacked.flush()
-        except OSError as error:
-            raise _Refused(f"it cannot be unpacked in {gettempdir()}: {error.strerror}") from None
+    Raises:
+        ValueError: It has one.
+    """
+    for file in folder.iterdir():
+        if file.resolve().parent != folder.resolve():
+            raise ValueError(f"{folder}: {file.name} is a link out of the folder of this bag")
 
 
 @contextmanager
 def _ros(path: Path, head: bytes) -> Generator[Contents]:
     from rosbags import rosbag1, rosbag2
-    from rosbags.rosbag1 import reader as reader1
-    from rosbags.rosbag2 import reader as reader2
-    from rosbags.rosbag2 import storage_mcap
 
-    largest = max((file.stat().st_size for file in path.glob("*")), default=0)
-    most = max(LARGEST_UNPACKED, LARGEST_RATIO * largest)
-    limited = SimpleNamespace(copyfileobj=partial(_unpack_file, most=most))
-    reader2.__dict__["shutil"] = limited  # in this module only
-    for name in ("lz4", "bz2"):
-        reader1.decompressors[name] = lambda data, name=name: _unpacked(data, name)
-    for name in ("lz4", "zstd"):
-        storage_mcap.DECOMPRESSORS[name] = lambda data, _, name=name: _unpacked(data, name)
-    with rosbag1.Reader(path) if head.startswith(ROS1) else rosbag2.Reader(path) as reader:
-        packed = ""
-        if isinstance(reader, rosbag2.Reader) and reader.compression_mode == "message":
-            packed = reader.compression_format or ""
-            reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)
-        topics: dict[str, Topic] = {}
-        for c in reader.connections:
-            written = getattr(c.ext, "serialization_format", "ros1")
-            count = (topics[c.topic].count if c.topic in topics else 0) + c.msgcount
-            topics[c.topic] = Topic(c.topic, plain_kind(c.msgtype), written, count)
+    is_ros1 = head.startswith(ROS1)
+    with rosbag1.Reader(path) if is_ros1 else rosbag2.Reader(path) as reader:
+        serialization = "ros1" if is_ros1 else "cdr"  # of ROS 2, rosbags reads no other
+        topics = [
+            Topic(name, plain_kind(info.msgtype or "several types"), serialization, info.msgcount)
+            for name, info in reader.topics.items()
+        ]
 
         def messages(name: str) -> Iterator[tuple[int, bytes]]:
-            of_topic = [c for c in reader.connections if c.topic == name]
-            for _, recorded, data in reader.messages(of_topic):
-                yield recorded, _unpacked(bytes(data), packed)
+            for _, recorded, data in reader.messages(reader.topics[name].connections):
+                yield recorded, bytes(data)
 
-        yield Contents(list(topics.values()), NANO * reader.duration, messages)
+        yield Contents(topics, NANO * reader.duration, messages)
 
 
 @contextmanager
 def _mcap(path: Path) -> Generator[Contents]:
+    from mcap.reader import NonSeekingReader
+
     with reading.opened(path, "bag") as file:
 
         def messages(name: str) -> Iterator[tuple[int, bytes]]:
-            for _, channel, message in _records(file):
-                if channel.topic == name:
-                    yield message.log_time, message.data
+            file.seek(0)
+            reader = NonSeekingReader(file, validate_crcs=True, record_size_limit=LARGEST_RECORD)
+            for _, _, message in reader.iter_messages([name], log_time_order=False):
+                yield message.log_time, message.data
 
-        topics, span = _summary(file) or _scan(file)
+        topics, span = _listed(file)
         yield Contents(topics, NANO * span, messages)
 
 
-def _records(file: BinaryIO) -> Iterator[tuple[Schema | None, Channel, Message]]:
-    """Read a log from its beginning to its end, or to the place where it was cut off."""
-    from mcap.records import Channel, Message, Schema
-
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    for record in _parts(file):
-        if isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel):
-            channels[record.id] = record
-        elif isinstance(record, Message):
-            channel = channels[record.channel_id]
-            yield schemas.get(channel.schema_id), channel, record
-
-
-def _parts(file: BinaryIO) -> Iterator[McapRecord]:
-    """Read all records of a log, also those in its chunks, and check their CRCs."""
-    from mcap.records import Chunk
-    from mcap.stream_reader import StreamReader, get_chunk_data_stream
-
-    file.seek(0)
-    reader = StreamReader(
-        file, emit_chunks=True, validate_crcs=True, record_size_limit=LARGEST_RECORD
-    )
-    for record in reader.records:
-        if isinstance(record, Chunk):
-            data = _unpacked(record.data, record.compression)
-            record = replace(record, data=data, compression="")
-            _, length = get_chunk_data_stream(record, validate_crc=True)
-            chunk = BytesIO(data)
-            within = StreamReader(chunk, skip_magic=True, record_size_limit=LARGEST_RECORD).records
-            while chunk.tell() < length:  # one by one: a list would hold all messages again
-                yield next(within)
-        else:
-            yield record
-
-
-def _summary(file: BinaryIO) -> tuple[list[Topic], int] | None:
-    """Return the topics and the span [ns] that a log states; None if it was cut off."""
+def _listed(file: BinaryIO) -> tuple[Iterable[Topic], int]:
+    """Return the topics of a log, and the time from its first message to its last [ns]."""
     from mcap.reader import SeekingReader
 
-    summary = None
     with suppress(Exception):  # mcap fails in many ways where the end is missing
         summary = SeekingReader(file, record_size_limit=LARGEST_RECORD).get_summary()
-    if summary is None or summary.statistics is None:
-        return None
-    numbers = summary.statistics
-    topics: dict[str, Topic] = {}
-    for number, channel in summary.channels.items():
-        count = numbers.channel_message_counts.get(number, 0)
-        _count(topics, summary.schemas.get(channel.schema_id), channel, count)
-    return list(topics.values()), numbers.message_end_time - numbers.message_start_time
+        if summary is not None and summary.statistics is not None:
+            numbers = summary.statistics
+            span = numbers.message_end_time - numbers.message_start_time
+            return _topics(summary, numbers.channel_message_counts), span
+    return _scanned(file)
 
 
-def _scan(file: BinaryIO) -> tuple[list[Topic], int]:
-    """Return the topics and the span [ns] of a log without a summary."""
-    topics: dict[str, Topic] = {}
+def _scanned(file: BinaryIO) -> tuple[Iterable[Topic], int]:
+    """Return the same of a log without a summary, as one whose recorder was killed."""
+    from mcap.records import Channel, Message, Schema
+    from mcap.stream_reader import StreamReader
+    from mcap.summary import Summary
+
+    summary = Summary()
+    counts = Counter[int]()
     times: list[int] = []
+    file.seek(0)
     try:
-        for schema, channel, message in _records(file):
-            _count(topics, schema, channel, 1)
-            times.append(message.log_time)
+        for record in StreamReader(file, record_size_limit=LARGEST_RECORD).records:
+            if isinstance(record, Schema):
+                summary.schemas[record.id] = record
+            elif isinstance(record, Channel):
+                summary.channels[record.id] = record
+            elif isinstance(record, Message):
+                counts[record.channel_id] += 1
+                times.append(record.log_time)
     except Exception:  # the place where it was cut off
         if not times:
             raise
-    return list(topics.values()), max(times, default=0) - min(times, default=0)
+    return _topics(summary, counts), max(times, default=0) - min(times, default=0)
 
 
-def _count(topics: dict[str, Topic], schema: Schema | None, channel: Channel, more: int) -> None:
-    """Add messages of a channel to the topic it belongs to."""
-    kind = plain_kind(schema.name) if schema else "no type"
-    new = Topic(channel.topic, kind, channel.message_encoding, 0, schema)
-    known = topics.get(channel.topic, new)
-    topics[channel.topic] = replace(known, count=known.count + more)
+def _topics(summary: Summary, counts: Mapping[int, int]) -> Iterable[Topic]:
+    """Return the topics of a log with the number of messages of each; counts are by channel."""
+    found: dict[str, Topic] = {}
+    for number, channel in summary.channels.items():
+        schema = summary.schemas.get(channel.schema_id)
+        kind = plain_kind(schema.name) if schema else "no type"
+        new = Topic(channel.topic, kind, channel.message_encoding, 0, schema)
+        known = found.get(channel.topic, new)
+        found[channel.topic] = replace(known, count=known.count + counts.get(number, 0))
+    return found.values()

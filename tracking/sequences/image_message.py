@@ -36,27 +36,26 @@ CODES = {
 }  # fmt: skip
 """Bytes a pixel of each encoding, and OpenCV's conversion to RGB."""
 DEEP = "mono16"
-"""Two bytes a pixel, of which a camera may use fewer bits."""
-NANO = 1e-9
+"""Encoding with two bytes a pixel, of which a camera may use fewer bits."""
 Decoder = Callable[[bytes], Any]
-"""Turns the bytes of a message into an object with its fields."""
+"""Returns the object with the fields of a message, by its bytes."""
 
 
 def plain_kind(kind: str) -> str:
-    """Return a message's type without what differs between ROS 1 and 2: "sensor_msgs/Image"."""
+    """Return a message type as ROS 1 writes it, "sensor_msgs/Image", without ROS 2's "/msg"."""
     return kind.replace("/msg/", "/")
 
 
 def decoder_of(kind: str, serialization: str, schema: Schema | None = None) -> Decoder:
-    """Return the decoder of a type of messages.
+    """Return the decoder of messages of a type.
 
     Args:
-        kind: One of `KINDS[serialization]`.
+        kind: The type, one of `KINDS[serialization]`.
         serialization: "ros1", "cdr" or "protobuf".
-        schema: Protobuf's description of the type.
+        schema: The definition of the type in the file, which Protobuf needs.
 
     Raises:
-        ValueError: The description is damaged.
+        ValueError: The definition is missing.
     """
     if serialization == "protobuf":
         from mcap_protobuf.decoder import DecoderFactory
@@ -78,12 +77,12 @@ def decoder_of(kind: str, serialization: str, schema: Schema | None = None) -> D
 def picture_of(
     decode: Decoder, data: bytes, depth: BitDepth | None = None
 ) -> tuple[int | None, Image]:
-    """Return the stamp [ns] of a message, None where it is not set, and its picture (H, W, 3), RGB.
+    """Return the stamp [ns] of a message, None if it is not set, and its picture, RGB (H, W, 3).
 
     Args:
-        decode: Decodes the message.
-        data: Its bytes.
-        depth: That of the topic; without, the picture stands alone.
+        decode: Decoder of the message.
+        data: The bytes of the message.
+        depth: Bits in use in the topic's pictures; None: decided by this picture alone.
 
     Raises:
         ValueError: The message is cut off, of an unknown encoding, or cannot be decoded.
@@ -102,7 +101,7 @@ def picture_of(
 
 
 def _raw(message: Any, depth: BitDepth) -> Image:
-    """Return the picture of a raw message, whose rows have `message.step` bytes."""
+    """Return the picture, RGB (H, W, 3), of a message with raw pixels."""
     known = *CODES, DEEP
     # Drivers write V4L2's "YUYV" for ROS's "yuyv".
     encoding = next((e for e in known if e.lower() == message.encoding.lower()), None)

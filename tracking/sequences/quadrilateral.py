@@ -1,4 +1,4 @@
-"""Four corners (4, 2) of a target: from boxes, to boxes, and to a region with its state."""
+"""Four corners (4, 2) of a target: conversion from and to boxes, and to a region with its state."""
 
 import numpy as np
 
@@ -6,14 +6,15 @@ from sim.types import Array
 from tracking.types import Region, State
 
 BOX = 4
+"""Number of numbers of a box."""
 QUAD = 8
-"""Count of numbers of a box, and of four corners."""
+"""Number of coordinates of four corners."""
 RECTANGULAR = 0.02
-"""Largest deviation of a rectangle from right angles, over its size; chosen by hand."""
+"""Largest deviation of a rectangle from right angles, over its longer side; chosen by hand."""
 
 
 def corners_of(numbers: Array) -> Array:
-    """Return the corners (4, 2) of a box (left, top, width, height), or of eight coordinates.
+    """Return the corners (4, 2) of a box (4,) of left, top, width, height, or of coordinates (8,).
 
     >>> corners_of(np.array([10.0, 20.0, 30.0, 40.0])).tolist()
     [[10.0, 20.0], [40.0, 20.0], [40.0, 60.0], [10.0, 60.0]]
@@ -32,11 +33,11 @@ def boxes(corners: Array) -> Array:
 
 
 def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
-    """Return the region and state of corners (4, 2).
+    """Return the region [px] and the state of corners (4, 2) [px].
 
     Args:
         corners: In order around the target, the first edge along its x axis.
-        turned: Keep the rotation if the corners form a rectangle; else take the upright box.
+        turned: Keep the rotation if the corners form a rectangle; else use the upright box.
     """
     edges = np.roll(corners, -1, axis=0) - corners
     width = np.hypot(*edges[0])

@@ -1,4 +1,4 @@
-"""A sequence of pictures with the target's truth, also read from the layouts of OTB and VOT."""
+"""Sequences of pictures with the target's truth, and sources of pictures by their names."""
 
 import os
 from dataclasses import dataclass
@@ -18,35 +18,39 @@ from tracking.sequences.video_file import Video
 from tracking.types import Region, State
 
 IMAGE_FOLDERS = ("img", "color", "imgs", "images", "frames")
-"""Names of the folders for a sequence's pictures in OTB and VOT, beside its truth."""
+"""Names of the folders with a sequence's pictures in OTB's and VOT's layouts."""
 TRUTHS = ("groundtruth_rect*.txt", "groundtruth*.txt", "gt.txt", "truth.csv", "groundtruth.csv")
+"""Patterns of the names of truth files; the first one that matches any file is used."""
 CAMERA = "camera:"
+"""Beginning of the name of a camera."""
 CAMERA_DIGITS = 3
+"""Most digits of a camera's number."""
 THERE = "folder, video file, bag, camera:NUMBER, or address such as rtsp://HOST/PATH"
+"""The kinds of sources, for messages."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """Pictures with truth."""
+    """Pictures with the target's truth."""
 
     name: str
     family: str
-    """Name of the sequences it is averaged with, such as "clutter-a"."""
+    """Name of the group of sequences over which results are averaged, such as "clutter-a"."""
     source: Source
     truth: Array
     """Corners (n, 4, 2) of the target [px]; nan in frames without it."""
     region: Region
-    """The template, with its size in the first picture."""
+    """The target's region, with its size in the first picture."""
     start: State
     """State of the target in the first picture."""
     states: Array | None = None
-    """x, y, theta, scale (n, 4) if they are known exactly, else None."""
+    """x, y [px], theta [rad], scale (n, 4) if they are known exactly, else None."""
 
     @staticmethod
     def of_states(
         name: str, family: str, source: Source, region: Region, states: Array
     ) -> "Sequence":
-        """A sequence whose exact states (n, 4) are known: x, y, theta, scale."""
+        """Return a sequence whose exact states (n, 4) are known: x, y, theta, scale."""
         corners = np.stack([region.corners(State(*row)) for row in states.tolist()])
         return Sequence(name, family, source, corners, region, State(*states[0].tolist()), states)
 
@@ -57,11 +61,16 @@ def is_folder(path: Path) -> bool:
 
 
 def source_of(text: str, rate: float, topic: str | None = None) -> Source:
-    """Pictures of a folder (also in OTB's and VOT's layouts), a video file, a topic of a bag, a
-    stream's address, or "camera:0".
+    """Return the source that a text names.
+
+    Args:
+        text: A folder (also in OTB's and VOT's layouts), a video file, a bag, the address of a
+            stream, or a camera such as "camera:0".
+        rate: Rate of a folder's pictures [1/s].
+        topic: Topic of a bag; None: the only one with pictures.
 
     Raises:
-        ValueError: There is no such source, or it is empty, or the topic is not clear.
+        ValueError: There is no such source, it has no pictures, or several topics of it have.
     """
     path = Path(text)
     is_address = stream.ADDRESS.match(text)
@@ -84,7 +93,7 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
 
 
 def pictures_in(folder: Path) -> Path:
-    """The folder itself if it has pictures, or the folder of pictures in it (OTB, VOT).
+    """Return the folder with the pictures of a sequence: the folder itself or one in it (OTB, VOT).
 
     Raises:
         ValueError: The folder cannot be read.
@@ -96,7 +105,7 @@ def pictures_in(folder: Path) -> Path:
 
 
 def truths_in(folder: Path) -> list[Path]:
-    """The truth files of a sequence, sorted; one for each target.
+    """Return the truth files of a sequence, sorted; one for each target.
 
     Raises:
         ValueError: The folder cannot be read.
@@ -110,10 +119,10 @@ def truths_in(folder: Path) -> list[Path]:
 
 
 def truth_beside(source: str) -> Path | None:
-    """The truth file of a source, as given to `source_of`; None if there is none.
+    """Return the truth file of a source, named as for `source_of`; None if it has no truth.
 
     Raises:
-        ValueError: There are several.
+        ValueError: It has several.
     """
     if source.startswith(CAMERA) or not is_folder(Path(source)):
         return None
@@ -127,7 +136,7 @@ def truth_beside(source: str) -> Path | None:
 def check_truth(
     truth: Array, source: Source, place: str, form: Format, *, start_is_enough: bool = False
 ) -> None:
-    """Refuse a truth that does not belong to these pictures, or that is in another format.
+    """Refuse a truth that does not fit the number or the size of the pictures.
 
     Args:
         truth: Corners (n, 4, 2) of the target [px].
@@ -138,7 +147,7 @@ def check_truth(
 
     Raises:
         ValueError: The number of lines is not that of the pictures; or, for `Format.AUTO`, the
-            boxes seem to be two corners.
+            numbers may be two corners instead of a box.
     """
     is_start = start_is_enough and len(truth) == 1
     if source.count is not None and len(truth) != source.count and not is_start:
@@ -150,10 +159,10 @@ def check_truth(
 
 
 def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
-    """The sequences of one folder, one for each truth file.
+    """Return the sequences of one folder, one for each truth file, at a rate [1/s].
 
     Raises:
-        ValueError: There are no pictures, or a truth cannot be read.
+        ValueError: The folder has no pictures, or a truth cannot be read.
     """
     source = Folder.of(pictures_in(folder), rate)
     found = truths_in(folder)
@@ -169,9 +178,9 @@ def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[S
 
 
 def read_all(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
-    """The sequences of a folder, or of all folders in it.
+    """Return the sequences of a folder, or of all folders in it, at a rate [1/s].
 
-    Folders in it with neither pictures nor truth are ignored.
+    Inner folders with neither pictures nor truth are ignored.
 
     Raises:
         ValueError: There is no sequence, or a folder is incomplete or cannot be read.
@@ -191,7 +200,8 @@ def _is_sequence(path: Path) -> bool:
     """Return whether a path is a folder with pictures and a truth.
 
     Raises:
-        ValueError: It has only one of them, is a broken link, or cannot be read.
+        ValueError: The folder has only one of the two, or cannot be read; or the path is a broken
+            link.
     """
     if path.is_symlink() and not path.exists():
         raise ValueError(f"{path}: this link is broken")

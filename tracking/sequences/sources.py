@@ -1,4 +1,4 @@
-"""Sources of pictures: pictures with times, a rate, and an end; folders, and painted ones."""
+"""Sources of pictures: their protocol, the times of pictures, folders and painted pictures."""
 
 import itertools
 import math
@@ -18,15 +18,18 @@ from sim.types import Image
 RATE = 30.0
 """Default rate of folders and cameras [pictures a second]."""
 SECOND = 1_000_000_000
-"""Nanoseconds."""
+"""A second [ns]."""
+NANO = 1e-9
+"""A nanosecond [s]."""
 SET_BACK = 1.0
+"""A clock that goes back by more was set [s]; chosen by hand."""
 SET_FORWARD = 86_400.0
-"""A clock that goes back or forward so far was set [s]; chosen by hand."""
+"""A clock that goes forward by more was set [s]; chosen by hand."""
 CLOSE = 1e-4
-"""Least time between two pictures [s], which keeps their order; chosen by hand."""
+"""Time between two pictures whose stamps are in a wrong order [s]; chosen by hand."""
 NUMBER = re.compile(r"\d+", re.ASCII)
 REPEATED = 0.5
-"""Longest time between two pictures of the same stamp [s]; chosen by hand."""
+"""Longest time between two pictures with the same stamp [s]; chosen by hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,45 +43,47 @@ class Picture:
     image: Image | None
     """RGB (H, W, 3), read-only; None if it cannot be decoded."""
     reason: str = "it cannot be decoded"
-    """The reason why there is no image, if there is none."""
+    """The reason why the image is missing, for messages."""
     stamp: int | None = None
-    """The source's own stamp [ns]: of a bag, as a rule since 1970; of a video, as its file states
-    it; None where there is none."""
+    """The source's own stamp [ns]: of a bag, usually since 1970; of a video, as its file states it;
+    None if the source states none."""
     notes: tuple[str, ...] = ()
-    """Sentences about the source that are known by now, each to be said once."""
+    """Sentences about the source for the user; each is repeated in all later pictures."""
     came: datetime | None = None
-    """When it came, by this machine's clock, if the source is live."""
+    """Time of day at which the picture of a live source came; None for other sources."""
+    damaged: bool = False
+    """True if FFmpeg has concealed damaged parts of the image."""
 
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """The end of a source, where it is worth a sentence."""
+    """How the reading of a source ended, if the user should know."""
 
     sentence: str
     lost: bool = False
     """True if pictures are missing or damaged: a stream that broke off, a damaged file."""
     dropped: int = 0
-    """Pictures of a stream that the tracker never saw, because they came faster."""
+    """Number of pictures of a stream that the tracker was too slow to see."""
     damaged: int = 0
-    """Pictures that are damaged; of a stream also those that cannot be decoded."""
+    """Number of damaged pictures; of a stream, with those that cannot be decoded."""
 
 
 class Source(Protocol):
-    """Pictures in order; unless it is live, a source can be read again from the start."""
+    """Pictures in order. Iterating again begins again, but for cameras and streams."""
 
     @property
     def count(self) -> int | None:
-        """Number of pictures; None if it is not known."""
+        """Number of pictures; None if it is unknown."""
         ...
 
     @property
     def rate(self) -> float:
-        """Pictures a second; of a stream, known from its first picture on."""
+        """Rate of the pictures [1/s]; of a stream, valid from its first picture on."""
         ...
 
     @property
     def end(self) -> End | None:
-        """The end of the last reading, or what was dropped so far; None: nothing to report."""
+        """Report on the last reading, or on a stream so far; None if there is nothing to report."""
         ...
 
     def __iter__(self) -> Iterator[Picture]: ...
@@ -91,10 +96,10 @@ class Times:
         self._gap = 1.0 / rate
         self._last = -self._gap
         self._zero: float | None = None
-        self._stamp: float | None = None
+        self._stamp: int | None = None
 
-    def since_first(self, stamp: float | None) -> float:
-        """The time of the next picture.
+    def since_first(self, stamp: int | None) -> float:
+        """Return the time [s] of the next picture by its stamp [ns].
 
         Without a stamp, or with that of the last, it is one picture later than the last. Pictures
         in a wrong order follow each other closely, until one is later again. A clock that was set
@@ -102,32 +107,34 @@ class Times:
         """
         time = self._last + self._gap
         if stamp is not None:
-            ahead = -math.inf if self._zero is None else stamp - self._zero - self._last
+            # Whole seconds apart: a float of nanoseconds since 1970 has steps of 256 ns.
+            stated = stamp // SECOND + NANO * (stamp % SECOND)
+            ahead = -math.inf if self._zero is None else stated - self._zero - self._last
             if stamp == self._stamp:
                 time = self._last + min(self._gap, REPEATED)
             elif -SET_BACK < ahead < SET_FORWARD:
                 time = self._last + max(ahead, CLOSE)
             else:
-                self._zero = stamp - time
+                self._zero = stated - time
             self._stamp = stamp
         self._last = time
         return time
 
 
-def timed(pictures: Iterable[tuple[float | None, Picture]], rate: float) -> Iterator[Picture]:
-    """Give pictures their times by their stamps [s].
+def timed(pictures: Iterable[Picture], rate: float) -> Iterator[Picture]:
+    """Give pictures their times by their stamps.
 
     Those that cannot be decoded and have no stamp wait for the next one, and lie evenly before it;
-    where no picture with a stamp follows, they come at the rate.
+    where no picture with a stamp follows, they come at the rate [1/s].
     """
     times = Times(rate)
     waiting: list[Picture] = []
     last = math.nan
-    for stamp, picture in pictures:
-        if stamp is None and picture.image is None and not math.isnan(last):
+    for picture in pictures:
+        if picture.stamp is None and picture.image is None and not math.isnan(last):
             waiting.append(picture)
             continue
-        time = times.since_first(stamp)
+        time = times.since_first(picture.stamp)
         step = (time - last) / (len(waiting) + 1)
         for k, blind in enumerate(waiting, 1):
             yield replace(blind, time=last + k * step)
@@ -139,7 +146,7 @@ def timed(pictures: Iterable[tuple[float | None, Picture]], rate: float) -> Iter
 
 
 def images_in(folder: Path) -> list[Path]:
-    """The image files of a folder, sorted; hidden ones, such as those of macOS, are left out.
+    """Return the image files of a folder, sorted, without hidden ones such as those of macOS.
 
     Raises:
         ValueError: The folder cannot be read.
@@ -153,7 +160,7 @@ def images_in(folder: Path) -> list[Path]:
 
 @dataclass(frozen=True, slots=True)
 class Folder:
-    """Image files sorted by name, with numbers in names sorted by value."""
+    """The image files of a folder, sorted by name, numbers in names by value."""
 
     files: tuple[Path, ...]
     rate: float = RATE
@@ -163,10 +170,10 @@ class Folder:
 
     @staticmethod
     def of(folder: Path, rate: float = RATE) -> "Folder":
-        """The images of a folder; where most names have numbers, only those that have one.
+        """Return the images of a folder at a rate [1/s]; if most names have numbers, only those.
 
         Raises:
-            ValueError: There are none, or the folder cannot be read.
+            ValueError: The folder has no images, or cannot be read.
         """
         files = images_in(folder)
         if not files:
@@ -195,10 +202,10 @@ class Folder:
 
 
 def _gaps(files: Sequence[Path]) -> list[str]:
-    """Return a sentence about the numbers that names leave out, if they leave out any.
+    """Return a list with a sentence about numbers that are missing in the names, or an empty one.
 
-    The usual step leaves out none, also where it is 3. There is no sentence where the names differ
-    in more than one number, or where most steps differ, as those of stamps do.
+    Numbers are missing where a step exceeds the usual one, which may be 3. The list is empty if the
+    names differ in more than one number, or if most steps differ, as those of stamps do.
     """
     if len({tuple(NUMBER.split(file.stem)) for file in files}) > 1:
         return []
@@ -221,10 +228,11 @@ def _gaps(files: Sequence[Path]) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class PaintedSource:
-    """Pictures that a function paints from their numbers."""
+    """Pictures that a function paints; it is called with the number of the picture, from 0 on."""
 
     paint: Callable[[int], Image]
     count: int
+    """Number of pictures."""
     rate: float = RATE
     end: End | None = None
 

@@ -1,8 +1,7 @@
-"""Cameras of this machine (camera:0), and streams by their address (rtsp, http, tcp, udp).
+"""Live sources: cameras of this machine (camera:0), and streams by address (rtsp, http, tcp, udp).
 
-A thread reads them, and a slower tracker gets the newest picture. Between them is a queue for one
-picture. A new picture replaces one that was not taken yet, so that a tracker is never late by more
-than the picture at which it works; what was replaced is counted.
+A thread reads the source into a queue for one picture. A new picture replaces one that the tracker
+has not taken yet, so that a slow tracker gets the newest picture; replaced pictures are counted.
 """
 
 import re
@@ -15,11 +14,9 @@ from datetime import UTC, datetime
 from queue import Empty, Full, Queue
 
 import av
-import av.logging
 import cv2
 from av.container import InputContainer
 from av.error import ExitError, FFmpegError
-from av.packet import Packet
 from av.video.stream import VideoStream
 
 from sim.files.picture_file import rgb
@@ -29,15 +26,15 @@ from tracking.sequences.video_file import (
     FASTEST,
     FORMATS,
     SLOWEST,
-    Decoded,
     decoded,
     only_video,
     printed_by_ffmpeg,
+    rate_of,
 )
 
 ADDRESS = re.compile(r"(rtsps?|https?|tcp|udp)://", re.IGNORECASE)
 PASSWORD = re.compile(r"^(\w+://[^/@:]*):.*@", re.DOTALL)
-"""A password may hold every character: the last @ ends it."""
+"""Beginning of an address with a password, which may contain any character: the last @ ends it."""
 PROTOCOLS = {
     "rtsp": "rtp,udp,tcp",
     "rtsps": "rtp,udp,tcp,tls",
@@ -48,63 +45,51 @@ PROTOCOLS = {
 }
 """Protocols that FFmpeg may open for an address: never a file of this machine."""
 STREAMS = f"{FORMATS},rtsp,rtp,mpjpeg,mjpeg,jpeg_pipe,h264,hevc"
-"""Formats that FFmpeg may detect: no playlists, which name other addresses and files."""
+"""Formats that FFmpeg may detect; without playlists, which name other addresses and files."""
 PATIENCE = 5.0
 """Longest time without an answer or a picture [s]."""
 OPTIONS = {"rtsp_flags": "prefer_tcp", "analyzeduration": "1000000", "fpsprobesize": "2"}
-"""Two pictures show the rate: the 20 that FFmpeg reads come at once afterwards, most are replaced,
-and the target is elsewhere. No "nobuffer": it throws away what was read to detect the format, and
-so the first key frame and all pictures up to the next one."""
+"""Options of FFmpeg. Two pictures show the rate; by default FFmpeg reads 20, which then come at
+once, so that most are replaced. "nobuffer" is not among them: it discards the pictures that were
+read to detect the format; without the first key frame, all up to the next one are lost."""
 UNSTAMPED = ("mpjpeg", "mjpeg", "jpeg_pipe", "h264", "hevc")
-"""Formats without stamps, for which FFmpeg counts at 25 Hz; a picture's arrival is its time."""
-WAITED = 0.003
-"""A packet that takes longer than this was waited for [s]; those in a buffer come within 0.1 ms."""
-CATCH_UP = 1.0
-"""Longest time in which packets of a buffer are passed over [s]: some streams never wait."""
+"""Formats without stamps: the time of a picture is that of its arrival."""
 WAKE = 0.1
-"""Time after which a waiting thread checks that the other one goes on [s]: short for Ctrl-C."""
+"""Time after which a waiting thread checks the other one [s]; Ctrl-C waits for it."""
 
 
 class SourceLost(Exception):
-    """A camera or stream cannot be opened, or broke off; the reason."""
+    """A camera or stream cannot be opened, or broke off; the message is the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Feed:
     """An open camera or stream."""
 
-    pictures: Iterator[Decoded]
-    """Raises SourceLost."""
+    pictures: Iterator[Picture]
+    """Pictures without names and times. Raises SourceLost."""
     rate: float = RATE
+    """About how many come in a second."""
     waits: bool = False
     """True for a recording on a server, which waits for the tracker; nothing is dropped."""
 
 
-@dataclass(frozen=True, slots=True)
-class Item:
-    """A picture in the queue: its number, when it came."""
-
-    index: int
-    came: datetime
-    frame: Decoded
-
-
 class LiveSource:
-    """Pictures of a camera or stream, which can be read once."""
+    """Pictures of a camera or stream, which can be read only once."""
 
     count: int | None = None
 
     def __init__(self, name: str, opened: Callable[[], AbstractContextManager[Feed]]) -> None:
-        """Make a source that opens when it is read.
+        """Make a source, which is opened when it is read.
 
         Args:
-            name: What it is called in messages.
-            opened: Opens it; raises SourceLost.
+            name: Its name in messages.
+            opened: Opens the source; raises SourceLost.
         """
         self.name = name
         self.rate = RATE
         self._opened = opened
-        self._queue: Queue[Item] = Queue(maxsize=1)
+        self._queue: Queue[Picture] = Queue(maxsize=1)
         self._stop = threading.Event()
         self._given = self._dropped = self._damaged = self._failed = 0
         self._over = False
@@ -112,7 +97,7 @@ class LiveSource:
 
     @property
     def end(self) -> End | None:
-        """The end, and the number of dropped pictures."""
+        """Report on the pictures so far: the source's end, and dropped and damaged pictures."""
         odd = {
             "were dropped, because they came too fast": self._dropped,
             "are damaged": self._damaged,
@@ -134,25 +119,19 @@ class LiveSource:
         reader.start()
         try:
             times = None
-            while (item := self._next(reader)) is not None:
+            while (picture := self._next(reader)) is not None:
                 times = times or Times(self.rate)
                 self._given += 1
-                yield Picture(
-                    f"frame {item.index}",
-                    times.since_first(item.frame.stamp),
-                    item.frame.image,
-                    notes=item.frame.notes,
-                    came=item.came,
-                )
+                yield replace(picture, time=times.since_first(picture.stamp), stamp=None)
             if not self._given:
                 reason = self._broken or "there are no pictures in it"
                 raise ValueError(f"{self.name}: {reason}")
             self._over = True
         finally:
             self._stop.set()
-            reader.join(WAKE)  # one that waits for a camera ends by itself later
+            reader.join(WAKE)  # a thread that waits for a camera ends later
 
-    def _next(self, reader: threading.Thread) -> Item | None:
+    def _next(self, reader: threading.Thread) -> Picture | None:
         while True:
             with suppress(Empty):
                 return self._queue.get(timeout=WAKE)
@@ -164,10 +143,11 @@ class LiveSource:
         try:
             with self._opened() as feed:
                 self.rate = feed.rate
-                for frame in feed.pictures:
-                    if frame.image is not None:
-                        self._damaged += frame.damaged
-                        self._put(Item(index, datetime.now(UTC), frame), wait=feed.waits)
+                for picture in feed.pictures:
+                    if picture.image is not None:
+                        self._damaged += picture.damaged
+                        named = replace(picture, name=f"frame {index}", came=datetime.now(UTC))
+                        self._put(named, wait=feed.waits)
                         index += 1
                     elif index:  # before the first picture are parts of one that was sent earlier
                         self._failed += 1
@@ -176,10 +156,10 @@ class LiveSource:
         except SourceLost as error:
             self._broken = str(error)
 
-    def _put(self, item: Item, *, wait: bool) -> None:
+    def _put(self, picture: Picture, *, wait: bool) -> None:
         while not self._stop.is_set():
             with suppress(Full):
-                return self._queue.put(item, timeout=WAKE if wait else 0.0)
+                return self._queue.put(picture, timeout=WAKE if wait else 0.0)
             if not wait:
                 with suppress(Empty):
                     self._queue.get_nowait()
@@ -199,12 +179,12 @@ def shown(address: str) -> str:
 
 
 def stream(address: str) -> LiveSource:
-    """Return the stream at an address that `ADDRESS` matches."""
+    """Return the source of a stream by its address, which `ADDRESS` matches."""
     return LiveSource(shown(address), lambda: _stream(address))
 
 
 def camera(number: int) -> LiveSource:
-    """Return a camera of this machine."""
+    """Return the source of a camera of this machine by its number."""
     return LiveSource(f"camera:{number}", lambda: _camera(number))
 
 
@@ -217,70 +197,42 @@ def _stream(address: str) -> Generator[Feed]:
     try:
         container = av.open(f"{scheme}:{place}", options=options, timeout=PATIENCE)
     except (FFmpegError, OSError, ValueError) as error:
-        late = time.monotonic() > began + PATIENCE  # RTSP then says that the data are invalid
-        raise SourceLost(
-            f"cannot open this stream: {_silent() if late else _reason(error)}"
-        ) from None
+        # Of a silent address RTSP says that the data are invalid.
+        reason = _reason(error, late=time.monotonic() > began + PATIENCE)
+        raise SourceLost(f"cannot open this stream: {reason}") from None
     with container:
         try:
             video = only_video(container)
         except ValueError as error:
             raise SourceLost(str(error)) from None
-        rate = float(video.average_rate or video.guessed_rate or 0)
+        rate = rate_of(video)
         recording = scheme.startswith("http") and container.duration is not None
         rate = rate if SLOWEST <= rate <= FASTEST else RATE
         with closing(_pictures(container, video)) as pictures:
             yield Feed(pictures, rate, waits=recording)
 
 
-def _pictures(container: InputContainer, video: VideoStream) -> Generator[Decoded]:
+def _pictures(container: InputContainer, video: VideoStream) -> Generator[Picture]:
     is_stamped = container.format.name not in UNSTAMPED
     printers = {video.codec_context.name, container.format.name}  # not those of a film meanwhile
-    packets = container.demux(video)
     began = False
     try:
-        with printed_by_ffmpeg(av.logging.ERROR) as printed:
-            for frame in decoded(packets if is_stamped else _waited_for(packets)):
-                damaged = frame.damaged or any(name in printers for _, name, _ in printed)
+        with printed_by_ffmpeg() as printed:
+            for picture in decoded(container.demux(video)):
+                damaged = picture.damaged or any(name in printers for _, name, _ in printed)
                 printed.clear()
-                stamp = frame.stamp if is_stamped else time.monotonic()
+                stamp = picture.stamp if is_stamped else time.monotonic_ns()
                 # What was printed before the first picture is of one whose beginning was missed.
-                yield replace(frame, stamp=stamp, damaged=began and damaged)
-                began = began or frame.image is not None
+                yield replace(picture, stamp=stamp, damaged=began and damaged)
+                began = began or picture.image is not None
     except (FFmpegError, OSError) as error:
         raise SourceLost(_reason(error)) from None
 
 
-def _waited_for(packets: "Iterator[Packet[VideoStream]]") -> "Iterator[Packet[VideoStream]]":
-    """Give the packets of an open stream from the first one on that was waited for.
-
-    Those that were read to detect the format came earlier than they can be taken, so that their
-    arrival is not known. They are passed over, unless the stream ends with them.
-    """
-    opened = asked = time.monotonic()
-    buffered: list[Packet[VideoStream]] = []
-    for packet in packets:
-        came = time.monotonic()
-        is_end = not packet.size
-        if is_end or came - asked > WAITED or came - opened > CATCH_UP:
-            yield from buffered if is_end else ()
-            yield packet
-            break
-        buffered.append(packet)
-        with suppress(FFmpegError):
-            packet.decode()  # later pictures may refer to it
-        asked = time.monotonic()
-    yield from packets
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, ExitError):
-        return _silent()
+def _reason(error: Exception, *, late: bool = False) -> str:
+    if late or isinstance(error, ExitError):
+        return f"nothing came for {PATIENCE:g} s"
     return getattr(error, "strerror", None) or str(error)
-
-
-def _silent() -> str:
-    return f"nothing came for {PATIENCE:g} s"
 
 
 @contextmanager
@@ -295,9 +247,9 @@ def _camera(number: int) -> Generator[Feed]:
         capture.release()
 
 
-def _captured(capture: cv2.VideoCapture) -> Iterator[Decoded]:
+def _captured(capture: cv2.VideoCapture) -> Iterator[Picture]:
     while True:
         more, image = capture.read()
         if not more:
             raise SourceLost("it gives no more pictures")
-        yield Decoded(time.monotonic(), rgb(image))
+        yield Picture("", 0.0, rgb(image), stamp=time.monotonic_ns())

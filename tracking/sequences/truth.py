@@ -1,8 +1,7 @@
-"""Truth files in the formats of OTB, VOT, TLD and CSV, as corners of the target.
+"""Reading of truth files in the formats of OTB, VOT, TLD and CSV, as corners of the target.
 
-All coordinates become continuous pixels from the image's top left corner. OTB and GOT-10k count
-pixels from 1, so that their box 1,1,w,h starts at the corner, and so does LaSOT; VOT, TLD and CSV
-count from 0.
+All coordinates become continuous pixels from the image's top left corner. OTB, GOT-10k and LaSOT
+count pixels from 1, so that their box 1,1,w,h begins at the corner; VOT, TLD and CSV count from 0.
 """
 
 import csv
@@ -21,12 +20,12 @@ from tracking.types import FARTHEST
 OTB_NAME = re.compile(r"groundtruth_rect.*\.txt$")
 VOT_NAME = re.compile(r"groundtruth.*\.txt$")
 GOT10K_FILES = ("meta_info.ini", "absence.label", "cover.label", "cut_by_image.label")
-"""Files that GOT-10k has beside its groundtruth.txt, by which it differs from VOT."""
+"""Files beside groundtruth.txt in GOT-10k's layout, by which it differs from VOT's."""
 LASOT_FILES = ("full_occlusion.txt", "out_of_view.txt")
-"""Files that LaSOT has beside its groundtruth.txt: for each frame 1 where the target is absent."""
+"""Files beside groundtruth.txt in LaSOT's layout: for each frame 1 where the target is absent."""
 MASK = re.compile(r"m-?\d+,\s*-?\d+,")
 ABSENT = [0.0]
-"""The line of VOT's toolkit for a target that is not there: 0, its code of an unknown region."""
+"""Numbers of VOT's line for an absent target: 0, its code of an unknown region."""
 TLD_NAMES = ("gt.txt", "init.txt")
 HEADER = re.compile(r"\s*[A-Za-z_]\w*\s*,")
 CORNERS = [f"{axis}{i}" for i in range(1, 5) for axis in "xy"]
@@ -36,11 +35,11 @@ BOX_NAMES = (
     ("x", "y", "w", "h"),
 )
 LONGEST = 80
-"""Longest quotation of a line in a message [characters]."""
+"""Most characters of a line in a message."""
 LARGEST_FILE = 20_000_000
 """Largest truth file [bytes]: ten hours at 30 pictures a second."""
 MOST_LINES = 2
-"""Lines for each picture, above which a truth is refused before it is parsed: some may be empty."""
+"""Most lines for each picture: a longer truth is refused before it is parsed."""
 DOUBT = "these numbers may be x,y,w,h or x1,y1,x2,y2"
 REMEDY = (
     "give the format of this truth: otb, vot or tld (--truth-format, or truth_format in a suite)"
@@ -48,7 +47,7 @@ REMEDY = (
 
 
 class Format(Enum):
-    """Meaning of the numbers of a line."""
+    """Format of a truth file; each member carries the meaning of a line's numbers."""
 
     AUTO = "decided by the file's name and header, refused if they do not decide"
     OTB = "x,y,w,h, pixels counted from 1; also GOT-10k's and LaSOT's"
@@ -58,7 +57,7 @@ class Format(Enum):
 
     @staticmethod
     def named(name: str) -> "Format":
-        """A format by its name in small letters.
+        """Return the format of a name in small letters.
 
         Raises:
             ValueError: There is no such format.
@@ -71,7 +70,7 @@ class Format(Enum):
 
 
 def other_count(place: str, lines: int, pictures: int) -> str:
-    """Return the sentence for a truth that is longer or shorter than its pictures."""
+    """Return the message about a truth with more or fewer lines than there are pictures."""
     return (
         f"{place}: this truth has {lines} lines for {pictures} pictures; it needs one for each, "
         "with nan where the target is absent"
@@ -79,10 +78,10 @@ def other_count(place: str, lines: int, pictures: int) -> str:
 
 
 def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Array:
-    """Corners (n, 4, 2) of the target in each frame [px]; nan in frames without it.
+    """Read the corners (n, 4, 2) of the target in each frame [px]; nan in frames without it.
 
     The target is absent if all numbers of a line are nan or missing, if the line is VOT's 0, if its
-    box has width and height 0, and in LaSOT's layout in the frames that its two other files mark.
+    box has width and height 0, and, in LaSOT's layout, in the frames that two other files mark.
 
     Args:
         path: The file.
@@ -90,10 +89,10 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
             in GOT-10k's and LaSOT's layouts, VOT for other groundtruth*.txt, TLD for gt.txt and
             init.txt; a file of another name is read as VOT, unless its lines of four numbers could
             also be TLD.
-        count: Number of pictures, if it is known: a truth of many more lines is not parsed.
+        count: Number of pictures; a truth of many more lines is not parsed. None: unknown.
 
     Raises:
-        ValueError: It cannot be read, is longer than its pictures, a line is not of this format, or
+        ValueError: The file cannot be read, has too many lines, a line is not of this format, or
             AUTO cannot decide.
     """
     lines = reading.text(path, "truth", LARGEST_FILE).splitlines()
@@ -124,10 +123,10 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
 
 
 def has_masks(path: Path) -> bool:
-    """Return whether a truth begins with a mask, of which `read` takes the box around it.
+    """Return whether a truth file begins with a mask, which `read` replaces by the box around it.
 
     Raises:
-        ValueError: It cannot be read.
+        ValueError: The file cannot be read.
     """
     return bool(MASK.match(reading.text(path, "truth", LARGEST_FILE)))
 
@@ -154,7 +153,7 @@ def _is_lasot(path: Path) -> bool:
 
 
 def _marked_absent(path: Path, count: int) -> NDArray[np.bool_]:
-    """Return the frames (count,) that one of LaSOT's files beside a truth marks."""
+    """Return a mask (count,) of the frames that LaSOT's two files beside a truth mark as absent."""
     absent = np.zeros(count, bool)
     for place in (path.parent / name for name in LASOT_FILES):
         marks = reading.text(place, "truth", LARGEST_FILE).replace(",", " ").split()
@@ -165,7 +164,7 @@ def _marked_absent(path: Path, count: int) -> NDArray[np.bool_]:
 
 
 def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
-    """Refuse boxes that leave the picture but would fit into it if read as TLD's two corners.
+    """Refuse boxes that leave the picture and would fit into it as two corners (TLD).
 
     Args:
         corners: Corners (n, 4, 2) of the target [px], nan in frames without it.
@@ -185,12 +184,12 @@ def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
 
 
 def _may_be_corners(given: Array) -> bool:
-    """Return whether the four numbers of each line (n, 4) could be x1,y1,x2,y2."""
+    """Return whether all lines (n, 4) may be x1,y1,x2,y2: x2 > x1 and y2 > y1."""
     return bool((given[:, 2:] > given[:, :2]).all())
 
 
 def _corners(row: Array, form: Format, place: str) -> Array:
-    """Return the corners (4, 2) that the numbers of a line mean in a format."""
+    """Return the corners (4, 2) [px] by a line's numbers; `place` names the line in messages."""
     if form in (Format.OTB, Format.TLD) and len(row) != BOX:
         raise ValueError(f"{place}: a line of {form.name} has 4 numbers, not {len(row)}")
     if len(row) == QUAD:
@@ -216,9 +215,9 @@ def _corners(row: Array, form: Format, place: str) -> Array:
 
 
 def _numbers(line: str, place: str) -> Array:
-    """Return the 4 or 8 numbers of a line; all are nan if the target is absent.
+    """Return the 4 or 8 numbers of a line; nan if the target is absent.
 
-    A mask has those of the box around it.
+    Of a mask, they are x, y, width, height of the box around it.
     """
     if MASK.match(line):
         return _around_mask(line, place)
@@ -232,8 +231,8 @@ def _numbers(line: str, place: str) -> Array:
         return np.full(BOX, np.nan)
     if len(numbers) == 1:
         raise ValueError(
-            f"{place}: '{line[:LONGEST]}' is no region: a line of one number is VOT's 0, where the "
-            "target is absent"
+            f"{place}: '{line[:LONGEST]}' is not a region: a line of one number is VOT's 0, where "
+            "the target is absent"
         )
     if len(numbers) not in (BOX, QUAD):
         raise ValueError(f"{place}: a line has 4 or 8 numbers, not {len(numbers)}")
@@ -250,10 +249,10 @@ def _numbers(line: str, place: str) -> Array:
 
 
 def _around_mask(line: str, place: str) -> Array:
-    """Return x, y, w, h around a mask of VOT; nan where it is empty.
+    """Return x, y, width, height (4,) of the box around a mask of VOT; nan if it is empty.
 
-    Its line is m and x, y, width, height of a rectangle, then the lengths of runs in its rows, one
-    row after the other: zeros, ones, zeros ...
+    Its line is m and x, y, width, height of a rectangle, then the lengths of runs through its rows,
+    one row after the other: zeros, ones, zeros ...
     """
     try:
         x, y, width, height, *runs = (int(part) for part in line.removeprefix("m").split(","))
@@ -286,24 +285,12 @@ def _of_csv(lines: list[str], path: Path) -> Array:
         need = "x1..y4, or left, top, width, height"
         raise ValueError(f"{path.name}: the columns are {', '.join(names)}; it needs {need}")
     rows: list[Array] = []
-    frames: list[float] = []
     for i, row in enumerate(table, 2):
         place = f"{path.name}, line {i}"
         if None in row or None in row.values():
             raise ValueError(f"{place}: the header has {len(names)} columns, this line has not")
         numbers = _numbers(";".join(row[name].strip() or "nan" for name in wanted), place)
         rows.append(_corners(numbers, Format.VOT, place))
-        frames.append(_number(row.get("frame", str(i - 2))))
     if not rows:
         raise ValueError(f"{path}: this truth is empty")
-    if not any(frames == [first + i for i in range(len(frames))] for first in (0, 1)):
-        raise ValueError(f"{path.name}: the column frame does not count 0, 1, 2 ... or 1, 2, 3 ...")
     return np.stack(rows)
-
-
-def _number(text: str) -> float:
-    """Return the number of a frame; nan for other text."""
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan

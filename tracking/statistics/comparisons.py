@@ -11,11 +11,11 @@ from annotated_types import Ge, Le
 from sim.types import Array
 
 BELOW = 0.975
-"""Share below the upper end of an interval, which holds the true value in 95 % of the cases."""
+"""Probability below the upper end of a two-sided 95 % interval."""
 Z = NormalDist().inv_cdf(BELOW)
-"""The same end of a normal distribution [standard deviations]."""
+"""That quantile of the standard normal distribution."""
 NO_SKEWNESS = 1e-6
-"""Smallest skewness that is removed: below it the transformation is the identity."""
+"""Skewness below which it is not removed: the transformation is then the identity."""
 Count = Annotated[int, Ge(0), Le(1 << 53)]
 
 
@@ -62,19 +62,18 @@ class McNemar:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A value with a confidence interval."""
+    """A value with its 95 % confidence interval."""
 
     value: float
     low: float
     high: float
-    """Both ends are nan where there is no interval: over one unit, or where a score is not finite.
-    """
+    """Upper end; both ends are nan of one unit, and if a score is not finite."""
     units: int = 0
-    """Number of independent scores behind it; 0: not known."""
+    """Number of independent scores; 0: unknown."""
 
     @property
     def known(self) -> bool:
-        """True if there is an interval around the value."""
+        """True if both ends of the interval are finite."""
         return bool(np.isfinite(self.low) and np.isfinite(self.high))
 
 
@@ -89,12 +88,12 @@ def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Inte
     single share 90 to 98 %, because counts jump.
 
     Args:
-        scores: One score for each unit: average over what was measured several times first.
-        least: Smallest and
-        most: largest possible score, beyond which no interval reaches.
+        scores: One score for each unit; repeated measurements of a unit must be averaged before.
+        least: Smallest possible score, at which the interval is cut.
+        most: Largest possible score, at which the interval is cut.
 
     Raises:
-        ValueError: There are no scores.
+        ValueError: `scores` is empty.
     """
     count = len(scores)
     if count == 0:
@@ -122,14 +121,19 @@ def mean_percent(shares: Array) -> Interval:
 
 
 def in_percent(share: Interval) -> Interval:
-    """Return a share's interval [%]."""
+    """Return the interval of a share in percent."""
     return replace(share, value=100 * share.value, low=100 * share.low, high=100 * share.high)
 
 
 def difference_of_shares(first: Array, second: Array) -> Interval:
-    """The share of successes of the first less that of the second on the same units, whose flags
-    (n,) are 0 or 1 (Bonett and Price, Adjusted Wald confidence interval for a difference of
-    binomial proportions based on paired data, 2012).
+    """Return the share of successes of the first minus that of the second, with its 95 % interval.
+
+    Bonett and Price, Adjusted Wald confidence interval for a difference of binomial proportions
+    based on paired data, 2012.
+
+    Args:
+        first: Successes (n,) of the first on n units, 0 or 1.
+        second: Those of the second on the same units.
     """
     count = len(first)
     only = np.array([np.sum(first > second), np.sum(first < second)])
@@ -144,7 +148,7 @@ def difference_of_shares(first: Array, second: Array) -> Interval:
 
 
 def _unskewed(t: float, skewness: float, count: int) -> float:
-    """The standardised mean of which Hall's transformation is t; t itself without skewness."""
+    """Return the standardised mean whose transformation of Hall is t; t itself without skewness."""
     if abs(skewness) < NO_SKEWNESS:
         return t
     inner = 1 + skewness * (t - skewness / (6 * count))
@@ -152,7 +156,7 @@ def _unskewed(t: float, skewness: float, count: int) -> float:
 
 
 def _share(share: float, count: int) -> Interval:
-    """A share of n units with its score interval (Wilson, Probable inference, 1927)."""
+    """Return a share of `count` units with its interval (Wilson, Probable inference, 1927)."""
     middle = (share + Z * Z / (2 * count)) / (1 + Z * Z / count)
     variance = share * (1 - share) / count + (Z / count) ** 2 / 4
     width = Z / (1 + Z * Z / count) * variance**0.5
@@ -162,12 +166,12 @@ def _share(share: float, count: int) -> Interval:
 
 
 def titles(names: Iterable[str]) -> list[str]:
-    """Titles of the columns of intervals in a table: NAME, NAME_low, NAME_high and NAME_units."""
+    """Return the titles of intervals' columns: NAME, NAME_low, NAME_high, NAME_units of each."""
     return [f"{name}{end}" for name in names for end in ("", "_low", "_high", "_units")]
 
 
 def cells(intervals: Iterable[Interval | None]) -> list[float | str]:
-    """Cells of intervals under `titles`; empty where there is no value or no interval."""
+    """Return the cells of intervals under `titles`; empty texts for None and unknown ends."""
     found: list[float | str] = []
     for i in intervals:
         ends: list[float | str] = [i.low, i.high] if i and i.known else ["", ""]

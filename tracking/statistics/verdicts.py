@@ -6,7 +6,7 @@ from tracking.statistics.comparisons import Interval
 
 
 class Finding(Enum):
-    """The verdict on a claim; each member carries its sentence."""
+    """The verdict on a claim; the value is the sentence for users."""
 
     HOLDS = "holds: the whole interval is on the claim's side of the bound"
     DOES_NOT_HOLD = "does not hold: the whole interval is on the other side of the bound"
@@ -14,13 +14,14 @@ class Finding(Enum):
 
 
 def not_worse(difference: Interval, margin: float) -> Finding:
-    """Judge whether one is as good as the other: non-inferiority (Piaggio and others, Reporting of
-    noninferiority and equivalence randomized trials, 2012).
+    """Judge whether the first is as good as the second: non-inferiority.
+
+    Piaggio and others, Reporting of noninferiority and equivalence randomized trials, 2012.
 
     Args:
-        difference: The one less the other in a measure of which less is better, such as an error;
-            of one where more is better, the other less the one.
-        margin: The largest difference that still counts as equally good, in the measure's unit.
+        difference: The first minus the second of a measure where lower is better, such as an error;
+            the second minus the first where higher is better.
+        margin: Largest difference that counts as equally good, in the measure's unit.
     """
     if difference.high < margin:
         return Finding.HOLDS

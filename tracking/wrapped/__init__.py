@@ -1,1 +1,1 @@
-"""Trackers of others as ours: conventions of calls, boxes as states, judges, the TraX protocol."""
+"""Trackers of other authors with our interface: OpenCV, GOT-10k, TraX."""

@@ -1,4 +1,4 @@
-"""Boxes, quadrilaterals and scores as other trackers give them."""
+"""Checks of the boxes, quadrilaterals and scores that other trackers return."""
 
 import reprlib
 from typing import Any
@@ -12,14 +12,17 @@ from tracking.types import FARTHEST, Region, State
 Box = tuple[int, int, int, int]
 """x, y, width, height of a box without rotation [px]."""
 SLACK = 1e-3
-"""A score may leave 0..1 by this much: single precision adds up to that."""
+"""A score may leave 0..1 by this much: rounding errors of single precision."""
 LEAST_SIDE = 1e-6
-"""A box with a shorter side [px] has no area: products of smaller ones would vanish."""
+"""Shortest side of a box with an area [px]: the product of shorter sides could underflow to 0."""
 EXPECTED = "(ok, box) or a box of x, y, width, height"
+"""Accepted answers of `update`, for messages."""
 
 
 def box_of(region: Region, state: State, image: Image) -> Box:
-    """Return the upright box of a region, inside the image and at least one pixel large."""
+    """Return the upright box [px] around a region at a state, cut to the image (H, W, 3); at least
+    one pixel wide and high.
+    """
     corners = region.corners(state)
     height, width = image.shape[:2]
     low = np.clip(np.floor(corners.min(axis=0)), 0, (width - 1, height - 1)).astype(int)
@@ -28,16 +31,20 @@ def box_of(region: Region, state: State, image: Image) -> Box:
 
 
 def convex(corners: Array) -> bool:
-    """Return whether corners (4, 2) are a convex quadrilateral with an area."""
+    """Return whether corners (4, 2) form a convex quadrilateral whose area is not 0."""
     points = corners.astype(np.float32)
     return cv2.contourArea(points) > 0 and cv2.isContourConvex(points)
 
 
 def box_in(answer: Any, name: str) -> Array | None:
-    """Return the box (4,) in an answer of `update`; None for ok = False, or a box of zeros.
+    """Return the box (4,) [px] in an answer of `update`; None for ok = False, or a box of zeros.
+
+    Args:
+        answer: (ok, box) or a box: x, y, width, height.
+        name: Name of the tracker, for messages.
 
     Raises:
-        ValueError: It is something else; the message names the tracker and what it returned.
+        ValueError: The answer is neither, or the box has no area; the message quotes the answer.
     """
     given = answer
     if isinstance(answer, tuple | list) and len(answer) == 2 and np.ndim(answer[0]) == 0:
@@ -58,10 +65,14 @@ def box_in(answer: Any, name: str) -> Array | None:
 
 
 def score_in(answer: Any, name: str) -> float:
-    """Return a tracker's score, kept within 0..1.
+    """Return a tracker's score as a number, clipped to 0..1.
+
+    Args:
+        answer: The score that the tracker gave.
+        name: Name of the tracker, for messages.
 
     Raises:
-        ValueError: It is none; the message names the tracker and its score.
+        ValueError: The score is not a number between 0 and 1; the message quotes it.
     """
     try:
         score = float(answer)
@@ -73,5 +84,5 @@ def score_in(answer: Any, name: str) -> float:
 
 
 def shown(answer: Any) -> str:
-    """Return a tracker's answer on one short line."""
+    """Return a tracker's answer as one short line of text, for messages."""
     return " ".join(reprlib.repr(answer).split())

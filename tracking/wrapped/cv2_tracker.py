@@ -1,7 +1,8 @@
-"""OpenCV's own trackers, made by their names; their failures become sentences."""
+"""OpenCV's own trackers by their names; OpenCV's errors become sentences."""
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,28 +19,35 @@ MODELS = {
     "Vit": ("net",),
     "DaSiamRPN": ("model", "kernel_cls1", "kernel_r1"),
 }
-"""The model files of the trackers that have some, in this order; these have a score, too."""
+"""Names of the model files of OpenCV's neural trackers, in order; these trackers have a score."""
 LEAST_MIL = 5
-"""OpenCV's MIL draws features without end in a box with smaller sides [px]."""
+"""Shortest longer side of MIL's box [px]: in a smaller one OpenCV draws features for ever."""
 CONTRIB = ("CSRT", "KCF")
-"""Trackers of OpenCV's additional modules."""
+"""Trackers that only OpenCV's additional modules have."""
 REMEDY = (
     " (uninstall every opencv package, then install opencv-contrib-python-headless: whichever is "
     "installed last is used)"
 )
+"""End of the message where an OpenCV without the additional modules is installed."""
 
 
 class Cv2Tracker:
-    """OpenCV's convention, with pictures in BGR. A model that cannot be used shows in the first
-    `update`; what OpenCV refuses later, such as a box that has left the picture, is a target that
-    is not seen.
+    """A tracker of OpenCV, for pictures in BGR.
+
+    An unusable model raises an error in the first `update`. Errors of OpenCV in later updates, such
+    as for a box that has left the picture, mean that the target is not seen.
     """
 
     def __init__(self, name: str, models: Sequence[str], seed: int) -> None:
-        """Make `cv2.TrackerNAME` with model files.
+        """Make `cv2.TrackerNAME`.
+
+        Args:
+            name: Name of the tracker, such as "MIL".
+            models: Paths of its model files, in the order of `MODELS`.
+            seed: Seed of OpenCV's random numbers.
 
         Raises:
-            ValueError: This OpenCV has no such tracker, or the model files are not those it needs.
+            ValueError: This OpenCV has no such tracker, or it needs other model files.
         """
         self._name = name
         self._models = [Path(model) for model in models]
@@ -48,10 +56,10 @@ class Cv2Tracker:
         self._proven = False
 
     def init(self, image: Image, box: Box) -> Any:
-        """Show the target.
+        """Learn the target in a box of the first picture, BGR (H, W, 3).
 
         Raises:
-            ValueError: OpenCV refuses it.
+            ValueError: OpenCV refuses the box or the model files.
         """
         self._size = image.shape
         if self._name == "MIL" and max(box[2:]) < LEAST_MIL:
@@ -59,37 +67,32 @@ class Cv2Tracker:
                 f"the region is {box[2]} x {box[3]} px; {self._place()} needs a side of at least "
                 f"{LEAST_MIL} px"
             )
-        try:
-            with silent_libraries():
-                return self._tracker.init(image, box)
-        except cv2.error as error:
-            if self._models:
-                raise ValueError(f"{self._place()}: {_reason(error)}") from None
-            raise ValueError(
-                f"the region is {box[2]} x {box[3]} px in an image of {image.shape[1]} x "
-                f"{image.shape[0]} px; {self._place()} refuses it: {_reason(error)}"
-            ) from None
+        height, width = image.shape[:2]
+        with self._named(f" (region: {box[2]} x {box[3]} px, picture: {width} x {height} px)"):
+            return self._tracker.init(image, box)
 
     def update(self, image: Image) -> tuple[bool, Any]:
-        """Find the target; a picture of another size than the first cannot be compared.
+        """Return (ok, box) of the target in the next picture; ok is False where it is not seen.
+
+        In a picture whose size differs from that of the first, it is not seen.
 
         Raises:
-            ValueError: The model files fit neither each other nor this tracker.
+            ValueError: The model files do not fit each other or this tracker.
         """
         if image.shape != self._size:
             return False, None
         try:
-            with silent_libraries():
+            with self._named():
                 found, box = self._tracker.update(image)
-        except cv2.error as error:
+        except ValueError:
             if self._models and not self._proven:
-                raise ValueError(f"{self._place()}: {_reason(error)}") from None
+                raise
             return False, None
         self._proven = True
         return found and min(box[2:]) > 0, box
 
     def score(self) -> float:
-        """Return OpenCV's score of the last update, kept within 0..1."""
+        """Return OpenCV's score of the last update, clipped to 0..1; 0 for nan."""
         return float(np.clip(np.nan_to_num(self._tracker.getTrackingScore()), 0, 1))
 
     def _made(self) -> Any:
@@ -107,11 +110,17 @@ class Cv2Tracker:
         settings = getattr(cv2, f"Tracker{self._name}_Params")()
         for part, path in zip(parts, self._models, strict=True):
             setattr(settings, part, str(path))
+        with self._named():
+            return made_by.create(settings)
+
+    @contextmanager
+    def _named(self, end: str = "") -> Generator[None]:
+        """Raise a ValueError with the tracker's name and files for OpenCV's errors in the block."""
         try:
             with silent_libraries():
-                return made_by.create(settings)
+                yield
         except cv2.error as error:
-            raise ValueError(f"{self._place()}: {_reason(error)}") from None
+            raise ValueError(f"{self._place()}: {_reason(error)}{end}") from None
 
     def _place(self) -> str:
         files = ", ".join(map(str, self._models))
@@ -122,7 +131,7 @@ def factory_of(name: str) -> Any:
     """Return OpenCV's class of a tracker.
 
     Raises:
-        ValueError: This OpenCV does not have it; the message lists those it has.
+        ValueError: This OpenCV does not have it; the message lists the trackers that it has.
     """
     found = getattr(cv2, f"Tracker{name}", None)
     if hasattr(found, "create"):
@@ -139,20 +148,21 @@ def factory_of(name: str) -> Any:
 
 
 def running() -> str:
-    """Return which OpenCV is imported, whatever else is installed: one without the additional
-    modules may have been written over one with them.
+    """Return the version of the imported OpenCV, and whether it has the additional modules.
+
+    Package metadata may be wrong: two packages of OpenCV overwrite each other's files.
     """
     contrib = hasattr(cv2, "TrackerCSRT")
     return f"{cv2.__version__} {'with' if contrib else 'without'} the additional modules"
 
 
 def seed_opencv(seed: int) -> None:
-    """Seed what OpenCV's trackers draw from."""
+    """Seed the random numbers of OpenCV's trackers."""
     cv2.setRNGSeed(seed)
     # MIL draws its features with the C library's rand(), which OpenCV's seed does not reach.
     ctypes.CDLL(None).srand(seed)
 
 
 def _reason(error: cv2.error) -> str:
-    """Return OpenCV's message, without its version, file and line."""
+    """Return the text of an error of OpenCV, without version, file and line."""
     return " ".join(str(getattr(error, "err", "") or error).split())

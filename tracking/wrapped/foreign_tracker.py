@@ -1,5 +1,7 @@
-"""Another tracker as one of ours: its regions become states, and a judge decides whether the target
-is seen: our histogram, or the tracker's own score.
+"""A tracker of another author with our interface.
+
+Its boxes or quadrilaterals become states. Our colour histogram, or the tracker's own score, decides
+whether the target is seen.
 """
 
 import math
@@ -27,34 +29,34 @@ from tracking.types import (
 from tracking.wrapped.boxes import Box
 
 UPRIGHT = 1e-3
-"""A quadrilateral whose sides leave the axes by less than this, over its size, has no angle."""
+"""Largest deviation of an upright quadrilateral's sides from the axes, over its longest side."""
 RESIZED = 1e-3
-"""A change of ln scale by less than this is none."""
+"""Smallest change of ln scale that counts as a change of size."""
 ORDERS = [np.roll(order, k) for k in range(4) for order in ((0, 1, 2, 3), (3, 2, 1, 0))]
-"""The orders in which four corners may be given."""
+"""All orders of four corners around a quadrilateral, in both senses."""
 LIMITS = LossLimits(floor=0.5, cap=0.75)
-"""Limits of our histogram's distance: of hard bins, it is never near 0."""
+"""Limits of the histogram's distance; of hard bins, that of a seen target is not near 0."""
 
 
 @dataclass(frozen=True)
 class JudgeSettings:
-    """Settings of the judgement whether the target is seen."""
+    """Settings that decide whether the target is seen."""
 
     needs = frozenset({Channel.PICTURE})
 
     judge: Literal["histogram", "score"] = "histogram"
-    """Our colour histogram of the region that the tracker gives, or the tracker's own score."""
+    """Decide by our colour histogram of the tracker's region, or by the tracker's own score."""
     least_score: Share = 0.3
     """With judge = "score": below this score the target is not seen."""
     follow_size: bool = True
-    """Take over the size of the tracker's boxes too, once it has changed."""
+    """Follow the size of the tracker's boxes, once it has changed."""
 
 
 class RegionSource(Protocol):
-    """Another tracker, by whatever means it is called."""
+    """A tracker of another author: an object in this process, or a server."""
 
     def start(self, image: Image, region: Region, state: State) -> Box:
-        """Show the first picture (H, W, 3) with the target, and return the box around it."""
+        """Show the first picture, RGB (H, W, 3), and the target's region; return its box [px]."""
         ...
 
     def update(self, image: Image) -> Array | None:
@@ -70,9 +72,10 @@ class RegionSource(Protocol):
 
 @final
 class ForeignTracker:
-    """Boxes move and scale the region; quadrilaterals turn it, too, and are reported as corners.
+    """Our interface around a tracker of another author.
 
-    The other tracker is given neither angle nor camera motion.
+    Its boxes move and scale the region. Its quadrilaterals also turn the region, and are reported
+    as corners. It is not told the camera's motion.
     """
 
     _source: RegionSource = SET_BY_START
@@ -82,10 +85,11 @@ class ForeignTracker:
         self._make = make
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Make the tracker, anew each time, and show it the first frame.
+        """Make a new tracker and show it the first frame.
 
         Raises:
-            ValueError: The region is none; or the tracker cannot be made, or refuses the region.
+            ValueError: The region is not valid, the tracker cannot be made, or it refuses the
+                region.
         """
         check_region(frame, region, state)
         self._source = self._make()
@@ -99,10 +103,14 @@ class ForeignTracker:
             self._model = AppearanceSettings().model(frame.image, region, state)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Take over the tracker's region, if it gives one.
+        """Return the estimate by the tracker's region; without a region, the last state stays.
+
+        Args:
+            frame: The next frame.
+            ego: Not used.
 
         Raises:
-            ValueError: The tracker fails, or returned something that is no region.
+            ValueError: The tracker fails, or its answer is not a region.
         """
         found = self._source.update(frame.image)
         corners = None
@@ -120,7 +128,7 @@ class ForeignTracker:
         )
 
     def _judge(self, frame: Frame) -> tuple[float, Status]:
-        """Return distance and status of the region that the tracker has given."""
+        """Return distance and status of the target at the tracker's region."""
         if self._settings.judge == "score":
             distance = 1.0 - self._source.score()
             return distance, self._loss.judge(distance, frame.time)
@@ -134,26 +142,26 @@ class ForeignTracker:
 
 
 class Placement:
-    """The state of a region whose box, or whose corners, another tracker follows.
+    """Converts boxes or corners of another tracker into states of the region.
 
     A box moves the centre and scales the region by the square root of its area, both relative to
-    the first box; the angle stays as it began. Four corners turn the region, too: the similarity
-    nearest to them (least squares) takes its first corners there.
+    the first box; the angle keeps its first value. Four corners also turn the region, by the
+    similarity that maps its first corners to them with the least squares.
     """
 
     turns = False
-    """True once corners that have an angle were given."""
+    """True once corners were not upright."""
     resizes = False
     """True once the size has changed."""
 
     def __init__(self, region: Region, state: State, box: Array, *, sizes: bool) -> None:
-        """Begin with a region and the box (4,) that the tracker gets for it [px].
+        """Begin with the target in the first picture.
 
         Args:
             region: The template.
             state: State of the target at first.
-            box: The upright box around it, as the tracker gets it [px].
-            sizes: Take over the size, too.
+            box: The upright box around it, x, y, width, height, as the tracker gets it [px].
+            sizes: Follow the size, too.
         """
         self._first = state
         self._corners = region.corners(state)
@@ -163,21 +171,23 @@ class Placement:
         self._sizes = sizes
 
     def follow_box(self, box: Array) -> None:
-        """Take over a box (4,): x, y, width, height [px], with a size above zero."""
+        """Set the state by a box (4,): x, y, width, height [px], the sides above 0."""
         moved = box[:2] + box[2:] / 2 - self._box[:2] - self._box[2:] / 2
         grown = float(np.log(box[2] * box[3] / (self._box[2] * self._box[3]))) / 2
         self._move(np.array([*moved, 0.0, grown]))
 
     def follow_corners(self, corners: Array) -> Array:
-        """Take over the corners (4, 2) of a convex quadrilateral [px].
+        """Set the state by the corners (4, 2) of a convex quadrilateral [px], in any order.
 
         Returns:
-            The corners in the order of the region's.
+            The corners (4, 2) in the order of the region's own.
         """
         ordered = (corners[order] for order in ORDERS)
+        # Trackers begin with any corner: the order nearest to the last corners is the region's.
         seen = min(filter(goes_around, ordered), key=self._distance)
         self._last = seen
         moved = seen.mean(axis=0) - self._corners.mean(axis=0)
+        # A similarity is a complex factor: the least-squares one is <was, now> / <was, was>.
         was, now = (_complex(c - c.mean(axis=0)) for c in (self._corners, seen))
         factor = complex(np.vdot(was, now) / np.vdot(was, was))
         turn = float(np.angle(factor))

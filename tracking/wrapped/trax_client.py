@@ -1,18 +1,19 @@
-"""A tracker in a process of its own that speaks the TraX protocol: starts, asks and ends it."""
+"""Client of a tracker that runs in another process and speaks the TraX protocol."""
 
 import os
-import queue
 import shlex
 import shutil
+import signal
 import subprocess
 import tempfile
 import threading
+import time
 import weakref
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
@@ -33,40 +34,36 @@ from tracking.wrapped.trax_messages import (
 )
 
 TOGETHER = {"1", "2", "3"}
-"""Versions in which region and first picture come in one message; later, they come in two."""
+"""Versions of TraX whose first message holds region and picture; later versions send two."""
 PICTURES = frozenset({"path", "memory", "buffer", "data"})
 """Formats in which we send pictures."""
 REGIONS = frozenset({"rectangle", "polygon"})
 """Forms in which we send regions."""
 LAST_LINES = 3
-"""Lines of a server's stderr that an error quotes."""
+"""Number of lines of a server's stderr that an error quotes."""
 LONGEST_LINE = 1 << 24
-"""A longer line is read in pieces [bytes]: output without an end of line does not fill memory."""
-MOST_ANSWERS = 4
-"""Answers that are kept; one that nobody asked for is an error already."""
+"""Longest piece of a server's output that is read at once [bytes]: output without an end of line
+cannot fill the memory."""
 GRACE = 0.5
-"""Time that a server has to end by itself [s]."""
+"""Time between the request to quit and the kill of a server [s]."""
 KEEPER = 'read -r _; kill -s KILL -- "-$1"; rm -rf -- "$2"'
-"""Script that ends a server with all that it has started, and removes its folder, once it gets a
-line or we have died: a process that is killed cannot do so itself."""
-
-Answers = queue.Queue[Message | None]
-Questions = queue.SimpleQueue[str]
+"""Shell script that kills a server with its children and removes its folder, as soon as it reads a
+line or the end of its input. It does so also after a kill of our own process."""
 
 
 class TraxClient:
-    """One server, as a source of regions. It ends with this object, or with Python."""
+    """A TraX server as a source of regions; the server ends with this object."""
 
     def __init__(self, command: str, timeout: float) -> None:
         """Start a server and wait for its hello.
 
         Args:
-            command: The program with its arguments, as in a shell, but run without one.
+            command: The program and its arguments, quoted as in a shell; no shell runs it.
             timeout: Longest wait for an answer [s].
 
         Raises:
-            ValueError: It cannot be started, sends no hello, or takes neither our regions nor our
-                pictures.
+            ValueError: The server does not start, sends no hello, or accepts none of our forms of
+                regions or pictures.
         """
         if not command.strip():
             raise ValueError("a TraX server needs a command, such as 'python server.py'")
@@ -78,17 +75,10 @@ class TraxClient:
         keeper = subprocess.Popen(
             script, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
         )
-        # Reading and writing have threads of their own: a server that hangs blocks both.
-        self._answers = Answers(MOST_ANSWERS)
-        self._questions = Questions()
-        self._close = weakref.finalize(self, _end, process, self._questions, keeper)
-        for work, pipe, of in (
-            (_write, process.stdin, self._questions),
-            (_read, process.stdout, self._answers),
-        ):
-            threading.Thread(target=work, args=(pipe, of), daemon=True).start()
+        self._answers = _messages(process)
+        self._close = weakref.finalize(self, _end, process, keeper)
         self._count = 0
-        hello = self._answer("hello").named
+        hello = self._ask("hello").named
         self._separate = hello.get("trax.version", "1") not in TOGETHER
         self._pictures = self._taken(_words(hello, "image", "path"), PICTURES, "picture")
         regions = self._taken(_words(hello, "region", "rectangle"), REGIONS, "region")
@@ -97,7 +87,7 @@ class TraxClient:
             self._fail(f"needs the channels {', '.join(channels)}; we have color")
 
     def start(self, image: Image, region: Region, state: State) -> Box:
-        """Show the first picture with the corners, or the box, of the target.
+        """Send the first picture, RGB (H, W, 3), and the target's region; return its box [px].
 
         Raises:
             ValueError: As for `update`.
@@ -106,18 +96,22 @@ class TraxClient:
         target = region_text(region.corners(state) if self._polygons else np.array(box))
         picture = self._picture(image)
         if self._separate:
-            self._ask(Message("initialize", (target,)), Message("frame", (picture,)))
+            self._ask("state", Message("initialize", (target,)), Message("frame", (picture,)))
         else:
-            self._ask(Message("initialize", (picture, target)))
+            self._ask("state", Message("initialize", (picture, target)))
         return box
 
     def update(self, image: Image) -> Array | None:
-        """Ask the server: a box (4,), the corners (4, 2) of a convex quadrilateral, or None.
+        """Send a picture, RGB (H, W, 3), and return the target's region in it [px].
+
+        Returns:
+            A box (4,) of x, y, width, height, or the corners (4, 2) of a convex quadrilateral;
+            None where the server does not see the target.
 
         Raises:
-            ValueError: The server has ended, hangs, or answers something that is no region.
+            ValueError: The server has ended, hangs, or its answer is not a region.
         """
-        answer = self._ask(Message("frame", (self._picture(image),)))
+        answer = self._ask("state", Message("frame", (self._picture(image),)))
         self._named = answer.named
         try:
             found = region_in(*answer.arguments)
@@ -135,7 +129,7 @@ class TraxClient:
         """Return the confidence of the last answer, 0..1.
 
         Raises:
-            ValueError: There is none.
+            ValueError: The server reported no confidence.
         """
         if CONFIDENCE not in self._named:
             raise ValueError(
@@ -144,31 +138,31 @@ class TraxClient:
         return score_in(self._named[CONFIDENCE], self._name)
 
     def _picture(self, image: Image) -> str:
-        """Return a picture as the server takes it: where it is a file, the last two stay."""
+        """Return a picture in a form that the server accepts; of files, the last two are kept."""
         self._count += 1
         (self._folder / f"{self._count - 2:08}.png").unlink(missing_ok=True)
         return picture_text(image, self._pictures, self._folder / f"{self._count:08}.png")
 
     def _taken(self, offered: Sequence[str], ours: frozenset[str], what: str) -> Sequence[str]:
-        """Return what the server takes, if some of it is ours."""
+        """Return the forms that a server accepts; fail if none of ours is among them."""
         if not ours & set(offered):
             self._fail(f"takes {', '.join(offered)} as {what}; we have {', '.join(sorted(ours))}")
         return offered
 
-    def _ask(self, *messages: Message) -> Message:
-        with suppress(queue.Empty):
-            early = self._answers.get_nowait()
-            if early is not None:
-                self._fail(f"said {early.type} unasked")
-            self._answers.put(None)  # it has ended: `_answer` says so
-        for message in messages:
-            self._questions.put(message.line())
-        return self._answer("state")
+    def _ask(self, expected: str, *messages: Message) -> Message:
+        """Send messages, and return the answer, whose type is expected.
 
-    def _answer(self, expected: str) -> Message:
+        A server that hangs blocks reading and writing, so that it is killed after the timeout.
+        """
+        began = time.monotonic()
+        late = threading.Timer(self._timeout, os.killpg, (self._process.pid, signal.SIGKILL))
+        late.start()
         try:
-            answer = self._answers.get(timeout=self._timeout)
-        except queue.Empty:
+            _send(self._process, *messages)
+            answer = next(self._answers, None)
+        finally:
+            late.cancel()
+        if answer is None and time.monotonic() - began >= self._timeout:
             self._fail(f"said no {expected} within {self._timeout:g} s")
         if answer is None or answer.type == "quit":
             with suppress(subprocess.TimeoutExpired):
@@ -181,7 +175,7 @@ class TraxClient:
         return answer
 
     def _fail(self, fault: str) -> NoReturn:
-        """End the server, and raise its fault with the last lines of its stderr."""
+        """End the server, and raise a ValueError with the last lines of its stderr."""
         with self._log.open("rb") as log:
             lines = deque(filter(bytes.strip, log), LAST_LINES)
         self._close()
@@ -210,29 +204,26 @@ def _words(hello: Mapping[str, str], key: str, default: str) -> list[str]:
     return [word for word in (hello.get(f"trax.{key}") or default).split(";") if word]
 
 
-def _write(stdin: IO[bytes], questions: Questions) -> None:
-    with suppress(OSError), stdin:  # it has ended; the answer that does not come says so
-        while line := questions.get():
-            stdin.write(line.encode())
-            stdin.flush()
+def _send(process: subprocess.Popen[bytes], *messages: Message) -> None:
+    """Send messages to a server; one that has ended gets none, and gives no answer."""
+    assert process.stdin is not None  # a pipe
+    with suppress(OSError):
+        process.stdin.write("".join(message.line() for message in messages).encode())
+        process.stdin.flush()
 
 
-def _read(stdout: IO[bytes], answers: Answers) -> None:
-    with stdout:
-        while line := stdout.readline(LONGEST_LINE):
-            if message := message_in(line.decode("utf-8", "replace")):
-                with suppress(queue.Full):
-                    answers.put_nowait(message)
-    answers.put(None)
+def _messages(process: subprocess.Popen[bytes]) -> Iterator[Message]:
+    """Give the messages of a server until it ends."""
+    assert process.stdout is not None  # a pipe
+    while line := process.stdout.readline(LONGEST_LINE):
+        if message := message_in(line.decode("utf-8", "replace")):
+            yield message
 
 
-def _end(
-    process: subprocess.Popen[bytes], questions: Questions, keeper: subprocess.Popen[bytes]
-) -> None:
+def _end(process: subprocess.Popen[bytes], keeper: subprocess.Popen[bytes]) -> None:
     """End a server with all that it has started."""
-    questions.put(Message("quit").line())
-    questions.put("")
+    _send(process, Message("quit"))
     with suppress(subprocess.TimeoutExpired):
         process.wait(GRACE)
     keeper.communicate(b"\n")
-    process.wait()
+    process.communicate()

@@ -1,4 +1,4 @@
-"""Lines of the TraX protocol (Cehovin 2017), for both ends of it.
+"""Messages of the TraX protocol (Cehovin 2017), for clients and servers.
 
 A message is a line @@TRAX:TYPE with quoted arguments and named ones (key=value); all other lines
 are a program's own output. In versions 1 to 3 `initialize` carries picture and region; in version 4
@@ -23,7 +23,8 @@ CONFIDENCE = "confidence"
 """Name under which servers report their score."""
 SEEN = "seen"
 UNSEEN = "0"
-"""How our server says that its tracker did not see the target: TraX has no word for it."""
+"""Name and value by which our server reports that its tracker did not see the target; TraX itself
+cannot say so."""
 TYPES = {"hello", "initialize", "frame", "state", "status", "quit"}
 ARGUMENT = re.compile(r'"((?:[^"\\]|\\.)*+)"|(\S+)')
 """An argument in quotes, or without. The possessive repetition takes linear time on a line whose
@@ -35,7 +36,7 @@ BOX = 4
 FEWEST_NUMBERS = 6
 """Numbers of a rectangle, and fewest of a polygon."""
 CORNERS = 4
-"""A polygon with as many may turn a region; of others, the box around them counts."""
+"""Number of corners of a polygon that may turn a region; others are replaced by their box."""
 PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 BYTES = {"rgb": 3, "gray8": 1, "gray16": 2}
 """Bytes of a pixel in each format of raw pictures."""
@@ -45,21 +46,21 @@ MASK = "m"
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One message."""
+    """A message: its type, arguments in order, and named arguments."""
 
     type: str
     arguments: Sequence[str] = ()
     named: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def line(self) -> str:
-        """Return the line that is sent."""
+        """Return the message as a line of text with its end."""
         texts = [*self.arguments, *(f"{key}={value}" for key, value in self.named.items())]
         quoted = [f'"{SPECIAL.sub(lambda m: ESCAPED[m[0]], text)}"' for text in texts]
         return f"{PREFIX}{' '.join([self.type, *quoted])}\n"
 
 
 def message_in(line: str) -> Message | None:
-    """Return the message in a line; None for any other line."""
+    """Return the message in a line of text; None if the line holds no message."""
     if not line.startswith(PREFIX):
         return None
     name, _, rest = line.removeprefix(PREFIX).strip().partition(" ")
@@ -76,16 +77,18 @@ def message_in(line: str) -> Message | None:
 
 
 def region_text(numbers: Array) -> str:
-    """Return a box (4,), or corners (n, 2), as a region."""
+    """Return a box (4,) or corners (n, 2) [px] as the text of a region."""
     return ",".join(f"{number:.4f}" for number in numbers.ravel().tolist())
 
 
 def region_in(text: str) -> Array | None:
-    """Return a box (4,) or a polygon (n, 2) [px]; None for a code, or a box of zeros: the target is
-    not seen.
+    """Return the box (4,) or the polygon (n, 2) [px] in the text of a region.
+
+    Returns:
+        None where the target is not seen: for a single number, or a box of zeros.
 
     Raises:
-        ValueError: It is a mask, or no region.
+        ValueError: The text is a mask, or not a region; the message continues "... is".
     """
     if text.startswith(MASK):
         raise ValueError("a mask; rectangles and polygons are known")
@@ -103,13 +106,18 @@ def region_in(text: str) -> Array | None:
 
 
 def box_around(polygon: Array) -> Array:
-    """Return the box (4,) around a polygon (n, 2)."""
+    """Return the upright box (4,), x, y, width, height, around a polygon (n, 2) [px]."""
     return np.concatenate([polygon.min(axis=0), np.ptp(polygon, axis=0)])
 
 
 def picture_text(image: Image, formats: Sequence[str], file: Path) -> str:
-    """Return an RGB picture in a format that the server takes: raw in the message, as PNG in it, or
-    in a file.
+    """Return an RGB picture (H, W, 3) as the argument of a message.
+
+    Args:
+        image: The picture.
+        formats: Formats that the server accepts: raw pixels in the message ("memory") come first,
+            then PNG in the message ("buffer", "data"), then PNG in a file ("path").
+        file: The file to write for "path".
     """
     if "memory" in formats:
         height, width = image.shape[:2]
@@ -122,14 +130,14 @@ def picture_text(image: Image, formats: Sequence[str], file: Path) -> str:
 
 
 def picture_in(text: str, depth: BitDepth | None = None) -> Image:
-    """Return the RGB picture in a message, or in the file that it names.
+    """Return the RGB picture (H, W, 3) in an argument of a message, or in the file that it names.
 
     Args:
         text: The argument of the message.
-        depth: That of all pictures of a server; without, the picture stands alone.
+        depth: Bits in use in the pictures of the client; None: decided by this picture alone.
 
     Raises:
-        ValueError: It cannot be read or decoded, or its data are not those of its size.
+        ValueError: The picture cannot be read or decoded, or its data do not fit its size.
     """
     scheme, _, rest = text.partition(":")
     try:

@@ -1,4 +1,4 @@
-"""A class with `init(image, box)` and `update(image)` as one of our trackers.
+"""Wrap a class with `init(image, box)` and `update(image)` as one of our trackers.
 
 It follows one of two conventions:
 
@@ -27,16 +27,17 @@ from tracking.wrapped.foreign_tracker import ForeignTracker, JudgeSettings
 
 Convention = Literal["opencv", "got10k"]
 Score = str | Callable[[Any], float]
-"""Attribute or method of a tracker that gives its score, or a function of the tracker."""
+"""Name of the attribute or method of a tracker that gives its score, or a function of the
+tracker."""
 BOXES = {"box", "bbox"}
-"""Names of the second argument of `init` in GOT-10k's convention."""
+"""Names of the second argument of `init` by which GOT-10k's convention is recognised."""
 
 
 class Foreign(Protocol):
-    """A tracker in one of the conventions."""
+    """A tracker of another author, in OpenCV's or GOT-10k's convention."""
 
     def init(self, image: Any, box: Any, /) -> Any:
-        """Learn the target in a box; False refuses it."""
+        """Learn the target in a box of the first picture; return False to refuse it."""
         ...
 
     def update(self, image: Any, /) -> Any:
@@ -46,7 +47,7 @@ class Foreign(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """A tracker of boxes that is called in its convention."""
+    """Calls a tracker of boxes in its own convention."""
 
     tracker: Foreign
     convention: Convention
@@ -55,10 +56,10 @@ class Caller:
     score_of: Score | None
 
     def start(self, image: Image, region: Region, state: State) -> Box:
-        """Show the first picture with the target's box, and return the box.
+        """Show the first picture, RGB (H, W, 3), with the target's box; return the box [px].
 
         Raises:
-            ValueError: The tracker refuses by returning False.
+            ValueError: The tracker returned False.
         """
         box = box_of(region, state, image)
         given = box if self.convention == "opencv" else np.array(box, dtype=float) + (1, 1, 0, 0)
@@ -70,7 +71,7 @@ class Caller:
         """Return the target's box (4,) in the next picture [px]; None where it is not seen.
 
         Raises:
-            ValueError: The tracker returned something else.
+            ValueError: The tracker's answer is not a box.
         """
         box = box_in(self.tracker.update(self._picture(image)), self.name)
         return box if box is None or self.convention == "opencv" else box - (1, 1, 0, 0)
@@ -79,7 +80,7 @@ class Caller:
         """Return the tracker's own score, 0..1.
 
         Raises:
-            ValueError: It is not there, or not between 0 and 1.
+            ValueError: The tracker has no score, or it is not between 0 and 1.
         """
         if callable(self.score_of):
             return score_in(self.score_of(self.tracker), self.name)
@@ -90,7 +91,7 @@ class Caller:
         return score_in(found() if callable(found) else found, self.name)
 
     def _picture(self, image: Image) -> Image:
-        """Return a picture that the tracker may keep and write to."""
+        """Return a copy of a picture in the tracker's channel order: it may keep and change it."""
         if self.convention == "opencv":
             return cv2.cvtColor(image, cv2.COLOR_RGB2BGR).astype(np.uint8, copy=False)
         return np.array(image, order="C")
@@ -111,7 +112,7 @@ def convention_of(tracker: Foreign) -> Convention:
 
 @dataclass(frozen=True, slots=True)
 class Wrapping:
-    """A tracker's factory, and how to call what it makes."""
+    """A factory of trackers, and the convention in which they are called."""
 
     factory: Any
     convention: Convention | None
@@ -119,7 +120,7 @@ class Wrapping:
     name: str
 
     def build(self, settings: JudgeSettings, rng: np.random.Generator) -> ForeignTracker:
-        """Return a tracker of ours that calls theirs."""
+        """Return a tracker with our interface around a tracker of the factory."""
         return ForeignTracker(settings, lambda: self._caller(settings, rng))
 
     def _caller(self, settings: JudgeSettings, rng: np.random.Generator) -> Caller:
@@ -158,7 +159,7 @@ class Wrapping:
 
 
 def is_foreign(tracker: Any) -> bool:
-    """Return whether an object, or a class, has the methods `init` and `update`."""
+    """Return whether an object or a class has the methods `init` and `update`."""
     return has_methods(tracker, "init", "update")
 
 
@@ -187,18 +188,18 @@ def wrap(
     """Return a `Config` class for a tracker of another convention.
 
     Args:
-        factory: Their class, a function that makes one, or one that is made. It may take `seed` or
-            `rng`. OpenCV's own generator is seeded before it is called.
+        factory: The tracker's class, a function that makes a tracker, or a tracker. Class and
+            function may take `seed` or `rng`. OpenCV's own generator is seeded before the call.
         convention: "opencv" (BGR, `update` gives (ok, box) or a box) or "got10k" (RGB arrays, boxes
             counted from 1); None: see `convention_of`.
         score: Attribute or method of the tracker, or a function of it, that gives its score, 0..1.
-        judge: Judge whether the target is seen; None: the score where there is one, else our colour
-            histogram.
+        judge: Decide whether the target is seen by the tracker's score, or by our colour histogram;
+            None: by the score if `score` is given, else by the histogram.
         name: The kind; None: module:class.
 
     Raises:
-        ValueError: It is no tracker; there is no such convention; or the tracker's score is to
-            judge, but none is named.
+        ValueError: `factory` is not a tracker; there is no such convention; or `judge` is "score"
+            without `score`.
 
     Example:
         >>> class Still:
@@ -235,5 +236,5 @@ def _config_of(given: Wrapping, begin: Literal["histogram", "score"]) -> type[Wr
 
 
 def _again(wrapping: Wrapping, settings: dict[str, Any]) -> WrapSettings:
-    """Return unpickled settings, whose class was made by a function."""
+    """Return unpickled settings; pickle cannot find their class, which a function made."""
     return _config_of(wrapping, settings["judge"])(**settings)

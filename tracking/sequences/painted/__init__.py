@@ -1,4 +1,4 @@
-"""Painted sequences with exact truth; each file is one family."""
+"""Kinds of painted sequences with exact truth, one a file."""
 
 from __future__ import annotations
 

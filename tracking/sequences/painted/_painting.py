@@ -1,4 +1,4 @@
-"""Functions of the painted sequences: random textures, and pasting under a similarity."""
+"""Random textures, noise, and pasting of a picture under a similarity, for painted sequences."""
 
 import cv2
 import numpy as np
@@ -10,7 +10,7 @@ from tracking.types import Region, State
 def blotches(
     rng: np.random.Generator, width: int, height: int, grain: float, colour: Array, spread: float
 ) -> Image:
-    """A random picture (height, width, 3).
+    """Return a random picture (height, width, 3) of blotches.
 
     Args:
         rng: Random generator.
@@ -26,20 +26,20 @@ def blotches(
 
 
 def noisy(image: Image, noise: float, seed: int, index: int) -> Image:
-    """A picture with the noise of its place in a sequence.
+    """Return a picture with Gaussian noise that depends on its number in a sequence.
 
     Args:
         image: The picture, also with fractions of grey levels.
         noise: Standard deviation [grey levels].
-        seed: Of the sequence's noise.
-        index: The picture's place in the sequence.
+        seed: Seed of the sequence's noise.
+        index: Number of the picture in the sequence.
     """
     draws = np.random.default_rng([seed, index]).normal(0, noise, image.shape)
     return np.clip(image + draws, 0, 255).round().astype(np.uint8)
 
 
 def paste(image: Image, patch: Image, region: Region, state: State) -> Image:
-    """A picture with a patch in the region at a state, with smooth edges."""
+    """Return a picture (H, W, 3) with a patch in the region at a state, with smooth edges."""
     height, width = patch.shape[:2]
     shape = (image.shape[1], image.shape[0])
     # warpAffine counts from pixel centres, so a patch spans -0.5 .. size - 0.5.

@@ -67,14 +67,14 @@ class Config(texture.Config):
 
 
 def _tones(rng: np.random.Generator, size: tuple[int, int], colour: Array) -> Image:
-    """A fine picture in two tones of a colour, half of the pixels each; size (width, height)."""
+    """Return a fine picture in two tones of a colour, half of the pixels each."""
     noise = _noise(rng, size, FINE)
     tone = np.where(noise > np.median(noise), SHADE, -SHADE)
     return (colour + tone[..., None]).astype(np.uint8)
 
 
 def _shades(rng: np.random.Generator, colour: Array) -> Image:
-    """A smooth picture in all shades of a colour between the two tones, as many pixels each."""
+    """Return a smooth picture in all shades of a colour between the two tones, evenly."""
     noise = _noise(rng, (WIDTH, HEIGHT), SMOOTH)
     order = noise.ravel().argsort().argsort().reshape(noise.shape)
     shade = np.interp(order, (0, noise.size - 1), (-SHADE, SHADE))
@@ -82,5 +82,5 @@ def _shades(rng: np.random.Generator, colour: Array) -> Image:
 
 
 def _noise(rng: np.random.Generator, size: tuple[int, int], grain: float) -> Array:
-    """Noise (height, width) whose blotches have a size [px]."""
+    """Return noise (height, width) whose blotches have a size [px]."""
     return np.asarray(cv2.GaussianBlur(rng.normal(0, 1, size[::-1]), (0, 0), grain), np.float64)

@@ -58,7 +58,7 @@ class Config:
     """The background's discs have all four colours of the target, in another order."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """A random sequence."""
+        """Return a random sequence."""
         sigma, count, shared = LEVELS[self.level]
         colours = _apart(rng)
         ground = _ground(rng, colours, count, SECTORS if self.share_all else shared)
@@ -77,7 +77,7 @@ class Config:
 
 
 def _apart(rng: np.random.Generator) -> Array:
-    """Four random colours (4, 3) that differ clearly from each other and from white."""
+    """Return four random colours (4, 3) that differ by `LEAST_APART` from each other and white."""
     while True:
         colours = rng.integers(0, 256, (SECTORS, 3)).astype(float)
         others = np.vstack([colours, [255.0] * 3])
@@ -101,7 +101,7 @@ def _ground(rng: np.random.Generator, colours: Array, count: int, kept: int) -> 
 
 
 def _path(rng: np.random.Generator, frames: int, sigma: float) -> Array:
-    """Centres (n, 2) of the target, which stays inside the picture."""
+    """Return the centres (n, 2) [px] of the target, which stays inside the picture."""
     room = np.array([WIDTH, HEIGHT]) / 2 - RADIUS
     time = 2 * np.pi * np.arange(frames)[:, None] / PERIOD
     smooth = sum(
@@ -113,7 +113,7 @@ def _path(rng: np.random.Generator, frames: int, sigma: float) -> Array:
 
 
 def _disc(image: Image, centre: Array, radius: float, colours: Array) -> None:
-    """Paint a disc of equal sectors."""
+    """Paint a disc of equal sectors, one for each colour (n, 3), into an image."""
     unit = 1 << SUBPIXEL_BITS
     # In OpenCV a pixel's centre has whole coordinates.
     x, y = np.round((centre - 0.5) * unit).astype(int).tolist()

@@ -59,7 +59,7 @@ class Config:
     """Standard deviation of the noise of the pictures [grey levels]."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """A random sequence."""
+        """Return a random sequence."""
         ground = _ground(rng)
         patch = _target(rng)
         fine = self._states(rng)
@@ -81,7 +81,7 @@ class Config:
         return sequence
 
     def _states(self, rng: np.random.Generator) -> Array:
-        """States (frames * EXPOSURES, 4) of all exposures; each frame's first is at its start."""
+        """Return states (frames * EXPOSURES, 4) of all exposures, the first at a frame's start."""
         frame = np.repeat(np.arange(self.frames), EXPOSURES)
         phase = np.tile(np.arange(EXPOSURES), self.frames) * SHUTTER / EXPOSURES
         at = (frame + phase) / self.frames
@@ -102,7 +102,7 @@ class Config:
 
 
 def _ground(rng: np.random.Generator) -> Image:
-    """A background of blotches with random rectangles."""
+    """Return a background of blotches with random rectangles."""
     image = blotches(rng, WIDTH, HEIGHT, 6.0, np.full(3, 128.0), 30.0)
     for _ in range(PATCHES):
         size = rng.uniform(8, 40, 2)

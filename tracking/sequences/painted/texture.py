@@ -44,7 +44,7 @@ class Config:
     """Standard deviation of the noise of the pictures [grey levels]."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """A random sequence."""
+        """Return a random sequence."""
         ground, patch = self._paint(rng)
         states = self._states(rng)
         noise_seed = int(rng.integers(1 << 31))
@@ -57,13 +57,13 @@ class Config:
         return Sequence.of_states(name, name, PaintedSource(paint, self.frames), REGION, states)
 
     def _paint(self, rng: np.random.Generator) -> tuple[Image, Image]:
-        """The ground, and the car."""
+        """Return the ground and the car."""
         colour = rng.uniform(80, 170, 3)
         ground = blotches(rng, WIDTH, HEIGHT, ROAD, colour, SHADE)
         return ground, blotches(rng, *SIZE, GRAIN, colour, RELIEF)
 
     def _states(self, rng: np.random.Generator) -> Array:
-        """x, y, theta, scale (n, 4) along an ellipse, with a speed that rises and falls."""
+        """Return states (n, 4) along an ellipse, with a speed that rises and falls."""
         time = np.arange(self.frames)
         pace = self.speed * np.sin(np.pi * time / self.frames * rng.uniform(3, 5)) ** 2
         radius = np.array([0.28 * WIDTH, 0.24 * HEIGHT])
