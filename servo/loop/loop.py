@@ -195,7 +195,9 @@ class Running:
     def begin(self, frame: Frame, region: Region, state: State) -> None:
         """Begin with the target in the first picture; `Loop.start` calls it."""
         self._law.check(depths=frame.depth is not None, true_motion=self._true_motion is not None)
-        self._estimate = self._perception.start(frame, region, state, self._truth)
+        self._estimate = self._perception.start(
+            frame, region, state, self._truth_at(frame, self._perception.needs)
+        )
         first = self._goals.sight(frame, by_corners=False)
         if first is None:
             number = self._loop.scenario.leader.id
@@ -245,7 +247,9 @@ class Running:
         if self._shown is not None:
             interval = elapsed(self._shown, frame.time, self._period)
             had_reported = self._perception.has_reported
-            self._estimate = self._perception.track(frame, posture, interval)
+            self._estimate = self._perception.track(
+                frame, posture, interval, self._truth_at(frame, self._perception.needs)
+            )
             if self._perception.has_reported and not had_reported:
                 self._law.check_followed(self._estimate)
         self._shown = frame.time
@@ -303,15 +307,19 @@ class Running:
         begin = frame.time + self._frames_late * self._period if acts is None else acts
         return self._true_motion(frame.index, begin, begin + interval) / self._law.scales
 
+    def _truth_at(self, frame: Frame, needs: Channels) -> Truth | None:
+        """Return the truth of a picture, where it is needed and known."""
+        if Channel.TRUTH not in needs or self._truth is None:
+            return None
+        return self._truth(frame.index)
+
     def _view(
         self, frame: Frame, sight: Sight | None, motion: Array | None
     ) -> Callable[[Channels], View]:
         """Return what gives the view of a part of the law at the time of a picture."""
 
         def view(needs: Channels) -> View:
-            truth = None
-            if Channel.TRUTH in needs and self._truth is not None:
-                truth = self._truth(frame.index)
+            truth = self._truth_at(frame, needs)
             seen = sight is not None if frame.fresh else None
             return View.of(frame, needs, truth=truth, true_motion=motion, seen=seen)
 

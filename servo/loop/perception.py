@@ -1,6 +1,5 @@
 """From pictures to sights: a scenario's tracker, and what its estimates say of the target."""
 
-from collections.abc import Callable
 from typing import final
 
 import numpy as np
@@ -48,7 +47,8 @@ class Perception:
         part = Part("tracker", scenario.tracker)
         built = part.build(rng)
         self.tracker: Tracker = part.guarded(built)
-        self._needs = needs_of(scenario.tracker, SEES_PICTURES)
+        self.needs = needs_of(scenario.tracker, SEES_PICTURES)
+        """The channels that the tracker declares."""
         self._viewer = part.guarded(built) if isinstance(built, Sees) else None
         marker = marker_of(scenario.target)
         is_marker = marker is not None and marker.is_outline(outline)
@@ -59,7 +59,7 @@ class Perception:
         frame: Frame,
         region: Region,
         state: State,
-        truth: Callable[[int], Truth] | None,
+        truth: Truth | None,
     ) -> Estimate:
         """Show the target to the tracker in the first picture.
 
@@ -68,7 +68,7 @@ class Perception:
             region: The target's rectangle in it.
             state: Where that is. Where the target is a marker, and the tracker finds markers, the
                 marker counts that is seen near it.
-            truth: Returns the truth of a picture by its number; only a simulation has it.
+            truth: Where the target is; only a simulation knows it.
 
         Returns:
             The estimate before the first update. The tracker has not reported yet what it follows,
@@ -80,8 +80,7 @@ class Perception:
         """
         if self._finder is not None:
             region, state = self._finder.outline(frame, region, state)
-        self._truth = truth
-        self._show(frame)
+        self._show(frame, truth)
         try:
             self.tracker.start(frame, region, state)
         except PartFailed:
@@ -102,7 +101,9 @@ class Perception:
         """Whether the tracker has reported corners."""
         return self._estimate
 
-    def track(self, frame: Frame, posture: Posture, interval: float) -> Estimate:
+    def track(
+        self, frame: Frame, posture: Posture, interval: float, truth: Truth | None
+    ) -> Estimate:
         """Show the tracker the next picture, and return its estimate. The tracker does not learn of
         a picture that is not fresh: its last estimate stays.
 
@@ -110,15 +111,16 @@ class Perception:
             frame: The picture.
             posture: What the robot knows of itself at the time of the picture.
             interval: Time since the picture before [s].
+            truth: Where the target is; only a simulation knows it.
         """
         ego = None
-        if self._scenario.run.ego and Channel.EGO_MOTION in self._needs:
+        if self._scenario.run.ego and Channel.EGO_MOTION in self.needs:
             self._carried += self._to_sight.ego(self._estimate.state, posture.twist, interval)
             ego = self._carried
         if not frame.fresh:
             return self._estimate
         self._carried = np.zeros(4)
-        self._show(frame)
+        self._show(frame, truth)
         self._estimate = self.tracker.update(frame, ego)
         if not self.has_reported and self._estimate.status is Status.LOCKED:
             self.has_reported = True
@@ -133,9 +135,7 @@ class Perception:
         """
         return self._to_sight.see(estimate, posture, goal, frame.depth)
 
-    def _show(self, frame: Frame) -> None:
+    def _show(self, frame: Frame, truth: Truth | None) -> None:
         """Give the tracker its channels of a picture."""
-        if self._viewer is None:
-            return
-        truth = None if self._truth is None else self._truth(frame.index)
-        self._viewer.see(View.of(frame, self._needs, truth=truth))
+        if self._viewer is not None:
+            self._viewer.see(View.of(frame, self.needs, truth=truth))

@@ -56,6 +56,9 @@ XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
 PALETTE = (*XYZ, PARTICLES, VIOLET, GREY, ESTIMATE, GOAL)
 WAY_RADIUS = 0.004
 """Half the thickness of the camera's way [m]."""
+WAY_GROWTH = 1.25
+"""The whole way is written anew when it is this much longer: the file has five times its length
+then, whereas once a second it would grow with the square of the run's."""
 FRUSTUM = 0.15
 """Distance from the camera at which its image plane is drawn [m]."""
 STAGES = ("render", "track", "control", "physics")
@@ -84,7 +87,7 @@ class RerunLog:
         self._moving = solids.entities(episode.world.moving)
         self._plots = _plots(episode.world.robot, self._features)
         self._every = Every(every)
-        self._ways_due = Every()
+        self._next_way = 0
         self._file = recording
         self.abandon = recording.abandon
         self._rec = recording.begin("servobench", blueprint_of_run(self._features))
@@ -167,8 +170,9 @@ class RerunLog:
         for step in steps:
             self._way.extend(step.truth.T_world_camera.translation.tolist())
             self._corners.extend(step.truth.corners.ravel().tolist())
-        if self._ways_due.due():
+        if len(self._way) >= self._next_way:
             self._log_ways()
+            self._next_way = int(WAY_GROWTH * len(self._way))
 
     def _send_pictures(
         self, steps: list[Step], jpegs: list[bytes], index: list[rr.TimeColumn]
