@@ -66,6 +66,11 @@ def test_a_value_of_a_study_is_the_same_after_set(value):
     assert assignment(words[6]) == ("tracker.x", value)
 
 
+def test_each_command_stands_once_in_the_help():
+    shown = re.findall(r"^  (\w+)  ", CliRunner().invoke(app, []).output, re.MULTILINE)
+    assert sorted(shown) == sorted(app.commands)
+
+
 def test_five_commands_to_begin_with_stand_below_the_help():
     named = re.findall(r"^  servobench (\w+)", TO_TRY, re.MULTILINE)
     assert len(named) == 5

@@ -123,8 +123,26 @@ To begin with:
 """
 
 
+GROUPS = {
+    "Run": ("run", "track", "view", "film", "report"),
+    "Compare": ("compare", "sweep", "bench"),
+    "Measure": ("check", "identify", "robot", "doctor"),
+    "Publish": ("papers", "docs"),
+    "Connect your own parts": ("new", "list", "schema"),
+}
+"""The commands by what they are for, in the order of the help."""
+
+
 class Commands(click.Group):
-    """Commands, listed in the order of the file; Ctrl-C, TERM and HUP end all in the same way."""
+    """Commands, listed by what they are for; Ctrl-C, TERM and HUP end all in the same way."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write a section of the help for each group of commands."""
+        for title, names in GROUPS.items():
+            limit = formatter.width - max(map(len, self.commands)) - 6
+            rows = [(name, self.commands[name].get_short_help_str(limit)) for name in names]
+            with formatter.section(title):
+                formatter.write_dl(rows)
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Five commands to try, below the help."""
