@@ -21,7 +21,7 @@ from servo.scenario.load import SECTIONS
 from servo.study import ranking
 from servo.study.execute import Workers
 from servo.study.parse import KEYS, load
-from servo.study.record_file import file_table, table_of
+from servo.study.record_file import table_of
 from servo.study.results import SHOWN, Cell, moved
 from servo.study.run import Failure, Job, Record
 from servo.study.scenario_run import MEASURED
@@ -95,7 +95,7 @@ def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_pa
     approved(f"tables/bench-{count}", lines(printed))
     if count == 3:
         store = Store(tmp_path)
-        store.table = lambda: table_of([file_table(Job(0, Made(), 0), found[0])])
+        store.table = lambda: table_of([found[:1]])
         bench_command._write(store, found, ranks, "x")
         names = ("runs.csv", "table.csv")
         texts = {name: (tmp_path / name).read_text().splitlines() for name in names}
@@ -153,7 +153,10 @@ class Kept:
             )
 
     def table(self):
-        return table_of([file_table(Job(0, Made(), 0), record) for record in self.done])
+        return table_of([self.done])
+
+    def export(self, table):
+        return [self.folder / "results.parquet", self.folder / "series.parquet"]
 
     def write(self, name, data):
         self.written[name] = data
