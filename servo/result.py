@@ -27,7 +27,8 @@ from pyarrow import csv
 
 from servo import notebook
 from servo.loop.episode import Episode
-from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.measure import MEASURES
+from servo.loop.run_measures import Outcome
 from servo.loop.step import Step
 from servo.mistake import Mistake, Refused, writing
 from servo.output import plots, steps_table
@@ -156,11 +157,11 @@ class Run(Sequence[Step]):
         table that prints as one.
         """
         columns = {
-            "measure": list(MEANINGS),
-            "value": [self.record.measures[name] for name in MEANINGS],
-            "unit": [unit for unit, _ in MEANINGS.values()],
-            "bound": [self.scenario.expect.get(name) for name in MEANINGS],
-            "meaning": [meaning for _, meaning in MEANINGS.values()],
+            "measure": list(MEASURES),
+            "value": [self.record.measures[name] for name in MEASURES],
+            "unit": [measure.unit for measure in MEASURES.values()],
+            "bound": [self.scenario.expect.get(name) for name in MEASURES],
+            "meaning": [measure.meaning for measure in MEASURES.values()],
         }
         table = notebook.frame_of(pa.table(columns))
         is_plain = isinstance(table, pa.Table)
@@ -224,9 +225,9 @@ class Run(Sequence[Step]):
         verdict = verdict if self.scenario.expect else "no bounds"
         verdict = unjudged(self.scenario, self.record.success) or verdict
         rows = [
-            [name, shown(self.record.measures[name]), unit, meaning]
-            for name, (unit, meaning) in MEANINGS.items()
-            if name in ("settle_s", "step_ms") or "rms" in name or "peak_px" in name
+            [name, shown(self.record.measures[name]), measure.unit, measure.meaning]
+            for name, measure in MEASURES.items()
+            if measure.brief
         ]
         sentence = self.outcome.sentence([*self.record.limits, *self.record.off])
         ending = escape(f"{self.outcome.name}. {sentence} ({verdict})")

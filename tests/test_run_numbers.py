@@ -15,7 +15,8 @@ import pytest
 
 from servo.loop.episode import Episode
 from servo.loop.events import events
-from servo.loop.run_measures import MEANINGS, summarise
+from servo.loop.measure import MEASURES
+from servo.loop.run_measures import summarise
 from servo.output import plots
 from servo.output.run_folder import RunFolder
 from servo.output.steps_table import TIMED
@@ -120,8 +121,8 @@ def test_the_measures_are_these(scripted, approved):
         {"servo_rms_px": 1.0, "servo_peak_px": 500.0, "unseen_pct": 1.0, "outcome": "LIMIT_HIT"},
     )
     measures = {
-        name: [report.measures[name], unit, meaning]
-        for name, (unit, meaning) in MEANINGS.items()
+        name: [report.measures[name], measure.unit, measure.meaning]
+        for name, measure in MEASURES.items()
         if name != "step_ms"
     }
     found = {"measures": measures, "outcome": report.outcome, "missed": map(str, missed)}

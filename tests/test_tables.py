@@ -13,7 +13,7 @@ from rich.console import Console
 
 from servo.cli import bench_command, jobs, list_command, sweep_command
 from servo.cli.main import app
-from servo.loop.run_measures import MEANINGS
+from servo.loop.measure import MEASURES as OF_RUNS
 from servo.mistake import Mistake
 from servo.report import bench_section
 from servo.scenario.catalogue import shipped, studies
@@ -137,7 +137,7 @@ class Kept:
         for job in study.jobs():
             poor = job.settings["tracker.kind"] == "kams"
             rms = float(rng.uniform(1, 2) * (3 if poor else 1))
-            measures = {name: rms * (k + 1) for k, name in enumerate(MEANINGS)}
+            measures = {name: rms * (k + 1) for k, name in enumerate(OF_RUNS)}
             success = not poor or job.seed % 3 == 0
             self.done.append(
                 Record(
@@ -323,7 +323,7 @@ def test_a_section_is_listed_with_all_its_settings(section, printed):
     at = head.index("default"), head.index("meaning")
     names = [row[: at[0]].strip() for row in rows]
     config = SECTIONS.get(section)
-    known = {"expect": ["outcome", *MEANINGS, "drawn", "tracker"], "sweep": KEYS}.get(section)
+    known = {"expect": ["outcome", *OF_RUNS, "drawn", "tracker"], "sweep": KEYS}.get(section)
     fields = dataclasses.fields(config) if config else ()
     assert [n for n in names if n] == [f"{section}.{n}" for n in known or [f.name for f in fields]]
     assert all(row[at[1] :].strip() for row in rows)

@@ -29,7 +29,7 @@ from servo.study.results import (
     moved,
     uncounted,
 )
-from servo.study.scenario_run import MEASURED, StudiedScenario, meaning
+from servo.study.scenario_run import MEASURED, RECORDED, StudiedScenario
 from servo.study.store import Store, StudyFile, opened
 from sim.camera import gl
 from tracking.files.csv_text import csv_text
@@ -158,4 +158,4 @@ def _print_cells(console: Console, cells: Sequence[Cell], measures: Sequence[str
         console.print(f"... and {len(cells) - MOST_SHOWN} cells more, in cells.csv")
     plain(console, SUCCESS)
     for name in measures:
-        plain(console, f"{name}: {meaning(name)}")
+        plain(console, f"{name}: {RECORDED[name]}")

@@ -7,7 +7,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import tomli_w
 
-from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.measure import MEASURES, Measure
+from servo.loop.run_measures import Outcome
 from servo.loop.settings import DOES_NOT_REPEAT
 from servo.mistake import Mistake
 from servo.output.formats import HALF, check_format, content
@@ -24,6 +25,8 @@ from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture as Shown
 
 TILES = 12
+OUTCOME = Measure("outcome", "", "how the run ended")
+"""The line of the outcome in the table of measures."""
 KEY_MEASURES = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct")
 TIME = Scale("time [s]")
 MOTIONS = ("measured", "estimated", "true")
@@ -48,7 +51,7 @@ def section(folder: Path) -> Section:
     badge = Badge.of(not run.missed, kept) if run.expect else Badge(kept, Tone.PLAIN)
     facts = [Fact("bounds kept", badge)]
     facts += [
-        Fact(MEANINGS[name][1], f"{shown(run.measures[name])} {MEANINGS[name][0]}", name)
+        Fact(MEASURES[name].meaning, f"{shown(run.measures[name])} {MEASURES[name].unit}", name)
         for name in KEY_MEASURES
         if run.measures.get(name) is not None
     ]
@@ -76,7 +79,7 @@ def _bounds(run: RunReport) -> Block:
     missed = {violation.name for violation in run.missed}
     rows: list[list[str | Badge]] = []
     for name, value in {"outcome": run.outcome, **run.measures}.items():
-        unit, meaning = MEANINGS.get(name, ("", "how the run ended"))
+        measure = MEASURES.get(name, OUTCOME)
         bound = run.expect.get(name)
         held = "" if bound is None else Badge.of(name not in missed, "kept", "missed")
         most = (
@@ -84,7 +87,7 @@ def _bounds(run: RunReport) -> Block:
             if isinstance(bound, float | int)
             else bound or ""
         )
-        rows.append([name, shown(value), unit, most, held, meaning])
+        rows.append([name, shown(value), measure.unit, most, held, measure.meaning])
     rows.sort(key=lambda row: row[3] == "")
     head = ("measure", "value", "unit", "bound", "", "meaning")
     text = ["Every bound is kept."] if run.expect and not run.missed else []
