@@ -34,6 +34,7 @@ from servo.mistake import Mistake, Refused, writing
 from servo.output import plots, steps_table
 from servo.output.annotated import annotated
 from servo.output.formats import command_line
+from servo.output.run_curves import RunCurves
 from servo.report.study_data import cell_row
 from servo.report.words import Table, shown
 from servo.scenario import arguments
@@ -180,7 +181,7 @@ class Run(Sequence[Step]):
 
     def figure(self) -> Drawing:
         """Errors and the target's own motion over time."""
-        return plots.figure(plots.Curves(self._table, self._episode.loop.features), self.title)
+        return plots.figure(RunCurves.of(self._table, self._episode.loop.features), self.title)
 
     def frame(self, time: float) -> Pillow.Image:
         """The picture nearest to a time [s], with truth (white), goal (red) and estimate."""
