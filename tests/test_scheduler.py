@@ -195,19 +195,19 @@ def test_a_cluster_whose_workers_are_gone_is_given_up_and_one_without_any(
     monkeypatch, place, cluster
 ):
     started, address = cluster()
+    monkeypatch.setattr(watched, "PATIENCE", 5.0)
     with remote(address) as found:
         ends = carry_out(found, range(5), abs)
         assert next(ends)[1] in range(5)
-        monkeypatch.setattr(watched, "PATIENCE", 2.0)
         started[1].kill()
         with pytest.raises(ClusterLost) as lost:
             for _ in ends:
                 pass
-    assert str(lost.value) == f"the scheduler {address} has had no worker for 2 s"
+    assert str(lost.value) == f"the scheduler {address} has had no worker for 5 s"
     with pytest.raises(Mistake) as none, remote(address):
         pass
     assert str(none.value) == (
-        f"--scheduler {address}: no scheduler with workers answers there: it had no worker for 2 s"
+        f"--scheduler {address}: no scheduler with workers answers there: it had no worker for 5 s"
     )
 
 
