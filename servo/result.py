@@ -27,12 +27,14 @@ from pyarrow import csv
 
 from servo import notebook
 from servo.loop.episode import Episode
-from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.measure import MEASURES
+from servo.loop.run_measures import Outcome
 from servo.loop.step import Step
 from servo.mistake import Mistake, Refused, writing
 from servo.output import plots, steps_table
 from servo.output.annotated import annotated
 from servo.output.formats import command_line
+from servo.output.run_curves import RunCurves
 from servo.report.study_data import cell_row
 from servo.report.words import Table, shown
 from servo.scenario import arguments
@@ -156,11 +158,11 @@ class Run(Sequence[Step]):
         table that prints as one.
         """
         columns = {
-            "measure": list(MEANINGS),
-            "value": [self.record.measures[name] for name in MEANINGS],
-            "unit": [unit for unit, _ in MEANINGS.values()],
-            "bound": [self.scenario.expect.get(name) for name in MEANINGS],
-            "meaning": [meaning for _, meaning in MEANINGS.values()],
+            "measure": list(MEASURES),
+            "value": [self.record.measures[name] for name in MEASURES],
+            "unit": [measure.unit for measure in MEASURES.values()],
+            "bound": [self.scenario.expect.get(name) for name in MEASURES],
+            "meaning": [measure.meaning for measure in MEASURES.values()],
         }
         table = notebook.frame_of(pa.table(columns))
         is_plain = isinstance(table, pa.Table)
@@ -179,7 +181,7 @@ class Run(Sequence[Step]):
 
     def figure(self) -> Drawing:
         """Errors and the target's own motion over time."""
-        return plots.figure(plots.Curves(self._table, self._episode.loop.features), self.title)
+        return plots.figure(RunCurves.of(self._table, self._episode.loop.features), self.title)
 
     def frame(self, time: float) -> Pillow.Image:
         """The picture nearest to a time [s], with truth (white), goal (red) and estimate."""
@@ -224,9 +226,9 @@ class Run(Sequence[Step]):
         verdict = verdict if self.scenario.expect else "no bounds"
         verdict = unjudged(self.scenario, self.record.success) or verdict
         rows = [
-            [name, shown(self.record.measures[name]), unit, meaning]
-            for name, (unit, meaning) in MEANINGS.items()
-            if name in ("settle_s", "step_ms") or "rms" in name or "peak_px" in name
+            [name, shown(self.record.measures[name]), measure.unit, measure.meaning]
+            for name, measure in MEASURES.items()
+            if measure.brief
         ]
         sentence = self.outcome.sentence([*self.record.limits, *self.record.off])
         ending = escape(f"{self.outcome.name}. {sentence} ({verdict})")

@@ -4,7 +4,6 @@ from collections import Counter
 from types import SimpleNamespace
 
 import pytest
-from distributed.core import Status
 
 from servo.cli import sweep_command
 from servo.mistake import LONGEST, Mistake, Refused
@@ -15,7 +14,6 @@ from servo.scenario.draws import LARGEST_NUMBER
 from servo.study import parse
 from servo.study.axes import MOST_VALUES, axes_of
 from servo.study.cluster import local as local_cluster
-from servo.study.cluster import remote as remote_cluster
 from servo.study.cluster import tasks as cluster
 from servo.study.run import ClusterLost
 from servo.study.sequence_run import LONGEST_LABEL, Contender
@@ -184,21 +182,6 @@ def test_open_files(monkeypatch, soft, hard, outcome):
     else:
         local_cluster._allow_files(64)
         assert set_to == outcome
-
-
-def test_time_without_workers():
-    workers = {0: SimpleNamespace(status=Status.closed)}
-    nurse = local_cluster._Replacement(SimpleNamespace(workers=workers, scale=lambda _: None), 2, 5)
-    nurse(0)  # the sixth is the last that is replaced
-    assert nurse.replaced == 6
-    nurse = local_cluster._Replacement(SimpleNamespace(workers={}), 2, 0, 119.5)
-    nurse(0)
-    with pytest.raises(ClusterLost):
-        nurse(0)
-    watch = remote_cluster._Watch("it", cluster.PATIENCE - 1.0)
-    watch(0)
-    with pytest.raises(ClusterLost):
-        watch(0)
 
 
 @pytest.mark.parametrize(("threads", "right"), [({}, True), ({"a": 1}, True), ({"a": 2}, False)])

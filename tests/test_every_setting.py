@@ -11,7 +11,8 @@ from every_setting import KINDS, settings_of
 from servo.cli import main
 from servo.cli.run_command import remarks
 from servo.loop.episode import Episode
-from servo.loop.run_measures import TIMED, summarise
+from servo.loop.measure import TIMED
+from servo.loop.run_measures import summarise
 from servo.mistake import Mistake
 from servo.output import steps_table
 from servo.scenario.catalogue import LISTS

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from servo.loop.episode import Episode
-from servo.loop.run_measures import COUNTED, summarise
+from servo.loop.measure import COUNTED
+from servo.loop.run_measures import summarise
 from servo.mistake import Mistake
 from servo.scenario import load as s
 from servo.scenario import toml

@@ -23,10 +23,12 @@ from commands import (
 )
 
 from servo.cli import main
+from servo.mistake import Refused
 from servo.study import store
 from servo.study.parse import load
+from servo.study.run import Job
 from servo.study.scenario_run import TIMES
-from servo.study.store import StudyFile
+from servo.study.store import Store, StudyFile
 
 pytestmark = pytest.mark.processes
 
@@ -47,6 +49,7 @@ start.x = { uniform = [-20.0, 20.0] }
 RUNS = 30
 SWEEP = "sweep mine.toml --out out -q"
 TWO = "--workers 2"
+run = Job.run
 TERM, KILL, STOP, CONT = signal.SIGTERM, signal.SIGKILL, signal.SIGSTOP, signal.SIGCONT
 
 
@@ -69,13 +72,12 @@ def undisturbed(tmp_path_factory):
         return kept.table().drop_columns(TIMES)
 
 
-def finished():
-    """Records, in files of their own and in joined ones."""
-    found = set()
-    for path in sorted(Path("out/runs").glob("*.parquet"), reverse=True):
-        with suppress(FileNotFoundError):  # it has been joined
-            found |= {*pq.read_table(path)["key"].to_pylist()}
-    return len(found)
+def finished(folder="out"):
+    """How many records there are."""
+    there = Store(Path(folder))
+    with suppress(Refused):  # the file is there, its table is not
+        there.find()
+    return len(there.done)
 
 
 def wait_for_some(client, count=2):
@@ -104,10 +106,12 @@ def test_a_killed_worker_and_a_killed_client_cost_nothing(place, undisturbed, mo
     wait_for_some(client, finished() + 2)
     client.kill()
     assert ended(client) == (-KILL, "")  # and no worker lives on
-    before = {path: path.stat().st_mtime_ns for path in Path("out/runs").glob("*.parquet")}
-    assert len(before) < RUNS
+    before = finished()
+    assert before < RUNS
+    done = []
+    monkeypatch.setattr(Job, "run", lambda job, to: done.append(job) or run(job, to))
     assert go_on(monkeypatch, SWEEP) == 0
-    assert {path: path.stat().st_mtime_ns for path in before} == before  # none was run again
+    assert len(done) == RUNS - before  # none was run again
     assert same_as(undisturbed)
 
 
@@ -122,7 +126,6 @@ def test_a_sweep_stops_cleanly_says_how_to_go_on_and_listens_on_loopback_only(pl
         f"{STOPPED} {finished()} of 120 runs are finished; go on with: "
         "servobench sweep mine.toml --seeds 60 --out out\n",
     )
-    assert not list(Path("out/runs").glob(".*.part"))
 
 
 def test_workers_that_are_killed_or_stopped_at_their_start_and_later_lose_nothing(
@@ -190,7 +193,7 @@ BUSY = {
     "check": f"check still {QUICK} --set expect={{}} --seeds 900 -q {TWO}",
     "bench": f"{BENCH} -q {TWO}",
 }
-SIGNS = {"run": "out/steps.arrows", "track": "out/track.csv", "bench": "out/runs/*.parquet"}
+SIGNS = {"run": "out/steps.arrows", "track": "out/track.csv", "bench": "out/runs.sqlite"}
 
 
 def at_work(name):
@@ -207,7 +210,13 @@ def at_work(name):
     elif name == "run":  # its room on the disk is reserved before its rows
         wait_for(lambda: len(frames_in(Path(SIGNS[name]))) >= 30)
     else:
-        wait_for(lambda: any(p.stat().st_size for p in Path().glob(SIGNS[name])))
+        wait_for(
+            lambda: (
+                finished()
+                if name == "bench"
+                else any(p.stat().st_size for p in Path().glob(SIGNS[name]))
+            )
+        )
     assert client.poll() is None
     return client
 
@@ -247,7 +256,7 @@ def test_a_killed_bench_goes_on_and_two_workers_find_what_one_finds(place, monke
     Path("suite.toml").write_text(SUITE)
     words = "bench suite.toml --seeds 8 -q --out"
     client = begin(f"{words} two {TWO}")
-    wait_for(lambda: len(list(Path("two").glob("runs/*.parquet"))) >= 2)
+    wait_for(lambda: finished("two") >= 2)
     client.kill()
     assert ended(client) == (-KILL, "")  # and no worker lives on
     assert ended(begin(f"{words} two {TWO}")) == (0, "")

@@ -27,29 +27,21 @@ def test_a_scheduler_is_waited_for_as_long_as_the_readme_says():
 
 def test_whole_workers_are_left_alone():
     cluster = Cluster(Status.running, Status.running)
-    local_cluster._Replacement(cluster, 2)(2)
+    local_cluster.replace_dead(cluster, 2)
     assert (sorted(cluster.workers), cluster.scaled) == ([0, 1], [])
 
 
 @pytest.mark.parametrize("status", [Status.closed, Status.failed])
 def test_a_dead_worker_is_replaced(status):
     cluster = Cluster(Status.running, status)
-    local_cluster._Replacement(cluster, 2)(1)
+    local_cluster.replace_dead(cluster, 2)
     assert (sorted(cluster.workers), cluster.scaled) == ([0], [2])
 
 
-def test_workers_that_die_again_and_again_are_not_replaced_for_ever():
-    cluster = Cluster(Status.closed, Status.closed)
-    nurse = local_cluster._Replacement(cluster, 2, replaced=2 * local_cluster.MOST_REPLACED)
-    with pytest.raises(
-        ClusterLost, match="the worker processes end before they can work; there may be"
-    ):
-        nurse(0)
-    nurse(1)  # one is at work
-    assert cluster.scaled == []
-
-
-def test_a_whole_crew_begins_the_count_anew():
-    nurse = local_cluster._Replacement(Cluster(Status.running, Status.running), 2, replaced=3)
-    nurse(2)
-    assert nurse.replaced == 0
+def test_a_cluster_without_workers_is_lost_after_a_while():
+    patience = cluster.Patience(2 * cluster.TICK, "none for a second")
+    patience(0)
+    patience(1)
+    patience(0)
+    with pytest.raises(ClusterLost, match="none for a second"):
+        patience(0)

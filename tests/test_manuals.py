@@ -11,7 +11,7 @@ import click
 import pytest
 
 from servo.cli.main import app
-from servo.loop.run_measures import MEANINGS
+from servo.loop.measure import MEASURES as OF_RUNS
 from servo.output.steps_table import quantities
 from servo.papers.claims import marked
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped, studies
@@ -155,7 +155,7 @@ def named(text, column=0):
 
 KINDS = {part: kinds for part, (kinds, _) in PLUGINS.items()} | LISTS
 TABLES = {
-    ("scenes/README.md", "## Measures"): lambda: list(MEANINGS),
+    ("scenes/README.md", "## Measures"): lambda: list(OF_RUNS),
     ("scenes/README.md", "### Targets"): KINDS["target"].names,
     ("scenes/README.md", "## Studies"): studies,
     ("servo/README.md", "## Features"): KINDS["features"].names,
@@ -177,7 +177,7 @@ def test_a_table_names_all_there_is(page, heading):
 
 def test_tables_of_measures_have_the_units_of_the_code():
     shown = {row[0].strip("`"): row[1] for row in rows(section("scenes/README.md", "## Measures"))}
-    assert shown == {name: unit for name, (unit, _) in MEANINGS.items()}
+    assert shown == {name: measure.unit for name, measure in OF_RUNS.items()}
     table = rows(section("tracking/README.md", "### Measures of a track"))
     shown = {row[0].strip("`"): tuple(row[1:3]) for row in table}
     assert shown == {m.name: (m.unit, m.better.value) for m in MEASURES}

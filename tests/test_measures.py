@@ -8,7 +8,8 @@ import pytest
 
 from servo.cli import main
 from servo.loop.episode import Episode, measured_run
-from servo.loop.run_measures import COUNTED, MEANINGS, Outcome, summarise
+from servo.loop.measure import COUNTED, MEASURES
+from servo.loop.run_measures import Outcome, summarise
 from servo.loop.settings import MeasureConfig
 from servo.report.run_section import section
 from servo.scenario.load import load
@@ -276,7 +277,7 @@ def test_missed_bounds_say_what_was_found_and_expected(steps):
 
 def test_every_measure_is_there_and_finite_or_a_time_that_never_came(steps):
     made = report(steps)
-    assert list(made.measures) == list(MEANINGS)
+    assert list(made.measures) == list(MEASURES)
     assert all(np.isfinite(v) for name, v in made.measures.items() if name != "settle_s")
 
 

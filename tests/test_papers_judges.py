@@ -23,7 +23,7 @@ from servo.papers.experiments import (
     registered,
 )
 from servo.scenario import load as scenarios
-from servo.study.record_file import encoded, file_table, records_of, table_in
+from servo.study.record_file import record_of, stored
 from servo.study.run import Record
 from servo.study.sequence_run import Generated
 from tracking.evaluation.track import Shot
@@ -298,7 +298,7 @@ def test_the_job_of_a_closed_loop_keeps_its_series_whole(tmp_path):
     )
     assert job.key == "loop/shortway-reversal-kalman_cv-2"
     record = job.run(tmp_path)
-    (kept,) = records_of(table_in(encoded(file_table(job, record))), long=True)
+    kept = record_of(*stored(record))
     changes = [registered("reversal"), "estimator.kind=kalman_cv", "run.duration=0.4"]
     changes.append("measure.after=0.2")
     scenario = scenarios.load("reversal", changes, 2)

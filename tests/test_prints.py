@@ -22,7 +22,7 @@ from servo.cli import (
     terminal,
     track_command,
 )
-from servo.loop.run_measures import MEANINGS
+from servo.loop.measure import MEASURES
 from servo.output import versions as found_versions
 from servo.output.formats import command_line
 from servo.output.recording import layout
@@ -76,7 +76,7 @@ def test_the_doctor_says_this(console, monkeypatch, approved, capsys):
 @pytest.mark.newest
 def test_the_report_of_a_run_is_printed_so(console, approved):
     scenario = load("reversal", ["expect.servo_rms_px=0.1"], 4)
-    measures = {name: 0.37 * (k + 1) for k, name in enumerate(MEANINGS)}
+    measures = {name: 0.37 * (k + 1) for k, name in enumerate(MEASURES)}
     record = Record(
         subject=scenario.name,
         seed=4,

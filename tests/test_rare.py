@@ -77,7 +77,7 @@ def test_a_camera_is_a_source():
 
 
 def test_a_study_without_runs_has_no_tables():
-    nothing = SimpleNamespace(done={})
+    nothing = SimpleNamespace(done=set())
     study = SimpleNamespace(jobs=list)
     assert sweep_command._sum_up(study, nothing, Console()) == 0
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from kept import drop, execute, keep, spoil
 
 from servo.cli import main
 from servo.cli.report_command import Printed, write
@@ -19,9 +20,8 @@ from servo.report.page import LIGHT, Block, Section
 from servo.report.printed import latex
 from servo.report.study_data import load
 from servo.report.words import Badge, Table, Tone
-from servo.study import record_file
 from servo.study.bounds import MissedBound
-from servo.study.run import Job, Record
+from servo.study.run import Record
 from servo.study.store import FailureFile, StudyFile
 
 EVIL = "<script>alert(1)</script>"
@@ -33,16 +33,8 @@ def encoded(kind):
     return cv2.imencode(kind, image)[1].tobytes()
 
 
-class Made:
-    """A subject."""
-
-    def describe(self):
-        return {}
-
-
 def make_study(folder, *, seeds=2, kinds=("pf_ssd", "kams"), **changes):
     """Runs 0..7: kams is lost at 5 Hz from 2 s on; servo_rms_px is the run's number."""
-    (folder / "runs").mkdir(parents=True)
     manifest = {
         "name": "rates",
         "title": "How slow may it be?",
@@ -58,6 +50,7 @@ def make_study(folder, *, seeds=2, kinds=("pf_ssd", "kams"), **changes):
         "scenarios": {},
     } | changes
     StudyFile(**manifest).write(folder)
+    records = []
     time = np.arange(0, 4, 0.2)
     cells = itertools.product(kinds, AXES["camera.rate"], range(seeds))
     for number, (kind, rate, seed) in enumerate(cells):
@@ -76,12 +69,11 @@ def make_study(folder, *, seeds=2, kinds=("pf_ssd", "kams"), **changes):
             success=held,
             measures={"servo_rms_px": float(number), "settle_s": np.nan},
             missed=() if held else (MissedBound("settle_s", None, 3.0),),
-            versions={},
             series=series,
             sheet=encoded(".jpg"),
         )
-        raw = record_file.encoded(record_file.file_table(Job(number, Made(), seed), record))
-        (folder / "runs" / f"{number:06}.parquet").write_bytes(raw)
+        records.append(record)
+    keep(folder, records)
     return folder
 
 
@@ -139,14 +131,14 @@ def test_a_difference_that_is_sure_is_a_sentence(tmp_path):
 
 def test_an_unfinished_study_is_made_of_the_runs_there_are(tmp_path):
     folder = make_study(tmp_path / "study")
-    (folder / "runs" / "000001.parquet").unlink()
-    (folder / "runs" / "000002.parquet").write_bytes(bytes(100))
+    drop(folder, 1)
+    spoil(folder, 2)
     (folder / "failures").mkdir()
     failure = {"run": 1, "settings": {"seed": 1}, "command": "again", "error": "Trace\nOops: <b>"}
     FailureFile(**failure).write(folder / "failures", "000001.json")
     page = text_of(folder, tmp_path)
     assert "<p>This study is not finished: 6 of 8 runs.</p>" in page
-    assert "<p>Files of runs that could not be read: 1.</p>" in page
+    assert "<p>Runs that are damaged: 1.</p>" in page
     assert "<li>run 1, seed = 1: Oops: &lt;b&gt;</li>" in page
 
 
@@ -168,7 +160,7 @@ def test_a_tracker_whose_runs_all_failed_has_a_row(tmp_path):
     rows = load(folder).rows
     for row in rows:
         if row["tracker.kind"] == "kams":
-            (folder / "runs" / f"{row['run']:06}.parquet").unlink()
+            drop(folder, row["run"])
     (compared,) = (b for b in study_section.section(folder).blocks if b.title == "Compared")
     first, second = compared.tables[0].rows
     assert first[:2] == ["pf_ssd", "4"]
@@ -192,13 +184,13 @@ def test_all_that_is_said_and_drawn_of_a_study(name, section, approved, tmp_path
         for run, error in ((1, "Trace\nOops"), (2, "Other")):
             failure = {"run": run, "settings": {"seed": run}, "command": "again", "error": error}
             FailureFile(**failure).write(folder / "failures", f"{run:06}.json")
-            (folder / "runs" / f"{run:06}.parquet").unlink()
+            drop(folder, run)
     approved(f"report/study-{name}", section(folder))
 
 
 def test_a_study_without_runs_still_has_a_page(tmp_path):
     folder = make_study(tmp_path / "study")
-    shutil.rmtree(folder / "runs")
+    execute(folder, "DELETE FROM runs")
     assert "0 of 8 runs" in text_of(folder, tmp_path)
 
 

@@ -10,15 +10,14 @@ import cv2
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from kept import keep, spoil
 
 from servo.cli.report_command import Printed, write
 from servo.mistake import Mistake
 from servo.report.study_time import band, survival
-from servo.study import record_file
-from servo.study.run import Job, Record
+from servo.study.run import Record
 from servo.study.store import StudyFile
 from tracking.evaluation.track_measures import OVERLAPS, PIXELS
-from tracking.files import atomic
 
 EVIL = "<script>alert(1)</script>"
 
@@ -30,13 +29,6 @@ def encoded(kind):
 
 def text_of(folder, tmp_path):
     return write([folder], tmp_path / "page.html")[0].read_text(encoding="utf-8")
-
-
-class Made:
-    """A subject."""
-
-    def describe(self):
-        return {}
 
 
 def make_bench(folder):
@@ -56,6 +48,7 @@ def make_bench(folder):
         table={},
         scenarios={},
     ).write(folder)
+    records = []
     for i, (tracker, auc, lost) in enumerate((("kams", 0.857, 9.0), (EVIL, 0.25, 2.0))):
         for k, name in enumerate("abcdefghijk"):
             record = Record(
@@ -67,11 +60,10 @@ def make_bench(folder):
                 outcome="COMPLETED",
                 success=True,
                 measures={"auc": auc, "frames_until_loss": lost},
-                versions={},
                 series={"success_curve": auc * (1 - OVERLAPS), "precision_curve": PIXELS / 50},
             )
-            raw = record_file.encoded(record_file.file_table(Job(11 * i + k, Made(), 0), record))
-            atomic.write(folder, f"runs/{record.number:06}.parquet", raw)
+            records.append(record)
+    keep(folder, records)
     (folder / "sheets" / "a.png").write_bytes(encoded(".png"))
     return folder
 
@@ -188,10 +180,10 @@ def test_the_curves_of_a_bench_are_files(tmp_path):
 
 def test_a_bench_with_a_damaged_run_names_no_best_tracker(tmp_path):
     folder = make_bench(tmp_path / "bench")
-    (folder / "runs" / "000000.parquet").write_bytes(b"damaged")
+    spoil(folder, 0)
     page = text_of(folder, tmp_path)
     assert "<p>This study is not finished: 21 of 22 runs.</p>" in page
-    assert "<p>Files of runs that could not be read: 1.</p>" in page
+    assert "<p>Runs that are damaged: 1.</p>" in page
     assert ">21 of 22 runs</span>" in page
     assert "best: " not in page
 

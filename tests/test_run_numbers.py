@@ -15,8 +15,10 @@ import pytest
 
 from servo.loop.episode import Episode
 from servo.loop.events import events
-from servo.loop.run_measures import MEANINGS, summarise
+from servo.loop.measure import MEASURES
+from servo.loop.run_measures import summarise
 from servo.output import plots
+from servo.output.run_curves import RunCurves
 from servo.output.run_folder import RunFolder
 from servo.output.steps_table import TIMED
 from servo.scenario.load import load
@@ -120,8 +122,8 @@ def test_the_measures_are_these(scripted, approved):
         {"servo_rms_px": 1.0, "servo_peak_px": 500.0, "unseen_pct": 1.0, "outcome": "LIMIT_HIT"},
     )
     measures = {
-        name: [report.measures[name], unit, meaning]
-        for name, (unit, meaning) in MEANINGS.items()
+        name: [report.measures[name], measure.unit, measure.meaning]
+        for name, measure in MEASURES.items()
         if name != "step_ms"
     }
     found = {"measures": measures, "outcome": report.outcome, "missed": map(str, missed)}
@@ -141,7 +143,7 @@ def test_these_events_happen(scripted, approved):
 
 def test_the_plots_show_this(scripted, drawn, approved):
     steps, _, written = scripted
-    whole = plots.Curves.read(written.folder / "steps.parquet", steps[0].scene.features)
+    whole = RunCurves.read(written.folder / "steps.parquet", steps[0].scene.features)
     curves = replace(whole, table=whole.table.take([*range(0, len(steps), 2)]))
     for name, figure in (("motion", plots.motion_figure), ("errors", plots.error_figure)):
         approved(f"run/plot-{name}", drawn(figure(curves, "title")), ROUNDING)

@@ -139,11 +139,16 @@ def test_a_row_has_every_axis_draw_measure_and_version(kept, small):
     assert row["servo_rms_px"] > 0
     assert row["outcome"] == "TIMED_OUT"
     assert not row["success"]
-    (whole,) = pq.read_table(kept.folder / "runs" / "000000.parquet").to_pylist()
-    assert json.loads(whole["record"])["measures"]["servo_rms_px"] > 0
-    assert len(whole["time_s"]) == len(whole["servo_error_px"]) == 9
-    assert whole["sheet"][:2] == b"\xff\xd8"  # a JPEG
-    assert pq.read_table(kept.folder / "runs" / "000001.parquet")["sheet"].to_pylist() == [None]
+
+
+def test_other_programs_find_rows_and_series_in_parquet(kept):
+    results, series = kept.export(kept.table())
+    assert pq.read_table(results).equals(kept.table())
+    first, second, *_ = pq.read_table(series).to_pylist()
+    assert [first["run"], second["run"]] == [0, 1]
+    assert len(first["time_s"]) == len(first["servo_error_px"]) == 9
+    assert first["sheet"][:2] == b"\xff\xd8"  # a JPEG
+    assert second["sheet"] is None
 
 
 def test_a_run_alone_is_the_run_in_the_study(kept, small):

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from servo.cli import bench_command, jobs, list_command, sweep_command
 from servo.cli.main import app
-from servo.loop.run_measures import MEANINGS
+from servo.loop.measure import MEASURES as OF_RUNS
 from servo.mistake import Mistake
 from servo.report import bench_section
 from servo.scenario.catalogue import shipped, studies
@@ -21,7 +21,7 @@ from servo.scenario.load import SECTIONS
 from servo.study import ranking
 from servo.study.execute import Workers
 from servo.study.parse import KEYS, load
-from servo.study.record_file import file_table, table_of
+from servo.study.record_file import table_of
 from servo.study.results import SHOWN, Cell, moved
 from servo.study.run import Failure, Job, Record
 from servo.study.scenario_run import MEASURED
@@ -95,7 +95,7 @@ def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_pa
     approved(f"tables/bench-{count}", lines(printed))
     if count == 3:
         store = Store(tmp_path)
-        store.table = lambda: table_of([file_table(Job(0, Made(), 0), found[0])])
+        store.table = lambda: table_of([found[:1]])
         bench_command._write(store, found, ranks, "x")
         names = ("runs.csv", "table.csv")
         texts = {name: (tmp_path / name).read_text().splitlines() for name in names}
@@ -137,7 +137,7 @@ class Kept:
         for job in study.jobs():
             poor = job.settings["tracker.kind"] == "kams"
             rms = float(rng.uniform(1, 2) * (3 if poor else 1))
-            measures = {name: rms * (k + 1) for k, name in enumerate(MEANINGS)}
+            measures = {name: rms * (k + 1) for k, name in enumerate(OF_RUNS)}
             success = not poor or job.seed % 3 == 0
             self.done.append(
                 Record(
@@ -153,7 +153,10 @@ class Kept:
             )
 
     def table(self):
-        return table_of([file_table(Job(0, Made(), 0), record) for record in self.done])
+        return table_of([self.done])
+
+    def export(self, table):
+        return [self.folder / "results.parquet", self.folder / "series.parquet"]
 
     def write(self, name, data):
         self.written[name] = data
@@ -320,7 +323,7 @@ def test_a_section_is_listed_with_all_its_settings(section, printed):
     at = head.index("default"), head.index("meaning")
     names = [row[: at[0]].strip() for row in rows]
     config = SECTIONS.get(section)
-    known = {"expect": ["outcome", *MEANINGS, "drawn", "tracker"], "sweep": KEYS}.get(section)
+    known = {"expect": ["outcome", *OF_RUNS, "drawn", "tracker"], "sweep": KEYS}.get(section)
     fields = dataclasses.fields(config) if config else ()
     assert [n for n in names if n] == [f"{section}.{n}" for n in known or [f.name for f in fields]]
     assert all(row[at[1] :].strip() for row in rows)

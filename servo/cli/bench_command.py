@@ -18,10 +18,9 @@ from servo.study import ranking, suites
 from servo.study.execute import Workers, check_number
 from servo.study.parse import load
 from servo.study.ranking import Rank
-from servo.study.record_file import parquet
 from servo.study.run import Job, Record
 from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER, TrackedSequence
-from servo.study.store import RESULTS, Store, StudyFile, opened
+from servo.study.store import Store, StudyFile, opened
 from sim.camera import gl
 from tracking.drawing import curves
 from tracking.drawing.contact_sheet import sheet
@@ -181,7 +180,7 @@ def _write(
         for record in records
     ]
     return [
-        store.write(RESULTS, parquet(store.table())),
+        *store.export(store.table()),
         store.write("runs.csv", csv_text([*COLUMNS, *names], lines)),
         store.write("table.csv", ranking.table_csv(ranks)),
         *curves.draw(results, [rank.tracker for rank in ranks], title, store.folder),

@@ -30,9 +30,8 @@ from servo.output.versions import versions
 from servo.report import benchmark_section
 from servo.scenario.load import Scenario
 from servo.study.execute import Workers, check_number, execute
-from servo.study.record_file import parquet
 from servo.study.run import Failure, Record
-from servo.study.store import RESULTS, Store, StudyFile, opened
+from servo.study.store import Store, StudyFile, opened
 from sim.camera import gl
 from tracking.files import atomic
 from tracking.files.json_text import as_json
@@ -166,7 +165,7 @@ def _keep(store: Store, rows: Sequence[Row]) -> None:
         name = f"{benchmark_section.ROWS}/{file_name(row.contestant)}"
         store.write(name, row.text().encode())
     if store.done:
-        store.write(RESULTS, parquet(store.table()))
+        store.export(store.table())
 
 
 def _scale_rows(benchmark: Benchmark) -> list[Row]:

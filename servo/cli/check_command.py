@@ -12,7 +12,7 @@ from rich.console import Console
 from servo.cli.jobs import print_estimate, progress
 from servo.cli.run_command import load, measures_lines, print_missed
 from servo.cli.terminal import complain, plain, print_table
-from servo.loop.run_measures import MEANINGS
+from servo.loop.measure import MEASURES
 from servo.mistake import Mistake, Refused, check_suffix, one_line, writing
 from servo.output.formats import Made, command_line
 from servo.output.versions import versions
@@ -59,7 +59,7 @@ def _described(job: Job, end: Record | Failure) -> dict[str, Any]:
         "command": job.command,
         "seconds": 0.0 if failed else end.seconds,
         "outcome": "" if failed else end.outcome,
-        "measures": {name: number(found[name]) for name in MEANINGS if name in found},
+        "measures": {name: number(found[name]) for name in MEASURES if name in found},
         "missed": [] if failed else list(end.missed),
         "failed": end.reason if failed else "",
         "unjudged": "" if failed else _unjudged(_scenario(job), end),

@@ -13,7 +13,7 @@ from servo.cli.terminal import COMPILING, complain, escape, moves, plain, progre
 from servo.mistake import Mistake, Refused
 from servo.study.execute import Workers, complete, tried
 from servo.study.run import ClusterLost, Failure, Job
-from servo.study.store import Store
+from servo.study.store import RUNS, Store
 
 FIRST = 1.0
 EVERY = 30.0
@@ -127,8 +127,8 @@ def complete_jobs(
     """
     if store.damaged:
         complain(
-            f"{store.damaged[0]}: these are not the rows as they were written (the first of "
-            f"{len(store.damaged)} such files); what is missing is run again"
+            f"{store.folder / RUNS}: run {store.damaged[0]} is not as it was written (the first of "
+            f"{len(store.damaged)} such runs); what is missing is run again"
         )
     plain(console, f"{title}: {len(jobs):,} runs, {len(store.done):,} of them finished")
     failed = 0

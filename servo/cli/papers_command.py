@@ -74,11 +74,10 @@ def run(
     if dry_run:
         every = {job.key: job for some in jobs.values() for job in some}
         return print_estimate(list(every.values()), workers, console, Store(folder))
-    with Workers(workers) as pool, opened(folder, _described(again)):
+    with Workers(workers) as pool, opened(folder, _described(again)) as store:
         plain(console, f"claims: {len(chosen)}, runs: {len(runs)}")
         for claim in chosen:
             _print_rule(console, claim)
-            store = Store(folder)
             store.find(jobs[claim.name])
             if complete_jobs(jobs[claim.name], store, pool, console, claim.name, GOES_ON):
                 continue

@@ -27,8 +27,9 @@ from servo.closing import closing
 from servo.loop.columns import Columns
 from servo.loop.episode import Episode
 from servo.loop.events import uncertain
+from servo.loop.measure import MEASURES
 from servo.loop.part_failures import PartFailed
-from servo.loop.run_measures import MEANINGS, Outcome, timed
+from servo.loop.run_measures import Outcome, timed
 from servo.loop.settings import DOES_NOT_REPEAT, Setup
 from servo.loop.step import DOF
 from servo.mistake import Refused
@@ -251,10 +252,10 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
     outcome = f"{record.outcome}. {Outcome[record.outcome].sentence([*record.limits, *record.off])}"
     console.print(f"[bold]{escape(scenario.name)}[/], seed {record.seed}: {outcome}")
     rows: list[list[str]] = []
-    for name, (_, meaning) in MEANINGS.items():
+    for name, measure in MEASURES.items():
         bound = scenario.expect.get(name)
         limit = "" if bound is None else f"{bound:g}" if isinstance(bound, int | float) else bound
-        rows.append([name, f"{record.measures[name]:.3g}", limit, meaning])
+        rows.append([name, f"{record.measures[name]:.3g}", limit, measure.meaning])
     print_table(console, Table(("measure", "value", "bound", "meaning"), rows, words=(0, 3)))
     if scenario.drawn:
         values = ", ".join(f"{key} = {shown(value)}" for key, value in scenario.drawn.items())

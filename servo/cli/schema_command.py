@@ -13,7 +13,8 @@ from pydantic import BaseModel, Field, create_model
 from pydantic.json_schema import GenerateJsonSchema, SkipJsonSchema
 from pydantic_core import core_schema
 
-from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.measure import MEASURES
+from servo.loop.run_measures import Outcome
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import LAWS
 from servo.scenario.expected import SUCCESS_RATE
@@ -99,8 +100,7 @@ def sweep_schema() -> Schema:
 
 def _bounds() -> Schema:
     return {
-        name: {"type": "number", "description": f"{meaning} [{unit}]"}
-        for name, (unit, meaning) in MEANINGS.items()
+        name: {"type": "number", "description": str(measure)} for name, measure in MEASURES.items()
     }
 
 

@@ -18,7 +18,7 @@ from servo.study.bounds import doubtful_bounds, missed_by_cells
 from servo.study.execute import Workers
 from servo.study.parse import load
 from servo.study.plan import Study
-from servo.study.record_file import parquet, rows_of
+from servo.study.record_file import rows_of
 from servo.study.results import (
     COMPARED,
     Cell,
@@ -29,8 +29,8 @@ from servo.study.results import (
     moved,
     uncounted,
 )
-from servo.study.scenario_run import MEASURED, StudiedScenario, meaning
-from servo.study.store import RESULTS, Store, StudyFile, opened
+from servo.study.scenario_run import MEASURED, RECORDED, StudiedScenario
+from servo.study.store import Store, StudyFile, opened
 from sim.camera import gl
 from tracking.files.csv_text import csv_text
 
@@ -130,7 +130,7 @@ def _sum_up(
     cells = cells_of(study, rows)
     pairs = comparisons(study.compare, study.keys, rows, drawn=bool(study.draws))
     _print_cells(console, cells, moved(cells) if measures is None else measures)
-    paths = [store.write(RESULTS, parquet(table))]
+    paths = store.export(table)
     paths.append(store.write("cells.csv", cells_csv(study, cells)))
     if pairs:
         paths.append(store.write("comparisons.csv", csv_text(COMPARED, [c.cells for c in pairs])))
@@ -158,4 +158,4 @@ def _print_cells(console: Console, cells: Sequence[Cell], measures: Sequence[str
         console.print(f"... and {len(cells) - MOST_SHOWN} cells more, in cells.csv")
     plain(console, SUCCESS)
     for name in measures:
-        plain(console, f"{name}: {meaning(name)}")
+        plain(console, f"{name}: {RECORDED[name]}")

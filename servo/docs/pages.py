@@ -15,7 +15,7 @@ from sphinx.util.logging import getLogger
 import servo
 from servo.bench.benchmark import NAMES
 from servo.cli.list_command import FOLDERS, settings_rows
-from servo.loop.run_measures import MEANINGS
+from servo.loop.measure import MEASURES
 from servo.report.benchmark_section import published_section
 from servo.report.page import render
 from servo.scenario.catalogue import sentence, shipped, studies
@@ -58,7 +58,7 @@ def _complete(app: Sphinx, page: str, source: list[str]) -> None:
     if page == "servo/docs/settings":
         source[0] += _settings()
     if page == "servo/docs/measures":
-        rows = [(f"`{name}`", unit, about) for name, (unit, about) in MEANINGS.items()]
+        rows = [(f"`{m.name}`", m.unit, m.meaning) for m in MEASURES.values()]
         source[0] += _table(("measure", "unit", "meaning"), rows)
     if page == "servo/docs/gallery":
         source[0] += _gallery(app.outdir / "gallery", app.config.gallery_seconds)

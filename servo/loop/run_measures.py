@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from servo.loop.columns import Columns
+from servo.loop.measure import COUNTED, MEASURES
 from servo.loop.settings import MeasureConfig
 from servo.loop.step import Step
 from sim.geometry import angle_of, half_turn
@@ -46,65 +47,13 @@ class Outcome(Enum):
         return f"{self.value[:-1]}: {', '.join(causes)}." if causes else self.value
 
 
-MEANINGS = {
-    "servo_rms_px": ("px", "true centre against the goal, rms"),
-    "servo_peak_px": ("px", "true centre against the goal, largest"),
-    "servo_angle_rms_deg": ("deg", "true angle against the goal, rms"),
-    "servo_angle_peak_deg": ("deg", "true angle against the goal, largest"),
-    "servo_scale_rms_pct": ("%", "true size against the goal, rms"),
-    "servo_scale_peak_pct": ("%", "true size against the goal, largest"),
-    "not_held_pct": ("%", "time in which the true centre is over 10 px from the goal"),
-    "settle_s": ("s", "until the true error stays below 2 px, 1 deg and 2 %"),
-    "longest_off_s": ("s", "longest time off the target (above measure.above)"),
-    "tracking_rms_px": ("px", "estimated against true centre, rms"),
-    "tracking_peak_px": ("px", "estimated against true centre, largest"),
-    "tracking_angle_rms_deg": ("deg", "estimated against true angle, rms"),
-    "tracking_scale_rms_pct": ("%", "estimated against true size, rms"),
-    "tilt_peak_deg": ("deg", "optical axis against straight down, largest"),
-    "joint_range_peak_pct": (
-        "%",
-        "limited joint from the middle of its range, largest; 100: limit",
-    ),
-    "camera_path_m": ("m", "way of the camera, seen from the target"),
-    "detour_m": ("m", "this way, less the straight line from its start to its end"),
-    "retreat_m": ("m", "how much farther from the target the camera was than at start and goal"),
-    "advance_m": ("m", "how much nearer to the target the camera was than at start and goal"),
-    "out_of_view_pct": ("%", "frames in which a corner of the target was outside the picture"),
-    "end_position_mm": ("mm", "camera against its goal, seen from the target, at the end"),
-    "end_rotation_deg": ("deg", "camera's orientation against the goal's, at the end"),
-    "end_speed_mm_s": ("mm/s", "speed of the camera in the last second, rms"),
-    "effort_rms_mm_s": ("mm/s", "commanded velocity, change from one command to the next, rms"),
-    "effort_rms_deg_s": ("deg/s", "commanded turn rate, change from one command to the next, rms"),
-    "acceleration_peak_m_s2": ("m/s2", "acceleration of the camera, mean over a frame, largest"),
-    "joint_way_pct": ("%", "way of the joints with limits over their ranges, mean of these joints"),
-    "saturated_pct": ("%", "frames in which a limit slowed the camera"),
-    "unseen_pct": ("%", "frames in which the tracker did not see the target, or that were dropped"),
-    "lost_pct": ("%", "frames in which the tracker reported LOST"),
-    "age_ms": ("ms", "from a picture to its estimate, mean over the estimates"),
-    "skipped_pct": ("%", "pictures that the tracker had no time for"),
-    "step_ms": ("ms", "wall-clock time of a step in which the tracker worked, median"),
-}
-"""Unit and meaning of every measure; smaller is better for all.
-
-Those of `COUNTED` count from measure.after on, and have no value where the run ends before; all
-others count over the whole run, `settle_s` from its start. Those with `tracking_` count each
-estimate once, however long a slow tracker lets it stand.
-"""
-COUNTED = tuple(
-    name for name in MEANINGS if any(f"_{part}_" in name for part in ("rms", "peak", "off", "held"))
-)
-"""The measures that count from measure.after on."""
-TIMED = "step_ms"
-"""The measure that differs from run to run."""
-
-
 @dataclass(frozen=True, slots=True)
 class Summary:
     """Outcome and measures of one run."""
 
     outcome: Outcome
     measures: dict[str, float]
-    """Values by name, in the order of `MEANINGS`; infinite or nan where there is none."""
+    """Values by name, in the order of `MEASURES`; infinite or nan where there is none."""
     limits: tuple[str, ...] = ()
     """The joints whose limits were hit in the end, where this is the outcome; those whose ranges
     ended before the target was lost."""
@@ -160,7 +109,7 @@ def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: fl
     outcome = _outcome(final)
     limits = () if outcome is Outcome.CONVERGED else _limits_met(run, outcome)
     off = _worst_off(final) if outcome is Outcome.TIMED_OUT else ()
-    return Summary(outcome, {name: float(values[name]) for name in MEANINGS}, limits, off)
+    return Summary(outcome, {name: float(values[name]) for name in MEASURES}, limits, off)
 
 
 def timed(run: Columns) -> Array:

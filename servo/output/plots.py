@@ -1,21 +1,14 @@
 """Plots of one run, like figures 9 and 10 of the multi-kernel paper (Teuliere, Marchand, Eck)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from matplotlib.axes import Axes
 
-from servo.output.steps_table import feature_columns
-from servo.parts import FeatureSet
-from sim.types import Array
+from servo.output.run_curves import RunCurves
 from tracking.drawing.colours import CURVES
 from tracking.drawing.figures import Drawing, literal, panels, save
-from tracking.types import Status
 
 MEASURED = "#b8bcc4"
 ESTIMATED = "#1f7a3a"
@@ -28,46 +21,9 @@ ABOVE: dict[str, Any] = {
     "frameon": False,
 }
 """A legend above its axes, where it hides no curve."""
-MIDDLE = (1, 99)
-"""Percentiles of the measured motion that the plot shows; outliers may be outside."""
-OF_RUN = ("time_s", "servo_error_px", "tracking_error_px", "fresh", "status")
-SHOWN = ("error", "motion_measured", "motion_estimated", "motion_true")
-"""Columns that are drawn, and quantities of the features."""
 
 
-@dataclass(frozen=True, slots=True)
-class Curves:
-    """The table of a run's steps, and the features that it has."""
-
-    table: pa.Table
-    features: FeatureSet
-
-    @staticmethod
-    def read(path: Path, features: FeatureSet) -> "Curves":
-        """Read from a file what the plots show.
-
-        Raises:
-            OSError: It cannot be read.
-        """
-        every = feature_columns(features)
-        own = [name for quantity in SHOWN for name in every[quantity]]
-        return Curves(pq.read_table(path, columns=[*OF_RUN, *own]), features)
-
-    def __getitem__(self, name: str) -> Array:
-        """Return a column (n,)."""
-        return self.table[name].to_numpy()
-
-    def of(self, quantity: str, feature: int) -> Array:
-        """Return one of a feature's columns (n,), such as its "error"."""
-        return self[feature_columns(self.features)[quantity][feature]]
-
-    @property
-    def moving(self) -> tuple[str, ...]:
-        """Names of the features for which the target's motion is drawn."""
-        return self.features.feed_forward or self.features.names
-
-
-def figure(curves: Curves, title: str) -> Drawing:
+def figure(curves: RunCurves, title: str) -> Drawing:
     """Both plots of a run in one figure."""
     rows = len(curves.moving)
     whole, axes = _figure(2 + rows, 5.4 + 2.4 * rows)
@@ -76,14 +32,14 @@ def figure(curves: Curves, title: str) -> Drawing:
     return whole
 
 
-def draw(curves: Curves, title: str, folder: Path) -> list[Path]:
+def draw(curves: RunCurves, title: str, folder: Path) -> list[Path]:
     """Write both plots of a run as PNG files into a folder; their paths."""
     title = literal(title)
     motion = save(motion_figure(curves, title), folder, "target_motion.png")
     return [motion, save(error_figure(curves, title), folder, "errors.png")]
 
 
-def motion_figure(curves: Curves, title: str) -> Drawing:
+def motion_figure(curves: RunCurves, title: str) -> Drawing:
     """Draw figure 9: the target's own motion in the image, measured, estimated and true."""
     rows = len(curves.moving)
     figure, axes = _figure(rows, 0.6 + 2.4 * rows)
@@ -91,7 +47,7 @@ def motion_figure(curves: Curves, title: str) -> Drawing:
     return figure
 
 
-def error_figure(curves: Curves, title: str) -> Drawing:
+def error_figure(curves: RunCurves, title: str) -> Drawing:
     """Draw figure 10: the feature errors, and below them the true distance from the goal."""
     figure, axes = _figure(2, 5.4)
     _draw_errors(curves, title, axes)
@@ -106,34 +62,25 @@ def _figure(rows: int, height: float) -> tuple[Drawing, list[Axes]]:
     return figure, axes
 
 
-def _draw_motion(curves: Curves, title: str, axes: Sequence[Axes]) -> None:
-    features = curves.features
+def _draw_motion(curves: RunCurves, title: str, axes: Sequence[Axes]) -> None:
     time = curves["time_s"]
     for name, ax in zip(curves.moving, axes, strict=True):
-        i = features.names.index(name)
-        measured = curves.of("motion_measured", i)
-        estimated = curves.of("motion_estimated", i)
-        true = curves.of("motion_true", i)
-        ax.plot(time, measured, color=MEASURED, lw=0.9, label="measured")
-        ax.plot(time, estimated, color=ESTIMATED, lw=1.6, label="estimated")
-        ax.plot(time[1:], true[1:], color=TRUE, lw=1.0, ls="--", label="true")
-        middle = np.nanpercentile(measured, MIDDLE) if np.isfinite(measured).any() else [0]
-        shown = np.concatenate([middle, estimated, true[1:]])
-        shown = shown[np.isfinite(shown)]
-        room = 0.1 * max(float(np.ptp(shown)), 0.02)
-        ax.set_ylim(shown.min() - room, shown.max() + room)
-        ax.set_ylabel(f"d{name}/dt of the target [{features.units[i]}/s]")
+        motion = curves.motion(name)
+        ax.plot(time, motion.measured, color=MEASURED, lw=0.9, label="measured")
+        ax.plot(time, motion.estimated, color=ESTIMATED, lw=1.6, label="estimated")
+        ax.plot(time, motion.true, color=TRUE, lw=1.0, ls="--", label="true")
+        ax.set_ylim(motion.limits)
+        ax.set_ylabel(f"d{name}/dt of the target [{curves.units[name]}/s]")
         _shade_unseen(ax, curves)
     axes[0].legend(ncols=3, **ABOVE)
     axes[0].set_title(f"{title}: the target's own motion", loc="left")
 
 
-def _draw_errors(curves: Curves, title: str, axes: Sequence[Axes]) -> None:
+def _draw_errors(curves: RunCurves, title: str, axes: Sequence[Axes]) -> None:
     time = curves["time_s"]
-    features = curves.features
-    for i, (name, unit) in enumerate(zip(features.names, features.units, strict=True)):
-        error = curves.of("error", i)
-        axes[0].plot(time, error, color=CURVES[i % len(CURVES)], lw=1.3, label=f"{name} [{unit}]")
+    for i, (name, unit) in enumerate(curves.units.items()):
+        ink = CURVES[i % len(CURVES)]
+        axes[0].plot(time, curves.error(name), color=ink, lw=1.3, label=f"{name} [{unit}]")
     axes[0].set_ylabel("feature error s - s*")
     axes[0].legend(ncols=4, **ABOVE)
     axes[0].set_title(f"{title}: errors", loc="left")
@@ -150,9 +97,15 @@ def _draw_errors(curves: Curves, title: str, axes: Sequence[Axes]) -> None:
         _shade_unseen(ax, curves)
 
 
-def _shade_unseen(ax: Axes, curves: Curves) -> None:
-    unseen = ~(curves["fresh"] & (curves["status"] == Status.LOCKED.name))
+def _shade_unseen(ax: Axes, curves: RunCurves) -> None:
     across = ax.get_xaxis_transform()
     ax.fill_between(
-        curves["time_s"], 0, 1, where=unseen, transform=across, color="#d9d2c3", alpha=0.7, lw=0
+        curves["time_s"],
+        0,
+        1,
+        where=curves.unsure,
+        transform=across,
+        color="#d9d2c3",
+        alpha=0.7,
+        lw=0,
     )

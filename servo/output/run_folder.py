@@ -11,6 +11,7 @@ from servo.loop.step import Step
 from servo.mistake import Mistake, Refused, refusal, writing
 from servo.output import plots
 from servo.output.formats import Document
+from servo.output.run_curves import RunCurves
 from servo.output.sinks import Sink, Sinks
 from servo.output.steps_table import STREAM, TABLE, StepsTable
 from tracking.files import atomic
@@ -156,7 +157,7 @@ class RunFolder:
         title = f"{self._scenario.name}, seed {self._scenario.run.seed}"
         try:
             written = report.write(self.folder)
-            curves = plots.Curves.read(self.folder / TABLE, self._features)
+            curves = RunCurves.read(self.folder / TABLE, self._features)
             drawn = plots.draw(curves, title, self.folder)
         except OSError as error:
             raise Refused(f"{refusal(error)}; all rows are in {self.folder / TABLE}") from None

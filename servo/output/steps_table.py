@@ -225,11 +225,6 @@ def _features(features: FeatureSet) -> Iterator[Quantity]:
     yield _vector("nis", "innovation squared over its variance", lambda s: s.prediction.nis, names)
 
 
-def feature_columns(features: FeatureSet) -> dict[str, list[str]]:
-    """Return the names of the columns of each quantity of some features, in their order."""
-    return {q.name: [column.name for column in q.columns] for q in _features(features)}
-
-
 def ending(unit: str) -> str:
     """The ending of a column's name for a unit; empty for a number without unit."""
     return "" if unit == "1" else unit

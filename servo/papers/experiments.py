@@ -11,7 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from servo.loop.episode import measured_run
+from servo.loop.episode import run
 from servo.scenario import load as scenarios
 from servo.scenario.draws import stream
 from servo.scenario.load import Scenario
@@ -197,7 +197,7 @@ class EstimatedLoop:
     def perform(self, job: Job, folder: Path) -> Record:
         """Run the scenario; errors [px] and velocities [m/s] keep all their digits."""
         scenario = scenarios.load(self.name, self.changes, job.seed)
-        steps, _ = measured_run(scenario)
+        steps = [step.light() for step in run(scenario)]
         along = steps[0].scene.features.names.index(ALONG)
         series = {
             TIME: np.array([s.frame.time for s in steps]),

@@ -38,8 +38,7 @@ def section(folder: Path, study: StudyFile) -> Section:
     """
     store = Store(folder)
     store.find()
-    found = (record for batch in store.read(store.done, long=True) for record in batch.values())
-    records = sorted(found, key=lambda record: record.number)
+    records = list(store.read(sorted(store.done), long=True))
     if not records:
         raise Mistake(f"{folder}: there are no runs in this bench")
     ranks = ranking.ranked(records)

@@ -101,11 +101,7 @@ def _unfinished(folder: Path, study: StudyFile) -> Section:
     """Return the section about a benchmark in which no contestant has run in all worlds yet."""
     store = Store(folder)
     store.find()
-    done = Counter(
-        record.settings["contestant"]
-        for batch in store.read(store.done, long=False)
-        for record in batch.values()
-    )
+    done = Counter(record.settings["contestant"] for record in store.read(store.done))
     rows = [[str(name), str(done[name])] for name in study.axes["contestant"]]
     progress = f"{len(store.done)} of {study.runs} runs"
     sentence = (
@@ -265,9 +261,8 @@ def _failures(folder: Path) -> list[Block]:
     store = Store(folder)
     store.find()
     pictures = list[PageImage]()
-    for batch in store.read(store.done, long=True):
-        for record in batch.values():
-            if record.sheet is not None and len(pictures) < MOST_SHEETS:
-                title = f"{record.settings['contestant']}, {record.settings['world']}"
-                pictures.append(PageImage.of(title, record.sheet, title, sheet=True))
+    for record in store.read(sorted(store.done), long=True):
+        if record.sheet is not None and len(pictures) < MOST_SHEETS:
+            title = f"{record.settings['contestant']}, {record.settings['world']}"
+            pictures.append(PageImage.of(title, record.sheet, title, sheet=True))
     return [Block("Failures", pictures=pictures)] if pictures else []

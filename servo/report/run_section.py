@@ -2,17 +2,18 @@
 
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import tomli_w
 
-from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.measure import MEASURES, Measure
+from servo.loop.run_measures import Outcome
 from servo.loop.settings import DOES_NOT_REPEAT
 from servo.mistake import Mistake
 from servo.output.formats import HALF, check_format, content
+from servo.output.run_curves import Motion, RunCurves
 from servo.output.run_folder import RECORDING
-from servo.output.steps_table import FORMAT, STREAM, TABLE, ending, ending_of_rate
+from servo.output.steps_table import FORMAT, STREAM, TABLE
 from servo.report.charts import ERROR_RANGE, INK, Curve, Scale, Shade, colour, curves
 from servo.report.page import Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown
@@ -24,12 +25,11 @@ from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture as Shown
 
 TILES = 12
+OUTCOME = Measure("outcome", "", "how the run ended")
+"""The line of the outcome in the table of measures."""
 KEY_MEASURES = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct")
 TIME = Scale("time [s]")
-MOTIONS = ("measured", "estimated", "true")
 SHADED = "Shaded: the tracker was not sure of the target, or the frame was dropped."
-MIDDLE = (1, 99)
-"""Percentiles of the measured motion that its plot shows; outliers may be outside."""
 
 
 def section(folder: Path) -> Section:
@@ -48,7 +48,7 @@ def section(folder: Path) -> Section:
     badge = Badge.of(not run.missed, kept) if run.expect else Badge(kept, Tone.PLAIN)
     facts = [Fact("bounds kept", badge)]
     facts += [
-        Fact(MEANINGS[name][1], f"{shown(run.measures[name])} {MEANINGS[name][0]}", name)
+        Fact(MEASURES[name].meaning, f"{shown(run.measures[name])} {MEASURES[name].unit}", name)
         for name in KEY_MEASURES
         if run.measures.get(name) is not None
     ]
@@ -76,7 +76,7 @@ def _bounds(run: RunReport) -> Block:
     missed = {violation.name for violation in run.missed}
     rows: list[list[str | Badge]] = []
     for name, value in {"outcome": run.outcome, **run.measures}.items():
-        unit, meaning = MEANINGS.get(name, ("", "how the run ended"))
+        measure = MEASURES.get(name, OUTCOME)
         bound = run.expect.get(name)
         held = "" if bound is None else Badge.of(name not in missed, "kept", "missed")
         most = (
@@ -84,7 +84,7 @@ def _bounds(run: RunReport) -> Block:
             if isinstance(bound, float | int)
             else bound or ""
         )
-        rows.append([name, shown(value), unit, most, held, meaning])
+        rows.append([name, shown(value), measure.unit, most, held, measure.meaning])
     rows.sort(key=lambda row: row[3] == "")
     head = ("measure", "value", "unit", "bound", "", "meaning")
     text = ["Every bound is kept."] if run.expect and not run.missed else []
@@ -99,26 +99,17 @@ def _bounds(run: RunReport) -> Block:
 
 
 def _figures(folder: Path, run: RunReport) -> list[Figure]:
-    table = _steps(folder / TABLE)
-
-    def column(*words: str, kind: type = float) -> Array:
-        name = "_".join(filter(None, words))
-        try:
-            return table[name].to_numpy().astype(kind)
-        except (KeyError, TypeError, ValueError):
-            raise Mistake(
-                f"{folder / TABLE}: there is no such column '{name}' as a run writes"
-            ) from None
-
-    time = column("time_s")
-    unsure = ~((column("fresh") > 0) & (column("status", kind=str) == "LOCKED"))
+    path = folder / TABLE
+    run_curves = RunCurves(_steps(path), run.features, run.feed_forward, str(path))
+    time = run_curves["time_s"]
+    unsure = run_curves.unsure
     shaded = (time, unsure)
     distances = [
-        Curve("true centre to goal", time, column("servo_error_px"), colour=colour(0)),
-        Curve("estimate to true centre", time, column("tracking_error_px"), colour=colour(1)),
+        Curve("true centre to goal", time, run_curves["servo_error_px"], colour=colour(0)),
+        Curve("estimate to true centre", time, run_curves["tracking_error_px"], colour=colour(1)),
     ]
     errors = [
-        Curve(f"{name} [{unit}]", time, column("error", name, ending(unit)), colour=colour(i))
+        Curve(f"{name} [{unit}]", time, run_curves.error(name), colour=colour(i))
         for i, (name, unit) in enumerate(run.features.items())
     ]
     figures = [
@@ -132,12 +123,8 @@ def _figures(folder: Path, run: RunReport) -> list[Figure]:
         ),
         curves("Feature errors", TIME, Scale("s - s*"), errors, shaded=shaded),
     ]
-    for name in run.feed_forward or run.features:
-        if name in run.features:
-            unit = run.features[name]
-            rate = ending_of_rate(unit)
-            motions = [column(f"motion_{which}", name, rate) for which in MOTIONS]
-            figures.append(_motion(name, unit, time, motions, shaded))
+    for name in run_curves.moving:
+        figures.append(_motion(name, run.features[name], time, run_curves.motion(name), shaded))
     return figures
 
 
@@ -157,23 +144,14 @@ def _steps(path: Path) -> pa.Table:
     return found
 
 
-def _motion(name: str, unit: str, time: Array, motions: list[Array], shaded: Shade) -> Figure:
+def _motion(name: str, unit: str, time: Array, motion: Motion, shaded: Shade) -> Figure:
     """Return the figure of the target's own motion in the image: measured, estimated, true."""
-    measured, estimated, true = motions
-    true = true.copy()
-    true[:1] = np.nan  # before the first frame there is no motion
-    finite = measured[np.isfinite(measured)]
-    middle = np.percentile(finite, MIDDLE) if len(finite) else np.zeros(0)
-    every = np.concatenate([middle, estimated, true])
-    low = float(np.nanmin(every, initial=0))
-    high = float(np.nanmax(every, initial=0))
-    margin = 0.1 * max(high - low, 0.02)
     drawn = [
-        Curve("measured", time, measured, colour=colour(3)),
-        Curve("estimated", time, estimated, colour=colour(2)),
-        Curve("true", time, true, colour=INK, dashed=True),
+        Curve("measured", time, motion.measured, colour=colour(3)),
+        Curve("estimated", time, motion.estimated, colour=colour(2)),
+        Curve("true", time, motion.true, colour=INK, dashed=True),
     ]
-    rate = Scale(f"d{name}/dt [{unit}/s]", low - margin, high + margin)
+    rate = Scale(f"d{name}/dt [{unit}/s]", *motion.limits)
     return curves(f"The target's own motion: {name}", TIME, rate, drawn, shaded=shaded)
 
 

@@ -74,7 +74,7 @@ class StudyResults:
         """Yield rows with their contact sheets; first those of runs that did not succeed."""
         pictured = [row for row in self.rows if row["run"] in self.pictured]
         for row in sorted(pictured, key=lambda r: (bool(r[SUCCESS]), r["run"]))[:most]:
-            (record,) = next(self.store.read([key_of(row["run"])], long=True)).values()
+            (record,) = self.store.read([key_of(row["run"])], long=True)
             if record.sheet is not None:
                 yield row, record.sheet
 
@@ -96,13 +96,12 @@ def load(folder: Path) -> StudyResults:
     keys = [key_of(row["run"]) for row in chosen[:MOST_OVER_TIME]]
     series: dict[int, Series] = {}
     pictured: set[int] = set()
-    for batch in store.read(keys, long=True):
-        for record in batch.values():
-            if TIME in record.series:
-                length = len(record.series[TIME])
-                series[record.number] = {n: v for n, v in record.series.items() if len(v) == length}
-            if record.sheet is not None:
-                pictured.add(record.number)
+    for record in store.read(keys, long=True):
+        if TIME in record.series:
+            length = len(record.series[TIME])
+            series[record.number] = {n: v for n, v in record.series.items() if len(v) == length}
+        if record.sheet is not None:
+            pictured.add(record.number)
     finished = {row["run"] for row in rows}
     failed, retried = list[FailureFile](), list[FailureFile]()
     for path in sorted((folder / FAILURES).glob("*.json")):
@@ -117,7 +116,7 @@ def missing(plan: StudyFile, store: Store) -> list[str]:
     if len(store.done) < plan.runs:
         found.append(f"This study is not finished: {len(store.done)} of {plan.runs} runs.")
     if store.damaged:
-        found.append(f"Files of runs that could not be read: {len(store.damaged)}.")
+        found.append(f"Runs that are damaged: {len(store.damaged)}.")
     return found
 
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.measure import MEASURES
+from servo.loop.run_measures import Outcome
 from servo.loop.settings import DOES_NOT_REPEAT
 from servo.report import page, study_paths, study_time
 from servo.report.page import Block, Fact, Figure, PageImage, Section
@@ -107,8 +108,9 @@ def _facts(study: StudyResults, broken: Sequence[str]) -> list[Fact]:
         if rate is not None:
             facts.append(Fact("success rate", shown(rate.value), basis(rate, units.name)))
         for name in ("servo_rms_px", "tracking_rms_px"):
-            unit, meaning = MEANINGS[name]
-            facts.append(Fact(f"{meaning}, median", f"{shown(median(rows, name))} {unit}", name))
+            measure = MEASURES[name]
+            value = f"{shown(median(rows, name))} {measure.unit}"
+            facts.append(Fact(f"{measure.meaning}, median", value, name))
     if plan.expect and rows:
         facts.append(Fact("bounds", Badge.of(not broken, "all kept", f"{len(broken)} missed")))
     if study.failures:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from servo.loop.run_measures import MEANINGS
+from servo.loop.measure import MEASURES
 from servo.report import charts
 from servo.report.charts import ERROR_RANGE, SETTING_RANGE, Curve, Scale, colour, curves
 from servo.report.page import LIGHT, Figure
@@ -216,9 +216,10 @@ def _against(key: str, name: str, drawn: list[Curve], note: str) -> Figure:
         return charts.curves(
             f"Success against {key}", across, Scale("success rate", -0.02, 1.02), drawn, note=note
         )
-    unit, meaning = MEANINGS[name]
-    along = Scale(f"error [{unit}]", low=0, log_from=ERROR_RANGE)
-    return charts.curves(f"Error against {key}: {meaning}", across, along, drawn, note=note)
+    measure = MEASURES[name]
+    along = Scale(f"error [{measure.unit}]", low=0, log_from=ERROR_RANGE)
+    title = f"Error against {key}: {measure.meaning}"
+    return charts.curves(title, across, along, drawn, note=note)
 
 
 def _numeric(values: list[Any]) -> bool:

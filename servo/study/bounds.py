@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from servo.loop import run_measures
-from servo.loop.run_measures import MEANINGS, Outcome
+from servo.loop.measure import COUNTED, MEASURES
+from servo.loop.run_measures import Outcome
 from servo.loop.settings import Setup
 from servo.mistake import Mistake, unknown
 from servo.scenario.catalogue import PLUGINS
@@ -17,22 +17,9 @@ from servo.scenario.toml import is_number
 from sim.kinds import kind_of
 from tracking.files.json_text import number
 
-SHARES = (
-    "not_held_pct",
-    "out_of_view_pct",
-    "saturated_pct",
-    "unseen_pct",
-    "lost_pct",
-    "skipped_pct",
-)
-"""Measures that are shares of a run's frames."""
-WHOLE = (*SHARES, "settle_s", "longest_off_s", "age_ms", "joint_way_pct")
-"""Measures that are exactly 0 in a good run: rounding is no part of them."""
-OF_JOINTS = ("joint_range_peak_pct", "joint_way_pct")
-"""Measures of joints with limits."""
 ROUNDING = 1e-9
 """A value below this is rounding, in the unit of any measure."""
-COUNTED = "No verdict: some drawn seeds may end otherwise (expect.drawn.success_rate)."
+UNDECIDED = "No verdict: some drawn seeds may end otherwise (expect.drawn.success_rate)."
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +42,7 @@ class MissedBound:
 
 def unjudged(scenario: Scenario, success: bool) -> str:
     """Return a sentence where a run has no verdict of its own; else nothing."""
-    return scenario.unjudged if success or scenario.success_rate is None else COUNTED
+    return scenario.unjudged if success or scenario.success_rate is None else UNDECIDED
 
 
 def is_kept(value: float | None, bound: float) -> bool:
@@ -97,9 +84,12 @@ def missed_lines(missed: Sequence[MissedBound], measures: Mapping[str, float | N
         missed: The bounds.
         measures: All measures of the run by name.
     """
-    counted = run_measures.COUNTED
-    is_short = all((value := measures.get(name)) is None or np.isnan(value) for name in counted)
-    short = [b.name for b in missed if is_short and (b.found is None or b.name in counted)]
+    is_short = all((value := measures.get(name)) is None or np.isnan(value) for name in COUNTED)
+    short = [
+        bound.name
+        for bound in missed
+        if is_short and (bound.found is None or bound.name in COUNTED)
+    ]
     lines = [str(bound) for bound in missed if bound.name not in short]
     if short:
         lines.append(f"{', '.join(short)}: no value, because the run ended before measure.after")
@@ -169,7 +159,7 @@ def doubtful_bounds(
     found = list[str]()
     for key, bound in bounds.items():
         name = key.removeprefix(DRAWN)
-        if isinstance(bound, str) or name not in MEANINGS:
+        if isinstance(bound, str) or name not in MEASURES:
             continue
         if why := _doubt(name, bound, setup):
             found.append(f"{place}.{key} = {bound:g}: {why}")
@@ -178,17 +168,18 @@ def doubtful_bounds(
 
 def _doubt(name: str, bound: float, setup: Setup) -> str:
     """Return why an upper bound on a measure says nothing of a run; else nothing."""
+    measure = MEASURES[name]
     if bound < 0:
         return "every run misses it, as no measure is below 0"
-    if name in OF_JOINTS and kind_of(setup.robot) == "free":
+    if measure.of_joints and kind_of(setup.robot) == "free":
         return "no run misses it, as the free camera has no joints with limits"
-    if bound < ROUNDING and name not in WHOLE:
+    if bound < ROUNDING and not (measure.share or measure.exact):
         return f"rounding alone misses it; it should be above {ROUNDING:g}"
-    if bound >= 100 and name in SHARES:
+    if bound >= 100 and measure.share:
         return "no run misses it"
     if bound >= 100 and name == "joint_range_peak_pct":
         return "it says nothing of a run, as a joint's range ends at 100 %"
-    if bound >= 180 and MEANINGS[name][0] == "deg":
+    if bound >= 180 and measure.unit == "deg":
         return "no run misses it, as no angle is above 180 deg"
     rate = setup.camera.rate
     times = np.arange(setup.frames) / rate
@@ -265,8 +256,8 @@ def _check_bounds(expect: dict[str, Any], place: str) -> None:
         elif name == "outcome":
             if not isinstance(bound, str) or bound not in Outcome.__members__:
                 raise Mistake(f"{place}.{key} = {bound!r}: one of {', '.join(Outcome.__members__)}")
-        elif name not in MEANINGS:
+        elif name not in MEASURES:
             at = place if key == name else f"{place}.{DRAWN[:-1]}"
-            raise Mistake(f"{at}: {unknown(name, (*MEANINGS, 'outcome'))}")
+            raise Mistake(f"{at}: {unknown(name, (*MEASURES, 'outcome'))}")
         elif not is_number(bound):
             raise Mistake(f"{place}.{key} = {bound!r}: a bound is a finite number")

@@ -158,7 +158,6 @@ def complete(
         else:
             store.add(job, end)
         yield job, end
-    store.join()
 
 
 def check_number(runs: int) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from servo.loop.run_measures import MEANINGS
+from servo.loop.measure import MEASURES
 from servo.mistake import Mistake, check_known
 from servo.scenario.catalogue import sentence, shipped
 from servo.scenario.draws import Value
@@ -232,7 +232,7 @@ def _seeds(given: Any, place: str) -> tuple[int, ...]:
 
 def _expect(given: Any, place: str) -> dict[str, float]:
     bounds = _table(given, f"{place}: expect")
-    check_known(bounds, (SUCCESS_RATE, *MEANINGS), f"{place}: expect")
+    check_known(bounds, (SUCCESS_RATE, *MEASURES), f"{place}: expect")
     for name, bound in bounds.items():
         if not is_number(bound):
             raise Mistake(f"{place}: expect.{name} = {bound!r}: a bound is a finite number")

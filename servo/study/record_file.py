@@ -1,10 +1,6 @@
-"""Records of runs as Parquet: files of one or many for the store, and tables for users.
+"""Records of runs: as texts and bytes for the store, and as tables for users."""
 
-A row of a file has the key of its job, a digest of what decides it, the record as JSON, and in
-columns of their own again all that is a number; series are lists.
-"""
-
-import hashlib
+import io
 import json
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,104 +12,62 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from servo.study.bounds import MissedBound
-from servo.study.run import SCENARIO, Job, Record, Row, version_columns
+from servo.study.run import SCENARIO, Record, Row, version_columns
 from tracking.files.json_text import as_json
 
-KEY = "key"
-JOB = "job"
-RECORD = "record"
-SHEET = "sheet"
 RUN = "run"
-NOTHING = pa.table({KEY: pa.array([], pa.string()), JOB: [], RUN: [], RECORD: []})
-"""What a damaged file gives."""
 MISSED = pa.list_(pa.struct([(name, pa.string()) for name in ("name", "found", "bound")]))
 """Numbers are texts here, because a bound on the outcome is a word."""
-DIGEST = b"sha256"
-"""Key of the digest of the names of the columns: Parquet has checksums of the values alone."""
 
 
-def file_table(job: Job, record: Record) -> pa.Table:
-    """The row of a record."""
+def stored(record: Record) -> tuple[str, bytes, bytes | None]:
+    """Return a record as JSON, its series as an NPZ file, and its contact sheet as JPEG."""
     text = json.dumps(as_json(replace(record, series={}, sheet=None)))
-    own = {KEY: pa.array([job.key]), JOB: pa.array([job.digest]), RECORD: pa.array([text])}
-    long = {
-        name: pa.array([values], pa.list_(pa.from_numpy_dtype(values.dtype)))
-        for name, values in record.series.items()
-    }
-    long[SHEET] = pa.array([record.sheet], pa.binary())
-    short = {name: pa.array([record.row[name]], kind) for name, kind in _types(record).items()}
-    return pa.table({**own, **short, **long})
+    series = io.BytesIO()
+    arrays: dict[str, Any] = record.series
+    np.savez(series, **arrays)
+    return text, series.getvalue(), record.sheet
 
 
-def merged(tables: Iterable[pa.Table]) -> pa.Table:
-    """One table by key; the last row of a key counts."""
-    whole = pa.concat_tables(tables, promote_options="permissive")
-    last = {key: place for place, key in enumerate(whole[KEY].to_pylist())}
-    return whole.take([last[key] for key in sorted(last)])
+def record_of(text: str, series: bytes | None, sheet: bytes | None) -> Record:
+    """Return the record that `stored` made these of; without series where there is None."""
+    found = json.loads(text)
+    measures = found["measures"].items()
+    found["measures"] = {k: np.nan if v is None else float(v) for k, v in measures}
+    found["missed"] = tuple(MissedBound(**missed) for missed in found["missed"])
+    found["seconds"] = np.nan
+    found["series"] = {} if series is None else dict(np.load(io.BytesIO(series)))
+    return Record(**found | {"sheet": sheet})
 
 
-def encoded(table: pa.Table) -> bytes:
-    """The file of rows."""
-    return parquet(table.replace_schema_metadata({DIGEST: _digest(table.column_names)}))
+def series_table(records: Sequence[Record]) -> pa.Table:
+    """Return the series of records as lists, and their contact sheets; a row for each run."""
+    names = dict.fromkeys(name for record in records for name in record.series)
+    lists = {name: pa.array([record.series.get(name) for record in records]) for name in names}
+    sheets = pa.array([record.sheet for record in records], pa.binary())
+    return pa.table({RUN: [record.number for record in records], **lists, "sheet": sheets})
 
 
-def table_in(raw: bytes) -> pa.Table:
-    """The rows in a file; none if it is damaged."""
-    try:
-        table = pq.read_table(pa.BufferReader(raw), page_checksum_verification=True)
-    # A file of zeros after a crash, or flipped bits.
-    except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError):
-        return NOTHING
-    found = (table.schema.metadata or {}).get(DIGEST)
-    return table if found == _digest(table.column_names) and _is_ours(table) else NOTHING
+def table_of(batches: Iterable[Sequence[Record]]) -> pa.Table:
+    """Return a row for each record, as users have them; settings of mixed types are texts.
 
-
-def _is_ours(table: pa.Table) -> bool:
-    """Return whether rows are records, judged by the types of columns and by the first one."""
-    try:
-        record = next(records_of(table.slice(0, 1), long=True))
-        own = {KEY: pa.string(), JOB: pa.string(), SHEET: pa.binary(), **_types(record)}
-        return all(table.schema.field(name).type.equals(kind) for name, kind in own.items())
-    except (KeyError, TypeError, ValueError, AttributeError, StopIteration):  # also of Arrow
-        return False
-
-
-def records_of(table: pa.Table, *, long: bool = False) -> Iterator[Record]:
-    """The records of a file's rows; only if `long`, with their series and contact sheets."""
-    for place, text in enumerate(table[RECORD].to_pylist()):
-        found = json.loads(text)
-        measures = found["measures"].items()
-        found["measures"] = {k: np.nan if v is None else float(v) for k, v in measures}
-        found["missed"] = tuple(MissedBound(**missed) for missed in found["missed"])
-        found["seconds"] = np.nan
-        record = Record(**found)
-        if long:
-            row = table.slice(place, 1).drop_columns([KEY, JOB, RECORD, *_types(record)])
-            sheet = row[SHEET][0].as_py()
-            cells = {name: row[name][0] for name in row.column_names if name != SHEET}
-            series = {
-                name: cell.values.to_numpy(zero_copy_only=False).copy()  # not the whole file
-                for name, cell in cells.items()
-                if cell.is_valid
-            }
-            record = replace(record, series=series, sheet=sheet)
-        yield record
-
-
-def table_of(files: Iterable[pa.Table]) -> pa.Table:
-    """The rows of files, at least one, as users have them; settings of mixed types are texts."""
+    Args:
+        batches: Records in the order of the study, at least one; they are read batch by batch,
+            because a hundred thousand records take more memory than their table.
+    """
     settings: list[dict[str, Any]] = []
     tables: list[pa.Table] = []
-    for rows in files:
-        settings += [json.loads(text)["settings"] for text in rows[RECORD].to_pylist()]
-        tables.append(rows.select([*_types(next(records_of(rows)))]))
+    for records in batches:
+        settings += [record.settings for record in records]
+        rows = [record.row for record in records]
+        tables.append(pa.Table.from_pylist(rows, pa.schema(_types(records[0]).items())))
     table = pa.concat_tables(tables)
     for key in [key for key in settings[0] if key != SCENARIO]:
         values = [each[key] for each in settings]
         kind = _type(values)
         column = pa.array([_cell(value, kind) for value in values], kind)
         table = table.add_column(table.column_names.index("repeats"), key, column)
-    return table.take(np.argsort(table[RUN], kind="stable"))
+    return table
 
 
 def _types(record: Record) -> dict[str, pa.DataType]:
@@ -174,10 +128,6 @@ def parquet(table: pa.Table) -> bytes:
     sink = pa.BufferOutputStream()
     pq.write_table(table, sink, write_page_checksum=True)
     return sink.getvalue().to_pybytes()
-
-
-def _digest(columns: Sequence[str]) -> bytes:
-    return hashlib.sha256("\n".join(columns).encode()).hexdigest().encode()
 
 
 def _cell(value: Any, kind: pa.DataType) -> Any:

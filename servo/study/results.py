@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from servo.loop.run_measures import COUNTED, MEANINGS, TIMED
+from servo.loop.measure import COUNTED, MEASURES, TIMED
 from servo.scenario.expected import SUCCESS_RATE
 from servo.study.plan import Study
 from servo.study.run import SCENARIO, Row
-from servo.study.scenario_run import MEASURED, TIMES, TRACK_MS
+from servo.study.scenario_run import MEASURED, RECORDED, TRACK_MS
 from sim.types import Array
 from tracking.files.csv_text import csv_text
 from tracking.statistics.comparisons import (
@@ -29,18 +29,7 @@ from tracking.statistics.comparisons import (
 )
 
 SUCCESS = "success"
-SIGNED = ("detour_m",)
-"""Measures that may be below 0."""
-SHARES = (
-    "not_held_pct",
-    "out_of_view_pct",
-    "saturated_pct",
-    "unseen_pct",
-    "lost_pct",
-    "skipped_pct",
-)
-"""Measures that are a share of the frames [%]."""
-UNTIMED = tuple(name for name in MEANINGS if name not in TIMES)
+UNTIMED = tuple(name for name, measure in MEASURES.items() if not measure.timed)
 SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", TRACK_MS)
 """Measures of a table in which nothing differs."""
 MOST_MOVED = 5
@@ -83,9 +72,10 @@ class Units:
         scores = [found.mean() for rows in self.rows.values() if len(found := values(rows, name))]
         if not scores:
             return None
-        if name in SHARES:
+        measure = RECORDED.get(name)
+        if measure is not None and measure.share:
             return mean_percent(np.array(scores) / 100)
-        least = -np.inf if name in SIGNED else 0.0
+        least = -np.inf if measure is not None and measure.signed else 0.0
         return mean_of(np.array(scores), least=least, most=1.0 if name == SUCCESS else np.inf)
 
 

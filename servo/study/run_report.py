@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from servo.loop.run_measures import MEANINGS
+from servo.loop.measure import MEASURES
 from servo.loop.step import Scene
 from servo.output.formats import Made, Number
 from servo.scenario.load import Scenario
@@ -69,8 +69,8 @@ class RunReport(Made):
             scenario=record.subject,
             seed=record.seed,
             outcome=record.outcome,
-            measures={name: number(record.measures[name]) for name in MEANINGS},
-            units={name: unit for name, (unit, _) in MEANINGS.items()},
+            measures={name: number(record.measures[name]) for name in MEASURES},
+            units={name: measure.unit for name, measure in MEASURES.items()},
             expect={} if why else scenario.expect,
             missed=list(record.missed),
             features=dict(zip(scene.features.names, scene.features.units, strict=True)),

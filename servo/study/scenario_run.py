@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from servo.loop.columns import Columns
 from servo.loop.episode import Episode
-from servo.loop.run_measures import CONVERGED_PX, MEANINGS, TIMED, Outcome, summarise, timed
+from servo.loop.measure import MEASURES, Measure
+from servo.loop.run_measures import CONVERGED_PX, Outcome, summarise, timed
 from servo.loop.step import Step
 from servo.mistake import Mistake
 from servo.output.formats import command_line
@@ -42,17 +43,13 @@ CORNERS = tuple(f"corner{i}_{axis}_px" for i in range(4) for axis in "uv")
 TRACK = 1
 """Place of the tracker's time among those of a step."""
 TRACK_MS = "track_ms"
-"""The tracker's time for a picture that it was shown, median [ms]: a measure of records only."""
-MEASURED = (*MEANINGS, TRACK_MS)
-"""The measures of a record."""
-TIMES = (TIMED, TRACK_MS)
+RECORDED = MEASURES | {
+    TRACK_MS: Measure(TRACK_MS, "ms", "the tracker's time for a picture, median", timed=True)
+}
+"""The measures of a record, by name: those of a run's steps, and the time of the tracker alone."""
+MEASURED = tuple(RECORDED)
+TIMES = tuple(name for name, measure in RECORDED.items() if measure.timed)
 """Measured times, which differ when a run is repeated."""
-
-
-def meaning(name: str) -> str:
-    """Return what a measure of a record is, with its unit."""
-    unit, text = MEANINGS.get(name, ("ms", "the tracker's time for a picture, median"))
-    return f"{text} [{unit}]"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,49 +1,56 @@
 """The folder of a study, in which finished runs stay when a process is killed.
 
-`study.json` describes the study. The record of each finished run is a Parquet file of one row,
-written under another name, flushed to the disk and renamed. When there are `LOOSE` of them, they
-are joined with those of neighbouring runs, up to `JOINED` in a file, and then removed. A record
-that is damaged or not of its job counts as missing. One process writes at a time.
+`study.json` describes the study. `runs.sqlite` has a row for each finished run, which is written to
+the disk before the next one begins. At the end the rows are exported as `results.parquet` and
+`series.parquet`, for other programs. One process writes at a time; others may read meanwhile.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Iterator
-from contextlib import contextmanager
+import errno
+import sqlite3
+import zlib
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
 import pyarrow as pa
+import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
 from servo.mistake import Mistake, Refused, unwritable
 from servo.output.formats import Document, Made, Number, OtherFormat
 from servo.output.versions import versions
 from servo.study.plan import Study
-from servo.study.record_file import (
-    JOB,
-    KEY,
-    RUN,
-    encoded,
-    file_table,
-    merged,
-    records_of,
-    table_in,
-    table_of,
-)
-from servo.study.run import Failure, Job, Record, key_of
+from servo.study.record_file import parquet, record_of, series_table, stored, table_of
+from servo.study.run import Failure, Job, Record
 from tracking.files import atomic
 from tracking.files.json_text import as_json
 
-RUNS = "runs"
+RUNS = "runs.sqlite"
+BESIDE = ("", "-wal", "-shm", "-journal")
+"""Endings of the files that SQLite writes."""
+SCHEMA = """
+CREATE TABLE IF NOT EXISTS runs (
+    key TEXT PRIMARY KEY,
+    job TEXT,
+    record TEXT,
+    series BLOB,
+    sheet BLOB,
+    checksum INTEGER
+)
+"""
+"""Rows have the key and the digest of the job, the record as `record_file.stored` returns it, and
+a checksum of all this, because SQLite has none.
+"""
 FAILURES = "failures"
 RESULTS = "results.parquet"
+SERIES = "series.parquet"
 LOCK = ".lock"
-LOOSE = 50
-"""Most files of one record: a study of at least so many runs ends with joined files only."""
-JOINED = 1000
-"""Most records of a joined file; with MOST_RUNS there are a hundred files."""
+BATCH = 1000
+"""Records that are in memory at the same time when tables are made."""
 MOST_FAILURES = 40
 """Most failures with a file of their own."""
 DECIDE = ("table", "axes", "draws", "seeds", "scenarios", "files")
@@ -148,16 +155,86 @@ def opened(folder: Path, described: StudyFile) -> Generator[Store]:
         before = _described(folder, described.holds)
         if before is not None:
             _check_same(folder, before, described)
-        store = Store(folder)
-        with store.on_disk(described.FILE):
-            if before is None:
+        if before is None:
+            with on_disk(folder, f"write {described.FILE}"):
                 described.write(folder)
-        for part in (RUNS, FAILURES):
-            with store.on_disk(part):
-                atomic.folder(folder, part)
-        yield store
+        with on_disk(folder, f"write {RUNS}"):
+            database = _writable(folder / RUNS)
+        with closing(database):
+            yield Store(folder, database)
+            # A reader at work may prevent this; the next session does it then.
+            with suppress(sqlite3.Error):
+                database.execute("PRAGMA journal_mode = DELETE")  # all is in one file now
     finally:
         lock.release()
+
+
+def _writable(path: Path) -> sqlite3.Connection:
+    """Open the database of a study, which is made if it is not there.
+
+    Raises:
+        OSError: There is a link or something else that is no file.
+        sqlite3.Error: It cannot be written.
+    """
+    for ending in BESIDE:
+        file = path.with_name(path.name + ending)
+        if file.is_symlink() or (file.exists() and not file.is_file()):
+            raise OSError(errno.ELOOP, "nothing is written through a link", file)
+    database = sqlite3.connect(path, isolation_level=None)
+    database.text_factory = _text
+    try:
+        with suppress(sqlite3.OperationalError):  # file systems of networks cannot do this
+            database.execute("PRAGMA journal_mode = WAL")
+        database.execute("PRAGMA synchronous = FULL")
+        database.execute(SCHEMA)
+    except BaseException:
+        database.close()
+        raise
+    return database
+
+
+def _readable(path: Path) -> sqlite3.Connection:
+    """Open the database of a study to read it; another process may be writing into it."""
+    place = f"{path.absolute().as_uri()}?mode=ro"
+    database = sqlite3.connect(place, uri=True)
+    try:
+        database.execute("SELECT 1 FROM runs")
+    except sqlite3.OperationalError:  # in a folder that is read-only, as that of an archive
+        database.close()
+        database = sqlite3.connect(f"{place}&immutable=1", uri=True)
+    database.text_factory = _text
+    return database
+
+
+def _text(raw: bytes) -> str:
+    """Return a text of the database; bytes that are damaged do not fit its checksum any more."""
+    return raw.decode(errors="replace")
+
+
+@contextmanager
+def on_disk(folder: Path, action: str) -> Generator[None]:
+    """Turn an error of the disk or of the database in the block into a sentence.
+
+    Args:
+        folder: The folder of the study.
+        action: What the block does there, such as "write run 000000".
+
+    Raises:
+        Mistake: The database is damaged.
+        Refused: The disk is full, or refuses for another reason.
+    """
+    try:
+        yield
+    except (OSError, sqlite3.OperationalError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or error
+        raise Refused(
+            f"{folder}: cannot {action}: {reason}; what is there already is whole, and the same "
+            "command goes on from it"
+        ) from None
+    except sqlite3.DatabaseError as error:
+        raise Mistake(
+            f"{folder / RUNS}: this file is damaged ({error}); choose another folder with --out"
+        ) from None
 
 
 def _described(folder: Path, holds: str) -> StudyFile | None:
@@ -182,9 +259,8 @@ def _described(folder: Path, holds: str) -> StudyFile | None:
 
 
 def _of_the_beginning(path: Path) -> bool:
-    """Whether a first session that was killed early may have left this."""
-    empty = path.name in (RUNS, FAILURES) and path.is_dir() and not any(path.iterdir())
-    return empty or path.name in (LOCK, atomic.ASIDE.format(StudyFile.FILE))
+    """Return whether a first session that was killed early may have left this."""
+    return path.name in (LOCK, atomic.ASIDE.format(StudyFile.FILE))
 
 
 def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
@@ -208,90 +284,87 @@ def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
 
 
 class Store:
-    """A study's folder, for one writer."""
+    """A study's folder, for one writer or for readers."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, database: sqlite3.Connection | None = None) -> None:
+        """Name the folder; without a `database` to write to, the store can only be read."""
         self.folder = folder
-        self.done: dict[str, Path] = {}
-        """The files of the jobs that have a record, by key."""
-        self.damaged: list[Path] = []
-        """Files with records that cannot be read or are of another job; they are done again."""
-        self._loose: dict[str, int] = {}
-        """Places in the study of the jobs whose record has a file of its own, by key."""
+        self.done: set[str] = set()
+        """Keys of the jobs that have a record."""
+        self.damaged: list[str] = []
+        """Keys of rows that are not as they were written, or of another job; they are done again.
+        """
+        self._database = database
 
     def find(self, jobs: Iterable[Job] | None = None) -> None:
-        """Look for the records of jobs, or for all; they are in `done` then."""
-        # Reading anything else could wait for ever, as a pipe does.
-        there = sorted(path for path in (self.folder / RUNS).rglob("*.parquet") if path.is_file())
-        wanted = None if jobs is None or not there else {job.key: job.digest for job in jobs}
-        for path in there:  # a joined file comes before those of its own runs, which are newer
-            table = table_in(_content(path))
-            rows = zip(*(table[name].to_pylist() for name in (KEY, JOB, RUN)), strict=True)
-            ours = [row for row in rows if wanted is None or row[0] in wanted]
-            fit = {
-                key: number
-                for key, job, number in ours
-                if path in (self._path(key), self._joined(number))
-                and (wanted is None or job == wanted[key])
-            }
-            if not table.num_rows or len(fit) < len(ours):
-                self.damaged.append(path)
-            self.done |= dict.fromkeys(fit, path)
-            self._loose |= {key: n for key, n in fit.items() if path == self._path(key)}
+        """Look for the records of jobs, or for all; their keys are in `done` then.
 
-    def read(self, keys: Iterable[str], *, long: bool = False) -> Iterator[dict[str, Record]]:
-        """The records of jobs that have one by key, file by file.
+        Raises:
+            Mistake: The database is damaged.
+            Refused: It cannot be read.
+        """
+        self.done = set()
+        self.damaged = []
+        if not (self.folder / RUNS).is_file():  # opening a pipe could wait for ever
+            return
+        wanted = None if jobs is None else {job.key: job.digest for job in jobs}
+        with self._opened() as database:
+            for *row, checksum in database.execute(
+                "SELECT key, job, record, series, sheet, checksum FROM runs"
+            ):
+                key = row[0]
+                if wanted is not None and key not in wanted:
+                    continue
+                if checksum == _checksum(row) and (wanted is None or row[1] == wanted[key]):
+                    self.done.add(key)
+                else:
+                    self.damaged.append(key)
+
+    def read(self, keys: Iterable[str], *, long: bool = False) -> Iterator[Record]:
+        """Yield the records of jobs that have one.
 
         Args:
             keys: Of the jobs.
-            long: Whether the records keep their series and contact sheets.
+            long: Whether the records have their series and contact sheets.
 
         Raises:
-            Refused: A file has changed since it was found.
+            Refused: The database cannot be read.
         """
-        for some, table in self._files(keys):
-            yield dict(zip(some, records_of(table, long=long), strict=True))
+        if not self.done:  # perhaps there is no database yet
+            return
+        columns = "record, series, sheet" if long else "record, NULL, NULL"
+        with self._opened() as database:
+            for key in keys:
+                found = database.execute(f"SELECT {columns} FROM runs WHERE key = ?", [key])
+                yield record_of(*found.fetchone())
 
     def records(self, jobs: Iterable[Job]) -> list[Record]:
-        """The records of the jobs that have one, with their series, in the order of the jobs.
+        """Return the records of the jobs that have one, with their series, in their order.
 
         Raises:
-            Refused: A file has changed since it was found.
+            Refused: The database cannot be read.
         """
-        keys = [job.key for job in jobs if job.key in self.done]
-        found: dict[str, Record] = {}
-        for batch in self.read(keys, long=True):
-            found |= batch
-        return [found[key] for key in keys]
+        return list(self.read([job.key for job in jobs if job.key in self.done], long=True))
 
     def table(self) -> pa.Table:
-        """The rows of all records, at least one, in the order of the study.
+        """Return the rows of all records, at least one, in the order of the study.
 
         Raises:
-            Refused: A file has changed since it was found.
+            Refused: The database cannot be read.
         """
-        return table_of(table for _, table in self._files(self.done))
+        return table_of(self._batches(long=False))
 
-    def _files(self, keys: Iterable[str]) -> Iterator[tuple[list[str], pa.Table]]:
-        """The keys and the rows of jobs that have a record, file by file."""
-        wanted: dict[Path, list[str]] = {}
-        for key in keys:
-            wanted.setdefault(self.done[key], []).append(key)
-        for path, some in wanted.items():
-            table = table_in(_content(path))
-            places = {key: place for place, key in enumerate(table[KEY].to_pylist())}
-            if not places.keys() >= {*some}:
-                raise Refused(
-                    f"{path}: this file was changed; the same command repeats what is missing"
-                )
-            yield some, table.take([places[key] for key in some])
+    def _batches(self, *, long: bool) -> Iterator[list[Record]]:
+        keys = sorted(self.done)
+        for first in range(0, len(keys), BATCH):
+            yield list(self.read(keys[first : first + BATCH], long=long))
 
     def add(self, job: Job, record: Record) -> None:
         """Keep the record of a job.
 
         Raises:
             Mistake: The worker has other versions.
-            Refused: The disk is full, or the file cannot be written.
+            Refused: The disk is full, or the database cannot be written.
         """
         for name, here in versions().items():
             there = record.versions.get(name)
@@ -300,44 +373,19 @@ class Store:
                     f"a worker has {name} {there}, but {here} is installed here: the numbers could "
                     "not be compared; install the same on every worker"
                 )
-        path = self._path(job.key)
-        raw = encoded(file_table(job, record))
-        try:
-            with self.on_disk(f"run {job.key}"):
-                atomic.write(self.folder, f"{RUNS}/{job.key}.parquet", raw)
-            self.done[job.key] = path
-        except KeyboardInterrupt:
-            if _content(path) == raw:  # interrupted after the renaming
-                self.done[job.key] = path
-            raise
-        self._loose[job.key] = job.number
-        if len(self._loose) >= LOOSE:
-            self.join()
-
-    def join(self) -> None:
-        """Join records that have files of their own, if the study has many.
-
-        Raises:
-            Refused: As for `add`.
-        """
-        if len(self.done) < LOOSE:
-            return
-        by_file: dict[Path, list[str]] = {}
-        for key, number in self._loose.items():
-            by_file.setdefault(self._joined(number), []).append(key)
-        for joined, keys in by_file.items():
-            own = [self._path(key) for key in keys]
-            raw = encoded(merged(table_in(_content(path)) for path in (joined, *own)))
-            with self.on_disk(f"{RUNS}/{joined.name}"):
-                atomic.write(self.folder, f"{RUNS}/{joined.name}", raw)
-                self.done |= dict.fromkeys(keys, joined)
-                for path in own:
-                    path.unlink(missing_ok=True)
-        self._loose.clear()
+        row = [job.key, job.digest, *stored(record)]
+        with self._opened(f"write run {job.key}") as database:
+            try:
+                database.execute(
+                    "INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?)", [*row, _checksum(row)]
+                )
+            finally:  # Ctrl-C may have come while it was written
+                if database.execute("SELECT 1 FROM runs WHERE key = ?", [job.key]).fetchone():
+                    self.done.add(job.key)
 
     def forget(self, job: Job) -> None:
         """Let a job be done again; its new record replaces the old one."""
-        del self.done[job.key]
+        self.done.remove(job.key)
 
     def fail(self, job: Job, failure: Failure) -> None:
         """Keep why a job failed, unless many have; the next session does it again.
@@ -347,10 +395,9 @@ class Store:
         """
         if failure.full:
             raise Refused(f"{failure.reason}; what is in {self.folder} is whole; {GOES_ON}")
-        with self.on_disk(f"run {job.key}"):
-            path = self.failure_path(job)
-            if path.exists() or sum(1 for _ in path.parent.glob("*")) < MOST_FAILURES:
-                FailureFile.of(job, failure.error).write(path.parent, path.name)
+        path = self.failure_path(job)
+        if path.exists() or sum(1 for _ in path.parent.glob("*")) < MOST_FAILURES:
+            self.write(f"{FAILURES}/{path.name}", FailureFile.of(job, failure.error).text())
 
     def write(self, name: str, content: bytes | str) -> Path:
         """Write another file of the study; its path.
@@ -358,37 +405,46 @@ class Store:
         Raises:
             Refused: As for `add`.
         """
-        with self.on_disk(name):
+        with on_disk(self.folder, f"write {name}"):
             return atomic.write(self.folder, name, content)
 
-    @contextmanager
-    def on_disk(self, what: str) -> Generator[None]:
-        """Turn an error of the disk in the block into a sentence; `what` is written there."""
-        try:
-            yield
-        except OSError as error:
-            raise Refused(
-                f"{self.folder}: cannot write {what}: {error.strerror}; what is there already is "
-                "whole, and the same command goes on from it"
-            ) from None
+    def export(self, table: pa.Table) -> list[Path]:
+        """Write the runs as Parquet, for other programs; the paths of the files.
+
+        Args:
+            table: All rows, as `table` returns them; the series are added in a file of their own.
+
+        Raises:
+            Refused: As for `add`.
+        """
+        with (
+            on_disk(self.folder, f"write {SERIES}"),
+            atomic.writing(self.folder, SERIES) as file,
+        ):
+            writer = None
+            for records in self._batches(long=True):
+                rows = series_table(records)
+                writer = writer or pq.ParquetWriter(file, rows.schema, write_page_checksum=True)
+                writer.write_table(rows)
+            if writer is not None:
+                writer.close()
+        return [self.write(RESULTS, parquet(table)), self.folder / SERIES]
 
     def failure_path(self, job: Job) -> Path:
-        """The file that says why a job failed."""
+        """Return the path of the file that says why a job failed."""
         return self.folder / FAILURES / f"{job.key}.json"
 
-    def _path(self, key: str) -> Path:
-        return self.folder / RUNS / f"{key}.parquet"
+    @contextmanager
+    def _opened(self, action: str = f"read {RUNS}") -> Generator[sqlite3.Connection]:
+        """The database; `action` and errors are those of `on_disk`."""
+        with on_disk(self.folder, action):
+            if self._database is not None:
+                yield self._database
+                return
+            with closing(_readable(self.folder / RUNS)) as database:
+                yield database
 
-    def _joined(self, number: int) -> Path:
-        """The file that a run is joined into, by its place in the study."""
-        first = number - number % JOINED
-        return self.folder / RUNS / f"{key_of(first)}-{key_of(first + JOINED - 1)}.parquet"
 
-
-def _content(path: Path) -> bytes:
-    """What a file contains; nothing, if it cannot be read."""
-    try:
-        # Read into memory first: the file could change while it is parsed.
-        return path.read_bytes()
-    except OSError:
-        return b""
+def _checksum(row: Sequence[Any]) -> int:
+    """Return a checksum of values of a row, whatever types a damaged one has."""
+    return zlib.crc32(repr(row).encode())

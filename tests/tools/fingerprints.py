@@ -22,7 +22,7 @@ import numpy as np
 
 import servo
 import servo.gym
-from servo.loop.run_measures import TIMED as TIMED_MEASURE
+from servo.loop.measure import TIMED as TIMED_MEASURE
 from servo.loop.run_measures import summarise
 from servo.output.steps_table import TIMED, quantities_of, table_of
 from servo.scenario.catalogue import shipped

@@ -221,7 +221,7 @@ def _truths(folder: Path) -> None:
 def _results(folder: Path, ran: Path, study: Path, papers: Path) -> None:
     kinds = {
         "run": (ran, "report.json", "steps.parquet"),
-        "sweep": (study, "study.json", "runs/000000.parquet"),
+        "sweep": (study, "study.json", "runs.sqlite"),
         "papers": (papers, "papers.json", "figures/one.png"),
     }
     spoilt = {

@@ -29,10 +29,9 @@ def aucs(folder: Path) -> dict[str, dict[str, float]]:
     store = Store(folder)
     store.find()
     found: dict[str, dict[str, list[float]]] = {}
-    for batch in store.read(store.done, long=False):
-        for record in batch.values():
-            of = found.setdefault(record.settings[TRACKER], {})
-            of.setdefault(record.subject, []).append(record.measures["auc"])
+    for record in store.read(store.done):
+        of = found.setdefault(record.settings[TRACKER], {})
+        of.setdefault(record.subject, []).append(record.measures["auc"])
     return {
         tracker: {recording: float(np.mean(values)) for recording, values in of.items()}
         for tracker, of in found.items()

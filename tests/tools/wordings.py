@@ -7,7 +7,7 @@ import re
 from hostile import LONG
 
 from servo.cli.list_command import PARTS
-from servo.loop.run_measures import MEANINGS
+from servo.loop.measure import MEASURES
 from servo.papers.claims import CLAIMS
 from servo.scenario.catalogue import LISTS, PLUGINS, shipped, studies
 from servo.scenario.load import KEYS
@@ -18,7 +18,7 @@ def _listed() -> dict[str, str]:
         "LISTED": dict.fromkeys((*PARTS, *KEYS)),
         "SCENARIOS": shipped(),
         "STUDIES": studies(),
-        "MEASURES": MEANINGS,
+        "MEASURES": MEASURES,
         "CLAIMS": [claim.name for claim in CLAIMS],
         "SECTIONS": KEYS,
     }

@@ -7,7 +7,6 @@ import signal
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from multiprocessing import resource_tracker
 
 from dask.system import CPU_COUNT
@@ -16,8 +15,7 @@ from distributed.security import Security
 from distributed.system import MEMORY_LIMIT
 
 from servo.mistake import Mistake, Refused
-from servo.study.cluster.tasks import ONE_THREAD, TICK, Cluster, silence
-from servo.study.run import ClusterLost
+from servo.study.cluster.tasks import ONE_THREAD, Cluster, Patience, silence
 
 LOOPBACK = "127.0.0.1"
 SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
@@ -28,11 +26,13 @@ WORKERS_A_CORE = 8
 FILES = 32
 FILES_A_WORKER = 16
 """Open files of a client, and additional ones for each worker."""
-MOST_REPLACED = 3
-"""Most replacements of a worker that dies before it can work."""
 WARNINGS = "PYTHONWARNINGS"
-LONGEST_START = 120.0
-"""Longest time without any worker [s]."""
+LONGEST_START = 60.0
+"""Longest time without any worker [s]; one starts in 2 s, in 10 s on a busy machine."""
+NO_WORKER = (
+    "the worker processes end before they can work; there may be too little memory, or too few "
+    "processes or open files allowed (ulimit -a)"
+)
 
 
 def check_workers(workers: int) -> None:
@@ -96,36 +96,23 @@ def local(workers: int) -> Generator[Cluster]:
             raise Refused(f"the worker processes cannot be started: {_reason(error)}") from None
         with cluster, Client(cluster, set_as_default=False) as client:
             cluster.scale(workers)
-            yield Cluster(client, "the local cluster", _Replacement(cluster, workers))
+            patience = Patience(LONGEST_START, NO_WORKER)
+
+            def watch(there: int) -> None:
+                replace_dead(cluster, workers)
+                patience(there)
+
+            yield Cluster(client, "the local cluster", watch)
 
 
-@dataclass(slots=True)
-class _Replacement:
-    """Replaces workers that died before they could work; Dask restarts all others."""
-
-    cluster: LocalCluster
-    workers: int
-    replaced: int = 0
-    without: float = 0.0
-    """Time without any worker [s], counted in ticks; it stops when the client is paused."""
-
-    def __call__(self, there: int) -> None:
-        self.without = 0.0 if there else self.without + TICK
-        if there >= self.workers:
-            self.replaced = 0
-        nannies = list(self.cluster.workers.items())
-        dead = [name for name, nanny in nannies if nanny.status in (Status.closed, Status.failed)]
-        spent = self.replaced + len(dead) > MOST_REPLACED * self.workers
-        if (spent or self.without > LONGEST_START) and not there:
-            raise ClusterLost(
-                "the worker processes end before they can work; there may be too little memory, "
-                "or too few processes or open files allowed (ulimit -a)"
-            )
-        if dead and not spent:
-            self.replaced += len(dead)
-            for name in dead:
-                self.cluster.workers.pop(name, None)
-            self.cluster.scale(self.workers)
+def replace_dead(cluster: LocalCluster, workers: int) -> None:
+    """Start new workers for those that died before they could work; Dask restarts all others."""
+    nannies = list(cluster.workers.items())
+    dead = [name for name, nanny in nannies if nanny.status in (Status.closed, Status.failed)]
+    for name in dead:
+        cluster.workers.pop(name, None)
+    if dead:
+        cluster.scale(workers)
 
 
 def _reason(error: BaseException) -> str:

@@ -3,7 +3,6 @@
 import asyncio
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -13,8 +12,7 @@ from distributed.utils import LoopRunner, sync
 
 from servo.mistake import Mistake
 from servo.study.cluster import tasks
-from servo.study.cluster.tasks import TICK, Cluster, silence
-from servo.study.run import ClusterLost
+from servo.study.cluster.tasks import Cluster, silence
 
 PLAIN = "tcp"
 ENCRYPTED = "tls"
@@ -60,7 +58,8 @@ def remote(text: str) -> Generator[Cluster]:
         try:
             client = sync(runner.loop, _reach, address, security)
             name = f"the scheduler {address}"
-            found = Cluster(client, name, _Watch(name))
+            lost = f"{name} has had no worker for {tasks.PATIENCE:g} s"
+            found = Cluster(client, name, tasks.Patience(tasks.PATIENCE, lost))
             try:
                 found.workers()
                 yield found
@@ -69,20 +68,6 @@ def remote(text: str) -> Generator[Cluster]:
                     client.close(CLOSING)
         finally:
             runner.stop()
-
-
-@dataclass(slots=True)
-class _Watch:
-    """Raises `ClusterLost` when a scheduler has had no worker for `PATIENCE`."""
-
-    name: str
-    without: float = 0.0
-    """Time without any worker [s], counted in ticks; it stops when the client is paused."""
-
-    def __call__(self, there: int) -> None:
-        self.without = 0.0 if there else self.without + TICK
-        if self.without >= tasks.PATIENCE:
-            raise ClusterLost(f"{self.name} has had no worker for {tasks.PATIENCE:g} s")
 
 
 def security_of(address: str) -> Security:

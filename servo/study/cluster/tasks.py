@@ -66,6 +66,28 @@ class Cluster:
         return len(threads)
 
 
+@dataclass(slots=True)
+class Patience:
+    """The watch over the number of workers: it raises ClusterLost where there are none for long."""
+
+    longest: float
+    """Longest time without any worker [s]."""
+    sentence: str
+    """Why there may be none."""
+    without: float = 0.0
+    """Time without any worker [s], counted in ticks; it stops when the client is paused."""
+
+    def __call__(self, there: int) -> None:
+        """Take the number of workers, a `TICK` after the last time.
+
+        Raises:
+            ClusterLost: There has been none for too long.
+        """
+        self.without = 0.0 if there else self.without + TICK
+        if self.without >= self.longest:
+            raise ClusterLost(self.sentence)
+
+
 @contextmanager
 def silence() -> Generator[None]:
     """Use our settings of Dask, and keep its loggers off stderr, within the block."""

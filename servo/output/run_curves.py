@@ -1,0 +1,119 @@
+"""The curves of a run from its table of steps: the same for plots, notebooks and pages."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from servo.mistake import Mistake
+from servo.output.steps_table import TABLE, ending, ending_of_rate
+from servo.parts import FeatureSet
+from sim.types import Array
+from tracking.types import Status
+
+MIDDLE = (1, 99)
+"""Percentiles of the measured motion that its figure shows; outliers may be outside."""
+ROOM = 0.1
+LEAST = 0.02
+"""Room above and below the curves, over their range; and the least range, in the feature's unit
+per second.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """The target's own motion in the image, as the change of one feature (n,) [its unit/s]."""
+
+    measured: Array
+    estimated: Array
+    true: Array
+    """nan in the first frame, before which there is no motion."""
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Lower and upper end of the axis of its figure."""
+        finite = self.measured[np.isfinite(self.measured)]
+        middle = np.percentile(finite, MIDDLE) if len(finite) else np.zeros(1)
+        every = np.concatenate([middle, self.estimated, self.true])
+        low = float(np.nanmin(every))
+        high = float(np.nanmax(every))
+        room = ROOM * max(high - low, LEAST)
+        return low - room, high + room
+
+
+@dataclass(frozen=True, slots=True)
+class RunCurves:
+    """The table of a run's steps, with the names and units of its features."""
+
+    table: pa.Table
+    units: Mapping[str, str]
+    """Unit of each feature by name; 1: a number without unit."""
+    feed_forward: Sequence[str]
+    """Features whose motion is fed forward."""
+    place: str = TABLE
+    """The file of the table, for messages."""
+
+    @staticmethod
+    def of(table: pa.Table, features: FeatureSet) -> "RunCurves":
+        """Return the curves of a table of steps with these features."""
+        units = dict(zip(features.names, features.units, strict=True))
+        return RunCurves(table, units, features.feed_forward)
+
+    @staticmethod
+    def read(path: Path, features: FeatureSet) -> "RunCurves":
+        """Return the curves of a file of steps with these features.
+
+        Raises:
+            OSError: It cannot be read.
+        """
+        return RunCurves.of(pq.read_table(path), features)
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a column of numbers (n,).
+
+        Raises:
+            Mistake: There is no such column.
+        """
+        return self._column(name, float)
+
+    def _column(self, name: str, kind: type) -> NDArray[Any]:
+        try:
+            return self.table[name].to_numpy().astype(kind)
+        except (KeyError, TypeError, ValueError):
+            sentence = f"{self.place}: there is no such column '{name}' as a run writes"
+            raise Mistake(sentence) from None
+
+    @property
+    def moving(self) -> list[str]:
+        """The features for which the target's own motion is drawn."""
+        return [name for name in self.feed_forward or self.units if name in self.units]
+
+    @property
+    def unsure(self) -> NDArray[np.bool_]:
+        """Frames (n,) that were dropped, or in which the tracker was not sure of the target."""
+        locked = self._column("status", str) == Status.LOCKED.name
+        return ~((self["fresh"] > 0) & locked)
+
+    def error(self, feature: str) -> Array:
+        """Return the error (n,) of a feature, in its unit."""
+        return self[_name("error", feature, ending(self.units[feature]))]
+
+    def motion(self, feature: str) -> Motion:
+        """Return the target's own motion as the change of a feature."""
+        rate = ending_of_rate(self.units[feature])
+        measured, estimated, true = (
+            self[_name(f"motion_{which}", feature, rate)]
+            for which in ("measured", "estimated", "true")
+        )
+        true[:1] = np.nan
+        return Motion(measured, estimated, true)
+
+
+def _name(*words: str) -> str:
+    """Return the name of a column from its parts, of which the last may be empty."""
+    return "_".join(filter(None, words))
