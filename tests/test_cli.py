@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from machines import machine_with
 
 from servo.cli import main
 from servo.output.run_folder import RunFolder
@@ -115,9 +116,7 @@ def test_a_mistake_is_one_sentence_exit_2_and_leaves_nothing(monkeypatch, capfd,
 def test_without_a_gl_library_it_is_named_and_the_exact_renderer_is_used(
     monkeypatch, capfd, elsewhere, command
 ):
-    monkeypatch.setattr(gl, "_library", lambda name: None)
-    monkeypatch.setattr(gl.sys, "platform", "linux")
-    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    machine_with(monkeypatch)
     monkeypatch.setenv(gl.WITHOUT, "")  # the command sets it: it is taken back after the test
     monkeypatch.delenv(gl.WITHOUT)
     gl.is_there.cache_clear()

@@ -166,11 +166,11 @@ def test_bits_are_the_same_with_a_plain_processor_and_without_opengl(tmp_path):
 
 
 def test_without_opengl_a_line_says_so_and_the_exact_renderer_is_used(monkeypatch, capsys):
-    monkeypatch.setattr(gl, "_library", lambda _: None)
-    monkeypatch.setattr(gl.sys, "platform", "linux")
+    from machines import machine_with  # this file is imported by other processes too
+
+    machine_with(monkeypatch)
     monkeypatch.setenv(gl.WITHOUT, "")
     monkeypatch.delenv(gl.WITHOUT)
-    monkeypatch.delenv("MUJOCO_GL", raising=False)
     assert versions()["pictures"] == "as set"
     gl.is_there.cache_clear()
     assert renderer_of("exact") is ExactRenderer

@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from machines import machine_with
 
 gymnasium = pytest.importorskip("gymnasium")
 
@@ -101,12 +102,10 @@ def test_tritons_library_is_loaded_before_mesas(monkeypatch, tmp_path):
     (tmp_path / "triton").mkdir()
     (tmp_path / "triton" / "__init__.py").touch()
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delenv("MUJOCO_GL", raising=False)
-    loaded = []
-    monkeypatch.setattr(gl, "_library", lambda name: loaded.append(name) or name)
-    monkeypatch.setattr(gl, "_has_device", lambda: bool(loaded.append("driver")) or True)
+    triton = tmp_path / "triton" / "_C" / "libtriton.so"
+    loaded = machine_with(monkeypatch, str(triton), "libEGL.so.1", "libGL.so.1")
     gl.backend()
-    assert loaded == [f"{tmp_path}/triton/_C/libtriton.so", "libEGL.so.1", "libGL.so.1", "driver"]
+    assert loaded == [str(triton), "libEGL.so.1", "libGL.so.1", "driver"]
 
 
 def test_a_mistake_can_be_made_of_one_as_a_vector_environment_does():

@@ -49,6 +49,13 @@ def test_workers_that_die_again_and_again_are_not_replaced_for_ever():
     assert cluster.scaled == []
 
 
+def test_workers_that_never_come_are_not_waited_for_for_ever():
+    nurse = local_cluster._Replacement(Cluster(), 2, without=local_cluster.LONGEST_START - 0.5)
+    nurse(0)
+    with pytest.raises(ClusterLost):
+        nurse(0)
+
+
 def test_a_whole_crew_begins_the_count_anew():
     nurse = local_cluster._Replacement(Cluster(Status.running, Status.running), 2, replaced=3)
     nurse(2)
