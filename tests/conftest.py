@@ -57,24 +57,40 @@ def sequences_folder():
 
 
 WALLS = {
+    "test_believed",
+    "test_closed_loop",
     "test_contracts",
     "test_every_setting",
+    "test_example_scripts",
     "test_extremes",
     "test_features_lenses",
+    "test_identify_contradictions",
     "test_inputs",
+    "test_lens",
     "test_limits",
     "test_odd_pictures",
     "test_properties_trackers",
     "test_scenarios",
     "test_vary",
 }
-"""Files whose tests try every setting, input or scenario."""
+"""Files whose tests try every setting, input, scenario, tracker or example, mostly in whole runs."""
 PLAIN_SHARE = 5
 """The plain command runs one in so many of their cases, the same ones each time."""
 
 
+LONGEST_FIRST = json.loads((ROOT / "tests" / "data" / "durations.json").read_text())
+"""The longest test of each file in which one takes seconds, as tests/tools/durations.py wrote it."""
+
+
+def pytest_xdist_auto_num_workers(config):
+    """Tests that start programs wait half of their time: twice as many at once."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return 2 * cores if config.option.markexpr == "processes" else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
+    items.sort(key=lambda item: -LONGEST_FIRST.get(item.path.stem, 0.0))
     for item in items:
         is_case = item.path.stem in WALLS and hasattr(item, "callspec")
         if is_case and zlib.crc32(item.nodeid.encode()) % PLAIN_SHARE:

@@ -7,7 +7,6 @@ import pytest
 
 from servo.cli import sweep_command
 from servo.mistake import LONGEST, Mistake, Refused
-from servo.output import track_folder
 from servo.report import words
 from servo.scenario import toml
 from servo.scenario.draws import LARGEST_NUMBER
@@ -151,15 +150,17 @@ def test_labels(label, right):
     assert passes(Contender, label, None) is right
 
 
-def test_workers(monkeypatch):
-    monkeypatch.setattr(local_cluster, "MEMORY_LIMIT", 24e9)
-    monkeypatch.setattr(local_cluster, "CPU_COUNT", 2)
-    monkeypatch.setattr(local_cluster, "_allow_files", lambda _: None)
-    assert [passes(local_cluster.check_workers, n) for n in (16, 17)] == [True, False]
-    monkeypatch.setattr(local_cluster, "MEMORY_LIMIT", 3 * 300e6)
-    assert [passes(local_cluster.check_workers, n) for n in (3, 4)] == [True, False]
-    monkeypatch.setattr(local_cluster, "MEMORY_LIMIT", 1e6)
-    assert [passes(local_cluster.check_workers, n) for n in (1, 2)] == [True, False]
+def machine_of(monkeypatch, memory, cores=2, files=(-1, -1)):
+    """Let the machine have so many bytes, cores and open files."""
+    monkeypatch.setattr(local_cluster, "MEMORY_LIMIT", memory)
+    monkeypatch.setattr(local_cluster, "CPU_COUNT", cores)
+    monkeypatch.setattr(local_cluster.resource, "getrlimit", lambda _: files)
+
+
+@pytest.mark.parametrize(("memory", "most"), [(24e9, 16), (3 * 300e6, 3), (1e6, 1)])
+def test_workers(monkeypatch, memory, most):
+    machine_of(monkeypatch, memory)
+    assert [passes(local_cluster.check_workers, n) for n in (most, most + 1)] == [True, False]
 
 
 @pytest.mark.parametrize(
@@ -173,14 +174,15 @@ def test_workers(monkeypatch):
     ],
 )
 def test_open_files(monkeypatch, soft, hard, outcome):
+    """Two workers need 64: 32 of the client, 16 a worker."""
     set_to = []
-    monkeypatch.setattr(local_cluster.resource, "getrlimit", lambda _: (soft, hard))
+    machine_of(monkeypatch, 24e9, files=(soft, hard))
     monkeypatch.setattr(local_cluster.resource, "setrlimit", lambda _, to: set_to.append(to))
     if outcome is Refused:
         with pytest.raises(Refused):
-            local_cluster._allow_files(64)
+            local_cluster.check_workers(2)
     else:
-        local_cluster._allow_files(64)
+        local_cluster.check_workers(2)
         assert set_to == outcome
 
 
@@ -192,16 +194,6 @@ def test_threads_of_workers(threads, right):
     else:
         with pytest.raises(ClusterLost):
             crew.workers()
-
-
-def test_room_on_the_disk(monkeypatch, tmp_path):
-    """With exactly what is kept free there is enough."""
-    at = track_folder.SPARE
-    for free, full in ((at, False), (at - 1, True)):
-        usage = SimpleNamespace(free=free)
-        monkeypatch.setattr(track_folder.shutil, "disk_usage", lambda _, usage=usage: usage)
-        folder = SimpleNamespace(_folder=tmp_path)
-        assert track_folder.TrackFolder._nearly_full(folder) is full
 
 
 def test_numbers_on_a_page():

@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from machines import machine_with
 
 from servo.cli import main
 from servo.output.run_folder import RunFolder
@@ -115,16 +116,14 @@ def test_a_mistake_is_one_sentence_exit_2_and_leaves_nothing(monkeypatch, capfd,
 def test_without_a_gl_library_it_is_named_and_the_exact_renderer_is_used(
     monkeypatch, capfd, elsewhere, command
 ):
-    monkeypatch.setattr(gl, "LIBRARIES", {"egl": (("libGone.so.1",), gl.INSTALL)})
-    monkeypatch.setattr(gl.sys, "platform", "linux")
-    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    machine_with(monkeypatch)
     monkeypatch.setenv(gl.WITHOUT, "")  # the command sets it: it is taken back after the test
     monkeypatch.delenv(gl.WITHOUT)
     gl.is_there.cache_clear()
     code, _, err = call(monkeypatch, capfd, *command)
     assert code == 0
     assert err == (
-        "servobench: The OpenGL library libGone.so.1 is missing on this machine: "
+        "servobench: The OpenGL library libEGL.so.1 is missing on this machine: "
         f'run {gl.INSTALL}. camera.renderer = "exact" is used.\n'
     )
     gl.is_there.cache_clear()

@@ -1,5 +1,6 @@
 """Every tracker steers the camera: what it follows is servoed, the rest is held."""
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
@@ -7,7 +8,9 @@ from servo.cli import main
 from servo.loop.episode import measured_run
 from servo.loop.run_measures import Outcome
 from servo.scenario.load import load
+from sim.types import Frame
 from tracking import create, trackers
+from tracking.types import Region, State
 
 TRACKERS = [kind for kind in trackers.general_kinds() if kind != "frozen"]
 SHORT = ("run.duration=4.0", "measure.after=3.0")
@@ -72,7 +75,13 @@ def test_presets_are_the_papers_settings():
 
 def test_settings_go_before_the_preset():
     tracker = create("kams", preset="paper", particles=7)
-    assert tracker._settings.particles == 7
-    assert tracker._settings.gamma == 20.0
+    settings = trackers.KINDS.preset("kams", "paper") | {"particles": 7}
+    built = trackers.KINDS.config_of("kams")(**settings).build(np.random.default_rng(0))
+    picture = np.random.default_rng(1).integers(0, 255, (90, 120, 3), np.uint8)
+    for each in (tracker, built):
+        each.start(Frame(picture, 0.0, 0), Region(30.0, 20.0), State(60.0, 45.0))
+    found, expected = (each.update(Frame(picture, 0.1, 1)) for each in (tracker, built))
+    assert found.state == expected.state
+    assert found.distance == expected.distance
     with pytest.raises(ValueError, match="there is no preset 'book'; 'frozen' has none"):
         create("frozen", preset="book")

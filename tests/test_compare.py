@@ -47,9 +47,10 @@ def test_variants_are_groups_of_settings_over_scenarios_and_seeds():
 
 
 def test_a_comma_inside_a_list_separates_no_settings():
-    text = 'a=start.pose=[0.0,1.0],camera.model="x"'
-    found = {"start.pose": [0.0, 1.0], "camera.model": "x"}
-    assert compare_command._settings(text) == ("a", found)
+    text = 'a=controller.weights=[1.0,1.0,1.0,0.1,0.1,1.0],tracker.kind="frozen"'
+    found = {"controller.weights": [1.0, 1.0, 1.0, 0.1, 0.1, 1.0], "tracker.kind": "frozen"}
+    study = study_of(request(set_of=[text]), "mine")
+    assert study.bases[0].named["variant"]["a"] == found
 
 
 def test_a_single_variant_stands_beside_the_scenario_as_it_is():

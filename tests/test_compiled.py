@@ -1,5 +1,7 @@
 """Where compiled loops are kept: beside their source, and in the temporary folder at worst."""
 
+import importlib.util
+import os
 import stat
 import subprocess
 import sys
@@ -73,10 +75,7 @@ def test_a_full_disk_costs_a_line_and_not_the_run(tmp_path):
 def test_a_folder_that_somebody_else_may_write_to_is_not_used(monkeypatch, tmp_path, trap):
     """Compiled code is executed: it comes from nobody else."""
     monkeypatch.setattr(compiled.tempfile, "tempdir", str(tmp_path))
-    compiled._private_folder.cache_clear()
-    usual = compiled._private_folder()
-    usual.rmdir()
-    compiled._private_folder.cache_clear()
+    usual = tmp_path / compiled.NAME.format(os.getuid())
     if trap == "link":
         (tmp_path / "elsewhere").mkdir()
         usual.symlink_to(tmp_path / "elsewhere")
@@ -85,7 +84,9 @@ def test_a_folder_that_somebody_else_may_write_to_is_not_used(monkeypatch, tmp_p
     else:
         usual.mkdir()
         usual.chmod(0o777)
-    other = compiled._private_folder()
-    compiled._private_folder.cache_clear()
+    spec = importlib.util.spec_from_file_location("compiled_again", compiled.__file__)
+    again = importlib.util.module_from_spec(spec)  # it has not chosen its folder
+    spec.loader.exec_module(again)
+    other = again._private_folder()
     assert other != usual
     assert stat.S_IMODE(other.stat().st_mode) == 0o700

@@ -4,7 +4,7 @@ what the camera itself causes, and what limits let through.
 
 import numpy as np
 import pytest
-from servoing import begun, own, plane_of, posture_of, task
+from servoing import METRIC, begun, own, plane_of, posture_of, task
 
 from servo.controllers._pending_commands import PendingCommands
 from servo.controllers.ibvs import Config as Ibvs
@@ -191,6 +191,11 @@ def test_the_matrix_goes_on_changing_in_the_frames_to_come():
     assert mean < 0.1 * end
 
 
+def scales_of(goal):
+    """The scales of the features whose goal this is."""
+    return METRIC.scales(METRIC.values(goal))
+
+
 def test_after_a_gap_only_the_last_matrix_is_known():
     listener, twist = Listener(), np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.8])
     law = Ibvs().build(np.random.default_rng(0))
@@ -198,8 +203,8 @@ def test_after_a_gap_only_the_last_matrix_is_known():
     sights = [seen_from(DOWN, Pose.planar(x, 0, x)) for x in (0.0, 0.1, 0.2, 0.3)]
     for sight in (sights[0], sights[1], None, sights[2], sights[3]):
         law.command(sight, posture_of(twist), DT)
-    given = [o.past * law._scales for o in listener.owns]
-    L = [law._features.matrix(sight) for sight in sights]
+    given = [o.past * scales_of(sights[0]) for o in listener.owns]
+    L = [METRIC.matrix(sight) for sight in sights]
     expected = [L[0], (L[0] + L[1]) / 2, L[1], L[2], (L[2] + L[3]) / 2]
     np.testing.assert_allclose(given, [matrix @ twist for matrix in expected], atol=1e-12)
 
@@ -224,13 +229,13 @@ def test_ideal_feed_forward_leaves_no_error_in_a_kinematic_loop():
     estimator, V, dt = true.Config().build(np.random.default_rng(0)), np.array([0.1, 0.05, 0]), 0.04
     law = Ibvs(interval="end").build(np.random.default_rng(0))
     law.start(task(seen_from(DOWN, Pose.planar(0, 0, 0)), estimator))
+    scales = scales_of(seen_from(DOWN, Pose.planar(0, 0, 0)))
     camera, twist, target = DOWN, np.zeros(6), np.zeros(3)
     for k in range(100):
         V = -V if k == 50 else V
         sight = seen_from(camera, Pose(np.eye(3), target))
         relative = np.concatenate([-camera.rotation.T @ V, np.zeros(3)])
-        motion = law._features.matrix(sight) @ relative / law._scales
-        estimator.see(View(true_motion=motion))
+        estimator.see(View(true_motion=METRIC.matrix(sight) @ relative / scales))
         command = law.command(sight, posture_of(twist), dt)
         assert np.abs(command.trace.error).max() < 1e-12
         twist, target = command.twist, target + V * dt

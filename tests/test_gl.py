@@ -1,4 +1,3 @@
-import ctypes
 import os
 import re
 import subprocess
@@ -9,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from machines import machine_with
 
 from sim.camera import gl, renderer
 
@@ -18,20 +18,6 @@ INSTALL = (
     "'apt-get install --no-install-recommends libegl1 libgl1 libgl1-mesa-dri' (Debian, Ubuntu), "
     "'dnf install mesa-libEGL mesa-libGL mesa-dri-drivers' (Fedora) or 'pacman -S mesa' (Arch)"
 )
-
-
-def machine_with(monkeypatch, *names, device=True):
-    real = ctypes.CDLL
-
-    def load(name, *rest, **more):
-        if name.startswith("lib") and name not in names:
-            raise OSError(name)
-        return real(name, *rest, **more)
-
-    monkeypatch.setattr(gl.sys, "platform", "linux")
-    monkeypatch.setattr(gl.ctypes, "CDLL", load)
-    monkeypatch.setattr(gl, "_has_device", lambda: device)
-    monkeypatch.delenv("MUJOCO_GL", raising=False)
 
 
 @pytest.mark.parametrize(

@@ -213,12 +213,16 @@ def test_a_window_shows_each_picture(monkeypatch):
     env = made(render_mode="human")
     env.reset(seed=0)
     env.step(np.zeros(4, np.float32))
-    figure, image = (window := env.unwrapped._window).figure, window.image
-    assert (image.get_array() == servo.gym.annotated(env.unwrapped._now)).all()
-    env.close()
     from matplotlib import pyplot
 
-    assert not pyplot.fignum_exists(figure.number)
+    (number,) = pyplot.get_fignums()
+    (image,) = pyplot.figure(number).axes[0].images
+    twin = made(render_mode="rgb_array")
+    twin.reset(seed=0)
+    twin.step(np.zeros(4, np.float32))
+    assert (image.get_array() == twin.render()).all()
+    env.close()
+    assert not pyplot.fignum_exists(number)
 
 
 def test_without_gymnasium_the_extra_is_named(tmp_path):

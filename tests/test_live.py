@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 import cv2
 import numpy as np
 import pytest
-from commands import BIN, PATIENCE, STOPPED
+from commands import BIN, PATIENCE, STOPPED, answers
 from selenium.common.exceptions import WebDriverException
 from tracked import REGION, pictures
 
@@ -117,7 +117,7 @@ def camera_seen(browser):
 
 def gone(port):
     end = time.monotonic() + PATIENCE
-    while live._listens(port):
+    while answers(port):
         assert time.monotonic() < end
         time.sleep(0.1)
 
@@ -219,7 +219,7 @@ def test_a_live_track_that_is_stopped_takes_its_server_along(tmp_path, number, c
     while not (tmp_path / "runs" / "in-frozen-0" / "track.csv").exists():
         time.sleep(0.05)
     time.sleep(1.0)
-    assert live._listens(port)
+    assert answers(port)
     process.send_signal(number)
     _, err = process.communicate(timeout=PATIENCE)
     assert (process.returncode, err) == (code, said)

@@ -16,6 +16,9 @@ from servo.types import Plane
 from sim.kinematics.robot import Robot
 from sim.world import World
 
+pytestmark = pytest.mark.wide
+"""They say nothing about the code, but whether the bounds notice: whole runs, a minute."""
+
 
 def missed(name):
     scenario = load(name)

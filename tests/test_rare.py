@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pyarrow as pa
 import pytest
+from machines import machine_with
 from rich.console import Console
 
 from servo.cli import sweep_command
@@ -61,9 +62,9 @@ def test_a_pose_out_of_reach_is_not_reached():
     ],
 )
 def test_other_systems_and_libraries_render_too(monkeypatch, platform, asked, found):
+    machine_with(monkeypatch, "libOSMesa.so.8")
     monkeypatch.setattr(gl.sys, "platform", platform)
     monkeypatch.setenv(gl.CHOSEN_BY, asked)
-    monkeypatch.setattr(gl, "LIBRARIES", {"osmesa": ((), "")})
     assert gl.backend() == found
 
 

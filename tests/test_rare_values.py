@@ -1,47 +1,15 @@
 """Values that hardly ever come: empty windows, odd pictures, axes of mixed kinds."""
 
 import numpy as np
-import pyarrow as pa
 import pytest
 
 from servo.mistake import Mistake
 from servo.study.axes import axes_of
-from servo.study.record_file import _cell, _type
-from sim.camera import gl
 from sim.files import picture_file
-from sim.geometry import inverse_if_strong
 from tracking import exported
-from tracking.appearance.bins import Window
-from tracking.appearance.local_patterns import TextureBins
 from tracking.sequences import truth
 from tracking.sequences.painted import KINDS as GENERATORS
 from tracking.sequences.painted._painting import blotches
-
-
-def test_a_singular_matrix_has_no_strong_inverse():
-    assert inverse_if_strong(np.zeros((3, 3)), 1e-9) is None
-
-
-def test_an_empty_window_has_no_labels():
-    found = TextureBins(8).label(np.zeros((20, 30, 3), np.uint8), Window(5, 5, 5, 9))
-    assert found.shape == (4, 0)
-
-
-@pytest.mark.parametrize(
-    ("values", "kind"),
-    [
-        ([True, False], pa.bool_()),
-        ([1, 2], pa.int64()),
-        ([1, 2.5], pa.float64()),
-        ([2.5], pa.float64()),
-        ([True, 1], pa.string()),
-        (["a", 1], pa.string()),
-    ],
-)
-def test_an_axis_is_a_column_of_its_kind(values, kind):
-    assert _type(values) == kind
-    cells = [_cell(value, kind) for value in (*values, None)]
-    assert cells == [*(map(str, values) if kind == pa.string() else values), None]
 
 
 @pytest.mark.parametrize(
@@ -105,18 +73,6 @@ def test_a_toolkit_that_has_no_picture_is_asked_for_no_more():
             raise AssertionError
 
     assert exported.run_vot(Handle(), "frozen") is None
-
-
-def test_other_systems_and_other_libraries_have_their_own_back_ends(monkeypatch):
-    monkeypatch.setattr(gl, "LIBRARIES", {"osmesa": ((), "")})
-    monkeypatch.setenv("MUJOCO_GL", "osmesa")
-    monkeypatch.setattr(gl.sys, "platform", "linux")
-    assert gl.backend() == "osmesa"
-    monkeypatch.setattr(gl.sys, "platform", "darwin")
-    assert gl.backend() == "glfw"
-    monkeypatch.setenv("MUJOCO_GL", "off")
-    with pytest.raises(gl.NoRenderer, match="Rendering is switched off by MUJOCO_GL=off: unset it"):
-        gl.backend()
 
 
 def test_a_texture_of_wild_contrast_reaches_black_and_white_and_goes_no_further():

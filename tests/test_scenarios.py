@@ -1,4 +1,4 @@
-"""Every shipped scenario meets its bounds, and repeats exactly."""
+"""Scenarios meet their bounds, and repeat exactly."""
 
 import itertools
 
@@ -12,10 +12,8 @@ from servo.loop.run_measures import summarise
 from servo.loop.settings import stream
 from servo.output.run_folder import RunFolder
 from servo.output.steps_table import TIMED
-from servo.scenario.catalogue import shipped
 from servo.scenario.load import load
 from servo.study.bounds import missed_bounds
-from sim.camera import gl
 
 
 def report_of(scenario):
@@ -46,37 +44,14 @@ MORE = {"six_dof": tilts, "six_dof_levelled": levels, "found_again": searches_an
 """What else is true of the run of a scenario."""
 
 
-TEXTBOOK = ("turn_", "tilt_60", "border_po", "depth_half", "small_")
-SECONDS = (
-    "blur",
-    "border_qp",
-    "fisheye",
-    "hand_follow",
-    "hand_tag",
-    "lighting",
-    "six_hybrid",
-    "tilt_40_plate",
-)
-"""Those whose run takes seconds of processor time."""
-CHECKED = {name for name in shipped() if name.startswith(TEXTBOOK) or name in SECONDS}
-"""Textbook starts and long runs: `servobench check` runs them in CI, and test_textbook.py some of
-the first.
-"""
+JUDGED = (*MORE, "line", "occlusion", "reversal", "spin", "still")
+"""One of each kind of run; `servobench check` judges all scenarios, with the seed of their file."""
 
 
-FINER = ("plate_circle", "plate_line", "plate_still")
-"""Without OpenGL these take four samples a pixel: of a texture the exact renderer takes the nearest
-level, where OpenGL mixes two, so that details of a plate's picture jump. It is tracked to 0.48 to
-0.59 px rms with one sample, to 0.16 to 0.23 px with four, and to 0.15 to 0.20 px with OpenGL.
-"""
-
-
-@pytest.mark.parametrize("name", sorted({*shipped()} - CHECKED))
+@pytest.mark.parametrize("name", JUDGED)
 @pytest.mark.newest
 def test_bounds_are_kept(name):
-    is_coarse = name in FINER and not gl.is_there()
-    changes = ["camera.supersample=2"] if is_coarse else []
-    scenario = load(name, changes, seed=3)  # not the seed that anybody looks at first
+    scenario = load(name, seed=3)  # not the seed that anybody looks at first
     steps = list(run(scenario))
     report = summarise(steps, scenario.measure, 1 / scenario.camera.rate)
     assert [

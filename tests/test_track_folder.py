@@ -3,6 +3,7 @@
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -10,6 +11,7 @@ import pytest
 from tracked import rows_of
 
 from servo.mistake import Refused
+from servo.output import track_folder
 from servo.output.track_folder import TrackFolder
 from tracking.evaluation.track import Shot
 from tracking.evaluation.track_file import HEADER, read
@@ -99,8 +101,13 @@ def test_the_first_of_two_refusals_is_named(tmp_path):
 def test_after_each_row_room_is_looked_for_and_where_there_is_none_only_rows_go_on(
     tmp_path, monkeypatch
 ):
-    full = [False, True]
-    monkeypatch.setattr(TrackFolder, "_nearly_full", lambda _: full.pop(0))
+    """With exactly what is kept free there is enough."""
+    free = [track_folder.SPARE, track_folder.SPARE - 1]
+
+    def disk_usage(folder):
+        return SimpleNamespace(free=free.pop(0))
+
+    monkeypatch.setattr(track_folder.shutil, "disk_usage", disk_usage)
     extra = Extra()
     files = tracked(tmp_path, {"a": extra}, 3)
     assert str(files.refused) == f"{tmp_path}/a: it ends too early: the disk is full"

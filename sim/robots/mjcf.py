@@ -153,4 +153,4 @@ def shipped(
     path = str(resources.files("scenes") / FOLDER / model)
     config = Config(model=path, base=(0.0, 0.0, 0.0, 0.0), camera="eye", home=homes)
     design = config.build(np.random.default_rng(0))  # it draws nothing
-    return replace(design, drives=drives, inversion=inversion)
+    return replace(design, drives=drives, inversion=inversion, advice="")
