@@ -5,6 +5,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from sim.outline import Outline
 from sim.types import Array
 
 SAME_SIZE = 0.01
@@ -22,7 +23,8 @@ class Marker:
 
     def is_outline(self, outline: Array) -> bool:
         """Return whether a reference rectangle (4, 3) [m] has the size of the black square."""
-        return np.allclose(np.ptp(outline[:, :2], axis=0), self.size, rtol=SAME_SIZE)
+        sides = Outline(outline)
+        return np.allclose([sides.length, sides.width], self.size, rtol=SAME_SIZE)
 
 
 @runtime_checkable

@@ -7,6 +7,7 @@ from math import atan2, cos, sin, sqrt
 import numpy as np
 
 from sim.geometry import exp_so3
+from sim.outline import area
 from sim.types import Array, Camera, Pose, Truth
 
 MARKS = np.array([*np.eye(4), [0.5, 0.0, 0.5, 0.0], [0.0, 0.5, 0.5, 0.0]])
@@ -51,14 +52,6 @@ def truth(
         T_world_target=T_world_target,
         visible=visible,
     )
-
-
-def area(corners: Array) -> float:
-    """Area of a quadrangle, from the x and y of its corners (4, 2 or more): half the product of
-    its diagonals and the sine between them.
-    """
-    a, b, c, d = corners[:, :2].tolist()
-    return abs((c[0] - a[0]) * (d[1] - b[1]) - (c[1] - a[1]) * (d[0] - b[0])) / 2
 
 
 def camera_above(

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from sim.models.model_files import compiled
+from sim.outline import Outline
 from sim.types import Array
 
 OUTLINE = "outline"
@@ -58,9 +59,9 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
 
 
 def dimensions(outline: Array) -> tuple[float, float, float]:
-    """Length, width and height over the table [m] of a rectangle (4, 3)."""
-    length, width = np.ptp(outline[:, :2], axis=0).tolist()
-    return length, width, float(outline[0, 2])
+    """Return length, width and height over the table [m] of a rectangle with corners (4, 3)."""
+    sides = Outline(outline)
+    return sides.length, sides.width, sides.height
 
 
 def outline_site(spec: mujoco.MjSpec) -> Array | None:
