@@ -19,7 +19,7 @@ class Config:
     traits = frozenset({Trait.COLOUR})
 
     def build(self, rng: np.random.Generator) -> "CvMeanShift":
-        """Return the tracker; it draws nothing."""
+        """Return the tracker; uses no random numbers."""
         return CvMeanShift()
 
 

@@ -25,7 +25,7 @@ class Config:
     traits = frozenset[Trait]()
 
     def build(self, rng: np.random.Generator) -> "Frozen":
-        """Return the tracker; it draws nothing."""
+        """Return the tracker; uses no random numbers."""
         return Frozen()
 
 

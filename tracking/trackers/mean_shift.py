@@ -63,7 +63,7 @@ class ClimbSettings(AppearanceSettings):
         """The search."""
 
     def build(self, rng: np.random.Generator) -> "MeanShift":
-        """Return the tracker; it draws nothing."""
+        """Return the tracker; uses no random numbers."""
         return MeanShift(self)
 
 

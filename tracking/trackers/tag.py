@@ -31,7 +31,7 @@ class Config:
     traits = frozenset({Trait.MARKER, Trait.CORNERS})
 
     def build(self, rng: np.random.Generator) -> "Tag":
-        """Return the tracker; it draws nothing."""
+        """Return the tracker; uses no random numbers."""
         return Tag()
 
 
