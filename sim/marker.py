@@ -17,7 +17,7 @@ class Marker:
     """An AprilTag of the family 36h11."""
 
     id: int
-    """Its number in the family."""
+    """Number in the family, 0..586."""
     size: float
     """Side of its black square [m]."""
 
@@ -33,7 +33,7 @@ class Marked(Protocol):
 
     @property
     def marker(self) -> Marker:
-        """The marker."""
+        """The AprilTag that the target is."""
         ...
 
 

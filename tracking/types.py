@@ -48,7 +48,9 @@ class State:
 
     @property
     def vector(self) -> Array:
-        """(x, y, theta, ln scale): the coordinates in which filters and searches work."""
+        """Vector (4,) of x, y [px], theta [rad] and ln scale: the coordinates in which filters and
+        searches work.
+        """
         return np.array([self.x, self.y, self.theta, math.log(self.scale)])
 
     def moved(self, change: Array | None) -> State:
@@ -91,7 +93,7 @@ class Region:
         return Region(self.width * (1 - inset), self.height * (1 - inset))
 
     def area(self, state: State) -> float:
-        """Return the area at a state [px^2]."""
+        """Return the area of the region in the image at a state [px^2]."""
         return self.width * self.height * state.scale**2
 
 
@@ -194,7 +196,7 @@ class Tracker(Protocol):
 
 
 class Trait(Enum):
-    """What is special about a tracker; each member carries its sentence."""
+    """Property of a tracker that others ask about; the value describes it."""
 
     COLOUR = "It knows the target by its colours."
     TEXTURE = "It knows the target by its texture."
@@ -232,8 +234,8 @@ def follows_any_target(config: object) -> bool:
 
 @runtime_checkable
 class SeesOutline(Protocol):
-    """A tracker that finds by itself where a target is that is nothing else than what it follows,
-    such as a tag.
+    """A tracker that can correct the first region, because the target is a known object such as a
+    tag.
     """
 
     def outline(self, frame: Frame, region: Region, state: State) -> tuple[Region, State]:

@@ -25,7 +25,7 @@ class Config:
 
 @final
 class CvMeanShift(HueTracker):
-    """A box of fixed size."""
+    """A box of fixed size, moved by OpenCV's meanShift to the mode of the hue back-projection."""
 
     def _found(self, frame: Frame, ego: Array | None) -> State:
         box = box_of(self._region, self._state.moved(ego), frame.image)

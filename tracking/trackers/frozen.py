@@ -31,7 +31,7 @@ class Config:
 
 @final
 class Frozen:
-    """The first state for ever; it never claims to see the target."""
+    """Reports the first state in every frame, with status UNSURE."""
 
     _state: State = SET_BY_START
 
