@@ -17,7 +17,7 @@ from servo.parts import FeatureSet
 from servo.types import DOF, Command, Mode, OwnMotion, Prediction, Sight, Trace
 from sim.channels import VIEWED, Sees, needs_of
 from sim.geometry import is_rotation
-from sim.placement import area
+from sim.outline import area
 from sim.types import Array, Effect, Pose
 from tracking.types import Estimate, State, Status, goes_around
 

@@ -13,13 +13,13 @@ from sim.types import Array, DepthPicture, Frame, Image, Truth
 
 
 class Channel(Enum):
-    """What a part may be given; each member carries its sentence."""
+    """Data that a component (tracker, law, estimator) may ask for; the value describes it."""
 
     PICTURE = "The picture of the camera."
     DEPTH = "The depth picture of the camera."
     GOAL_PICTURE = "The picture that the camera takes at the goal."
     EGO_MOTION = "The motion in the picture that the camera's own motion causes."
-    TRUTH = "The exact place of the target, which only a simulation knows."
+    TRUTH = "The exact pose of the target, which only a simulation knows."
     TRUE_MOTION = "The exact motion of the target, which only a simulation knows."
     SEEN = "Whether the target is seen in this picture."
 
@@ -29,8 +29,8 @@ Channels = frozenset[Channel]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """The channels of one picture; None stands for one that the part has not declared, or that
-    nobody knows.
+    """The channels of one picture; None stands for a channel that the component has not declared,
+    or that is unknown.
     """
 
     picture: Image | None = None
@@ -70,19 +70,19 @@ VIEWED = frozenset({Channel.TRUTH, Channel.TRUE_MOTION, Channel.SEEN})
 
 @runtime_checkable
 class Sees(Protocol):
-    """A part with channels that are no arguments of its methods."""
+    """A component that receives its channels by `see`, besides the arguments of its methods."""
 
     def see(self, view: View) -> None:
-        """Take the declared channels of the next picture."""
+        """Receive the declared channels of the next picture, before any method that works on it."""
 
 
 @runtime_checkable
 class Declares(Protocol):
-    """Settings that name the channels of their part."""
+    """Settings of a component that names, in `needs`, the channels that it uses."""
 
     @property
     def needs(self) -> Channels:
-        """The channels."""
+        """Channels that the component uses."""
         ...
 
 

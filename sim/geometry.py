@@ -34,12 +34,12 @@ def mount_pose(mount: Sequence[float]) -> Pose:
 
 
 def skew(w: Array) -> Array:
-    """The matrix (3, 3) whose product with p is w x p."""
+    """Return the matrix (3, 3) whose product with a vector p is the cross product w x p."""
     return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
 
 
 def exp_so3(w: Array) -> Array:
-    """Rotation (3, 3) by the rotation vector w (3,) [rad] (Rodrigues)."""
+    """Return the rotation matrix (3, 3) of the rotation vector w (3,) [rad] (Rodrigues)."""
     angle = float(np.linalg.norm(w))
     W = skew(w)
     if angle < SMALL_ANGLE:
@@ -48,7 +48,7 @@ def exp_so3(w: Array) -> Array:
 
 
 def log_so3(R: Array) -> Array:
-    """Rotation vector (3,) [rad] of a rotation by less than pi."""
+    """Return the rotation vector (3,) [rad] of a rotation matrix (3, 3) by less than pi."""
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
     axis = np.array([(h - f) / 2, (c - g) / 2, (d - b) / 2])
     sine = sqrt(axis @ axis)
@@ -79,18 +79,18 @@ def _left_jacobian(w: Array) -> Array:
 
 
 def exp_se3(xi: Array) -> Pose:
-    """The motion of a frame that keeps the twist xi (6,) for unit time."""
+    """Return the relative pose of a frame after it keeps a twist xi (6,) for 1 s."""
     return Pose(exp_so3(xi[3:]), _left_jacobian(xi[3:]) @ xi[:3])
 
 
 def adjoint(T_a_b: Pose) -> Array:
-    """The matrix (6, 6) that takes a body's twist in frame b to its twist in frame a."""
+    """Return the matrix (6, 6) that takes a body's twist in frame b to its twist in frame a."""
     R = T_a_b.rotation
     return np.block([[R, skew(T_a_b.translation) @ R], [np.zeros((3, 3)), R]])
 
 
 def log_se3(pose: Pose) -> Array:
-    """The constant twist (6,) that makes this motion in unit time."""
+    """Return the twist (6,) that makes a relative pose in 1 s; the inverse of `exp_se3`."""
     w = log_so3(pose.rotation)
     t = pose.translation
     half = sqrt(w @ w) / 2
@@ -100,12 +100,12 @@ def log_se3(pose: Pose) -> Array:
 
 
 def half_turn(angle: float) -> float:
-    """An angle [rad] wrapped to (-pi/2, pi/2], for shapes whose front and back look alike."""
+    """Return an angle [rad] wrapped to (-pi/2, pi/2], for shapes of 180 deg symmetry."""
     return np.pi / 2 - (np.pi / 2 - angle) % np.pi
 
 
 def tilt(rotation: Array) -> float:
-    """Angle between the optical axis of a camera and straight down [rad]."""
+    """Return the angle [rad] of the optical axis to straight down, from R_world_camera (3, 3)."""
     axis = rotation[:, 2]
     return float(np.arctan2(np.hypot(axis[0], axis[1]), -axis[2]))
 
@@ -120,10 +120,10 @@ def is_rotation(R: Array, tolerance: float) -> bool:
 
 
 def inverse(A: Array) -> Array:
-    """The inverse of a square matrix; for small ones numpy's takes three times as long.
+    """Return the inverse of a square matrix; on small matrices three times as fast as numpy's.
 
     Raises:
-        LinAlgError: It has none.
+        LinAlgError: The matrix is singular.
     """
     factors, pivots, singular = lapack.dgetrf(A)
     if singular:

@@ -37,24 +37,32 @@ Settings = Mapping[str, Any]
 
 
 class PartConfig(Protocol[Thing]):
-    """The settings of a part: a frozen dataclass that builds it."""
+    """The settings of a component such as a tracker: a frozen dataclass with a default for every
+    field, which builds the component.
+    """
 
     def build(self, rng: np.random.Generator) -> Thing:
-        """Return the part; its random numbers come from the generator only."""
+        """Return the component that these settings describe.
+
+        Args:
+            rng: Source of all random numbers of the component: the same seed gives the same run.
+        """
         ...
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class BuildsItself:
-    """Settings that do the work, too: the part draws nothing."""
+    """Settings that are the part themselves: `build` returns the settings object."""
 
     def build(self, rng: np.random.Generator) -> Self:
-        """Return the part; draws nothing."""
+        """Return these settings as the part; uses no random numbers."""
         return self
 
 
 class UnknownKind(ValueError):
-    """There is no kind of that name; the message lists those that there are."""
+    """A kind (a named component, such as the tracker "kams") is unknown or cannot be loaded; the
+    message says why.
+    """
 
 
 @functools.cache  # parsing a scenario asks 40 times, 0.25 ms each
@@ -94,14 +102,16 @@ class Kinds(Generic[Config]):
         _REGISTERED[folder] = self
 
     def names(self) -> list[str]:
-        """Return all kinds, sorted.
+        """Return the names of all kinds in this folder and in installed packages, sorted.
 
         An installed package's kind that has the name of another one is called package:kind.
         """
         return sorted([*self._own(), *self._added()])
 
     def package_of(self, kind: str) -> str:
-        """Return the package and version that a kind comes from; nothing for ours."""
+        """Return the package and version that a kind comes from; an empty text for a kind of
+        servobench.
+        """
         found = self._added().get(kind)
         return "" if found is None else f"{found.package} {found.version}"
 

@@ -22,7 +22,7 @@ target shall be, to the right of the tag; chosen by hand."""
 
 @dataclass(frozen=True, slots=True)
 class LeaderConfig:
-    """The leader, and where the held target shall be."""
+    """Settings of the leader (a moving tag) and the desired pose of the held target beside it."""
 
     id: Annotated[int, Ge(0), Le(586)] | None = None
     """Number of its tag in the family AprilTag 36h11; by default there is no leader."""
@@ -54,6 +54,6 @@ class Leader:
 
     tag: Target
     T_moved_leader: Pose
-    """On what the motion moves."""
+    """Pose of the tag in the frame that the motion moves."""
     T_moved_goal: Pose
-    """Where the held target shall be."""
+    """Desired pose of the held target in the frame that the motion moves."""

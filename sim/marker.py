@@ -5,6 +5,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from sim.outline import Outline
 from sim.types import Array
 
 SAME_SIZE = 0.01
@@ -16,13 +17,14 @@ class Marker:
     """An AprilTag of the family 36h11."""
 
     id: int
-    """Its number in the family."""
+    """Number in the family, 0..586."""
     size: float
     """Side of its black square [m]."""
 
     def is_outline(self, outline: Array) -> bool:
         """Return whether a reference rectangle (4, 3) [m] has the size of the black square."""
-        return np.allclose(np.ptp(outline[:, :2], axis=0), self.size, rtol=SAME_SIZE)
+        sides = Outline(outline)
+        return np.allclose([sides.length, sides.width], self.size, rtol=SAME_SIZE)
 
 
 @runtime_checkable
@@ -31,7 +33,7 @@ class Marked(Protocol):
 
     @property
     def marker(self) -> Marker:
-        """The marker."""
+        """The AprilTag that the target is."""
         ...
 
 

@@ -1,6 +1,4 @@
-"""What a robot believes where it is wrong: errors of its calibration, and the robot that computes
-by its encoders and a wrong model.
-"""
+"""Calibration errors of a robot, and the robot that computes with a wrong model."""
 
 import copy
 from dataclasses import dataclass, replace
@@ -21,7 +19,9 @@ Millimetres = Annotated[float, Ge(-1000), Le(1000)]
 
 @dataclass(frozen=True, slots=True)
 class BelievedConfig:
-    """Errors of calibration; by default there are none."""
+    """Errors of the calibration of camera, hand-eye pose, joints, clock and target size; by default
+    all are zero.
+    """
 
     fx_factor: Annotated[float, Ge(0.1), Le(10)] = 1.0
     """Believed over true focal length, along u and v."""
@@ -57,7 +57,9 @@ class BelievedConfig:
             raise ValueError('size_factor: a goal that is "shown" has the size that it has')
 
     def camera(self, camera: Camera) -> Camera:
-        """Return the believed camera; the same object where nothing of it is wrong."""
+        """Return the intrinsics that the robot believes; the same object if its camera has no
+        errors.
+        """
         f = self.fx_factor
         believed = replace(
             camera,
@@ -77,7 +79,7 @@ class BelievedConfig:
 
     @property
     def hand_eye(self) -> Pose:
-        """Return T_camera_believed."""
+        """Return T_camera_believed: the believed camera's pose in the true camera's frame."""
         turn = exp_so3(np.radians(self.hand_eye_rotation_deg))
         return Pose(turn, np.array(self.hand_eye_mm) / 1e3)
 
@@ -169,7 +171,7 @@ class BelievedRobot:
 def as_believed(
     robot: Robot, design: Design, believed: BelievedConfig, rng: np.random.Generator | None
 ) -> Robot | BelievedRobot:
-    """A robot as it believes itself to be: the same object where all of that is right."""
+    """Return the robot with its calibration and drive errors; the same object if it has none."""
     d = design.drives
     errors = [np.ravel(each) for each in (d.encoder_noise, d.encoder_step, d.backlash)]
     if believed.is_body_right and not np.concatenate(errors).any():

@@ -33,14 +33,14 @@ class CameraInHand:
     """
 
     carried = "camera"
-    """What the robot carries."""
+    """Name of what the robot carries, for messages."""
     sign = 1.0
     """The camera moves as the hand does."""
     standing = None
     """T_world_camera of a camera that stands: there is none."""
 
     def check(self, model: mujoco.MjModel, place: str) -> None:
-        """Refuse a robot's model that cannot carry it.
+        """Check that a robot's model can carry the camera.
 
         Raises:
             ValueError: The site `eye` is not where the camera is; the sentence begins with a place.
@@ -52,7 +52,7 @@ class CameraInHand:
             raise ValueError(f"{place}: the site '{EYE}' has to be where the camera '{EYE}' is")
 
     def check_start(self, eye: Pose) -> None:
-        """Refuse a start pose.
+        """Check a start pose T_world_camera.
 
         Raises:
             ValueError: The camera would be in the table, or below it.
@@ -105,7 +105,7 @@ class TargetInHand:
     T_hand_target: Pose
     """How the robot holds the target."""
     carried = "target"
-    """What the robot carries."""
+    """Name of what the robot carries, for messages."""
     sign = -1.0
     """Seen from the target, the camera moves against the hand."""
 
@@ -115,10 +115,10 @@ class TargetInHand:
         return self.T_world_camera
 
     def check(self, model: mujoco.MjModel, place: str) -> None:
-        """Refuse nothing: the model's camera is put elsewhere."""
+        """Accept every model: its camera is moved into the room."""
 
     def check_start(self, eye: Pose) -> None:
-        """Refuse nothing: the target may be below the table's top."""
+        """Accept every start pose: a held target may be below the table's top."""
 
     def eye(self, hand: Pose) -> Pose:
         """Return T_target_camera from T_world_hand."""

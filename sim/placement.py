@@ -1,12 +1,11 @@
-"""Where things are in the picture: the target's projection, and the camera pose that makes a given
-picture.
-"""
+"""Projection of the target into the picture, and camera poses that give a wanted projection."""
 
 from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
 from sim.geometry import exp_so3
+from sim.outline import area
 from sim.types import Array, Camera, Pose, Truth
 
 MARKS = np.array([*np.eye(4), [0.5, 0.0, 0.5, 0.0], [0.0, 0.5, 0.5, 0.0]])
@@ -22,7 +21,7 @@ def truth(
     T_world_target: Pose,
     visible: float | None = None,
 ) -> Truth:
-    """The exact truth for a target whose reference rectangle has these corners.
+    """Return the exact truth for a target whose reference rectangle has these corners.
 
     Where a lens distorts, centre and corners are still projected points, theta is the direction
     from the centre to the middle of the nose, and the size is that of the quadrangle of the
@@ -53,26 +52,18 @@ def truth(
     )
 
 
-def area(corners: Array) -> float:
-    """Area of a quadrangle, from the x and y of its corners (4, 2 or more): half the product of
-    its diagonals and the sine between them.
-    """
-    a, b, c, d = corners[:, :2].tolist()
-    return abs((c[0] - a[0]) * (d[1] - b[1]) - (c[1] - a[1]) * (d[0] - b[0])) / 2
-
-
 def camera_above(
     camera: Camera, point: Array, heading: float, pixel: Array, theta: float, depth: float
 ) -> Pose:
-    """The level camera that sees a world point at a pixel and a depth, with a heading at an image
-    angle.
+    """Return T_world_camera of the level camera that sees a world point at a pixel and a depth,
+    with a heading at an image angle.
 
     Args:
         camera: Intrinsics.
         point: World point (3,) [m].
         heading: Direction in the world, about z [rad].
-        pixel: Where the point shall be seen (2,) [px].
-        theta: Direction in which the heading shall be seen, from +u towards +v [rad].
+        pixel: Desired projection of the point (2,) [px].
+        theta: Desired direction of the heading in the image, from +u towards +v [rad].
         depth: Distance along the optical axis [m].
     """
     yaw = heading + _straightened(camera, pixel, theta)
@@ -82,7 +73,8 @@ def camera_above(
 
 
 def tilted(T_world_camera: Pose, point: Array, tilt: float, towards: float) -> Pose:
-    """A level camera moved around a world point, which it sees where it saw it before.
+    """Return T_world_camera of a level camera moved around a world point, which it sees where it
+    saw it before.
 
     Args:
         T_world_camera: The level camera.
@@ -97,7 +89,7 @@ def tilted(T_world_camera: Pose, point: Array, tilt: float, towards: float) -> P
 
 
 def camera_facing(outline: Array, T_world_target: Pose, T_camera_object: Pose) -> Pose:
-    """The camera in which the target has a pose.
+    """Return T_world_camera of the camera in which the target has a given pose.
 
     Args:
         outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
@@ -116,10 +108,10 @@ def object_frame(outline: Array) -> Pose:
 
 
 def check_above_table(T_world_camera: Pose) -> None:
-    """Refuse a camera in the table.
+    """Check that a camera is above the table.
 
     Raises:
-        ValueError: It would be there; the sentence says how deep.
+        ValueError: The camera is not above the table's top, z = 0.
     """
     height = float(T_world_camera.translation[2])
     if height <= 0:
@@ -127,10 +119,10 @@ def check_above_table(T_world_camera: Pose) -> None:
 
 
 def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> None:
-    """Refuse a camera that cannot see a target's reference rectangle.
+    """Check that a camera can see the front of a target's reference rectangle (4, 3).
 
     Raises:
-        ValueError: It cannot; the sentence says why.
+        ValueError: Part of the rectangle is behind the camera, or the camera is behind its front.
     """
     T_camera_target = T_world_camera.inverse() @ T_world_target
     if T_camera_target.apply(outline)[:, 2].min() <= 0:
@@ -140,7 +132,9 @@ def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> N
 
 
 def truth_above(camera: Camera, outline: Array, pixel: Array, theta: float, depth: float) -> Truth:
-    """The truth of a target that a level camera sees at a pixel, an angle and a depth."""
+    """Return the truth of a target at the world's origin that a level camera sees at a pixel, an
+    angle and a depth.
+    """
     eye = camera_above(camera, outline.mean(axis=0), 0.0, pixel, theta, depth)
     return truth(camera, outline, eye, Pose.planar(0.0, 0.0, 0.0))
 

@@ -1,4 +1,4 @@
-"""Puts what moves by itself where it is at a time: target, board, second target, leader, lights."""
+"""Places mocap bodies (target, board, second target, leader) and sets lights for a given time."""
 
 from collections.abc import Sequence
 from functools import lru_cache, partial, reduce
@@ -24,26 +24,54 @@ BELOW = Pose(np.eye(3), np.array([0.0, 0.0, -100.0]))
 
 
 class Motion(Protocol):
-    """The path of the target."""
+    """The path of the target in the world frame, as a function of time alone.
+
+    Any class with this method is a motion. `at` is called with any time of a run, in any order and
+    repeatedly: it has to return the same pose for the same time, and may not keep state.
+
+    >>> class Driver:
+    ...     def at(self, time: float) -> Pose:
+    ...         return Pose.planar(0.1 * time, 0.0, 0.0)
+    >>> motion: Motion = Driver()
+    >>> motion.at(2.0).translation.tolist()
+    [0.2, 0.0, 0.0]
+    """
 
     def at(self, time: float) -> Pose:
-        """T_world_target at a time [s]."""
+        """Return T_world_target (x along the nose, z up; the table's top is z = 0) at a time since
+        the start of the run [s].
+        """
         ...
 
 
 class Disturbance(Protocol):
-    """An influence that disturbs the world."""
+    """A change of light, visibility or frame delivery, as a function of time alone.
+
+    `at` returns what the disturbance changes at a time, and `Effect()` while it changes nothing.
+    Effects of several disturbances are combined by `|`. As with a motion, the same time has to give
+    the same effect.
+
+    >>> class Dusk:
+    ...     props = ()
+    ...     def at(self, time: float) -> Effect:
+    ...         return Effect(lamp=0.5) if time > 1.0 else Effect()
+    >>> disturbance: Disturbance = Dusk()
+    >>> (disturbance.at(2.0) | Effect(gain=0.8)).lamp
+    0.5
+    """
 
     props: tuple[str, ...]
     """Props that it needs in the scene: "second_target", or "spot" for a finely lit table."""
 
     def at(self, time: float) -> Effect:
-        """The effect at a time [s]."""
+        """Return the effect at a time since the start of the run [s]."""
         ...
 
 
 class Stage:
-    """Moves mocap bodies and dims lights; the rest of the scene is the robot's and physics'."""
+    """Places the bodies that follow a prescribed path (target, board, second target, leader) and
+    sets the lights; the physics engine moves the robot.
+    """
 
     def __init__(
         self,
@@ -79,19 +107,21 @@ class Stage:
         self._board_parked = model.body(BOARD).pos.copy()
 
     def effect(self, time: float) -> Effect:
-        """All that disturbs at a time [s]."""
+        """Return the combined effect of all disturbances at a time [s]."""
         return reduce(or_, (d.at(time) for d in self._disturbances), Effect())
 
     def target(self, time: float) -> Pose:
-        """T_world_target at a time [s]; of a target that the robot holds, that of now."""
+        """Return T_world_target at a time [s]; of a target in the hand, its present pose."""
         return self._mounting.target(self._at(time), self._hand)
 
     def goal(self, time: float) -> Pose | None:
-        """T_world_target at a time [s] where it shall be beside a leader; None without one."""
+        """Return the desired T_world_target at a time [s]; None without a leader."""
         return None if self._leader is None else self._at(time) @ self._leader.T_moved_goal
 
     def place(self, data: mujoco.MjData, time: float, eye: Pose) -> None:
-        """Put everything where it is at a time [s], for a camera that is at `eye`."""
+        """Set mocap bodies in `data` and lights for a time [s]; `eye` is T_world_camera, from which
+        the board is placed on the line of sight.
+        """
         target = self.target(time)
         self._put(data, TARGET, target)
         if self._leader is not None:

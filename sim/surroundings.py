@@ -4,7 +4,7 @@ Each is a table of a scenario, and the defaults leave the room as it is. Things 
 flat on the table, so that a target may drive over them from anywhere to anywhere.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import cos, radians, sin
 from typing import Annotated, Any, Literal
@@ -36,13 +36,15 @@ SLIMMEST = 0.25
 """Least width of a card over its length."""
 BAR = 0.15
 """Width of a bar over its length."""
+SHAPES = ("disc", "card", "bar")
+"""Shapes of the clutter; the draws count them in this order."""
 LAMP_STRENGTH = 0.5
 """Strength of the lamp in the room's model: with the head light, all lights sum to 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class GroundConfig:
-    """What the table top looks like."""
+    """Settings of the picture on the table's top."""
 
     kind: Literal["wood", "concrete", "carpet", "checker", "noise", "picture"] = WOOD
     """A shipped picture, or "picture": that of `file`."""
@@ -70,9 +72,9 @@ class ClutterConfig:
     """Flat things that lie on the table; where, and how they look, is drawn by the run's seed."""
 
     number: Annotated[int, Ge(0), Le(500)] = 0
-    """How many there are."""
+    """Number of things."""
     shape: Literal["mixed", "disc", "card", "bar"] = "mixed"
-    """What they are."""
+    """Shape of the things; "mixed" draws one for each."""
     alike: Share = 0.0
     """Share of them in colours of the target."""
     toys: bool = True
@@ -95,7 +97,7 @@ class LightConfig:
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """All that surrounds the target."""
+    """The ground under the target, the clutter around it and the light."""
 
     ground: GroundConfig = field(default_factory=GroundConfig)
     clutter: ClutterConfig = field(default_factory=ClutterConfig)
@@ -104,14 +106,14 @@ class Surroundings:
     """Draws the clutter."""
 
     def furnish(self, room: mujoco.MjSpec, target: mujoco.MjSpec) -> None:
-        """Change a room's model.
+        """Apply ground, clutter and light to a room's model, which is changed.
 
         Args:
             room: That of scenes/room.xml.
             target: Its colours are those of the things alike.
 
         Raises:
-            ValueError: A picture cannot be read, or a colour is none.
+            ValueError: A picture cannot be read, or a colour is not valid.
         """
         if self.ground.kind != WOOD:
             _cover(room, self.ground)
@@ -160,10 +162,9 @@ def colours_of(target: mujoco.MjSpec) -> Array:
 def _strew(
     room: mujoco.MjSpec, clutter: ClutterConfig, alike: Array, rng: np.random.Generator
 ) -> None:
-    shapes = list(SHAPES)
     reach = room.geom(TABLE).size[:2]
     for i in range(clutter.number):
-        shape = shapes[rng.integers(len(shapes))]
+        shape = SHAPES[rng.integers(len(SHAPES))]
         place = rng.uniform(-reach, reach)
         turn = rng.uniform(0.0, 180.0)
         length = rng.uniform(*LENGTHS)
@@ -175,33 +176,17 @@ def _strew(
             pos=[*place, height / 2],
             euler=[0.0, 0.0, turn],
             rgba=[*colour, 1.0],
-            **SHAPES[shape if clutter.shape == "mixed" else clutter.shape](length, slim, height),
+            **_geom(shape if clutter.shape == "mixed" else clutter.shape, length, slim, height),
             **PLAIN | {"group": 0},
         )
 
 
-def _flat(length: float, width: float, height: float) -> dict[str, Any]:
+def _geom(shape: str, length: float, slim: float, height: float) -> dict[str, Any]:
+    """Return type and half sizes [m] of a flat thing; `slim` is the width of a card over its
+    length.
+    """
+    if shape == "disc":
+        size: Sequence[float] = [length / 2, height / 2, 0]
+        return {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": size}
+    width = length * (slim if shape == "card" else BAR)
     return {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": [length / 2, width / 2, height / 2]}
-
-
-def _disc(length: float, slim: float, height: float) -> dict[str, Any]:
-    del slim
-    size: Sequence[float] = [length / 2, height / 2, 0]
-    return {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": size}
-
-
-def _card(length: float, slim: float, height: float) -> dict[str, Any]:
-    return _flat(length, slim * length, height)
-
-
-def _bar(length: float, slim: float, height: float) -> dict[str, Any]:
-    del slim
-    return _flat(length, BAR * length, height)
-
-
-SHAPES: dict[str, Callable[[float, float, float], dict[str, Any]]] = {
-    "disc": _disc,
-    "card": _card,
-    "bar": _bar,
-}
-"""Geoms of the things, from length, width over length, and height."""

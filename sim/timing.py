@@ -27,7 +27,7 @@ class Rates:
 
     @staticmethod
     def of(physics_rate: float, drive_rate: float, rate: float) -> "Rates":
-        """The rates nearest to those asked for [Hz] in which a frame has whole steps.
+        """Return the rates nearest to those asked for [Hz] in which a frame has whole steps.
 
         Where the camera's rate does not divide the physics rate, physics gets faster, never slower,
         until a frame is a whole number of updates of the drives.
@@ -41,7 +41,7 @@ class Rates:
         return Rates(steps * rate, steps, steps // updates)
 
     def changed(self, physics_rate: float, drive_rate: float, rate: float) -> dict[str, float]:
-        """The rates used [Hz] where they are not those asked for, by setting."""
+        """Return the rates in use [Hz] that differ from the settings, by setting."""
         drive = max(self.physics / self.drive_steps, rate)  # once a frame at least
         pairs = {
             "world.physics_rate": (self.physics, physics_rate),
@@ -65,8 +65,8 @@ class Band:
 
 
 def exposures(camera: CameraConfig, steps: int) -> tuple[Band, ...]:
-    """Return the bands of rows with their times, from the first to the last; that one's exposure
-    ends with the interval.
+    """Return the bands of rows that share an exposure, from the top; the last exposure ends with
+    the frame interval of `steps` physics steps.
 
     The exposures of a rolling shutter end at equal intervals of time. A row between two of them is
     their mean, weighted by how near they are: what moves by few pixels meanwhile is then, row by

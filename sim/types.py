@@ -60,17 +60,17 @@ class Camera:
         return self.distortion is None and self.fx == self.fy
 
     def normalise(self, pixels: Array) -> Array:
-        """Pixels (..., 2) as normalised image coordinates x = X/Z, y = Y/Z (..., 2)."""
+        """Return pixels (..., 2) as normalised image coordinates x = X/Z, y = Y/Z (..., 2)."""
         bent = (pixels - (self.cx, self.cy)) / (self.fx, self.fy)
         return bent if self.distortion is None else self.distortion.straighten(bent)
 
     def to_pixels(self, normalised: Array) -> Array:
-        """Normalised image coordinates (..., 2) as pixels (..., 2)."""
+        """Return normalised image coordinates (..., 2) as pixels (..., 2)."""
         bent = normalised if self.distortion is None else self.distortion.bend(normalised)
         return bent * (self.fx, self.fy) + (self.cx, self.cy)
 
     def project(self, points: Array) -> Array:
-        """Points (..., 3) in the camera frame [m] as pixels (..., 2)."""
+        """Return points (..., 3) in the camera frame [m] as pixels (..., 2)."""
         return self.to_pixels(points[..., :2] / points[..., 2:])
 
 
@@ -97,7 +97,7 @@ class Pose:
 
     @staticmethod
     def planar(x: float, y: float, heading: float) -> Pose:
-        """A pose on the table: position [m] and heading [rad] about world z."""
+        """Return a pose on the table: position [m] and heading [rad] about world z."""
         c = np.cos(heading)
         s = np.sin(heading)
         return Pose(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([x, y, 0.0]))
@@ -114,11 +114,11 @@ class Pose:
         return Pose(self.rotation @ other.rotation, self.apply(other.translation))
 
     def inverse(self) -> Pose:
-        """T_b_a."""
+        """Return the inverse transform T_b_a."""
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 
     def apply(self, points: Array) -> Array:
-        """Points (..., 3) of frame b in frame a."""
+        """Return points (..., 3), given in frame b, in frame a."""
         return points @ self.rotation.T + self.translation
 
 
@@ -177,7 +177,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """Where the target really is, exact, at the time of one frame."""
+    """The exact pose and projection of the target at the time of one frame."""
 
     centre: Array
     """Projected centre of the target's reference rectangle (2,) [px]."""
@@ -232,7 +232,9 @@ class Effect:
     """Whether the camera drops this frame."""
 
     def __or__(self, other: Effect) -> Effect:
-        """Both at once; of what there is one only, the later one's."""
+        """Return the combination: factors are multiplied; of spots, boards and second targets, of
+        which the world has one each, the later effect's is taken.
+        """
         return Effect(
             gain=self.gain * other.gain,
             lamp=self.lamp * other.lamp,

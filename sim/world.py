@@ -42,7 +42,7 @@ UNSTABLE = tuple(
 
 @dataclass(frozen=True, slots=True)
 class WorldConfig:
-    """The simulated machine."""
+    """Rates of the simulated physics and drives, and what is measured in each frame."""
 
     physics_rate: Annotated[float, Ge(240), Le(100_000)] = 480.0
     """Physics steps a second [Hz]; a few more where the camera's rate does not divide it."""
@@ -74,7 +74,7 @@ class Unstable(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What is known of the world at the time of a picture."""
+    """The state of the world at the time of one picture: frame, truth and postures."""
 
     picture: Callable[[], Frame]
     """Waits for the picture."""
@@ -104,7 +104,7 @@ class World:
         renderer: MakeRenderer | None = None,
         depth: np.random.Generator | None = None,
     ) -> None:
-        """Put the parts together.
+        """Build the scene from its parts and set it to time 0.
 
         Args:
             parts: What to put together.
@@ -163,7 +163,7 @@ class World:
         self._eye_at = self._set_stage(0.0)
 
     def close(self) -> None:
-        """Give the renderer's buffers back."""
+        """Release the renderer's buffers; the world cannot be used afterwards."""
         self._renderer.close()
 
     def start(
@@ -270,7 +270,7 @@ class World:
         return tuple(slowed_by)
 
     def posture(self) -> Posture:
-        """The robot's posture as of now, exact."""
+        """Return the exact posture of the robot at the present time."""
         return self.robot.posture(self.data, self._mean_twist, self._accepted)
 
     def believed(self, posture: Posture) -> Posture:
@@ -280,7 +280,7 @@ class World:
         return self._known.posture(self.data, self._accepted)
 
     def look(self) -> Frame:
-        """The picture as of now; where the camera drops it, the last one again."""
+        """Return the frame at the present time; if the camera drops it, the last picture again."""
         return self.begin()()
 
     def begin(self) -> Callable[[], Frame]:
@@ -309,7 +309,7 @@ class World:
         return picture
 
     def moment(self) -> Moment:
-        """Return all that is known of now; its picture is begun."""
+        """Return the state of the world at the present time, and begin to render its picture."""
         picture = self.begin()
         posture = self.posture()
         return Moment(
@@ -355,7 +355,7 @@ class World:
 
     @property
     def moving(self) -> tuple[str, ...]:
-        """Names of the bodies that can move."""
+        """Names of all bodies of the scene but the world itself, in the order of `bodies`."""
         return tuple(self.model.body(i).name for i in range(1, self.model.nbody))
 
     def bodies(self) -> Array:

@@ -79,7 +79,9 @@ def test_where_nobody_looks_nothing_is_rendered_and_the_numbers_are_the_same():
 def test_without_a_simulation_it_says_so():
     tracker = create("truth")
     picture = np.zeros((100, 100, 3), np.uint8)
-    with pytest.raises(ValueError, match="told where the target is by a simulation, and here is"):
+    with pytest.raises(
+        ValueError, match="needs the true pose of the target, which only a simulation provides"
+    ):
         tracker.start(picture, Region(20, 20), State(50, 50, 0, 1))
 
 

@@ -33,7 +33,9 @@ SET_BY_START: Any = _SetByStart()
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Position of the target in the image (Teuliere, Marchand, Eck, section II)."""
+    """Position, orientation and size of the target in the image (Teuliere, Marchand, Eck, section
+    II).
+    """
 
     x: float
     """Centre, to the right [px]."""
@@ -46,7 +48,9 @@ class State:
 
     @property
     def vector(self) -> Array:
-        """(x, y, theta, ln scale): the coordinates in which filters and searches work."""
+        """Vector (4,) of x, y [px], theta [rad] and ln scale: the coordinates in which filters and
+        searches work.
+        """
         return np.array([self.x, self.y, self.theta, math.log(self.scale)])
 
     def moved(self, change: Array | None) -> State:
@@ -89,7 +93,7 @@ class Region:
         return Region(self.width * (1 - inset), self.height * (1 - inset))
 
     def area(self, state: State) -> float:
-        """Return the area at a state [px^2]."""
+        """Return the area of the region in the image at a state [px^2]."""
         return self.width * self.height * state.scale**2
 
 
@@ -149,13 +153,39 @@ def unknown_covariance() -> Array:
 
 
 class Tracker(Protocol):
-    """Follows one target through frames."""
+    """A method that follows one target through the frames of a sequence.
+
+    `start` is called once with the first frame, then `update` once for each further frame in
+    order. A tracker keeps its state between calls, copies what it needs of a picture (the caller
+    may reuse the buffer), and returns an estimate for every frame: a target that it does not
+    see is reported by the status, not by an exception.
+
+    >>> class Fixed:
+    ...     def start(self, frame: Frame, region: Region, state: State) -> None:
+    ...         self.state = state
+    ...     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
+    ...         return Estimate(self.state, unknown_covariance(), 0.0, Status.LOCKED)
+    >>> tracker: Tracker = Fixed()
+    >>> picture = Frame(np.zeros((48, 64, 3), np.uint8), time=0.0, index=0)
+    >>> tracker.start(picture, Region(20.0, 10.0), State(32.0, 24.0))
+    >>> tracker.update(picture).state.x
+    32.0
+    """
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the target from the first frame."""
+        """Learn the target's appearance from the first frame.
+
+        Args:
+            frame: The first frame.
+            region: Size of the target's rectangle in it [px].
+            state: Position and angle of that rectangle in it.
+
+        Raises:
+            ValueError: The region or the picture is unusable.
+        """
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Find the target in the next frame.
+        """Return the estimate of the target in the next frame.
 
         Args:
             frame: The next frame.
@@ -166,7 +196,7 @@ class Tracker(Protocol):
 
 
 class Trait(Enum):
-    """What is special about a tracker; each member carries its sentence."""
+    """Property of a tracker that others ask about; the value describes it."""
 
     COLOUR = "It knows the target by its colours."
     TEXTURE = "It knows the target by its texture."
@@ -187,7 +217,7 @@ class Describes(Protocol):
 
     @property
     def traits(self) -> Traits:
-        """The traits."""
+        """The traits of the tracker that these settings build."""
         ...
 
 
@@ -204,8 +234,8 @@ def follows_any_target(config: object) -> bool:
 
 @runtime_checkable
 class SeesOutline(Protocol):
-    """A tracker that finds by itself where a target is that is nothing else than what it follows,
-    such as a tag.
+    """A tracker that can correct the first region, because the target is a known object such as a
+    tag.
     """
 
     def outline(self, frame: Frame, region: Region, state: State) -> tuple[Region, State]:
@@ -224,10 +254,10 @@ FARTHEST = 1e6
 
 
 def check_picture(image: object) -> None:
-    """Refuse what is no picture: the compiled loops would read other memory than its own.
+    """Check that an image is an RGB picture, because the compiled loops trust its shape and type.
 
     Raises:
-        ValueError: It is no array (H, W, 3) of uint8, or has no pixels.
+        ValueError: It is not an array (H, W, 3) of uint8, or has no pixels.
     """
     if not isinstance(image, np.ndarray):
         raise ValueError(f"a picture is an array (height, width, 3) of uint8, not {image!r:.40}")
@@ -245,11 +275,11 @@ def _check_type(value: object, kind: type) -> None:
 
 
 def check_region(frame: Frame, region: Region, state: State) -> None:
-    """Refuse an impossible region.
+    """Check the arguments of `Tracker.start`.
 
     Raises:
         ValueError: The rectangle is empty, without end, or most of it is outside the image; or the
-            image is none, or absurdly large; or an argument is of another type.
+            image is not a picture, or too large; or an argument has the wrong type.
     """
     _check_type(region, Region)
     _check_type(state, State)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from servo.features._interaction import interaction, oriented
 from servo.types import Moments, Sight
 from sim.geometry import half_turn
+from sim.outline import Outline
 from sim.types import Array
 
 NOISE = np.array([1e-4, 1e-4, 7e-4, 1e-3])
@@ -49,8 +50,7 @@ class Config:
 
     def build(self, outline: Array) -> "MomentFeatures":
         """Return the features of a target whose reference rectangle has corners (4, 3) [m]."""
-        root_area = float(np.sqrt(np.prod(np.ptp(outline[:, :2], axis=0))))
-        return MomentFeatures(self.scaling, root_area)
+        return MomentFeatures(self.scaling, sqrt(Outline(outline).area))
 
 
 @final

@@ -9,6 +9,7 @@ from annotated_types import Ge, Le
 
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.types import Sight
+from sim.outline import Outline
 from sim.placement import truth_above
 from sim.ranges import Degrees, Interval, Time
 from sim.types import Array, Camera, Frame, Pose, Truth
@@ -110,9 +111,12 @@ class Faced:
         faced = self._at(depth)
         if by_corners and not self._camera.is_plain:
             return self._to_sight.goal_of(faced.corners)
-        length, width = np.ptp(self._outline[:, :2], axis=0) * faced.size
+        outline = Outline(self._outline)
         x, y = faced.centre.tolist()
-        return self._to_sight.goal(State(x, y, faced.theta), Region(length, width))
+        return self._to_sight.goal(
+            State(x, y, faced.theta),
+            Region(outline.length * faced.size, outline.width * faced.size),
+        )
 
     def _at(self, depth: float) -> Truth:
         """Return what is seen of a target that is faced at a depth [m]; the last one is kept."""

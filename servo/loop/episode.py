@@ -26,6 +26,7 @@ from sim.channels import Channel
 from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
 from sim.kinematics.rollout import FORESEEN, STEP
+from sim.outline import Outline
 from sim.placement import object_frame
 from sim.surroundings import Surroundings
 from sim.types import Array, Frame, Image, Pose, Truth
@@ -224,9 +225,11 @@ class Episode:
         """Start the loop with the region that the scenario gives."""
         scenario = self.scenario
         world = self.world
-        length, width = np.ptp(world.outline[:, :2], axis=0)
+        outline = Outline(world.outline)
         change = scenario.region
-        sides = np.array([length * change.width, width * change.height]) * truth.size
+        sides = (
+            np.array([outline.length * change.width, outline.width * change.height]) * truth.size
+        )
         x, y = truth.centre + (change.x, change.y)
         given = State(float(x), float(y), truth.theta + radians(change.angle_deg), 1.0)
         region = Region(*sides.tolist(), quad=change.corners(truth))

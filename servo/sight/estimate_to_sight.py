@@ -1,6 +1,7 @@
 """From a tracker's estimate to what a controller sees: moments, and the plane they lie in."""
 
 from dataclasses import dataclass, replace
+from math import sqrt
 from typing import Annotated, Literal, final
 
 import numpy as np
@@ -15,6 +16,7 @@ from servo.sight.planes import FACING, PlaneFit, level_plane, plane_of_depth, pl
 from servo.types import Moments, Plane, Sight
 from sim.channels import Channel, Channels
 from sim.geometry import exp_se3
+from sim.outline import Outline
 from sim.types import Array, Camera, DepthPicture, Pose, Posture
 from tracking.types import Estimate, Region, State, Status
 
@@ -67,11 +69,11 @@ class EstimateToSight:
         self._region = region
         self._depth_factor = depth_factor
         self._outline = outline
-        self._root_area = float(np.sqrt(np.prod(np.ptp(outline[:, :2], axis=0))))
+        self._root_area = sqrt(Outline(outline).area)
         self._height = config.table_height + float(outline[0, 2])
         self._fit = PlaneFit()
-        length, width = np.ptp(outline[:, :2], axis=0).tolist()
-        self._corners_to_pose = CornersToPose((length, width))
+        sides = Outline(outline)
+        self._corners_to_pose = CornersToPose((sides.length, sides.width))
         self._plane: Plane | None = None
 
     def see(

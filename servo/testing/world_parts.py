@@ -14,6 +14,7 @@ from sim.geometry import log_se3
 from sim.kinematics.robot import Design, Robot
 from sim.models.assembly import TARGET, build_model
 from sim.models.target import Target
+from sim.outline import Outline
 from sim.types import Array, Pose
 
 PHYSICS_RATE = 480.0
@@ -112,7 +113,8 @@ def check_target(target: Any) -> None:
     """
     found: Target = built("target", config_of("target", target))
     outline = found.outline
-    (a, b) = np.ptp(outline[:, :2], axis=0)
+    a = Outline(outline).length
+    b = Outline(outline).width
     require(
         (outline[1, 0] > outline[0, 0]) and outline[0, 1] > outline[3, 1],
         "the outline's corners are in another order: "

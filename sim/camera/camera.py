@@ -30,7 +30,7 @@ Principal = Annotated[float, Ge(-10_000), Le(10_000)]
 
 @dataclass(frozen=True, slots=True)
 class CameraConfig:
-    """The camera of the robot."""
+    """Settings of the camera: mounting, intrinsics, lens, shutter, noise and depth."""
 
     mounted: Literal["robot", "world"] = "robot"
     """Where it is: in the hand of the "robot"; or in the "world", and the robot holds the target
@@ -141,7 +141,7 @@ class CameraConfig:
 
 
 def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera:
-    """The intrinsics of a camera of the model, for an image of this size.
+    """Return the intrinsics of a camera of the model, for an image of this size.
 
     A camera with a sensor size has focal length and principal point in metres on the sensor, which
     the image fills; all others have a vertical field of view, square pixels, and the principal
@@ -166,10 +166,11 @@ def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera
 
 
 def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
-    """The camera that a model's camera becomes with these settings, which go before its own.
+    """Return the intrinsics of a model's camera, where these settings override the model's.
 
     Raises:
-        ValueError: No picture can be rendered for it; or the model's camera is not perspective.
+        ValueError: The distortion or the field of view cannot be rendered; or the model's camera is
+        not perspective.
     """
     if config.calibration is not None:
         raise ValueError(
@@ -196,7 +197,7 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
 
 
 def border(camera: Camera) -> Array:
-    """The border of a camera's image, at each pixel's corner (n, 2) [px]."""
+    """Return the points (n, 2) on the border of a camera's image, one a pixel [px]."""
     u = np.arange(camera.width + 1.0)
     v = np.arange(camera.height + 1.0)
     sides = [(u, 0 * u), (u, 0 * u + camera.height), (0 * v, v), (0 * v + camera.width, v)]

@@ -81,11 +81,15 @@ class Distortion:
         return self.reach < np.tan(np.radians(WIDEST))
 
     def bend(self, rays: Array) -> Array:
-        """The distorted coordinates (..., 2) of rays (..., 2)."""
+        """Return the distorted normalised coordinates (..., 2) of undistorted ones x = X/Z, y =
+        Y/Z.
+        """
         return _extended(self, rays)[0]
 
     def straighten(self, bent: Array) -> Array:
-        """The rays (..., 2) of distorted coordinates (..., 2), by Newton's method."""
+        """Return the undistorted normalised coordinates (..., 2) of distorted ones, by Newton's
+        method.
+        """
         radii, lengths = _radii(self)
         length = np.hypot(bent[..., 0], bent[..., 1])
         radius = np.interp(length, lengths, radii) * np.maximum(length / lengths[-1], 1.0)

@@ -28,7 +28,9 @@ GAINS = 1 / 8, 8.0
 
 @final
 class Lens:
-    """Bends pictures; a camera without distortion has a lens that leaves them as they are."""
+    """Applies the distortion of a lens to rendered pinhole pictures; without distortion, returns
+    them unchanged.
+    """
 
     def __init__(self, camera: Camera) -> None:
         self.view = camera if camera.distortion is None else _view(camera)
@@ -42,7 +44,9 @@ class Lens:
             self._maps = (self.view.to_pixels(rays) - 0.5).astype(np.float32), None
 
     def bend(self, picture: NDArray[Any], rows: slice = ALL) -> NDArray[Any]:
-        """The camera's picture (H, W, 3) of what `view` sees, or some of its rows."""
+        """Return the camera's picture (H, W, 3) from the pinhole picture of `view`, or some rows of
+        it.
+        """
         if self._maps is None:
             return picture if rows is ALL else picture[rows]
         four = cv2.cvtColor(picture, cv2.COLOR_RGB2RGBA)
@@ -51,8 +55,9 @@ class Lens:
         return cv2.cvtColor(bent, cv2.COLOR_RGBA2RGB)
 
     def nearest(self, depth: DepthPicture) -> DepthPicture:
-        """The camera's depth picture (H, W) of what `view` sees: each depth is one that was
-        rendered, because a mean of two across an edge would be a distance at which nothing is.
+        """Return the camera's depth picture (H, W) [m] from that of the pinhole `view`: each depth
+        is one that was rendered, because a mean of two across an edge would be a distance at which
+        nothing is.
         """
         if self._maps is None:
             return depth

@@ -51,9 +51,9 @@ ELSEWHERE = (
 
 
 Promise = Callable[[], Image]
-"""Waits for a picture (H, W, 3) that was begun, and returns it."""
+"""A function that waits for a picture that was begun, and returns it: RGB (H, W, 3)."""
 DepthPromise = Callable[[], DepthPicture]
-"""The same of a depth picture (H, W)."""
+"""A function that waits for a depth picture that was begun, and returns it (H, W) [m]."""
 
 
 class Renderer(Protocol):
@@ -88,7 +88,7 @@ class Renderer(Protocol):
         ...
 
     def close(self) -> None:
-        """Give back what it holds."""
+        """Release the buffers that the renderer holds."""
 
 
 MakeRenderer = Callable[[mujoco.MjModel, str, Camera], Renderer]
@@ -271,7 +271,9 @@ class Supersampled:
 
 
 class Unseen:
-    """A renderer for those who look at no picture: all are black, and take no time."""
+    """A renderer whose pictures are all black and take no time, for runs in which no part uses
+    pictures.
+    """
 
     def __init__(self, _model: mujoco.MjModel, _camera: str, view: Camera) -> None:
         self._picture: Image = np.zeros((view.height, view.width, 3), np.uint8)
@@ -290,7 +292,7 @@ class Unseen:
 
 
 class Backdrop:
-    """Tells where a scene's table fills the picture: sky and floor behind it need not be drawn, a
+    """Test whether a scene's table fills the picture: sky and floor behind it need not be drawn, a
     third of a picture's time.
     """
 

@@ -19,7 +19,7 @@ were chosen by hand: the target is hidden within six pictures."""
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """When and how fast."""
+    """Settings of the board: times and final position."""
 
     props = ()
     start: Time = 4.0

@@ -13,7 +13,7 @@ from sim.types import Effect
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """When, how much and how fast."""
+    """Settings of the change of brightness: times and factor."""
 
     props = ()
     start: Time = 3.0

@@ -17,19 +17,21 @@ START = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """How many frames are dropped."""
+    """Settings of the dropped frames: their share."""
 
     share: Share = 0.2
     """Share of the time in which frames are dropped."""
 
     def build(self, rng: np.random.Generator) -> "DroppedFrames":
-        """The disturbance; the generator seeds its draws."""
+        """Return the disturbance, seeded by the generator."""
         return DroppedFrames(self.share, int(rng.integers(2**31)))
 
 
 @final
 class DroppedFrames:
-    """Time in slots; each slot's fate is a draw of its own."""
+    """Drops all frames within randomly chosen time slots of 0.03 s; each slot is chosen
+    independently of all others.
+    """
 
     props: tuple[str, ...] = ()
 

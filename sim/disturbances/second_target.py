@@ -15,7 +15,7 @@ SPEED = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """When it comes, and how it drives."""
+    """Settings of the second target: when it appears, for how long, and where it starts."""
 
     props = ("second_target",)
     start: Time = 3.0

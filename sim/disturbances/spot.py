@@ -16,7 +16,7 @@ is lost."""
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """When and where."""
+    """Settings of the spot light: times and position."""
 
     props = ("spot",)
     start: Time = 3.0

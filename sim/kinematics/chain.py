@@ -49,11 +49,11 @@ def name_all(spec: mujoco.MjSpec) -> None:
 
 
 def chain_to(model: mujoco.MjModel, name: str) -> Chain:
-    """The chain to a body or site; where the name is empty, to the end of the longest chain: the
-    only site of its last body, or that body.
+    """Return the chain to a body or site; where the name is empty, to the end of the longest chain:
+    the only site of its last body, or that body.
 
     Raises:
-        ValueError: There is nothing of that name, or its chain is not of hinges and slides only.
+        ValueError: No body or site has that name, or its chain is not of hinges and slides only.
     """
     if model.njnt == 0:
         raise ValueError("the model has no joints")
@@ -79,7 +79,7 @@ def chain_to(model: mujoco.MjModel, name: str) -> Chain:
 
 
 def joints_to(model: mujoco.MjModel, body: int) -> tuple[int, ...]:
-    """The joints that move a body, from the base on."""
+    """Return the numbers of the joints between the base and a body, base first."""
     found: list[int] = []
     while body:
         first = model.body_jntadr[body]

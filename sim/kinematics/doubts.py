@@ -13,7 +13,9 @@ WIDEST = 100.0
 
 
 def doubts(robot: Robot) -> list[str]:
-    """Return a sentence about each unit that the robot's model seems to have wrong."""
+    """Return a warning for each unit that the robot's model seems to have wrong: link lengths that
+    look like mm, or joint limits that look like degrees.
+    """
     lines: list[str] = []
     length = _length(robot)
     if length > LONGEST:

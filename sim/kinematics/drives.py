@@ -32,8 +32,8 @@ def has_velocity_drives(model: mujoco.MjModel, joints: Sequence[int]) -> bool:
 
 
 def own_speed(model: mujoco.MjModel, joint: int) -> float | None:
-    """The largest rate that a joint's velocity servo takes in both directions [m/s or rad/s]; None
-    where it has no such servo, or one without a ctrlrange.
+    """Return the largest rate that a joint's velocity servo takes in both directions [m/s or
+    rad/s]; None where it has no such servo, or one without a ctrlrange.
     """
     drive = drive_of(model, joint)
     if drive is None or wrong_drive(model, drive) is not None:
@@ -43,7 +43,7 @@ def own_speed(model: mujoco.MjModel, joint: int) -> float | None:
 
 
 def drive_of(model: mujoco.MjModel, joint: int) -> int | None:
-    """The actuator of a joint; None where there is none, or several."""
+    """Return the number of the actuator that drives a joint; None if there is not exactly one."""
     on_joints = model.actuator_trntype[:, None] == [int(kind) for kind in ON_JOINTS]
     found = np.flatnonzero(on_joints.any(axis=1) & (model.actuator_trnid[:, 0] == joint))
     return int(found[0]) if len(found) == 1 else None
@@ -81,6 +81,7 @@ def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces:
         joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
     for name, moved, speed, force in zip(names, _inertia(spec), speeds, forces, strict=True):
         joint = spec.joint(name)
+        # A strong motor inertia decouples the joints: see GEARED.
         motor = max(joint.armature, GEARED * moved, ARMATURE[kind_of_joint(joint.type)])
         inertia = moved - joint.armature + motor
         joint.armature = motor
@@ -96,7 +97,7 @@ def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces:
 
 
 def forces_of(model: mujoco.MjModel, joints: Sequence[int]) -> Array:
-    """Force limits (n,) of joints, or of their actuators, in a model [N m or N]."""
+    """Return the force limits (n,) of joints, or of their actuators, in a model [N m or N]."""
     forces = np.full(len(joints), np.inf)
     for k, joint in enumerate(joints):
         if model.jnt_actfrclimited[joint]:
@@ -119,7 +120,9 @@ def random_joints(
     rng: np.random.Generator,
     count: int,
 ) -> Array:
-    """Joint positions (count, n) inside the limits; those without limits make a turn, or 2 m."""
+    """Return random joint positions (count, n), uniform within the joint limits; without limits,
+    hinges within -pi..pi [rad] and slides within -1..1 [m].
+    """
     limited = model.jnt_limited[joints].astype(bool)[:, None]
     slides = (model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE)[:, None]
     free = np.where(slides, [-1.0, 1.0], [-np.pi, np.pi])

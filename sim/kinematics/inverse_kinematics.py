@@ -81,7 +81,7 @@ def reach(
     point: Array | None = None,
     way: Callable[[], Sequence[Pose]] | None = None,
 ) -> Reach:
-    """Set the joints so that the camera takes a pose, or comes near it; how near.
+    """Set the joints so that the camera reaches a pose or comes near it; return how near it came.
 
     The first of the robot's homes that leads there is taken, without homes the most comfortable
     posture. Where a joint would come to the end of its range on the way, the posture that keeps
@@ -96,6 +96,7 @@ def reach(
         point: What the camera looks at (3,), in the world; by default what is on its axis.
         way: Returns what follows, for `roll_out`.
     """
+    # Lazily: a later home is tried only when a joint of an earlier solution leaves its range.
     homes = (home for home in robot.homes if robot.converge(data, home, T_world_camera))
     found: Iterator[Array] = (data.qpos[robot.qpos].copy() for _ in homes)
     there = next(found, None) is not None
@@ -210,6 +211,7 @@ def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> list[Arr
     starts = [*robot.homes, *random_joints(robot.model, robot.ids, rng, RESTARTS)]
     found: list[tuple[float, Array]] = []
     nearest: tuple[float, Array] = np.inf, np.array(starts[0])
+    # First all quadratic programs, then, only if none succeeds, all slower least-squares fits.
     for walk, start in product((_descend, _fit), starts):
         if len(found) == ENOUGH or (walk is _fit and (found or nearest[0] > OUT_OF_REACH)):
             break
@@ -275,8 +277,8 @@ def _fit(robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_came
 
 
 def comfort(robot: Robot, data: mujoco.MjData) -> float:
-    """Rate a posture: higher where it is far from limits and singular poses, with no link before
-    the camera or below the table.
+    """Return a score of the posture in `data`: higher where it is far from limits and singular
+    poses, with no link before the camera or below the table.
     """
     q = data.qpos[robot.qpos]
     room = np.minimum(q - robot.lower, robot.upper - q).min()

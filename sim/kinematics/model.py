@@ -35,10 +35,16 @@ COUPLED = {
 
 
 def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.MjModel, Chain]:
-    """The compiled model, and the chain that moves its flange or its camera.
+    """Return the compiled model, and the chain of joints that moves its flange or its camera.
+
+    Args:
+        spec: The model; unnamed bodies and joints get names, and infinite limits are removed.
+        flange: Name of a body or site; an empty text selects the end of the longest chain.
+        camera: Name of a camera of the model to use instead of the flange, or an empty text.
 
     Raises:
-        ValueError: There is no such thing, or it is not carried by hinges and slides.
+        ValueError: The flange or camera is missing, or other joints than hinges and slides carry
+        it.
     """
     name_all(spec)
     for joint in spec.joints:
@@ -58,7 +64,8 @@ def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.
 def make_robot(
     spec: mujoco.MjSpec, model: mujoco.MjModel, carried: Chain, camera: str, mount: Pose
 ) -> tuple[str, ...]:
-    """Turn a model into a robot with the camera and the site `eye`; the names of its joints.
+    """Turn a model into a robot with the camera and the site `eye`; return the names of its
+    joints.
 
     Args:
         spec: The model, which is changed; it has no actuators then, but for velocity drives.

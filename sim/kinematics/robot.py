@@ -42,8 +42,8 @@ WHOLE = 1e-6
 """Weight of the twist's length against the square of its error: its direction then errs by about as
 much [m/s, rad/s], whatever its length."""
 SECOND_TASK = 1e-8
-"""Weight of rates that are liked: the twist then errs by less than `EXACT`, and is as long as the
-limits allow, wherever the arm is not near a singular pose."""
+"""Weight of the secondary objective (preferred joint rates): the twist then errs by less than
+`EXACT`, and is as long as the limits allow, wherever the arm is not near a singular pose."""
 EXACT = 1e-4
 """A twist that differs by less than this [m/s, rad/s] is the one asked for."""
 STAYS = 1e3
@@ -74,13 +74,14 @@ class Drives:
 
 @dataclass(frozen=True, slots=True)
 class Inversion:
-    """The way from a camera twist to joint rates."""
+    """Settings of the inverse kinematics from camera twist to joint rates."""
 
     weakest: float = 0.02
     """Below this smallest singular value of the Jacobian [m/s or rad/s of the camera per unit of
     joint rate] the inverse is damped."""
     damping: float = 0.02
-    """Damping in a singular pose; the camera then moves less than asked for, and another way."""
+    """Damping factor lambda in a singular pose; the camera then moves slower than commanded, and in
+    another direction."""
     centring: float = 1.0
     """With more than six joints: how fast those with limits move towards the middle between them
     [1/s], as far as this does not move the camera (Liegeois 1977)."""
@@ -95,7 +96,16 @@ class Inversion:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """A robot before it is put into the room."""
+    """A robot before it is put into the room: what a robot's `Config.build` returns.
+
+    Its model needs a camera and a site, both called `eye`, at the same pose, and one `velocity`
+    actuator for each joint of the chain that carries them. `Robot` reads all limits from the model.
+
+    >>> from sim.robots import gantry
+    >>> design = gantry.Config(lag_ms=20.0).build(np.random.default_rng(0))
+    >>> design.name, len(design.spec.actuators), design.drives.lag_ms
+    ('gantry.xml', 6, 20.0)
+    """
 
     name: str
     """Name of its model in messages, such as "gantry.xml"."""
@@ -118,12 +128,12 @@ class Design:
 
 
 def own_name(name: str) -> str:
-    """A name as the robot's own model has it."""
+    """Return the name of a joint or actuator without the prefix "robot/" of the scene's model."""
     return name.removeprefix("robot/")
 
 
 def damped_inverse(J: Array, inversion: Inversion) -> Array:
-    """The inverse (n, 6) of a Jacobian (6, n), damped near singular poses.
+    """Return the inverse (n, 6) of a Jacobian (6, n), damped near singular poses.
 
     After Nakamura and Hanafusa 1986: with s the smallest singular value and e = `weakest`,
     lambda^2 = damping^2 (1 - (s / e)^2) where s < e, else zero; s_i becomes s_i / (s_i^2 +
@@ -140,10 +150,16 @@ def damped_inverse(J: Array, inversion: Inversion) -> Array:
 
 
 def each_joint(setting: str, given: EachJoint, names: tuple[str, ...]) -> Array:
-    """The values (n,) of a setting that has one for all joints, or one for each.
+    """Return one value for each joint (n,) of a setting that is given once for all, or for each
+    joint.
+
+    Args:
+        setting: Name of the setting, for the message.
+        given: The value or values.
+        names: Names of the n joints.
 
     Raises:
-        ValueError: It has another number of values.
+        ValueError: The number of values is neither 1 nor n.
     """
     values = np.ravel(given).astype(np.float64)
     if len(values) not in (1, len(names)):
@@ -166,8 +182,8 @@ def _check_drives(model: mujoco.MjModel, design: Design) -> None:
 
 
 class Robot:
-    """The chain of joints between the world and the hand. Poses and twists are those of the camera
-    as `Mounting.eye` has them.
+    """The chain of joints between the base and the hand, read from a MuJoCo model. Poses and twists
+    are those of the camera as `Mounting.eye` has them.
     """
 
     def __init__(self, model: mujoco.MjModel, design: Design) -> None:
@@ -195,7 +211,8 @@ class Robot:
         bounded = model.actuator_ctrllimited.astype(bool)[:, None]
         rates = np.where(bounded, model.actuator_ctrlrange, [-np.inf, np.inf])
         self.slowest, self.fastest = rates.T
-        stops = self.lower + STOP_MARGIN, self.upper - STOP_MARGIN
+        self._stops = (self.lower + STOP_MARGIN).tolist(), (self.upper - STOP_MARGIN).tolist()
+        self._speeds = self.slowest.tolist(), self.fastest.tolist()
         self._limited = limited
         self._freedom = len(joints) > ALL_WAYS and not design.inversion.exact
         self._middles = np.where(limited, model.jnt_range[joints].mean(axis=1), 0.0)
@@ -203,8 +220,6 @@ class Robot:
         most = design.drives.acceleration
         self._accelerates = most is not None
         self._most = each_joint("robot.acceleration", inf if most is None else most, self.names)
-        bounds = *stops, self.slowest, self.fastest, self._most
-        self._bounds = [bound.tolist() for bound in bounds]
         self._carries = (joints[:, None] <= joints).astype(np.float64)
         """1 where a joint (rows) moves another, or is the same: a chain's are numbered from its
         base on."""
@@ -245,11 +260,11 @@ class Robot:
         )
 
     def joints(self, data: mujoco.MjData) -> Array:
-        """Joint positions (n,) [m or rad]."""
+        """Return the joint positions (n,) in `data` [m or rad]."""
         return data.qpos[self.qpos].copy()
 
     def rates_measured(self, data: mujoco.MjData) -> Array:
-        """Joint velocities (n,) [m/s or rad/s]."""
+        """Return the joint velocities (n,) in `data` [m/s or rad/s]."""
         return data.qvel[self._dof].copy()
 
     def jacobian(self, data: mujoco.MjData) -> Array:
@@ -265,8 +280,8 @@ class Robot:
     def rates(
         self, data: mujoco.MjData, twist: Array, hold: float = 0.0, before: Array | None = None
     ) -> tuple[Array, Array, tuple[str, ...]]:
-        """Joint rates (n,) for a camera twist (6,), the twist (6,) that they make, and the joints
-        whose limits changed it, such as "elbow (range)".
+        """Return the joint rates (n,) [m/s or rad/s] for a camera twist (6,), the camera twist (6,)
+        that these rates make, and the joints whose limits changed it, such as "elbow (range)".
 
         A joint at the end of its range leaves the solution: it is as fast as its range allows, and
         the others make the rest of the twist. Rates that are too fast keep the direction, where
@@ -283,6 +298,7 @@ class Robot:
         exact = self._exact(data, twist, hold) if self._inversion.exact and hold else None
         inverse = damped_inverse(J, self._inversion)
         wanted = inverse @ twist if exact is None else exact
+        # A redundant arm adds motion in the null space of J, which leaves the camera where it is.
         liked = wanted + self._spare(data, J, inverse) if self._freedom else wanted
         box = self._box(data, hold, before)
         # What is not a number passes: the loop then names the part that it came from.
@@ -292,14 +308,18 @@ class Robot:
         if self._freedom or self._accelerates:
             rates = _programme(J, wanted, liked, box)
             made = J @ rates
+            # The other joints made up for the limited ones: no limit is reported.
             if np.abs(made - J @ wanted).max() < EXACT:
                 return rates, made, ()
             names = self._outside(data, wanted, box) or self._outside(data, liked, box)
+            # Fix joints at the end of their range first, then solve again with the twist of the
+            # others as the one to keep the direction of.
             left = self._inside_ranges(data, J, twist, wanted)
             if left is not wanted:
                 rates = _programme(J, left, left + liked - wanted, box)
                 made = J @ rates
             return rates, made, names
+        # Six joints or fewer leave no choice: one factor on all rates keeps the direction.
         left = self._inside_ranges(data, J, twist, wanted)
         slowed = left * _slowed(left, box)
         return slowed, J @ slowed, self._outside(data, wanted, box)
@@ -310,9 +330,10 @@ class Robot:
         the twist that are zero stay so first: a level camera stays level.
         """
         weights = np.where(twist == 0.0, STAYS, 1.0)
-        low, high = self._ends(data)
+        low, high = np.transpose(self._ends(data))
         rates = wanted
         free = np.ones(len(wanted), bool)
+        # Each round fixes at least one joint, so that it ends after n rounds at most.
         while (over := free & ((rates < low) | (rates > high))).any():
             rates = np.where(over, rates.clip(low, high), rates)
             free &= ~over
@@ -322,13 +343,12 @@ class Robot:
                 rates[free] = damped_inverse(weighted, self._inversion) @ (weights * rest)
         return rates
 
-    def _ends(self, data: mujoco.MjData) -> tuple[Array, Array]:
-        """Return the least and the largest rates (n,) that the ranges allow."""
-        lower, upper, _, _, most = self._bounds
+    def _ends(self, data: mujoco.MjData) -> list[tuple[float, float]]:
+        """Return the least and the largest rate of each joint that its range allows."""
+        # A few joints: Python is faster here than arrays.
         q = data.qpos[self.qpos].tolist()
-        back = [-_stopping(at - end, a) for at, end, a in zip(q, lower, most, strict=True)]
-        on = [_stopping(end - at, a) for at, end, a in zip(q, upper, most, strict=True)]
-        return np.array(back), np.array(on)
+        joints = zip(q, self._stops[0], self._stops[1], self._most.tolist(), strict=True)
+        return [(-_stopping(at - low, a), _stopping(high - at, a)) for at, low, high, a in joints]
 
     def stopped(self, data: mujoco.MjData, rates: Array) -> list[str]:
         """Return the joints that rates (n,) drive on where their range has ended, as `rates` names
@@ -340,7 +360,9 @@ class Robot:
         return [f"{self.names[k]} (range)" for k in np.flatnonzero(back | on)]
 
     def driven(self, rates: Array, hold: float) -> Array:
-        """Return the rates (n,) of joints that are driven at these for a time [s]: the same."""
+        """Return the joint rates (n,) that motors at these rates make in a time [s]: the same
+        rates, because this robot has no backlash.
+        """
         return rates
 
     def _exact(self, data: mujoco.MjData, twist: Array, hold: float) -> Array | None:
@@ -355,13 +377,11 @@ class Robot:
     def _box(
         self, data: mujoco.MjData, hold: float, before: Array | None
     ) -> list[tuple[float, float]]:
-        """The least and the largest rate of each joint."""
-        box: list[tuple[float, float]] = []
-        # A few joints: Python is faster here than arrays.
-        joints = zip(data.qpos[self.qpos].tolist(), *self._bounds, strict=True)
-        for q, lower, upper, slowest, fastest, most in joints:
-            low = max(slowest, -_stopping(q - lower, most))
-            box.append((low, min(fastest, _stopping(upper - q, most))))
+        """Return the least and the largest rate of each joint, by its range, its speed and, after
+        the rates `before`, its acceleration.
+        """
+        joints = zip(self._ends(data), *self._speeds, strict=True)
+        box = [(max(slow, low), min(fast, high)) for (low, high), slow, fast in joints]
         if before is None or not self._accelerates:
             return box
         change = self._most * hold
@@ -430,12 +450,13 @@ class Robot:
     def converge(
         self, data: mujoco.MjData, begin: Sequence[float] | Array, T_world_camera: Pose
     ) -> bool:
-        """Run Newton's method, damped, from one place; True where it ends inside the limits.
+        """Solve for the joint positions of a camera pose by damped Newton steps from given
+        positions; return True if the method converges to a solution inside the joint limits.
 
         Args:
-            data: What is set; the camera then has the pose, or is anywhere.
+            data: Its joint positions are set; on failure the camera is not at the pose.
             begin: Joint positions (n,) [m or rad].
-            T_world_camera: The pose.
+            T_world_camera: The desired camera pose.
         """
         data.qpos[self.qpos] = begin
         for _ in range(STEPS):
@@ -453,7 +474,7 @@ class Robot:
         return False
 
     def refresh(self, data: mujoco.MjData) -> None:
-        """Compute the kinematics of where the joints are."""
+        """Update body poses and Jacobians in `data` for its joint positions."""
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_comPos(self.model, data)
 
@@ -502,7 +523,7 @@ def _slowed(wanted: Array, box: list[tuple[float, float]]) -> float:
 
 def _programme(J: Array, wanted: Array, liked: Array, box: list[tuple[float, float]]) -> Array:
     """Return the rates q' (n,) inside a box whose camera twist is nearest to k v, with 0 <= k <= 1
-    as large as it goes, and of those the ones nearest to rates that are liked.
+    as large as it goes, and of those the ones nearest to preferred rates.
 
     v is the twist of some wanted rates. The quadratic programme in q' and k |v| is solved by DAQP
     (Arnstrom, Bemporad and Axehill, A dual active-set solver for embedded quadratic programming
@@ -511,7 +532,7 @@ def _programme(J: Array, wanted: Array, liked: Array, box: list[tuple[float, flo
     Args:
         J: The Jacobian (6, n).
         wanted: The rates (n,) that make the twist.
-        liked: The rates (n,) that are liked.
+        liked: The preferred rates (n,): those of the twist, and motion in the null space.
         box: The least and the largest rate of each joint; it may exclude a joint that stands.
     """
     twist = J @ wanted

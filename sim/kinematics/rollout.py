@@ -1,6 +1,4 @@
-"""The way of a robot's joints along a motion, by their rates alone: does one come to the end of its
-range?
-"""
+"""Prediction of the joint positions along a camera path, to find the joint that reaches a limit."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +21,9 @@ SETTLING = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Rollout:
-    """How far the joints come."""
+    """Result of following a camera path by joint rates: the joint travel that is left, and the
+    joint that reaches a limit first, if any.
+    """
 
     room: float
     """Least way of a joint to an end of its range, as a part of this range."""
@@ -34,11 +34,12 @@ class Rollout:
 
 
 def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
-    """Follow a way from where the joints are, until one comes to the end of its range.
+    """Return how near the joints come to their limits when the camera follows a path from their
+    present positions; the simulation stops when a joint reaches a limit.
 
     Args:
         robot: Its joints.
-        data: Where they are; it is the same afterwards.
+        data: Holds the joint positions, which are restored afterwards.
         way: Poses of the camera, as `Robot.eye` has them, a `STEP` apart.
     """
     begin = data.qpos[robot.qpos].copy()
@@ -49,6 +50,7 @@ def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
     room = np.inf
     joint = ""
     time = np.inf
+    # The start may lie beside the path: its offset decays exponentially, as under a control law.
     for k, pose in enumerate(way[1:], 1):
         there = pose @ exp_se3(exp(-k * STEP / SETTLING) * beside)
         twist = log_se3(robot.eye(data).inverse() @ there) / STEP

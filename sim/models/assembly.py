@@ -56,7 +56,7 @@ def build_model(
     surroundings: Surroundings | None = None,
     leader: Leader | None = None,
 ) -> mujoco.MjModel:
-    """The room with the robot and the target in it, compiled for a camera.
+    """Return the model of the room with the robot and the target in it, compiled for a camera.
 
     Args:
         physics_rate: Physics steps a second [Hz].

@@ -1,4 +1,4 @@
-"""Sound models that MuJoCo refuses for what is drawn or weighed: mended, or without it."""
+"""Repair of models that MuJoCo refuses because of their meshes, textures, masses or inertias."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,9 +33,9 @@ class Mended:
     """The differences between a model and its file."""
 
     lost: list[Lost] = field(default_factory=list)
-    """What is not drawn."""
+    """Shapes and textures that are not drawn, with the reason."""
     corrected: list[str] = field(default_factory=list)
-    """Bodies whose mass or inertia cannot be."""
+    """Names of bodies whose impossible mass or inertia was replaced."""
 
     def __str__(self) -> str:
         said = [f"not drawn: {listed(self.lost)}"] if self.lost else []
@@ -45,7 +45,7 @@ class Mended:
 
 
 def mend(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> mujoco.MjModel:
-    """Mend what MuJoCo does not take, or leave it out.
+    """Repair the parts of a model that MuJoCo refuses, or leave them out.
 
     Args:
         spec: The model, which is changed.

@@ -34,7 +34,7 @@ Lost = tuple[str, str]
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """The look of some triangles."""
+    """Colour or texture of some triangles."""
 
     colour: tuple[float, ...]
     """Red, green, blue and opacity, 0 to 1."""
@@ -118,7 +118,7 @@ class _Beside:
 
 
 def trimesh() -> Any:
-    """Import trimesh, only now: it takes half a second."""
+    """Return the module trimesh, imported at the first call because that takes half a second."""
     return importlib.import_module("trimesh")
 
 

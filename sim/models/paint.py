@@ -46,10 +46,10 @@ class Outlined:
 
 
 def rgba(colour: Colour) -> list[float]:
-    """A colour as MuJoCo has it.
+    """Return red, green, blue and opacity, 0 to 1, of a colour.
 
     Raises:
-        ValueError: It is a text, but not "#rrggbb".
+        ValueError: The colour is a text other than "#rrggbb".
     """
     if not isinstance(colour, str):
         return [*colour, 1.0]
@@ -65,16 +65,16 @@ PLAIN: dict[str, Any] = {"mass": 0, "contype": 0, "conaffinity": 0, "group": 2}
 
 
 def picture_named(name: str, setting: str) -> Image:
-    """A shipped picture by its bare name, or one of the user's by its path.
+    """Return a shipped picture by its bare name, or one of the user's by its path.
 
     Raises:
-        ValueError: There is none of that name, or it cannot be read.
+        ValueError: The picture is missing or cannot be read.
     """
     return read_image(file_of(name, "targets", ".png", setting))
 
 
 def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -> mujoco.MjSpec:
-    """A box of this length, width and height [m] on the table.
+    """Return the model of a box of this length, width and height [m] on the table.
 
     A picture lies on each of its sides: on the upper one its right is at the nose.
     """

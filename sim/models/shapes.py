@@ -45,7 +45,7 @@ def paint(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, material: Material, name: s
 
 
 def add_picture(spec: mujoco.MjSpec, picture: Image, name: str = PICTURE) -> str:
-    """Add a picture to a model; the name of its material."""
+    """Add a picture to a model as a material; return the name of the material."""
     side = max(picture.shape[:2])
     if side > LARGEST_SIDE:
         scale = LARGEST_SIDE / side

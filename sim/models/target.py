@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from sim.models.model_files import compiled
+from sim.outline import Outline
 from sim.types import Array
 
 OUTLINE = "outline"
@@ -19,9 +20,16 @@ CORNERS = np.array(list(itertools.product((-1, 1), repeat=3)))
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """An object before it is put into the room.
+    """An object before it is put into the room: what a target's `Config.build` returns.
 
-    Its frame has x along the nose and z up; z = 0 is the table's top.
+    Its frame has x along the nose and z up; z = 0 is the table's top. All its geoms move as one,
+    without joints, and `rectangle` gives an outline whose corners are in the right order.
+
+    >>> spec = mujoco.MjSpec()
+    >>> side = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.05, 0.05, 0.01])
+    >>> target = Target(spec, rectangle(np.array([0.0, 0.0, 0.01]), length=0.1, width=0.1))
+    >>> target.outline[1].tolist()
+    [0.05, 0.05, 0.01]
     """
 
     spec: mujoco.MjSpec
@@ -45,7 +53,7 @@ def target_of(spec: mujoco.MjSpec) -> Target:
 
 
 def rectangle(centre: Array, length: float, width: float) -> Array:
-    """Corners (4, 3) of a level rectangle, in the order of `Target.outline`.
+    """Return the corners (4, 3) [m] of a level rectangle, in the order of `Target.outline`.
 
     Args:
         centre: Its middle (3,) [m].
@@ -58,13 +66,14 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
 
 
 def dimensions(outline: Array) -> tuple[float, float, float]:
-    """Length, width and height over the table [m] of a rectangle (4, 3)."""
-    length, width = np.ptp(outline[:, :2], axis=0).tolist()
-    return length, width, float(outline[0, 2])
+    """Return length, width and height over the table [m] of a rectangle with corners (4, 3)."""
+    sides = Outline(outline)
+    return sides.length, sides.width, sides.height
 
 
 def outline_site(spec: mujoco.MjSpec) -> Array | None:
-    """The rectangle (4, 3) that a model's site `outline` names; None where it has no such site.
+    """Return the rectangle (4, 3) [m] that a model's site `outline` names; None where it has no
+    such site.
 
     Raises:
         ValueError: The site is turned against the model.
@@ -82,7 +91,8 @@ def outline_site(spec: mujoco.MjSpec) -> Array | None:
 
 
 def seen_from_above(spec: mujoco.MjSpec) -> Array:
-    """The level rectangle (4, 3) around what is seen of a model from above, at its mean height [m].
+    """Return the level rectangle (4, 3) around what is seen of a model from above, at its mean
+    height [m].
 
     Raises:
         ValueError: Nothing of it is seen above the table, z = 0.

@@ -13,7 +13,7 @@ from sim.types import Pose
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """The circle."""
+    """Settings of the circle: centre, radius and frequency."""
 
     x: Place = 0.0
     """Centre [m]."""

@@ -8,7 +8,7 @@ from sim.ranges import Place, Speed
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """Where it starts and how fast it goes."""
+    """Settings of a straight drive: start, direction and speed."""
 
     x: Place = -0.5
     speed: Speed = 0.1

@@ -10,7 +10,7 @@ from sim.ranges import Degrees, Length, Speed
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """The line and the speed."""
+    """Settings of the line, on which the target drives back and forth, and of its speed."""
 
     heading_deg: Degrees = -90.0
     speed: Speed = 0.1

@@ -12,7 +12,7 @@ from sim.ranges import Place
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """The line and the swing, which starts in its middle."""
+    """Settings of the line and of the oscillation, which starts at the middle of the line."""
 
     amplitude: Place = 0.15
     """Amplitude [m]."""

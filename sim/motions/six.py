@@ -21,7 +21,7 @@ MIDDLE = np.array([0.0, 0.0, 0.3])
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """How fast and how far it moves."""
+    """Settings of a smooth motion in six degrees of freedom: frequency and amplitudes."""
 
     frequency: Annotated[float, Ge(0), Le(100)] = 0.2
     """Highest frequency [Hz]."""
@@ -45,14 +45,16 @@ class Config:
 
 @final
 class Six:
-    """Each coordinate is the mean of sines that begin at zero."""
+    """A motion whose three positions and three angles are each the mean of two sines, zero at time
+    0.
+    """
 
     def __init__(self, frequencies: Array, largest: Array) -> None:
         self._frequencies = frequencies
         self._largest = largest
 
     def at(self, time: float) -> Pose:
-        """T_world_target at a time [s]."""
+        """Return T_world_target at a time [s]."""
         q = self._largest * np.sin(2 * pi * self._frequencies * time).mean(axis=0)
         turned = exp_so3(np.array([0.0, 0.0, q[5]]))
         return Pose(turned @ exp_so3(np.array([q[3], q[4], 0.0])), MIDDLE + q[:3])

@@ -17,7 +17,7 @@ turn, and a leg of 0.2 m."""
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Turns and legs."""
+    """Settings of the turns on the spot and of the straight drives between them."""
 
     x: Place = -0.1
     """Start [m]."""

@@ -7,7 +7,7 @@ from sim.motions._straight import Straight
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """Where it stands."""
+    """Settings of a target at rest: position and heading."""
 
     def way(self, time: float) -> float:
         return 0.0

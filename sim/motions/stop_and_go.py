@@ -11,7 +11,7 @@ from sim.ranges import LONGEST, Place, Speed, Time
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """The line, the speed, and the times."""
+    """Settings of the line, of the speed and of the times of driving and standing."""
 
     x: Place = -0.5
     speed: Speed = 0.12

@@ -21,7 +21,7 @@ by hand."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Size of the loop, and the time of a round."""
+    """Settings of the loop: its mean radius and the time of one round."""
 
     radius: Length = 0.18
     """Mean radius [m]."""
@@ -29,7 +29,7 @@ class Config:
     """Time of one round [s]."""
 
     def build(self, rng: np.random.Generator) -> "Wander":
-        """The motion; its shape, start and sense come from the generator."""
+        """Return the motion; its shape, start and sense come from the generator."""
         order = np.array(HARMONICS)
         size = UNEVENNESS * rng.dirichlet(np.ones(len(order))) / order**2
         return Wander(self, size, rng.uniform(0, 2 * pi, len(order) + 1), rng.choice((-1, 1)))

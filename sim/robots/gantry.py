@@ -14,8 +14,8 @@ INVERSION = Inversion(weakest=0.1, damping=0.1)
 
 @dataclass(frozen=True, slots=True)
 class Config(Drives):
-    """Errors of the drives and encoders."""
+    """Settings of the robot: errors of its drives and encoders."""
 
     def build(self, rng: np.random.Generator) -> Design:
-        """Return the robot; it draws nothing."""
+        """Return the design of the robot; uses no random numbers."""
         return shipped("gantry.xml", self, (MIDDLE,), INVERSION)

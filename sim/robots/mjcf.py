@@ -3,7 +3,6 @@
 import functools
 import importlib
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
 from math import radians
@@ -17,7 +16,7 @@ from annotated_types import Ge, Le, MinLen
 from sim.files.shipped import file_of
 from sim.geometry import mount_pose
 from sim.kinematics.model import camera_chain, drive, make_robot
-from sim.kinematics.robot import Design, Drives, Inversion
+from sim.kinematics.robot import Design, Drives, Inversion, each_joint
 from sim.models.model_reader import joint_speeds, read_spec
 from sim.ranges import Degrees, File, Place
 from sim.types import Pose
@@ -43,7 +42,7 @@ ELSEWHERE = "; try another robot.base, or a robot.home near a posture that gets 
 
 @dataclass(frozen=True, slots=True)
 class Config(Drives):
-    """The model, where it stands, and where its camera is."""
+    """Settings of a robot from a file: its model, its base and its camera."""
 
     model: File = "arm7"
     """Its file, MJCF or URDF: a path from the scenario's folder or from the working directory, a
@@ -67,10 +66,10 @@ class Config(Drives):
     """Largest rate of each joint, or one for all [rad/s or m/s]; by default the model's."""
 
     def build(self, rng: np.random.Generator) -> Design:
-        """The robot; draws nothing.
+        """Return the design of the robot; uses no random numbers.
 
         Raises:
-            ValueError: The model is wrong, or a setting does not fit it.
+            ValueError: The model file is damaged or missing, or a setting does not fit the model.
         """
         path = model_path(self.model)
         spec = read_spec(path, WHAT, whole=False)
@@ -101,18 +100,14 @@ class Config(Drives):
                     limits = f"{low:.3g} .. {high:.3g}"
                     raise ValueError(f"a home has {name} at {at:g}, outside of its limits {limits}")
 
-    def _speeds(self, names: Sequence[str], own: dict[str, float]) -> list[float | None]:
-        if len(self.speed) > 1 and len(self.speed) != len(names):
-            raise ValueError(
-                f"speed has {len(self.speed)} values; it should have one, or {len(names)} for "
-                f"{', '.join(names)}"
-            )
-        given = self.speed * len(names) if len(self.speed) == 1 else self.speed
-        return list(given) or [own.get(name) for name in names]
+    def _speeds(self, names: tuple[str, ...], own: dict[str, float]) -> list[float | None]:
+        if self.speed:
+            return each_joint("speed", self.speed, names).tolist()
+        return [own.get(name) for name in names]
 
 
 def model_path(model: str) -> Path:
-    """The file that a setting names.
+    """Return the path of the robot model that the setting `robot.model` names.
 
     Raises:
         ValueError: The Menagerie is not here or has no such robot, or no model of its bare name is
@@ -152,5 +147,5 @@ def shipped(
     """Return the design of a shipped model, such as "arm.xml"."""
     path = str(resources.files("scenes") / FOLDER / model)
     config = Config(model=path, base=(0.0, 0.0, 0.0, 0.0), camera="eye", home=homes)
-    design = config.build(np.random.default_rng(0))  # it draws nothing
+    design = config.build(np.random.default_rng(0))  # uses no random numbers
     return replace(design, drives=drives, inversion=inversion, advice="")

@@ -21,7 +21,7 @@ class Config:
     """A picture for each side, in place of the colour: a shipped one's name, or a file."""
 
     def build(self, rng: np.random.Generator) -> Target:
-        """The target; draws nothing.
+        """Return the target; uses no random numbers.
 
         Raises:
             ValueError: There is no such colour or picture.

@@ -12,10 +12,10 @@ from sim.models.target import Target, target_of
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Nothing of it can be set."""
+    """No settings."""
 
     def build(self, rng: np.random.Generator) -> Target:
-        """The target; draws nothing."""
+        """Return the target; uses no random numbers."""
         return _car()
 
 

@@ -31,7 +31,7 @@ FLAT = 0.001
 
 @dataclass(frozen=True, slots=True)
 class Config(Outlined):
-    """Which mesh, how large, and how it lies."""
+    """Settings of a target from a mesh file: the mesh, its size and its orientation."""
 
     file: File = "duck"
     """A shipped mesh's name, or an .obj or .stl file."""
@@ -49,7 +49,7 @@ class Config(Outlined):
     lies."""
 
     def build(self, rng: np.random.Generator) -> Target:
-        """The target, centred, resting on the table; draws nothing.
+        """Return the target, centred and resting on the table; uses no random numbers.
 
         Raises:
             ValueError: A file cannot be read or is broken, or there is no such colour.

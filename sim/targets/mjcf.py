@@ -18,14 +18,14 @@ MOVING = (*SIMULATION, "actuators", "joints", "cameras")
 
 @dataclass(frozen=True, slots=True)
 class Config(Outlined):
-    """Which model."""
+    """Settings of a target from a model file."""
 
     model: File = "truck"
     """A shipped model's name, or an .xml or .urdf file: x is its nose, z is up, and the table is at
     z = 0. Joints, actuators, sensors, cameras, lights and the sky are left out."""
 
     def build(self, rng: np.random.Generator) -> Target:
-        """The target; draws nothing.
+        """Return the target; uses no random numbers.
 
         Raises:
             ValueError: The file cannot be read or is broken, has a plane, or is not seen.

@@ -11,7 +11,7 @@ from sim.ranges import File, Length
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Which picture, and how large."""
+    """Settings of a flat picture on the table: the picture and its size."""
 
     picture: File = "pebbles"
     """A shipped picture's name, or a file; it is stretched over the plate."""
@@ -21,7 +21,7 @@ class Config:
     """Width, which is the picture's height [m]."""
 
     def build(self, rng: np.random.Generator) -> Target:
-        """The target; draws nothing.
+        """Return the target; uses no random numbers.
 
         Raises:
             ValueError: There is no such picture.

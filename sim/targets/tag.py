@@ -17,7 +17,7 @@ from sim.ranges import Length
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Which tag, and how large."""
+    """Settings of the tag: its number and its size."""
 
     id: Annotated[int, Ge(0), Le(586)] = 0
     """Number of the tag in its family."""
@@ -26,9 +26,9 @@ class Config:
 
     @property
     def marker(self) -> Marker:
-        """The tag."""
+        """The AprilTag that this target is."""
         return Marker(self.id, self.size)
 
     def build(self, rng: np.random.Generator) -> Target:
-        """Return the target; it draws no random number."""
+        """Return the target; uses no random numbers."""
         return tag_target(self.marker)

@@ -95,7 +95,9 @@ class HueTracker:
         self._model = HueModel(frame.image, region, state)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Search, and judge."""
+        """Return the estimate of OpenCV's search, with the status from the hue histogram's
+        distance.
+        """
         check_picture(frame.image)
         self._state = self._found(frame, ego)
         distance = self._model.distance(frame.image, self._state)

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 
+from sim.outline import area
 from sim.types import Array
 from tracking.types import Region, State
 
@@ -22,13 +23,6 @@ def through(H: Array, points: Array) -> Array:
     return seen[:, :2] / seen[:, 2:]
 
 
-def area_of(corners: Array) -> float:
-    """Return the area of a quadrangle (4, 2), by its diagonals."""
-    along = corners[2] - corners[0]
-    down = corners[3] - corners[1]
-    return abs(float(along[0] * down[1] - along[1] * down[0])) / 2
-
-
 def state_of(corners: Array, region: Region, last: State) -> State:
     """Return the state of a region whose corners are seen at (4, 2): centre, direction of the nose
     and root of the area as `sim.types.Truth` defines them; the angle continues the last one.
@@ -36,5 +30,5 @@ def state_of(corners: Array, region: Region, last: State) -> State:
     centre, nose = through(homography(SQUARE, corners), np.array([[0.0, 0.0], [0.5, 0.0]]))
     theta = float(np.arctan2(*(nose - centre)[::-1]))
     theta += 2 * np.pi * round((last.theta - theta) / (2 * np.pi))
-    scale = np.sqrt(area_of(corners) / (region.width * region.height))
+    scale = np.sqrt(area(corners) / (region.width * region.height))
     return State(float(centre[0]), float(centre[1]), theta, float(scale))

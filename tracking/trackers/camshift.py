@@ -22,7 +22,7 @@ class Config:
     traits = frozenset({Trait.COLOUR})
 
     def build(self, rng: np.random.Generator) -> "Camshift":
-        """Return the tracker; it draws nothing."""
+        """Return the tracker; uses no random numbers."""
         return Camshift()
 
 

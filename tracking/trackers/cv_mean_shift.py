@@ -19,13 +19,13 @@ class Config:
     traits = frozenset({Trait.COLOUR})
 
     def build(self, rng: np.random.Generator) -> "CvMeanShift":
-        """Return the tracker; it draws nothing."""
+        """Return the tracker; uses no random numbers."""
         return CvMeanShift()
 
 
 @final
 class CvMeanShift(HueTracker):
-    """A box of fixed size."""
+    """A box of fixed size, moved by OpenCV's meanShift to the mode of the hue back-projection."""
 
     def _found(self, frame: Frame, ego: Array | None) -> State:
         box = box_of(self._region, self._state.moved(ego), frame.image)

@@ -25,13 +25,13 @@ class Config:
     traits = frozenset[Trait]()
 
     def build(self, rng: np.random.Generator) -> "Frozen":
-        """Return the tracker; it draws nothing."""
+        """Return the tracker; uses no random numbers."""
         return Frozen()
 
 
 @final
 class Frozen:
-    """The first state for ever; it never claims to see the target."""
+    """Reports the first state in every frame, with status UNSURE."""
 
     _state: State = SET_BY_START
 

@@ -12,11 +12,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.outline import area
 from sim.types import Array, Frame, Image
 from tracking.loops import plane_alignment
 from tracking.loss import LossJudge, LossLimits
 from tracking.search.velocity import Velocity
-from tracking.trackers._plane import SQUARE, area_of, homography, state_of, through
+from tracking.trackers._plane import SQUARE, homography, state_of, through
 from tracking.types import (
     FARTHEST,
     SET_BY_START,
@@ -199,7 +200,7 @@ def _part(image: Image, corners: Array, count: int) -> tuple[NDArray[np.float32]
     ends = np.array(image.shape[1::-1])
     low = np.clip(corners.min(axis=0) - size / 2, 0, ends - 1).astype(int)
     high = np.clip(corners.max(axis=0) + size / 2 + 1, low + 1, ends).astype(int)
-    shrink = int(np.clip(np.sqrt(area_of(corners) / count), 1, (high - low).min()))
+    shrink = int(np.clip(np.sqrt(area(corners) / count), 1, (high - low).min()))
     width, height = ((high - low) // shrink).tolist()
     cut = image[low[1] :, low[0] :][: height * shrink, : width * shrink]
     grey = cv2.cvtColor(np.ascontiguousarray(cut), cv2.COLOR_RGB2GRAY)

@@ -60,10 +60,10 @@ class ClimbSettings(AppearanceSettings):
     @property
     @abstractmethod
     def climb(self) -> Climb:
-        """The search."""
+        """Parameters of the mean-shift search."""
 
     def build(self, rng: np.random.Generator) -> "MeanShift":
-        """Return the tracker; it draws nothing."""
+        """Return the tracker; uses no random numbers."""
         return MeanShift(self)
 
 

@@ -50,7 +50,7 @@ class Config:
     traits = frozenset({Trait.COLOUR, Trait.ANGLE})
 
     def build(self, rng: np.random.Generator) -> "MkSsd":
-        """Return the tracker; it draws nothing."""
+        """Return the tracker; uses no random numbers."""
         return MkSsd(self)
 
 

@@ -88,7 +88,9 @@ class Config(SimilaritySettings):
 
 @final
 class PfSsd(ParticleTracker):
-    """The combination."""
+    """A particle filter whose estimate is refined by Newton's descent unless the target is
+    occluded.
+    """
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
         super().__init__(config, LossLimits(sudden=config.sudden), rng)

@@ -5,9 +5,10 @@ from typing import final
 
 import numpy as np
 
+from sim.outline import area
 from sim.types import Array, Frame
 from tracking.search.tag_detector import TagDetector
-from tracking.trackers._plane import SQUARE, area_of, homography, state_of, through
+from tracking.trackers._plane import SQUARE, homography, state_of, through
 from tracking.types import (
     SET_BY_START,
     Estimate,
@@ -30,7 +31,7 @@ class Config:
     traits = frozenset({Trait.MARKER, Trait.CORNERS})
 
     def build(self, rng: np.random.Generator) -> "Tag":
-        """Return the tracker; it draws nothing."""
+        """Return the tracker; uses no random numbers."""
         return Tag()
 
 
@@ -68,7 +69,7 @@ class Tag:
         corners = found[1]
         if _near(_in_plane(corners, region, state), SQUARE):
             return region, state
-        side = float(np.sqrt(area_of(corners)))
+        side = float(np.sqrt(area(corners)))
         square = Region(side, side, corners)
         return square, state_of(corners, square, state)
 
@@ -104,7 +105,7 @@ def _in_plane(seen: Array, region: Region, state: State) -> Array:
     near = through(to_plane, region.first_corners(state))
     ahead = (nose - centre) / np.hypot(*(nose - centre))
     half = np.sqrt(
-        area_of(near) * np.array([region.width / region.height, region.height / region.width])
+        area(near) * np.array([region.width / region.height, region.height / region.width])
     )
     return centre + (SQUARE * half) @ np.array([ahead, (-ahead[1], ahead[0])])
 

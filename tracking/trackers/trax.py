@@ -25,5 +25,5 @@ class Config(JudgeSettings):
     """Longest wait for an answer [s]; the first one waits for the server's start, too."""
 
     def build(self, rng: np.random.Generator) -> ForeignTracker:
-        """Return the tracker; it draws nothing."""
+        """Return the tracker; uses no random numbers."""
         return ForeignTracker(self, lambda: TraxClient(self.command, self.timeout))

@@ -15,7 +15,7 @@ from sim.channels import Channel, View
 from sim.types import Array, Frame, Truth
 from tracking.types import Estimate, Region, State, Status, Trait, Traits, goes_around
 
-NO_TRUTH = "the tracker 'truth' is told where the target is by a simulation, and here is none"
+NO_TRUTH = "the tracker 'truth' needs the true pose of the target, which only a simulation provides"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Config:
 
 @final
 class TruthTracker:
-    """Reports the position it is given, where that is in the picture."""
+    """An ideal tracker: the true state with noise and dropouts, LOST outside the picture."""
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
         self._config = config
@@ -61,7 +61,7 @@ class TruthTracker:
         """Begin with the size that the target has in the first picture.
 
         Raises:
-            ValueError: Nobody gave the truth.
+            ValueError: The frame comes without a truth, as outside a simulation.
         """
         if self._truth is None:
             raise ValueError(NO_TRUTH)

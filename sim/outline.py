@@ -1,0 +1,54 @@
+"""The reference rectangle of a target: its sides and areas."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.types import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """The level rectangle that stands for a target in measurements and control.
+
+    >>> corners = np.array([[-0.1, 0.05, 0.03], [0.1, 0.05, 0.03], [0.1, -0.05, 0.03],
+    ...                     [-0.1, -0.05, 0.03]])
+    >>> outline = Outline(corners)
+    >>> outline.length, outline.width, outline.height
+    (0.2, 0.1, 0.03)
+    """
+
+    corners: Array
+    """Corners (4, 3) in the target's frame [m], clockwise as seen from above: front left is the
+    second one, because the nose points along x and left along y."""
+
+    @property
+    def length(self) -> float:
+        """Side along the target's nose [m]."""
+        return float(np.ptp(self.corners[:, 0]))
+
+    @property
+    def width(self) -> float:
+        """Side across the target's nose [m]."""
+        return float(np.ptp(self.corners[:, 1]))
+
+    @property
+    def height(self) -> float:
+        """Height over the table [m]."""
+        return float(self.corners[0, 2])
+
+    @property
+    def area(self) -> float:
+        """Area of the rectangle [m^2]."""
+        return self.length * self.width
+
+
+def area(corners: Array) -> float:
+    """Return the area of a convex quadrangle from its corners (4, 2) or (4, 3), of which x and y
+    count: half the product of its diagonals and of the sine between them.
+
+    >>> area(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]]))
+    2.0
+    """
+    a, b, c, d = corners[:, :2].tolist()
+    return abs((c[0] - a[0]) * (d[1] - b[1]) - (c[1] - a[1]) * (d[0] - b[0])) / 2
