@@ -1,4 +1,4 @@
-"""What feature sets, estimators and controllers are: the parts of a loop that have kinds."""
+"""The protocols of feature sets, estimators, controllers and sources of goals."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +12,17 @@ from sim.types import Array, Camera, Frame, Posture
 
 
 class FeatureSet(Protocol):
-    """What is servoed: k named functions of the sight, and their interaction matrix.
+    """k visual features, and their interaction matrix: what a control law drives to its goal.
+
+    A new set is a class with these members, built by a `Config` with `build(outline)`. The law
+    computes e = error(values(sight), values(goal)) and the twist v = -gain L# e from the matrix L.
+    `values` of the same sight must always be the same, and `matrix` their derivative:
+    `servo.testing.check_features` compares it with finite differences.
+
+    >>> from servo.features import KINDS
+    >>> found = KINDS.config("moments").build(np.zeros((4, 3)))
+    >>> found.names, found.units
+    (('xn', 'yn', 'an', 'theta'), ('m', 'm', 'm', 'rad'))
 
     The `Config` of a set that is made of pixels declares `needs = frozenset({Channel.PICTURE,
     Channel.GOAL_PICTURE})`: `Sight.picture` is there then, and in the goal too.
@@ -25,7 +35,7 @@ class FeatureSet(Protocol):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Their units, such as "m", "rad", or "1" for a plain number."""
+        """Units of the features, such as "m", "rad", or "1" for a plain number."""
         ...
 
     @property
@@ -37,45 +47,50 @@ class FeatureSet(Protocol):
 
     @property
     def feed_forward(self) -> tuple[str, ...]:
-        """Features whose target motion a law compensates where the user names no others."""
+        """Names of the features whose target motion a law compensates by default."""
         ...
 
     @property
     def sole_dof(self) -> Mapping[str, str]:
-        """Degrees of freedom that one feature alone controls, by its name: such a part of the
-        twist is zero while the feature is not known.
+        """Degree of freedom ("vz", "wz", ...) that a feature alone controls, by the feature's name:
+        this component of the twist is zero while the feature is not measured.
         """
         ...
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (k,)."""
+        """Return the values s (k,) of the features of a sight, in `units`."""
         ...
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix (k, 6): ds/dt = L v for a target that stands still."""
+        """Return the interaction matrix L (k, 6) with ds/dt = L v, for a target at rest and a
+        camera twist v (6,) in the camera frame [m/s, rad/s].
+        """
         ...
 
     def error(self, values: Array, goal: Array) -> Array:
-        """Return the error (k,): values minus goal, angles wrapped."""
+        """Return the error e (k,): values minus goal, with differences of angles in (-pi, pi]."""
         ...
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return which features (k,) are measured; the others are left as they are."""
+        """Return True (k,) for each feature that the sight measures; the law does not servo the
+        others.
+        """
         ...
 
     def scales(self, goal: Array) -> Array:
-        """Return what estimators divide the features by (k,), at a goal (k,); 1 for angles. Their
-        constants then hold for any target and depth.
+        """Return the divisors (k,) of the features at a goal (k,), 1 for angles: estimators work on
+        features over their scales, so that one set of constants holds for any target and depth.
         """
         ...
 
 
 @runtime_checkable
 class OwnInverse(Protocol):
-    """A feature set that gives the law an inverse of its own, where all features are known."""
+    """A feature set that replaces the law's pseudo-inverse while all features are measured."""
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the map (6, k) from e to the twist, in place of the pseudo-inverse L#.
+        """Return the matrix (6, k) that maps the error to the twist, in place of the pseudo-inverse
+        L#.
 
         Args:
             L: The interaction matrix (k, 6) that the law has chosen.
@@ -89,14 +104,27 @@ class FeaturesConfig(Protocol):
     """The settings of a feature set."""
 
     def build(self, outline: Array) -> FeatureSet:
-        """Return the set for a target whose reference rectangle has these corners (4, 3) [m]."""
+        """Return the feature set of a target.
+
+        Args:
+            outline: Corners (4, 3) of its reference rectangle in the target's frame [m].
+        """
         ...
 
 
 class Estimator(Protocol):
-    """Estimates the part of de/dt that the target's own motion causes.
+    """Estimates the part of de/dt that the target's own motion causes, so that the law can
+    compensate it.
 
-    All features are divided by `FeatureSet.scales`. One whose `Config` declares
+    A new estimator is a class with these methods, built by a `Config` with `build(rng)`. After
+    each frame the law calls `update`, or `skip` if the target was not seen, and subtracts the
+    prediction's motion: v = -L# (gain e + de/dt).
+
+    >>> from servo.estimators import KINDS
+    >>> KINDS.config("none").build(np.random.default_rng(0)).__class__.__doc__
+    'Predicts a target at rest.'
+
+    All errors and motions are divided by `FeatureSet.scales`. One whose `Config` declares
     `Channel.SEEN` is told before each call whether the target is seen, so that it can take back
     what it measured while the target began to be hidden.
     """
@@ -124,24 +152,42 @@ class Estimator(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a controller is to do."""
+    """The task of a controller: goal, features, estimator, camera and target."""
 
     goal: Sight
-    """How the target shall be seen."""
+    """The desired sight of the target at the beginning."""
     features: FeatureSet
-    """What is servoed."""
+    """The features that the law drives to their goal."""
     estimator: Estimator
-    """Where the target's own motion comes from; it has been started."""
+    """Estimates the target's own motion; its `start` has been called."""
     camera: Camera
-    """Intrinsics and image size."""
+    """Intrinsics and image size, as the robot believes them."""
     outline: Array
     """Corners (4, 3) of the target's reference rectangle in its frame [m]."""
     latency: float = 0
-    """Frame intervals until a command acts."""
+    """Time from a picture until the command computed from it acts [frame intervals]."""
 
 
 class Controller(Protocol):
-    """Turns what is seen into camera twists.
+    """Turns sights of the target into camera twists.
+
+    A new controller is a class with these methods, built by a `Config` with `build(rng)`: `start`
+    begins a run, and `command` returns the twist after each picture. This one moves the camera
+    sideways to the target:
+
+    >>> from servo.types import Command
+    >>> class Sideways:
+    ...     def start(self, task):
+    ...         self.features = task.features
+    ...
+    ...     def command(self, seen, posture, dt):
+    ...         twist = np.zeros(6)
+    ...         if seen is not None:
+    ...             e = self.features.error(
+    ...                 self.features.values(seen), self.features.values(seen.goal)
+    ...             )
+    ...             twist[:2] = e[:2]
+    ...         return Command(twist)
 
     The `Config` of a controller that acts on pictures declares `needs =
     frozenset({Channel.PICTURE})`, with `Channel.GOAL_PICTURE` to have one of the goal too: then
@@ -156,12 +202,12 @@ class Controller(Protocol):
         """
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the twist to ask for now.
+        """Return the command after a picture.
 
         Args:
-            seen: The target, None where it was not seen. Its `goal` is the desired sight; where
-                the goal moves, it is another one than that of the task.
-            posture: What the robot knows of itself.
+            seen: The target as it is seen, with the desired sight as its `goal` (which may have
+                moved since `Task.goal`); None if the target is not seen.
+            posture: Camera pose, twist, joints and Jacobian, as the robot knows them.
             dt: Time since the last picture that the tracker took [s].
         """
         ...
@@ -169,21 +215,23 @@ class Controller(Protocol):
 
 @runtime_checkable
 class ChoosesMoves(Protocol):
-    """Settings of a controller that choose the degrees of freedom that it moves."""
+    """Settings of a controller that choose the degrees of freedom of the camera to move."""
 
     def moves(self, *, six: bool) -> NDArray[np.bool_]:
-        """Return the degrees of freedom (6,) that may move, where six can be controlled or only
-        four.
+        """Return True (6,) for each degree of freedom of the camera that may move.
+
+        Args:
+            six: Whether the features control all six, or four (vx, vy, vz, wz).
         """
         ...
 
 
 class GoalSource(Protocol):
-    """Where the goal of each picture comes from."""
+    """Gives the desired sight of each picture."""
 
     @property
     def moved_by(self) -> str:
-        """The setting with which the goal moves; empty where it stays."""
+        """The setting that makes the goal move, such as "goal.depth_to"; "" for a fixed goal."""
         ...
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:

@@ -60,39 +60,40 @@ class Sight:
 
     moments: Moments
     plane: Plane
-    """Where it lies, as far as is known: the depths of interaction matrices come from it."""
+    """The plane of the target in the camera frame, as far as it is known; interaction matrices take
+    their depths from it."""
     angle_known: bool = True
-    """Whether the angle is measured; a tracker that does not follow it only assumes it."""
+    """Whether the target's angle in the image is measured, and not only assumed."""
     size_known: bool = True
-    """Whether the size is measured."""
+    """Whether the target's size in the image is measured, and not only assumed."""
     tilt_known: bool = False
-    """Whether the tilt of its plane is measured, by a tracker that sees its four corners."""
+    """Whether the tilt of the target's plane is measured, by four corners or a depth picture."""
     corners: Array | None = None
-    """Corners (4, 2) of its reference rectangle in normalised image coordinates, in the order of
-    the outline; None where nobody needs them."""
+    """Corners (4, 2) of the target's reference rectangle in normalised image coordinates, in the
+    order of the outline; None if they were not computed."""
     measured_pose: Pose | None = None
-    """Its pose, where one was measured; else the pose is what corners and plane say."""
+    """T_camera_object, if it was measured; otherwise `pose` computes it from corners and plane."""
     goal: Sight | None = None
-    """How it shall be seen; None in the goal itself."""
+    """The desired sight of the target; None if this sight is itself the desired one."""
     picture: CameraImage | None = None
-    """What the camera saw; None where nobody needs it."""
+    """The whole picture, for features and controllers that use pixels; otherwise None."""
 
     @property
     def aim(self) -> Sight:
-        """How it shall be seen; of a goal, the goal itself."""
+        """The desired sight; a desired sight is its own goal."""
         return self.goal or self
 
     @cached_property
     def pose(self) -> Pose:
-        """T_camera_object: origin in the rectangle's centre, x along the nose, z through the
-        rectangle away from the camera: no rotation where the camera faces it, its nose to the
-        right.
+        """T_camera_object [m]. The object's frame has its origin in the centre of the reference
+        rectangle, x along the target's nose, and z along the plane's normal, away from the camera:
+        the rotation is the identity if the camera faces the target and its nose points right.
         """
         return self.measured_pose or pose_in_plane(self.points, self.plane.vector)
 
     @cached_property
     def points(self) -> Array:
-        """The corners (4, 3) in the camera frame, in the plane [m].
+        """Corners (4, 3) of the reference rectangle in the camera frame [m].
 
         Raises:
             ValueError: The sight has no corners.
@@ -119,31 +120,34 @@ class OwnMotion:
     """The part of de/dt that the camera's own motion causes."""
 
     past: Array
-    """Mean over the time since the last frame, from the measured twist (k,)."""
+    """Mean de/dt (k,) since the last frame, computed from the measured camera twist [1/s]."""
     coming: Array
-    """In the time before the command asked for now acts, the next part first (n, k)."""
+    """de/dt (n, k) of the n pieces of time until the next command acts, the earliest first
+    [1/s]."""
     durations: Array | None = None
-    """How long each of these parts is (n,) [s]; None: a frame interval each."""
+    """Length (n,) of these pieces of time [s]; None: one frame interval each."""
 
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """What an estimator returns for a frame."""
+    """What an estimator returns for a frame, over `FeatureSet.scales`."""
 
     error: Array
-    """The error (k,) to act on: as it was seen, or as it will be when the command acts."""
+    """Feature error (k,) for the law: the measured one, or the one predicted for the moment at
+    which the command acts."""
     motion: Array
-    """Estimated de/dt of the target's own motion (k,) [1/s]."""
+    """Estimated de/dt (k,) caused by the target's own motion [1/s]."""
     innovation: Array
-    """Measured minus expected error (k,); nan if nothing was measured. A filter of de/dt gives its
-    own innovation times the interval."""
+    """Measured minus expected error (k,); nan for features that were not measured. A filter of
+    de/dt multiplies its innovation by the frame interval."""
     nis: Array
-    """Innovation squared over its variance (k,), 1 on average where the filter fits; or nan."""
+    """Normalised innovation squared (k,): innovation squared over its variance, 1 on average if the
+    filter's model fits; nan for features that were not measured."""
     variance: Array | None = None
-    """Stated variances (2, k) of error and motion against the truth; None without a filter."""
+    """Variances (2, k) that the filter states for `error` and `motion`; None without a filter."""
 
     def times(self, scales: Array) -> Prediction:
-        """Return the same in other units: multiplied by scales (k,)."""
+        """Return the prediction in other units: multiplied by scales (k,)."""
         return Prediction(
             self.error * scales,
             self.motion * scales,
@@ -154,7 +158,7 @@ class Prediction:
 
     @staticmethod
     def unmeasured(error: Array, motion: Array, variance: Array | None = None) -> Prediction:
-        """Return a prediction without innovations."""
+        """Return a prediction whose innovation and NIS are nan."""
         none = np.full(len(error), np.nan)
         return Prediction(error, motion, none, none, variance)
 
@@ -170,27 +174,29 @@ class Mode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """How a law came to its twist, for the log."""
+    """Intermediate results of a control law, for the log."""
 
     features: Array
-    """s (k,); as last seen where the target was not."""
+    """Features s (k,); those last measured while the target is not seen."""
     error: Array
     """Feature error e = s - s* (k,)."""
     prediction: Prediction
-    """What the estimator returned."""
+    """The estimator's prediction, in the features' own units."""
     scales: Array
-    """What the estimator's features were divided by (k,)."""
+    """`FeatureSet.scales` (k,), by which the estimator's input was divided."""
     own: Array
-    """de/dt (k,) that the camera's own motion caused since the last frame, over `scales`."""
+    """Mean de/dt (k,) caused by the camera's own motion since the last frame, over `scales`
+    [1/s]."""
     servoed: NDArray[np.bool_] | None = None
-    """The features (k,) that the joints can servo; None: all."""
+    """True (k,) for each feature that the robot's joints can change; None: all of them."""
     held: NDArray[np.bool_] | None = None
-    """The joints (n,) that the law leaves out, as their ranges end there; None: it leaves none."""
+    """True (n,) for each joint that the law does not move because its range ends; None: it moves
+    all."""
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What a controller asks for after one frame."""
+    """The camera velocity that a controller commands after one frame."""
 
     twist: Array
     """Camera twist (6,) in the camera frame [m/s, rad/s]."""
@@ -199,9 +205,9 @@ class Command:
     mode: Mode = Mode.SERVOING
     """What the controller is doing."""
     trace: Trace | None = None
-    """How it came to this; None for a controller without features."""
+    """Intermediate results; None for a controller without features."""
     limits: tuple[str, ...] = ()
     """Names of the limits that changed the twist, where the controller knows them, such as "view
     left", "joint 2" or "speed"."""
     violated: tuple[str, ...] = ()
-    """Those among them that no twist could keep: this one violates them least."""
+    """Names of the limits that no twist can keep; this twist violates them least."""

@@ -48,7 +48,7 @@ class Config:
     """Largest angular speed of the camera [rad/s]."""
 
     def build(self, rng: np.random.Generator) -> "Broyden":
-        """Return the controller; it draws nothing."""
+        """Return the controller, which uses no random numbers."""
         return Broyden(self)
 
 

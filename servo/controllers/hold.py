@@ -15,7 +15,7 @@ class Config:
     """No settings."""
 
     def build(self, rng: np.random.Generator) -> "Hold":
-        """Return the controller; it draws nothing."""
+        """Return the controller, which uses no random numbers."""
         return Hold()
 
 

@@ -41,7 +41,7 @@ class Config(LawSettings):
     """The control law."""
 
     def build(self, rng: np.random.Generator) -> "Ibvs":
-        """Return the controller; it draws nothing."""
+        """Return the controller, which uses no random numbers."""
         return Ibvs(self)
 
 

@@ -37,7 +37,7 @@ class Config:
     needs = SEES_PICTURES
 
     def build(self, rng: np.random.Generator) -> PolicyLaw:
-        """Return the controller; it draws nothing.
+        """Return the controller, which uses no random numbers.
 
         Raises:
             ValueError: The file cannot be read, or its network takes something else.

@@ -60,7 +60,7 @@ class Config(LawSettings):
     """Way between the target's corners and the sides of the picture that is kept [px]."""
 
     def build(self, rng: np.random.Generator) -> ibvs.Ibvs:
-        """Return the controller; it draws nothing."""
+        """Return the controller, which uses no random numbers."""
         return ibvs.Ibvs(self, Programme(self))
 
 

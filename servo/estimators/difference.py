@@ -18,7 +18,7 @@ class Config:
     """No settings."""
 
     def build(self, rng: np.random.Generator) -> "Plain":
-        """Return the estimator; it draws nothing."""
+        """Return the estimator, which uses no random numbers."""
         return Plain()
 
 

@@ -37,7 +37,7 @@ class Config:
     needs = frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> "Imm":
-        """Return the estimator; it draws nothing."""
+        """Return the estimator, which uses no random numbers."""
         return Imm((motion, partial(motion, jump=JUMP)))
 
 

@@ -21,7 +21,7 @@ class Config:
     """Of the integral [1/s^2]."""
 
     def build(self, rng: np.random.Generator) -> "Integral":
-        """Return the estimator; it draws nothing."""
+        """Return the estimator, which uses no random numbers."""
         return Integral(self.gain)
 
 

@@ -37,7 +37,7 @@ class Config:
     needs = frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> ErrorFilters:
-        """Return the estimator; it draws nothing."""
+        """Return the estimator, which uses no random numbers."""
         return ErrorFilters(_model, test=partial(Cusum, DRIFT, THRESHOLD))
 
 

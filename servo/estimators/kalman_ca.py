@@ -52,7 +52,7 @@ class Config:
         return frozenset() if self.noise == "difference" else frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> Estimator:
-        """Return the estimator; it draws nothing."""
+        """Return the estimator, which uses no random numbers."""
         if self.noise == "difference":
             return DifferenceFilters(self.model)
         return ErrorFilters(self.motion)

@@ -51,7 +51,7 @@ class Config:
         return frozenset() if self.noise == "difference" else frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> Estimator:
-        """Return the estimator; it draws nothing."""
+        """Return the estimator, which uses no random numbers."""
         if self.noise == "difference":
             return DifferenceFilters(self.model)
         return ErrorFilters(lambda dt: motion(dt, self.rho, self.ratio))

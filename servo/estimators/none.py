@@ -15,13 +15,13 @@ class Config:
     """No settings."""
 
     def build(self, rng: np.random.Generator) -> "Nothing":
-        """Return the estimator; it draws nothing."""
+        """Return the estimator, which uses no random numbers."""
         return Nothing()
 
 
 @final
 class Nothing:
-    """Always zero."""
+    """Predicts a target at rest."""
 
     def start(self, features: FeatureSet) -> None:
         """Begin with these features."""

@@ -21,7 +21,7 @@ class Config:
     needs = frozenset({Channel.TRUE_MOTION})
 
     def build(self, rng: np.random.Generator) -> "Ideal":
-        """Return the estimator; it draws nothing."""
+        """Return the estimator, which uses no random numbers."""
         return Ideal()
 
 

@@ -1,4 +1,4 @@
-"""What a run is made from: its random streams, its settings, and the kinds of its parts."""
+"""The settings of a run, and its random streams."""
 
 from dataclasses import dataclass, replace
 from math import radians
@@ -29,9 +29,9 @@ from tracking.types import SEES_PICTURES, Tracker
 MOST_SEED = (1 << 63) - 1
 """The largest integer that TOML has."""
 MOST_LATENCY = 100
-"""Frames: three seconds at 30 Hz, beyond any loop that is stable."""
+"""Largest latency [frames]: three seconds at 30 Hz, far beyond any stable loop."""
 LATENCY = 1
-"""Frames, where nothing else is given."""
+"""Default latency [frames]."""
 DOES_NOT_REPEAT = (
     'run.tracker_ms = "measured": the tracker\'s time on this machine decided what it saw, so the '
     "same seed does not give the same numbers"
@@ -39,24 +39,26 @@ DOES_NOT_REPEAT = (
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
-    """Return the random stream of one part: the draws of one part never shift another's."""
+    """Return the random generator of one component, such as "tracker": components have independent
+    streams, so that more draws of one do not change another's.
+    """
     return np.random.default_rng([seed, *name.encode()])
 
 
 @dataclass(frozen=True, slots=True)
 class RunConfig:
-    """The episode as a whole."""
+    """Duration, seed and delays of a run."""
 
     duration: Annotated[float, Ge(0.001), Le(LONGEST)] = 10.0
     """Simulated time [s]."""
     seed: Annotated[int, Ge(0), Le(MOST_SEED)] = 0
     """Seed of every random stream."""
     latency: Annotated[int, Ge(0), Le(MOST_LATENCY)] = LATENCY
-    """Frame intervals until a command acts: what frame k asks for moves the camera from frame
-    k + latency on, or as much later as its estimate is."""
+    """Delay from a picture to the motion it causes [frame intervals]: the command computed from
+    frame k acts from frame k + latency on, and later if the estimate was late."""
     latency_ms: Annotated[float, Ge(0), Le(10_000)] | None = None
-    """The same as a time [ms], which is then rounded up to the next update of the drives; by
-    default `latency` counts."""
+    """The delay as a time [ms], in place of `latency`; rounded up to the next update of the
+    drives."""
     tracker_ms: Annotated[float, Ge(0), Le(60_000)] | Literal["measured"] = 0.0
     """Time that the tracker takes for a picture [ms]: its estimate is there that much later, and it
     skips the pictures that arrive meanwhile, all but the newest. "measured": what it takes on this
@@ -65,11 +67,15 @@ class RunConfig:
     """Longest time from a picture to its arrival at the tracker [ms]; each is drawn evenly from 0
     to it, and no picture overtakes another."""
     ego: bool = False
-    """Give the tracker the motion of the target's image that the measured camera motion caused: its
-    prediction then covers the target's own motion only."""
+    """Tell the tracker how the measured camera motion has moved the target's image, so that its
+    motion model needs to cover the target's own motion only."""
 
     def frames_late(self, period: float) -> float:
-        """Return how many frame intervals [s] pass from an estimate until its command acts."""
+        """Return the delay from an estimate to its command's effect [frame intervals].
+
+        Args:
+            period: Frame interval [s].
+        """
         return self.latency if self.latency_ms is None else 1e-3 * self.latency_ms / period
 
     @property
@@ -80,25 +86,26 @@ class RunConfig:
 
 @dataclass(frozen=True, slots=True)
 class StartConfig:
-    """How the first picture differs from the goal."""
+    """Where the target is in the first picture, relative to the goal."""
 
     x: Pixels = 0.0
-    """Target this far to the right of the goal [px]."""
+    """Distance of the target to the right of the goal [px]."""
     y: Pixels = 0.0
-    """Target this far below the goal [px]."""
+    """Distance of the target below the goal [px]."""
     angle_deg: Degrees = 0.0
-    """Target turned by this, from right towards down [deg]."""
+    """Angle of the target against the goal, positive from right towards down [deg]."""
     scale: Annotated[float, Ge(0.01), Le(100)] = 1.0
-    """Target this many times as large as at the goal."""
+    """Size of the target over its size at the goal."""
     tilt_deg: Annotated[float, Ge(0), Le(85)] = 0.0
-    """The camera, level so far, then moves around the target's centre by this angle and keeps it at
-    its pixel and depth; angle_deg and scale hold before [deg]."""
+    """Tilt of the camera [deg]: placed level by the settings above, it is then moved around the
+    target's centre by this angle; the centre keeps its pixel and depth."""
     tilt_towards_deg: Degrees = 0.0
-    """Side of the picture to which it moves, from right towards down [deg]."""
+    """Direction in the picture in which the tilt moves the camera, from right towards down
+    [deg]."""
     pose: tuple[Place, Place, Depth, Degrees, Degrees, Degrees] | None = None
-    """In place of all these: the target in the camera's frame (x right, y down, z forward), its
-    centre [m] and its rotation vector [deg]. With zeros for the rotation it faces the camera, nose
-    to the right."""
+    """In place of all these settings, the target's pose in the camera frame (x right, y down, z
+    forward): its centre [m] and its rotation vector [deg]. With a rotation of zero the target faces
+    the camera, its nose to the right."""
 
     def __post_init__(self) -> None:
         if self.pose is not None and replace(self, pose=None) != StartConfig():
@@ -110,18 +117,18 @@ class StartConfig:
 
 @dataclass(frozen=True, slots=True)
 class RegionConfig:
-    """The region given to the tracker in the first frame: the truth, unless changed here."""
+    """Errors of the region given to the tracker in the first frame; by default it is the truth."""
 
     x: Pixels = 0.0
-    """Shifted to the right [px]."""
+    """Shift of the region to the right [px]."""
     y: Pixels = 0.0
-    """Shifted down [px]."""
+    """Shift of the region down [px]."""
     angle_deg: Degrees = 0.0
-    """Turned [deg]."""
+    """Rotation of the region, from right towards down [deg]."""
     width: Annotated[float, Ge(0), Le(100)] = 1.0
-    """Factor on its width."""
+    """Width of the region over the true width."""
     height: Annotated[float, Ge(0), Le(100)] = 1.0
-    """Factor on its height."""
+    """Height of the region over the true height."""
 
     def corners(self, truth: Truth) -> Array:
         """Return the target's corners (4, 2) that the tracker is given [px]."""
@@ -133,7 +140,7 @@ class RegionConfig:
 
 @dataclass(frozen=True, slots=True)
 class MeasureConfig:
-    """What counts in the measures."""
+    """Which errors count in the measures of a run."""
 
     after: Time = 0.0
     """Time from which errors count [s]."""
@@ -143,7 +150,7 @@ class MeasureConfig:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """Everything a run depends on."""
+    """All settings of a run."""
 
     name: str
     run: RunConfig
@@ -174,7 +181,7 @@ class Setup:
             raise Mistake(f"{self.name}: {refusal}")
 
     def _refusal(self) -> str:
-        """Return why the parts of a camera that stands do not go together; else nothing."""
+        """Return why settings of a standing camera contradict each other; "" if they do not."""
         stands = self.camera.mounted == "world"
         number = self.leader.id
         if number is None:
@@ -191,7 +198,7 @@ class Setup:
 
     @property
     def needs(self) -> Channels:
-        """The channels that its parts and its leader need."""
+        """Channels that the components of the run declare, and that its leader needs."""
         parts = (self.sight, self.features, self.estimator, self.controller)
         needs = needs_of(self.tracker, SEES_PICTURES).union(*map(needs_of, parts))
         return needs if self.leader.id is None else needs | {Channel.PICTURE}

@@ -21,10 +21,11 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Seconds:
-    """Wall-clock time of the stages of one step [s]."""
+    """Wall-clock times of the stages of one step [s]."""
 
     render: float
-    """Waiting for the picture and beginning the next one, most of which is made meanwhile."""
+    """Time spent waiting for the picture and starting the next one, most of which is rendered while
+    the loop works."""
     track: float
     control: float
     physics: float
@@ -37,38 +38,38 @@ class Seconds:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What stays the same from frame to frame."""
+    """Constants of a run: camera, target, features, frame interval."""
 
     camera: Camera
     outline: Array
     """Corners (4, 3) of the target's reference rectangle in its frame [m]."""
     region: Region
-    """The template that the tracker was given."""
+    """Template rectangle that the tracker was given in the first frame."""
     first_size: float
     """The target's true size in the first frame [px/m]."""
     features: FeatureSet
-    """What is servoed."""
+    """Features that the law drives to their goal."""
     period: float
     """Frame interval [s]."""
     room: MjModel
-    """The world's model, for whoever draws it."""
+    """MuJoCo model of the world, for drawing it."""
 
     def true_sight(self, T_world_camera: Pose, T_world_target: Pose, goal: Sight) -> Sight:
-        """Return what is seen of the target, exact."""
+        """Return the exact sight of the target, from the true poses of camera and target."""
         T_camera_target = T_world_camera.inverse() @ T_world_target
         return sight_of(T_camera_target @ object_frame(self.outline), self.outline, goal)
 
     def true_motion(
         self, T_world_camera: Pose, before: Pose, after: Pose, goal: Sight, dt: float
     ) -> Array:
-        """Return the mean de/dt (k,) of a target, seen by a camera that stands.
+        """Return the mean de/dt (k,) caused by a moving target, for a camera at rest.
 
         Args:
             T_world_camera: Pose of the camera.
-            before: T_world_target at first.
-            after: T_world_target at last.
-            goal: How the target shall be seen.
-            dt: Time in between [s].
+            before: T_world_target at the beginning.
+            after: T_world_target at the end.
+            goal: The desired sight.
+            dt: Time between the two [s].
         """
         start, end = (
             self.features.values(self.true_sight(T_world_camera, target, goal))
@@ -79,7 +80,7 @@ class Scene:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Step:
-    """Everything about one frame and what was done with it. Readers only read."""
+    """One frame of a run: truth, goal, estimate, command and the robot's motion until the next."""
 
     scene: Scene
     frame: Frame
@@ -87,42 +88,42 @@ class Step:
     target_before: Pose
     """T_world_target one frame interval ago."""
     goal: Truth
-    """The truth if the target were where it shall be, before the same camera."""
+    """The truth with the target at its goal, for the same pose of the camera."""
     goal_sight: Sight
-    """How the target shall be seen."""
+    """The desired sight of the target, for the true camera."""
     estimate: Estimate
-    """What the tracker reported last."""
+    """The tracker's latest estimate."""
     truth_estimated: Truth
-    """The truth at the picture that this estimate is of."""
+    """The truth at the time of the picture from which this estimate was made."""
     picture: int
-    """Number of that picture."""
+    """Number of that picture, from 0."""
     decided: bool
-    """Whether estimate and command are new since the last frame, and not those of an older one."""
+    """Whether estimate and command are new since the previous frame."""
     age: float
-    """From that picture to the estimate [s]."""
+    """Time from that picture to its estimate [s]."""
     skipped: int
-    """Pictures since the run began that the tracker had no time for."""
+    """Number of pictures since the run began that the tracker skipped because it was busy."""
     command: Command
-    """The last one."""
+    """The law's latest command."""
     motion_measured: Array
-    """de/dt (k,) of the target's own motion as measured over the last frame interval; nan where it
-    was not.
+    """de/dt (k,) of the target's own motion, measured over the last frame interval; nan for
+    features that were not measured twice in a row.
     """
     bodies: Array
     """Poses (n, 3, 4) of the world's moving bodies, [R | t], in the order of `World.moving`."""
     rates: Array
     """Joint velocities (n,) at the time of the frame [m/s or rad/s]."""
     twist_acting: Array
-    """Camera twist (6,) that is asked for until the next frame: its mean, where another command
-    comes in between.
+    """Commanded camera twist (6,) that acts until the next frame [m/s, rad/s]; the mean, if the
+    command changes in between.
     """
     posture: Posture
     """What the robot knew of itself at the time of the frame."""
     limited: bool
-    """Whether a joint's limit or rate slows the motion until the next frame."""
+    """Whether a joint's range, speed or acceleration limit changes the motion until the next
+    frame."""
     joint_limits: tuple[str, ...]
-    """The joints that do, each with its limit, such as "elbow (range)", "elbow (speed)" or
-    "elbow (acceleration)"."""
+    """The joints at a limit, such as "elbow (range)", "elbow (speed)" or "elbow (acceleration)"."""
     seconds: Seconds
 
     def __repr__(self) -> str:
@@ -133,7 +134,7 @@ class Step:
         )
 
     def light(self) -> "Step":
-        """Return the same without pixels and particles, to keep thousands of them."""
+        """Return the step without pixels and particles, so that thousands fit into memory."""
         return replace(
             self,
             frame=replace(
@@ -146,17 +147,17 @@ class Step:
 
     @property
     def region(self) -> Region:
-        """The template that the tracker was given."""
+        """Template rectangle that the tracker was given in the first frame."""
         return self.scene.region
 
     @property
     def true_state(self) -> State:
-        """The truth as a tracker would report it: scale 1 in the first frame."""
+        """The target's true state in this frame, in a tracker's terms: scale 1 in the first frame."""
         return self._state(self.truth)
 
     @property
     def true_state_estimated(self) -> State:
-        """The same of the picture that the estimate is of."""
+        """The target's true state in the picture from which the estimate was made."""
         return self._state(self.truth_estimated)
 
     def _state(self, truth: Truth) -> State:
@@ -165,8 +166,8 @@ class Step:
 
     @property
     def corner_errors(self) -> Array:
-        """Distances (4,) of the target's true corners from their goals [px]: from those after half
-        a turn where these are nearer and the features do not tell front from back.
+        """Distances (4,) of the target's true corners from their goals [px]. If the features do not
+        tell front from back, the goals may be turned by half a turn, whichever is nearer.
         """
         plain, turned = (
             np.hypot(*(self.truth.corners - goal).T)
@@ -177,12 +178,12 @@ class Step:
 
     @property
     def T_object_camera(self) -> Pose:
-        """True pose of the camera, seen from the target as `Sight.pose` describes it."""
+        """True T_object_camera, with the object's frame of `Sight.pose`."""
         return self._seen_from_target(self.truth)
 
     @property
     def T_object_goal(self) -> Pose:
-        """Pose that the camera shall have, seen from the target in the same way."""
+        """T_object_camera at the goal, with the object's frame of `Sight.pose`."""
         return self._seen_from_target(self.goal)
 
     def _seen_from_target(self, truth: Truth) -> Pose:
@@ -191,8 +192,9 @@ class Step:
 
     @property
     def target_motion_true(self) -> Array:
-        """True mean de/dt (k,) of the target's own motion over the last frame interval: both ends
-        of the interval, seen by the camera of now; nan where pixels are servoed.
+        """True mean de/dt (k,) caused by the target's own motion over the last frame interval: the
+        difference of the target's two sights for the camera's present pose, over the interval; nan
+        if the features are made of pixels.
         """
         if self.goal_sight.picture is not None:
             return self._unknown
@@ -206,17 +208,17 @@ class Step:
 
     @property
     def features(self) -> Array:
-        """s (k,) as seen; nan where the controller has no features."""
+        """Features s (k,) as measured; nan if the controller uses none."""
         return self._unknown if self.command.trace is None else self.command.trace.features
 
     @property
     def error(self) -> Array:
-        """The feature error e = s - s* (k,); nan where the controller has no features."""
+        """Feature error e = s - s* (k,); nan if the controller uses no features."""
         return self._unknown if self.command.trace is None else self.command.trace.error
 
     @property
     def prediction(self) -> Prediction:
-        """What the estimator returned; nan where the controller has none."""
+        """The estimator's prediction; nan if the controller uses no estimator."""
         trace = self.command.trace
         unknown = self._unknown
         return Prediction.unmeasured(unknown, unknown) if trace is None else trace.prediction
@@ -227,8 +229,8 @@ class Step:
 
     @property
     def servoed(self) -> tuple[bool, bool]:
-        """True where the features servo the angle, and the size: they are known only with it, the
-        tracker follows it, and the robot's joints can change it.
+        """Whether the target's angle, and its size, are servoed: some feature needs it, the tracker
+        follows it, and the robot's joints can change it.
         """
         goal = self.goal_sight
         known = self.scene.features.known
@@ -242,7 +244,9 @@ class Step:
 
     @property
     def servoes_pose(self) -> bool:
-        """Whether the features determine all six degrees of freedom, and the joints have them."""
+        """Whether the features determine all six degrees of freedom of the camera, and the joints
+        can move all of them.
+        """
         trace = self.command.trace
         if trace is not None and trace.servoed is not None and not trace.servoed.all():
             return False
@@ -258,7 +262,7 @@ class Step:
 
     @property
     def tells_front_from_back(self) -> bool:
-        """Whether a target that is turned by half a turn has an error in the features."""
+        """Whether turning the target by half a turn changes the features."""
         goal = self.goal_sight
         if goal.picture is not None:
             return True  # pixels are servoed
@@ -274,7 +278,7 @@ class Step:
 
     @property
     def margins(self) -> Array:
-        """Way from each joint to its nearer limit (n,) [m or rad]; inf where there is none."""
+        """Distance (n,) of each joint from its nearer limit [m or rad]; inf for unlimited joints."""
         p = self.posture
         return np.minimum(p.joints - p.lower, p.upper - p.joints)
 
@@ -290,21 +294,21 @@ class Step:
 
     @property
     def tracked(self) -> bool:
-        """Whether the tracker was called in this frame interval; in the first one it is started."""
+        """Whether the tracker's `update` was called in this frame interval."""
         return self.frame.index > 0 and self.frame.fresh and self.seconds.track > 0
 
     @property
     def seen(self) -> bool:
-        """Whether the tracker saw the target in this frame, and there was one."""
+        """Whether the tracker is LOCKED in this frame, and the camera delivered a new picture."""
         return self.frame.fresh and self.estimate.status is Status.LOCKED
 
     @property
     def servo_error(self) -> float:
-        """Distance of the target's true centre from the goal [px]."""
+        """Distance of the target's true centre from its goal in the image [px]."""
         return float(np.hypot(*(self.truth.centre - self.goal.centre)))
 
     @property
     def tracking_error(self) -> float:
-        """Distance of the estimated centre from the true one in the picture that it is of [px]."""
+        """Distance of the estimated centre from the true one, in the picture of the estimate [px]."""
         estimated = np.array([self.estimate.state.x, self.estimate.state.y])
         return float(np.hypot(*(estimated - self.truth_estimated.centre)))
