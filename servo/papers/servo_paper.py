@@ -74,19 +74,38 @@ OURS = Conditions(
 )
 
 
-def _jobs(conditions: Conditions, scenario: str, effort: Effort) -> Sequence[Job]:
-    counts = f"measure.after={conditions.after[scenario]}"
+def loop_jobs(
+    scenario: str,
+    laws: Sequence[tuple[str, Sequence[str]]],
+    changes: Sequence[str],
+    rate: str,
+    first: int,
+    effort: Effort,
+) -> list[Job]:
+    """Return the runs of estimators on the same draws of a scenario.
+
+    Args:
+        scenario: Its name.
+        laws: Each estimator with its settings.
+        changes: Changes of the scenario for all of them.
+        rate: Label that distinguishes these runs from others of the same estimators.
+        first: First seed.
+        effort: The number of seeds.
+    """
     return [
         loop_job(
-            scenario,
-            e,
-            s,
-            [*conditions.changes, counts, *varied(scenario, s)],
-            rate=conditions.label,
+            scenario, estimator, seed, [*changes, *settings, *varied(scenario, seed)], rate=rate
         )
-        for e in ESTIMATORS
-        for s in effort.seeds(SEEDS, FIRST)
+        for estimator, settings in laws
+        for seed in effort.seeds(SEEDS, first)
     ]
+
+
+def _jobs(conditions: Conditions, scenario: str, effort: Effort) -> list[Job]:
+    """Return the runs without and with estimation in the conditions."""
+    changes = (*conditions.changes, f"measure.after={conditions.after[scenario]}")
+    laws = [(estimator, ()) for estimator in ESTIMATORS]
+    return loop_jobs(scenario, laws, changes, conditions.label, FIRST, effort)
 
 
 def _table(records: list[Record]) -> list[list[str]]:
