@@ -210,8 +210,8 @@ def _of_encoder(channel: Channel) -> list[str]:
     if not REFUSED[0] < ratio < REFUSED[1]:
         wrong = "sign" if ratio < 0 else "unit"
         raise Mistake(
-            f"the encoder of {channel.name} moves {ratio:.3g} times as far as its joint: the {wrong} "
-            "of one of them is wrong"
+            f"the encoder of {channel.name} moves {ratio:.3g} times as far as its joint: the "
+            f"{wrong} of one of them is wrong"
         )
     rates = np.gradient(joint, times)
     late = rates @ (joint - read / ratio) / (rates @ rates)
