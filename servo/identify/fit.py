@@ -1,8 +1,8 @@
 """Estimates of a robot's delay, lag, play and noise, with intervals, from its log.
 
 The model is the simulator's: the integral of the commands, delayed, passes the play of the gear,
-the drive's lag, and the drive's own servo, whose time constant is known. The gear of a real robot is
-behind motor and servo, so that order is fitted too, and the better one is taken. The linear
+the drive's lag, and the drive's own servo, whose time constant is known. The gear of a real robot
+is behind motor and servo, so that order is fitted too, and the better one is taken. The linear
 parameters (each channel's drift, gain and friction) are solved for in each step (variable
 projection, Golub and Pereyra 1973), the others by least squares. Intervals are the linear limit of
 a bootstrap over blocks of the log, since residuals of blocks are independent and consecutive
@@ -232,7 +232,7 @@ class _Model:
     def covariance(self, jacobian: Array, residuals: Array) -> Array:
         """Return the covariance of the parameters, times the squared Student factor.
 
-        It is computed from the scores of blocks (sandwich estimator of Huber 1967 and White 1980, with blocks as units).
+        It is the sandwich estimator of Huber (1967) and White (1980), with blocks as units.
         """
         bread = np.linalg.pinv(jacobian.T @ jacobian)
         scores = _of_blocks(jacobian * residuals[:, None], self._blocks)
