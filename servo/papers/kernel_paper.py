@@ -1,5 +1,5 @@
-"""Claims of the multi-kernel paper about trackers (Teuliere, Marchand, Eck): deterministic,
-probabilistic, and combined; and what nine kernels see that one does not.
+"""Claims of the multi-kernel paper (Teuliere, Marchand, Eck) about its trackers: particle filter,
+SSD and their combination, and nine kernels against one.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ from tracking.statistics.comparisons import mean_of
 from tracking.statistics.verdicts import greater, not_worse
 
 SEEDS = 60
-"""With 30 sequences the interval of losses would reach 9 % even if neither lost the target."""
+"""Number of sequences; with 30, the interval of losses reaches 9 % even without any loss."""
 SIMILARITY = generated("similarity")
 KINDS = ("pf_ssd", "mk_pf", "mk_pf-75", "mk_ssd")
 OURS, WHOLE, FEW, ALONE = (published(k).label for k in KINDS)
@@ -68,8 +68,8 @@ def _table(runs: dict[str, list[Record]]) -> list[list[str]]:
 
 
 def _angle_where_both_complete(found: list[Record], ours: list[Record]) -> str:
-    """Return the mean error of the angle and the combination's on the sequences that both follow
-    to the end: a lost target's angle says nothing about precision.
+    """Return the text of the mean angle errors of a tracker and the combination on the sequences
+    that both complete, since the angle of a lost target is arbitrary.
     """
     both = (column(found, "completed") > 0) & (column(ours, "completed") > 0)
     theirs, own = (column(r, "angle_rmse_deg")[both] for r in (found, ours))

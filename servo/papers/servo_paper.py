@@ -1,4 +1,4 @@
-"""Claims of the multi-kernel paper, section VI: effect of estimating the target's motion."""
+"""Claims of the multi-kernel paper, section VI, about estimating the target's motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,15 +38,15 @@ SLOW = 0.02
 AGREE = 0.9
 """Least share of frames with the right sign."""
 BACK_PX = 4.0
-"""Distance below which the camera has recovered [px]."""
+"""Largest distance from the goal of a recovered camera [px]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """The conditions of a test in the loop: those that the paper prints, or ours."""
+    """Conditions of a test in the closed loop: as the paper prints them, or ours."""
 
     ending: str
-    """Of the claims' names."""
+    """Ending of the claims' names."""
     label: str
     settings: str
     changes: tuple[str, ...]
@@ -109,7 +109,7 @@ def _jobs(conditions: Conditions, scenario: str, effort: Effort) -> list[Job]:
 
 
 def _table(records: list[Record]) -> list[list[str]]:
-    """Return all measures by estimator; the sign counts where the car drives along the feature."""
+    """Return the rows of all measures by estimator; the sign only for a car that reverses."""
     runs = {e: group(records, estimator=e) for e in ESTIMATORS}
     reverses = records[0].subject == REVERSAL
     rows = [
@@ -220,7 +220,7 @@ MEAN = "95 % interval of the mean"
 
 
 def units(scenario: str, first: int = FIRST) -> str:
-    """Return a rule's words for the drawn runs of a scenario."""
+    """Return the text of a rule's units: drawn runs of a scenario."""
     return (
         f"{SEEDS} runs of {scenario} with drawn start, heading, speed and reversals, clear of "
         f"toys, seeds from {first} on"
