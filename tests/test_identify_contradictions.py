@@ -211,8 +211,8 @@ WRONG = {
     ),
     "positions for rates": (
         lambda c: {COMMAND: np.cumsum(c[COMMAND]) / 100},
-        "the positions of x are proportional to its commands, not to their sum over time: commands "
-        "should be rates, and positions positions",
+        "x does not follow its commands with a delay and a lag of 0.5 s at most: leave its columns "
+        "out, or correct them if its commands are not rates or its positions not positions",
     ),
     "a delay of 1 s": (
         lambda c: {name: np.append(np.zeros(100), c[name][:-100]) for name in (JOINT, ENCODER)},

@@ -27,13 +27,6 @@ PIECE = 4.0
 """Length of the pieces of a log in which an encoder is compared with its joint [s]."""
 LATE = 0.05
 """Largest delay of an encoder behind its joint [s]; with play it leads."""
-FOLLOWS = 0.9
-"""Least share of the variance of positions that proportional commands explain."""
-BETTER = 3.0
-"""Least ratio of the variance unexplained by the model to that unexplained by proportional
-commands, where commands are positions."""
-SHIFTS = 26
-"""Number of delays at which commands and positions are compared."""
 NEARLY = 0.99
 """Share of the longest delay or lag of the search from which on the true one may be longer."""
 LARGEST_PLAY = {"m": 0.05, "rad": 0.2}
@@ -63,7 +56,6 @@ def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[st
     apart = _disagreement(found)
     for channel, modelled in zip(log.channels, found.modelled, strict=True):
         name = channel.name
-        _check_meaning(channel, modelled)
         sentences += _of_encoder(channel)
         # Components of a twist mix where joints differ, so a small one may move with another.
         sentences += _of_gain(name, found.gain[name], is_joint=name in fastest)
@@ -126,8 +118,9 @@ def _of_gain(name: str, gain: Interval, *, is_joint: bool) -> list[str]:
     is_sure = gain.high - gain.low < VAGUE * abs(gain.value)
     if is_joint and not (is_sure or gain.low <= 1 <= gain.high):
         raise Mistake(
-            f"{name} does not follow its commands with a delay and a lag of {LONGEST:g} s "
-            "at most: leave its columns out"
+            f"{name} does not follow its commands with a delay and a lag of {LONGEST:g} s at most: "
+            "leave its columns out, or correct them if its commands are not rates or its positions "
+            "not positions"
         )
     times = f"{name} moves {said(gain)} times what it is asked for"
     if is_joint and _outside(gain, REFUSED):
@@ -157,21 +150,6 @@ def _outside(gain: Interval, limits: tuple[float, float]) -> bool:
     """Return True if the whole interval is below or above the limits."""
     low, high = limits
     return gain.high < low or gain.low > high
-
-
-def _check_meaning(channel: Channel, modelled: Series) -> None:
-    """Refuse commands that are positions, or positions that are rates."""
-    moved = channel.moved
-    command = channel.command
-    left = np.var(moved.values - modelled.values) / np.var(moved.values)
-    for shift in np.linspace(0.0, LONGEST, SHIFTS):
-        place = np.searchsorted(command.times, moved.times - shift, side="right") - 1
-        explained = _correlation(command.values[np.maximum(place, 0)], moved.values) ** 2
-        if explained > FOLLOWS and BETTER * (1 - explained) < left:
-            raise Mistake(
-                f"the positions of {channel.name} are proportional to its commands, not to their "
-                "sum over time: commands should be rates, and positions positions"
-            )
 
 
 def _correlation(first: Array, second: Array) -> float:
