@@ -34,7 +34,7 @@ from tracking.trackers import KINDS as TRACKERS
 
 
 def contender(
-    kind: str, preset: str | None = None, label: str | None = None, **settings: Any
+    kind: str, preset: str | None = None, label: str | None = None, **settings: float | str
 ) -> Contender:
     """Return a tracker with changed settings; its default label is KIND or KIND-PRESET."""
     config = TRACKERS.config(kind, preset, **settings)
@@ -57,7 +57,7 @@ def _painted(kind: str, config: Any, seed: int) -> Painting:
     return replace(sequence, source=PaintedSource(cache(source.paint), source.count))
 
 
-def generated(kind: str, **settings: Any) -> Generated:
+def generated(kind: str, **settings: float | str) -> Generated:
     """Return a family of painted sequences with changed settings."""
     return CachedPainting(kind, GENERATORS.config(kind, **settings))
 
@@ -188,7 +188,7 @@ class EstimatedLoop:
     changes: tuple[str, ...]
     """Changes of the scenario, as with --set."""
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> dict[str, object]:
         """Return the scenario and its changes for the study's file."""
         return {"scenario": self.name, "changes": list(self.changes)}
 

@@ -1,7 +1,7 @@
 """Summaries of a claim's runs: means, differences and ratios of groups, in words and figures."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,7 +20,7 @@ ROW_HEIGHT = 0.32
 Logarithmic = Literal["x", "y"] | None
 
 
-def group(records: Sequence[Record], **settings: Any) -> list[Record]:
+def group(records: Sequence[Record], **settings: object) -> list[Record]:
     """Return the records with these settings."""
     return [r for r in records if all(r.settings[k] == value for k, value in settings.items())]
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import resources
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from servo.output.formats import Document
 from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
@@ -19,7 +19,7 @@ from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding
 from tracking.trackers import KINDS as TRACKERS
 
-Settings = dict[str, Any]
+Settings = dict[str, float | str]
 NOISES = (0.3, 0.5, 0.8, 1.0, 1.2, 1.5)
 """Grid of the position noise [px], around the published value."""
 FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
@@ -59,7 +59,7 @@ def _scaled(kind: str) -> tuple[Settings, ...]:
     return tuple({n: round(k * getattr(own, n), 4) for n in NOISE} for k in FACTORS)
 
 
-def _over(name: str, values: Sequence[Any], **others: Any) -> tuple[Settings, ...]:
+def _over(name: str, values: Sequence[float | str], **others: float | str) -> tuple[Settings, ...]:
     return tuple({name: value, **others} for value in values)
 
 
