@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from servo.mistake import Mistake
+from servo.mistake import Mistake, as_mistake
 from sim.files import reading
 from sim.types import Array
 
@@ -143,8 +143,8 @@ def read(path: Path) -> Log:
     used = {*STAMPS, *PICTURES, *(part for each in commands for part in _parts(*each))}
     columns = {
         name: _numbers(table, name, path)
-        for name in names
-        if name in used and not pa.types.is_null(table.schema.field(name).type)
+        for name, column in zip(names, table.columns, strict=True)
+        if name in used and (name == "time_s" or not pa.types.is_null(column.type))
     }
     if "time_s" not in columns:
         has = listed(names, NAMED) or "none"
@@ -220,7 +220,8 @@ def listed(names: Sequence[str], most: int) -> str:
 
 def _table(path: Path) -> tuple[pa.Table, str]:
     """Return a log's rows, and a sentence about a last line that was left out."""
-    data = reading.content(path, "log", LARGEST)
+    with as_mistake():
+        data = reading.content(path, "log", LARGEST)
     try:
         match path.suffix.lower():
             case ".csv":
@@ -234,7 +235,8 @@ def _table(path: Path) -> tuple[pa.Table, str]:
     except (pa.ArrowException, ValueError) as error:
         if isinstance(error, Mistake):
             raise
-        raise Mistake(f"{path}: cannot read this log: {error}") from error
+        text = " ".join(str(error).split())
+        raise Mistake(f"{path}: cannot read this log: {text}") from error
 
 
 def _lines(data: bytes) -> tuple[pa.Table, str]:
@@ -258,7 +260,7 @@ def _numbers(table: pa.Table, name: str, path: Path) -> Array:
     try:
         return np.asarray(table[name].cast(pa.float64()), np.float64)
     except (pa.ArrowException, KeyError) as error:
-        raise Mistake(f"{path}: {name} should be one column of numbers: {error}") from error
+        raise Mistake(f"{path}: {name} should be one column of numbers: {error.args[0]}") from error
 
 
 def _messages(data: bytes) -> list[dict[str, object]]:
@@ -271,7 +273,7 @@ def _messages(data: bytes) -> list[dict[str, object]]:
     try:
         found = list(make_reader(io.BytesIO(data)).iter_messages())
     except McapError as error:
-        raise ValueError(error) from error
+        raise ValueError(str(error) or "it ends too early") from error
     rows = [json.loads(m.data) for _, channel, m in found if channel.message_encoding == "json"]
     return [row for row in rows if isinstance(row, dict) and "time_s" in row]
 
