@@ -147,11 +147,17 @@ def test_names_of_joints_are_any_and_have_to_be_the_robots(tmp_path):
         ),
         (
             "time_s;command_x_m_s;joint_x_m\n0,0;1,5;2,0\n",
-            "line 1 has a semicolon between its columns; a log has a comma there, and a point in its "
-            "numbers",
+            "cannot read this log: CSV parse error: Row #2: Expected 1 columns, got 4: 0,0;1,5;2,0",
         ),
-        (f"{PLAIN}0,1,2\n1,0,5,3\n", "line 3 has 4 cells; line 1 names 3 columns"),
-        (f"{PLAIN}0,1,2\n1,off,3\n", "command_x_m_s should have numbers; row 2 has 'off'"),
+        (
+            f"{PLAIN}0,1,2\n1,0,5,3\n",
+            "cannot read this log: CSV parse error: Row #3: Expected 3 columns, got 4: 1,0,5,3",
+        ),
+        (
+            f"{PLAIN}0,1,2\n1,off,3\n",
+            "command_x_m_s should be one column of numbers: Failed to parse string: 'off' as a scalar "
+            "of type double",
+        ),
     ],
 )
 def test_what_cannot_be_read_is_named_with_its_line(tmp_path, text, sentence):

@@ -158,11 +158,8 @@ def test_a_depth_picture_belongs_to_the_picture_of_its_moment(message):
         ),
         (
             messages.Image(AT, 2, 2, "32FC1", 0, 8, bytes(15)),
-            "/d: a depth picture of 2x2 px has 15 bytes in rows of 8",
-        ),
-        (
-            messages.Image(AT, 2, 2, "32FC1", 0, 7, bytes(16)),
-            "/d: a depth picture of 2x2 px has 16 bytes in rows of 7",
+            "/d: a depth picture of (2, 2) px is damaged: strides is incompatible with shape of "
+            "requested array and size of buffer",
         ),
     ],
 )

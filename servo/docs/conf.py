@@ -1,4 +1,4 @@
-"""Settings of Sphinx for the documentation: its sources are the manuals where they stand.
+"""Settings of Sphinx for the documentation, whose sources are the manuals in their folders.
 
 The source folder is the repository, so that links and pictures between manuals work as they do in
 a checkout: `sphinx-build -c servo/docs . OUT`.
@@ -38,7 +38,7 @@ html_title = "servobench"
 html_show_copyright = False
 html_show_sourcelink = False
 myst_heading_anchors = 4
-myst_enable_extensions = ["html_image"]  # a picture with a width, as GitHub shows it too
+myst_enable_extensions = ["html_image"]  # a picture with a width, as on GitHub
 autodoc_member_order = "groupwise"
 autodoc_typehints = "description"
 copybutton_exclude = ".linenos, .gp, .go"

@@ -1,4 +1,4 @@
-"""Notebooks that are made from tutorials, with a cell for each block of code."""
+"""Jupyter notebooks of the tutorials, with a cell for each block of code."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```\n", re.MULTILINE | re.DOTALL)
 SAVED = re.compile(r"Save\s+as\s+`([\w./]+)`:\s*$")
 DRAWN = re.compile(r"^!\[.*?\]\(pictures/.*?\)\n", re.MULTILINE)
-"""A picture that the code of the page draws."""
+"""Matches a picture that the code of the page draws."""
 LINK = re.compile(r"\[([^\]]*)\]\((?!http)[^)]*\)")
-"""A link to another page, which a notebook does not have beside it."""
+"""Matches a link to another page, which a notebook cannot follow."""
 MAGIC = {"python": "", "sh": "%%bash -e\n"}
 COMMAND = re.compile(r"^(servobench|python)(?= )", re.MULTILINE)
 RUN_AS = {"servobench": '"$PYTHON" -m servo', "python": '"$PYTHON"'}
@@ -23,20 +23,20 @@ SETUP = """import os
 import sys
 
 os.environ["PYTHON"] = sys.executable  # the commands below run with this kernel's Python"""
-"""A kernel may have neither the command nor its Python on PATH."""
+"""First cell; a kernel may have neither the command nor its Python on PATH."""
 BEGIN = (
     "Run this in an empty folder; it needs servobench with the extra `notebook` (in a checkout: "
     "`pip install '.[notebook]'`) and the packages that it names."
 )
 LONGEST = 1800
-"""Time that a cell may take [s]; the longest of the tutorials trains for some minutes."""
+"""Longest time of a cell [s]; the longest cell of the tutorials trains for some minutes."""
 KERNEL = {"name": "python3", "display_name": "Python 3", "language": "python"}
 
 
 def notebook(page: str) -> str:
-    """Return a notebook, in Jupyter's format, of a page in Markdown.
+    """Return the notebook (JSON, nbformat 4) of a page in Markdown.
 
-    A block that the page says to save becomes a cell that writes the file.
+    A block after "Save as `FILE`:" becomes a cell that writes the file.
     """
     title, _, rest = page.partition("\n\n")
     cells = list(_cells(f"{title}\n\n{BEGIN}\n\n{rest}"))
@@ -53,7 +53,7 @@ def notebook(page: str) -> str:
 
 
 def with_outputs(text: str) -> str:
-    """Run a notebook in an empty folder; return it with what its cells print and draw.
+    """Run a notebook in an empty folder; return it with the outputs of its cells.
 
     Raises:
         nbclient.exceptions.CellExecutionError: A cell ended with an error.
@@ -69,7 +69,7 @@ def with_outputs(text: str) -> str:
 
 
 def _cells(page: str) -> Iterator[dict[str, Any]]:
-    """Yield the page's text and code; what is only shown, such as a table of TOML, is text."""
+    """Yield the cells of a page; a block that is not run, such as a table of TOML, is text."""
     pieces = BLOCK.split(page)
     *texts, end = pieces[0::3]
     shown = ""

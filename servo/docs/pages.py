@@ -1,4 +1,4 @@
-"""An extension of Sphinx: pages that are made from the code, so that they cannot be out of date."""
+"""A Sphinx extension that generates pages from the code, so that they cannot be out of date."""
 
 from __future__ import annotations
 
@@ -35,16 +35,17 @@ if TYPE_CHECKING:
 logger = getLogger(__name__)
 PAGES = ["servo/docs/gallery", "servo/docs/measures", "servo/docs/settings"]
 WIDTH = 240
-"""Of a picture in the gallery [px]."""
+"""Width of a picture in the gallery [px]."""
 SECONDS = 5
+"""Simulated time of an animation in the gallery [s]."""
 RATE = 8.0
-"""Length of a moving picture there [s], and about how many frames it has in a second."""
+"""Approximate frame rate of an animation [Hz]."""
 QUALITY = 55
-"""Of its frames, of 100."""
+"""Quality of the frames of an animation, from 0 to 100."""
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the pages with Sphinx."""
+    """Register the generated pages with Sphinx; return the extension's properties."""
     app.add_config_value("gallery_seconds", SECONDS, "", int)
     app.add_config_value("run_tutorials", False, "env", bool)
     app.connect("env-get-outdated", lambda *_: PAGES)  # the code may have changed
@@ -54,7 +55,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
 
 
 def _complete(app: Sphinx, page: str, source: list[str]) -> None:
-    """Add to a page's own text what is made from the code."""
+    """Append the generated part of a page to its source, in place."""
     if page == "servo/docs/settings":
         source[0] += _settings()
     if page == "servo/docs/measures":
@@ -98,7 +99,7 @@ def _table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
 
 
 def _gallery(folder: Path, seconds: float) -> str:
-    """Draw every scenario that has no picture yet; return the gallery."""
+    """Draw every scenario without a picture in the folder; return the gallery in Markdown."""
     folder.mkdir(parents=True, exist_ok=True)
     text = '\n<div class="gallery">\n'
     for name in status_iterator(shipped(), "drawing scenarios... ", length=len(shipped())):
@@ -122,7 +123,7 @@ def _gallery(folder: Path, seconds: float) -> str:
 
 
 def _with_notebook(app: Sphinx, page: str, name: str) -> str:
-    """Write a tutorial's notebook; return the page with a link to it below its title."""
+    """Write the notebook of a tutorial; return the page with a link to it below the title."""
     folder = app.outdir / "notebooks"
     folder.mkdir(parents=True, exist_ok=True)
     text = notebook(page)
@@ -138,7 +139,7 @@ def _with_notebook(app: Sphinx, page: str, name: str) -> str:
 
 
 def _draw(name: str, picture: Path, seconds: float) -> None:
-    """Draw a scenario's first seconds as the camera sees them, with goal and estimate."""
+    """Write an animation of a scenario's first seconds with goal and estimate drawn in."""
     film = cv2.Animation()
     frames: list[Image] = []
     with servo.Episode(servo.load(name, ["run.latency=0"])) as episode:
@@ -158,9 +159,7 @@ def _draw(name: str, picture: Path, seconds: float) -> None:
 
 
 def _finish(app: Sphinx, error: Exception | None) -> None:
-    """Write the pages of the benchmarks, and the one that leads from the site's root to its first
-    page.
-    """
+    """Write the pages of the benchmarks, and the page that redirects the root to the first page."""
     if error is None and app.builder.format == "html":
         first = f"{app.config.root_doc}.html"
         page = f'<!doctype html><meta http-equiv="refresh" content="0; url={first}">\n'

@@ -1,1 +1,1 @@
-"""Short programs that each show one thing: python -m servo.examples.own_tracker."""
+"""Short programs, one for each task: python -m servo.examples.own_tracker."""

@@ -1,4 +1,4 @@
-"""How much gain a delay allows: the error after three seconds, by latency and gain."""
+"""The largest gain for a delay: the error after three seconds, by latency and gain."""
 
 import servo
 

@@ -1,4 +1,4 @@
-"""Eye to hand: the camera stands in the room, and the arm brings a tag before it."""
+"""Eye to hand: the camera is fixed in the room, and the arm moves a tag to its goal."""
 
 import servo
 

@@ -1,4 +1,4 @@
-"""Servoing to a goal picture: the brightness of the pixels are the features (photometric)."""
+"""Servoing to a goal picture: the features are the brightnesses of the pixels (photometric)."""
 
 import cv2
 

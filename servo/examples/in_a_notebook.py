@@ -1,4 +1,4 @@
-"""What a cell of a notebook does: run, look at the measures, the curves and a picture."""
+"""A cell of a notebook: run a scenario and show its measures, its curves and a picture."""
 
 import servo
 

@@ -1,4 +1,4 @@
-"""Learning in the environment of Gymnasium: a random search for a residual's gain."""
+"""Learning in the Gymnasium environment: a random search for the gain of a residual."""
 
 import gymnasium
 import numpy as np

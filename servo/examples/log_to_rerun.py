@@ -1,4 +1,4 @@
-"""A recording of one's own in Rerun: pictures, outlines and errors, on the simulated time."""
+"""A custom Rerun recording: pictures, outlines and errors on the simulated time."""
 
 import rerun as rr
 

@@ -1,4 +1,4 @@
-"""Features of one's own: the centre of the target and the logarithm of its size."""
+"""Custom features: the centre of the target and the logarithm of its size."""
 
 from dataclasses import dataclass
 

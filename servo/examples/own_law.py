@@ -1,4 +1,4 @@
-"""A control law of one's own is a function: v = -gain L# e, limited in speed."""
+"""A custom control law is a function: v = -gain L# e, limited in speed."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A robot of one's own: three sliding joints and a wrist, written as MJCF."""
+"""A custom robot: three sliding joints and a wrist, written as MJCF."""
 
 from pathlib import Path
 

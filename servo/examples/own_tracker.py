@@ -1,4 +1,4 @@
-"""A tracker of one's own closes the loop: template matching by OpenCV."""
+"""A custom tracker in the closed loop: template matching by OpenCV."""
 
 import cv2
 

@@ -1,1 +1,1 @@
-"""From the log of a robot to the settings that simulate it: read, estimate, write."""
+"""Estimates of the settings that simulate a robot, from a log of its commands and motion."""

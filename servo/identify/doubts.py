@@ -1,6 +1,6 @@
-"""Why what was identified is not to be trusted: a log's signs and units."""
+"""Sentences about signs, units and motions of a log that make its estimates unreliable."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from math import floor, inf, isfinite, log10
 
 import numpy as np
@@ -12,93 +12,91 @@ from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
 REFUSED = 2 / 3, 3 / 2
-"""A gain outside this is a wrong unit: no drive makes so little or so much of its command."""
+"""Range of gains of real drives and encoders; a gain outside has a wrong unit."""
 DOUBTED = 0.9, 1.1
-"""A gain outside this changes the loop by more than the intervals say."""
+"""Range of gains in which the loop of a simulated drive is about the same."""
 FAST = 3.0
-"""A rate so many times the largest of the simulated robot's joint is implausible."""
+"""Largest plausible rate, relative to the largest rate of the simulated robot's joint."""
 FASTEST = {"m": 3.0, "rad": 10.0}
-"""A larger rate of the camera, or of a joint without a limit, is implausible [m/s, rad/s]."""
-ENCODED = 1 / 3, 3.0
-"""Readings of an encoder that move less or more, relative to their joint, have another unit."""
+"""Largest plausible rate of the camera, or of a joint without a limit [m/s, rad/s]."""
 VAGUE = 0.2
-"""Largest width of a gain's interval, relative to the gain, where a motion is its command's."""
+"""Largest width of a gain's interval, relative to the gain, of a joint that follows its command."""
 ALIKE = 0.5
-"""Correlation of an encoder with its joint: play and noise leave more."""
+"""Least correlation of an encoder with its joint, which play and noise do not reduce below this."""
 PIECE = 4.0
-"""Parts of a log [s] in which an encoder is compared with its joint: it may die or slip."""
+"""Length of the pieces of a log in which an encoder is compared with its joint [s]."""
 LATE = 0.05
-"""An encoder is no more than this [s] behind its joint; play lets it lead."""
-FOLLOWS = 0.9
-"""Positions that a command explains to this part, and"""
-BETTER = 3.0
-"""so many times better than its sum over time, are those that it asks for."""
-SHIFTS = 26
-"""Delays at which this is tried."""
+"""Largest delay of an encoder behind its joint [s]; with play it leads."""
 NEARLY = 0.99
-"""Of the longest delay or lag that is looked for: the true one may be longer."""
+"""Share of the longest delay or lag of the search from which on the true one may be longer."""
 LARGEST_PLAY = {"m": 0.05, "rad": 0.2}
-"""A larger play is implausible [m, rad]: 11 degrees."""
+"""Largest plausible play [m, rad]; 0.2 rad are 11 degrees."""
 MISSING = 0.02
-"""Of the rows, if more are missing, intervals depend on when the commands in gaps were given."""
+"""Largest share of missing rows at which the unknown times of their commands do not matter."""
 MISFIT = 5e-3
-"""A motion that is farther from the modelled one than the way in this time [s] is another one; a
+"""Largest distance of a motion from the modelled one, over the rms rate of its command [s]; a
 simulated drive that takes a command each 8 ms and has friction leaves half of it."""
 MILLI = 1e3
 MISTAKEN = {"m": "millimetres", "rad": "degrees"}
 
 
 def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[str]:
-    """Return sentences why the settings are not to be trusted.
+    """Return sentences about the reasons why the estimates may be wrong.
 
     Args:
-        log: What was identified.
-        found: What it shows.
+        log: The log.
+        found: The estimates from it.
         fastest: Largest rate of each joint of the simulated robot [m/s, rad/s].
 
     Raises:
-        Mistake: A joint's motion is not that of its command, or its readings are not those of its
-            motion; or the log shows no delay or lag.
+        Mistake: A joint does not follow its command, its encoder does not follow the joint, or the
+            log does not determine delay or lag.
     """
     sentences = [log.clock] if log.clock else []
+    apart = _disagreement(found)
     for channel, modelled in zip(log.channels, found.modelled, strict=True):
-        _check_meaning(channel, modelled)
-        sentences += _check_encoder(channel)
-        # Parts of a twist mix where joints differ, so a small one may move with another.
-        if channel.name in fastest:
-            _check_gain(channel.name, found.gain[channel.name])
+        name = channel.name
+        sentences += _of_encoder(channel)
+        # Components of a twist mix where joints differ, so a small one may move with another.
+        sentences += _of_gain(name, found.gain[name], is_joint=name in fastest)
+        sentences += _of_unit(channel, found.play.get(name), fastest)
+        if not apart:
+            sentences += _misfit(channel, modelled, MISFIT + log.uncertain)
     sentences += [
         f"{name} is asked to move, and its positions stay the same; it is left out"
         for name in log.still
     ]
-    sentences += _too_long("delay", (found.delay, found.whole.delay), LONGEST)
-    sentences += _too_long("lag", (found.lag, found.whole.lag), SLOWEST)
+    sentences += _too_long("delay", found.delay, found.whole.delay, LONGEST)
+    sentences += _too_long("lag", found.lag, found.whole.lag, SLOWEST)
     if log.missing > MISSING:
         sentences.append(
             f"{100 * log.missing:.0f} % of the rows are missing, of one each "
             f"{MILLI * log.interval:.3g} ms, and so are their commands; one that changed in a gap "
             "is taken to have changed in its middle"
         )
+    return sentences + apart
+
+
+def _disagreement(found: Identified) -> list[str]:
+    """Return a sentence if delay and lag together differ between channels."""
     sums = sorted(found.whole.apart.items(), key=lambda pair: pair[1].value)
     (first, least), (last, most) = sums[0], sums[-1]
-    if least.high < most.low:
-        sentences.append(
-            f"delay and lag together are {MILLI * least.value:.3g} ms in {first} and "
-            f"{MILLI * most.value:.3g} ms in {last}, each alone; no one delay and lag fit both, "
-            "and the intervals reach from one to the other"
-        )
-    else:
-        for channel, modelled in zip(log.channels, found.modelled, strict=True):
-            sentences += _misfit(channel, modelled, MISFIT + log.uncertain)
-    for channel in log.channels:
-        sentences += _of_gain(channel.name, found.gain[channel.name])
-        sentences += _of_unit(channel, found.play.get(channel.name), fastest)
-    return sentences
+    if least.high >= most.low:
+        return []
+    return [
+        f"delay and lag together are {MILLI * least.value:.3g} ms in {first} and "
+        f"{MILLI * most.value:.3g} ms in {last}, each alone; no one delay and lag fit both, "
+        "and the intervals reach from one to the other"
+    ]
 
 
-def _too_long(what: str, intervals: Sequence[Interval], most: float) -> list[str]:
-    """Return a sentence where a time is as long as any that is looked for."""
-    interval = max(intervals, key=lambda each: each.high - each.low)
+def _too_long(what: str, own: Interval, whole: Interval, most: float) -> list[str]:
+    """Return a sentence if a time is as long as the longest of the search [s].
+
+    Raises:
+        Mistake: Its interval is as wide as the search.
+    """
+    interval = max(own, whole, key=lambda each: each.high - each.low)
     if not interval.high - interval.low < most:
         raise Mistake(
             f"this log does not show the {what}, {said(interval, MILLI)} ms: it needs more "
@@ -111,35 +109,30 @@ def _too_long(what: str, intervals: Sequence[Interval], most: float) -> list[str
     ]
 
 
-def _check_gain(name: str, gain: Interval) -> None:
-    """Refuse the motion of a joint that is not that of its command."""
+def _of_gain(name: str, gain: Interval, *, is_joint: bool) -> list[str]:
+    """Return a sentence if a channel's motion is not as large as its command.
+
+    Raises:
+        Mistake: The motion of a joint is not that of its command, or has another sign or unit.
+    """
     is_sure = gain.high - gain.low < VAGUE * abs(gain.value)
-    if not (is_sure or gain.low <= 1 <= gain.high):
+    if is_joint and not (is_sure or gain.low <= 1 <= gain.high):
         raise Mistake(
-            f"{name} does not follow its commands with a delay and a lag of {LONGEST:g} s "
-            "at most: leave its columns out"
+            f"{name} does not follow its commands with a delay and a lag of {LONGEST:g} s at most: "
+            "leave its columns out, or correct them if its commands are not rates or its positions "
+            "not positions"
         )
-    if not _outside(gain, REFUSED):
-        return
-    wrong = "sign" if gain.value < 0 else "unit"
-    raise Mistake(
-        f"{name} moves {said(gain)} times what it is asked for: the {wrong} of its commands or of "
-        "its positions is wrong"
-    )
-
-
-def _of_gain(name: str, gain: Interval) -> list[str]:
-    """Return a sentence where a joint, or a part of a twist, does not move as it is asked."""
+    times = f"{name} moves {said(gain)} times what it is asked for"
+    if is_joint and _outside(gain, REFUSED):
+        wrong = "sign" if gain.value < 0 else "unit"
+        raise Mistake(f"{times}: the {wrong} of its commands or of its positions is wrong")
     if not _outside(gain, DOUBTED):
         return []
-    return [
-        f"{name} moves {said(gain)} times what it is asked for, and simulated drives move as they "
-        "are asked"
-    ]
+    return [f"{times}, and simulated drives move as they are asked"]
 
 
 def _of_unit(channel: Channel, play: Interval | None, fastest: Mapping[str, float]) -> list[str]:
-    """Return sentences where a rate or a play is one of another unit."""
+    """Return sentences if a rate or a play is too large for its unit."""
     name, unit = channel.name, channel.unit
     asked = float(abs(channel.command.values).max())
     limit = FAST * fastest.get(name, inf)
@@ -154,32 +147,22 @@ def _of_unit(channel: Channel, play: Interval | None, fastest: Mapping[str, floa
 
 
 def _outside(gain: Interval, limits: tuple[float, float]) -> bool:
-    """Return True where a whole interval is less or more than the limits."""
+    """Return True if the whole interval is below or above the limits."""
     low, high = limits
     return gain.high < low or gain.low > high
 
 
-def _check_meaning(channel: Channel, modelled: Series) -> None:
-    """Refuse commands that are positions, or positions that are rates."""
-    moved = channel.moved
-    command = channel.command
-    left = np.var(moved.values - modelled.values) / np.var(moved.values)
-    for shift in np.linspace(0.0, LONGEST, SHIFTS):
-        place = np.searchsorted(command.times, moved.times - shift, side="right") - 1
-        held = command.values[np.maximum(place, 0)]
-        explained = np.corrcoef(held, moved.values)[0, 1] ** 2 if np.ptp(held) > 0 else 0.0
-        if explained > FOLLOWS and BETTER * (1 - explained) < left:
-            raise Mistake(
-                f"the positions of {channel.name} are proportional to its commands, not to their "
-                "sum over time: commands should be rates, and positions positions"
-            )
+def _correlation(first: Array, second: Array) -> float:
+    """Return the correlation of two series (n,); 0 if the first is constant."""
+    return float(np.corrcoef(first, second)[0, 1]) if np.ptp(first) > LEAST else 0.0
 
 
-def _check_encoder(channel: Channel) -> list[str]:
-    """Return sentences where an encoder moves otherwise than its joint.
+def _of_encoder(channel: Channel) -> list[str]:
+    """Return a sentence if an encoder is behind its joint.
 
     Raises:
-        Mistake: Its readings, or those of a part of the log, are not those of its joint.
+        Mistake: In a piece of the log the readings do not move with the joint, or they have another
+            sign or unit.
     """
     moved = channel.moved
     encoder = channel.encoder
@@ -189,53 +172,42 @@ def _check_encoder(channel: Channel) -> list[str]:
         return []
     times = encoder.times[known]
     read = encoder.values[known]
-    behind = np.interp(times, moved.times, moved.values)
-    ratio = _compare(channel.name, times, behind, read)
+    joint = np.interp(times, moved.times, moved.values)
     pieces = np.array_split(np.arange(len(times)), max(1, int(np.ptp(times) // PIECE)))
-    ways = [np.ptp(behind[piece]) for piece in pieces]
-    for piece, way in zip(pieces, ways, strict=True):
+    travel = max(np.ptp(joint[piece]) for piece in pieces)
+    for piece in pieces:
         # Where a joint moves little, play and noise are most of its encoder's motion.
-        if 2 * way > max(ways):
-            _compare(channel.name, times[piece], behind[piece], read[piece])
-    sentences: list[str] = []
+        is_moving = 2 * np.ptp(joint[piece]) > travel
+        if is_moving and abs(_correlation(read[piece], joint[piece])) < ALIKE:
+            begin, end = times[piece[[0, -1]]]
+            raise Mistake(
+                f"the encoder of {channel.name} does not move with its joint from {begin:.6g} to "
+                f"{end:.6g} s: leave its column out"
+            )
+    ratio = float(np.sign(_correlation(read, joint)) * np.std(read) / np.std(joint))
     if not REFUSED[0] < ratio < REFUSED[1]:
-        sentences.append(
-            f"the encoder of {channel.name} moves {ratio:.3g} times as far as its joint, and a "
-            "simulated one as far as it"
-        )
-    rates = np.gradient(behind, times)
-    if (late := rates @ (behind - read / ratio) / (rates @ rates)) > LATE:
-        sentences.append(f"the encoder of {channel.name} is {late:.2g} s or more behind its joint")
-    return sentences
-
-
-def _compare(name: str, times: Array, moved: Array, read: Array) -> float:
-    """Return how many times as far as their joint readings (n,) [m, rad] move at these times [s].
-
-    Raises:
-        Mistake: They are not those of the joint's motion.
-    """
-    alike = np.corrcoef(read, moved)[0, 1] if np.ptp(read) > LEAST else 0.0
-    if abs(alike) < ALIKE:
-        raise Mistake(
-            f"the encoder of {name} does not move with its joint from {times[0]:.6g} to "
-            f"{times[-1]:.6g} s: leave its column out"
-        )
-    ratio = float(np.sign(alike) * np.std(read) / np.std(moved))
-    if not ENCODED[0] < ratio < ENCODED[1]:
         wrong = "sign" if ratio < 0 else "unit"
         raise Mistake(
-            f"the encoder of {name} moves {ratio:.3g} times as far as its joint: the {wrong} of "
-            "one of them is wrong"
+            f"the encoder of {channel.name} moves {ratio:.3g} times as far as its joint: the "
+            f"{wrong} of one of them is wrong"
         )
-    return ratio
+    rates = np.gradient(joint, times)
+    late = rates @ (joint - read / ratio) / (rates @ rates)
+    if late < LATE:
+        return []
+    return [f"the encoder of {channel.name} is {late:.2g} s or more behind its joint"]
 
 
 def _misfit(channel: Channel, modelled: Series, most: float) -> list[str]:
-    """Return a sentence where a motion is farther from the modelled one than in a time [s].
+    """Return a sentence if a motion is far from the modelled one.
 
-    The noise of the readings is that of their differences, so it is not counted. Measured rates
-    are left out: their noise adds up in positions.
+    The noise of the readings, estimated from consecutive differences, does not count. Measured
+    rates are left out: their noise adds up in positions.
+
+    Args:
+        channel: The channel.
+        modelled: Its modelled positions.
+        most: Largest rms distance over the rms rate of the command [s].
     """
     if not (channel.shows_play or len(channel.encoder.values)):
         return []
@@ -252,7 +224,7 @@ def _misfit(channel: Channel, modelled: Series, most: float) -> list[str]:
 
 
 def said(interval: Interval, factor: float = 1.0) -> str:
-    """A value with its interval, with two digits of the width of the interval."""
+    """Return a value with its interval, times a factor, with two digits of the interval's width."""
     numbers = [factor * each for each in (interval.value, interval.low, interval.high)]
     width = max(numbers) - min(numbers)
     digits = 1 - floor(log10(width)) if width > 0 else 6

@@ -1,11 +1,12 @@
-"""Delay, lag, play and noise of a robot, each with an interval, from how it followed its commands.
+"""Estimates of a robot's delay, lag, play and noise, with intervals, from its log.
 
-The model is the simulator's: the sum of the commands, later by the delay, passes the play of the
-gear, then the drive's lag, then the drive's own servo, which is known. A real gear is behind motor
-and servo, so that order is fitted too, and the better one is taken. What is linear (a channel's
-drift, gain and friction) is solved for in each step (variable projection, Golub and Pereyra 1973);
-the rest by least squares. Intervals are those of a bootstrap over blocks of the log in its linear
-limit: residuals of neighbours are not independent, those of blocks are.
+The model is the simulator's: the integral of the commands, delayed, passes the play of the gear,
+the drive's lag, and the drive's own servo, whose time constant is known. The gear of a real robot
+is behind motor and servo, so that order is fitted too, and the better one is taken. The linear
+parameters (each channel's drift, gain and friction) are solved for in each step (variable
+projection, Golub and Pereyra 1973), the others by least squares. Intervals are the linear limit of
+a bootstrap over blocks of the log, since residuals of blocks are independent and consecutive
+residuals are not.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,92 +25,93 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 GRID = 2e-3
-"""Interval of the modelled motion [s]: a step of the physics."""
+"""Interval of the modelled motion [s], equal to a step of the physics."""
 BLOCK = 2.0
-"""Length of a block [s]: as long as an error of the position stays before the drift takes it."""
+"""Length of a block [s]: the time after which the drift absorbs an error of the position."""
 LONGEST = 0.5
-"""Longest delay that is looked for [s]."""
+"""Longest delay of the search [s]."""
 SLOWEST = 0.5
-"""Longest lag that is looked for [s]."""
+"""Longest lag of the search [s]."""
 TRADE = 8e-3
-"""Delay and lag nearly replace each other, so it is tried again with so much more of one [s]."""
+"""Shift between delay and lag of two further starts [s], since they nearly replace each other."""
 SETTLED = 5.0
-"""A robot stands so many lags after its delay, and"""
+"""Time until a robot stands after its delay, in lags."""
 STANDS = 0.1
-"""so long for its drives' own servo [s]."""
+"""Time until its drives' own servo stands as well [s]."""
 LEVEL = 0.95
-"""Of the intervals."""
+"""Confidence level of the intervals."""
 DRIFT = 2.0
-"""A channel's drift may bend this often [s]: what is not modelled adds up in positions."""
+"""Interval of the knots of a channel's drift [s]; positions integrate unmodelled effects."""
 MOST_KNOTS = 40
-"""Bends of a drift at most; longer logs have longer pieces."""
+"""Largest number of knots of a drift; longer logs have longer pieces."""
 NEARLY = 1e-6
-"""Relative change of the squared error, or of the parameters, at which a fit ends: far below what
-the intervals say."""
+"""Relative change of the squared error, or of the parameters, at which a fit ends; far below the
+widths of the intervals."""
 KEPT = 4
-"""Motions of a channel that are kept: one play is changed where all others stay."""
+"""Number of cached motions of a channel; a derivative by one play leaves the other channels."""
 STILL = 0.02
-"""Part of a channel's largest rate below which friction holds it."""
+"""Share of a channel's largest rate below which friction holds it."""
 FEWEST = 3
-"""Readings of one stand from which its noise is taken."""
+"""Least number of readings of a standstill for an estimate of noise."""
 ROUNDING = 1e-9
-"""Readings that differ by less of their span differ by rounding."""
+"""Largest difference of readings due to rounding, over their range."""
 OFF_STEP = 0.05
-"""Most parts of a step by which readings may be off its multiples."""
+"""Largest distance of readings from multiples of an encoder's step, in steps."""
 REPEATED = 0.1
-"""Where fewer readings are the one before, noise is larger than the step: that of the digits."""
+"""Least share of repeated readings of an encoder with a step; with fewer, noise is larger than the
+step of the digits."""
 
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """The robot as one delay and one lag, the drives' own servo in them."""
+    """The robot as one delay and one lag, which include the drives' own servo."""
 
     delay: Interval
-    """From a command's stamp to the first motion [s]."""
+    """Time from a command's stamp to the first motion [s]."""
     lag: Interval
-    """Time constant of all that follows [s]."""
+    """Time constant of the motion after the delay [s]."""
     sum: Interval
-    """Of both [s]: so far the motion is behind its command in a long ramp."""
+    """Sum of both [s], by which the motion follows its command in a long ramp."""
     apart: dict[str, Interval]
-    """This sum in each channel alone [s]."""
+    """Sum of delay and lag of each channel fitted alone [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """What a log shows; None where it does not."""
+    """Estimates from a log."""
 
     delay: Interval
-    """From a command's stamp to the moment when the drives take it over [s]."""
+    """Time from a command's stamp until the drives take it over [s]."""
     lag: Interval
     """Time constant of the drives before their own servo [s]."""
     whole: Whole
-    """Delay and lag as a user measures them."""
+    """Delay and lag as a user measures them, drives included."""
     gain: dict[str, Interval]
-    """Motion of each channel over the motion asked for."""
+    """Ratio of motion to commanded motion of each channel."""
     play: dict[str, Interval]
     """Play of each joint that was measured behind its gear and reversed [m, rad]."""
     noise: dict[str, Interval]
-    """Standard deviation of each encoder's readings while it stands, beyond its step [m, rad]."""
+    """Standard deviation of each encoder's readings at standstill, without its step [m, rad]."""
     step: dict[str, float]
-    """Step of those encoders that show one [m, rad]."""
+    """Step of the encoders whose readings are its multiples [m, rad]."""
     jitter: Interval | None
-    """Longest less shortest time from a picture's stamp to its arrival [s]."""
+    """Longest less shortest time from a picture's stamp to its arrival [s]; None if unknown."""
     transport: float
-    """Shortest such time [s]."""
+    """Shortest time from a picture's stamp to its arrival [s]; 0 if unknown."""
     modelled: list[Series]
-    """The modelled positions of each channel."""
+    """Modelled positions of each channel."""
     servos: Sequence[float]
-    """Time constant of the drive's own servo in each channel, which delay and lag leave out [s]."""
+    """Time constant of the drive's own servo in each channel, not part of delay and lag [s]."""
     is_behind: bool
     """True where play behind the lag explains the log better than play before it."""
 
 
 def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
-    """Estimate all that a log shows of its robot.
+    """Return estimates of delay, lag, gains, play, noise and jitter of a log's robot.
 
     Args:
-        log: What was asked, and what moved.
-        servos: Time constant of the drive's own servo in each of its channels [s].
+        log: The log.
+        servos: Time constant of the drive's own servo in each channel of the log [s].
     """
     channels = log.channels
     model_of = partial(_Model, channels, resolution=GRID + log.uncertain)
@@ -168,11 +170,11 @@ class _Model:
         self.is_behind = is_behind
         """True where the play is behind the lags."""
         self.resolution = resolution
-        """No half of an interval is less than this [s], or the way in this time."""
+        """Least half width of an interval [s], or, for positions, the travel in this time."""
         self.spans = np.array([np.ptp(c.moved.values) for c in channels])
         self.has_play = np.array([c.shows_play and _reverses(c.command) for c in channels])
         self.free = np.flatnonzero([True, True, *self.has_play])
-        """Places of the parameters that the log shows."""
+        """Indices of the parameters that the log determines."""
         begin = min(c.moved.times[0] for c in channels)
         self.rates = [np.std(c.command.values) for c in channels]
         self._blocks_of = [(c.moved.times - begin) // BLOCK for c in channels]
@@ -188,30 +190,30 @@ class _Model:
             self._bases_of.append(lru_cache(KEPT)(basis))
 
     def residuals(self, parameters: Array) -> Array:
-        """Positions less the modelled ones, over each channel's scale (n,)."""
+        """Return positions less the modelled ones, over each channel's scale (n,)."""
         pairs = zip(self._errors(parameters), self._scales, strict=True)
         return np.concatenate([error / scale for error, scale in pairs])
 
     def weigh(self, parameters: Array) -> None:
-        """Scale each channel by its own error: one that hardly moves is mostly friction."""
+        """Scale each channel by its own error; a channel that hardly moves is mostly friction."""
         self._scales = [np.std(error) + 1e-9 for error in self._errors(parameters)]
 
     def misfit(self, parameters: Array) -> float:
-        """The negative logarithm of the likelihood, where each channel has an error of its own."""
+        """Return the negative log-likelihood with an error variance for each channel."""
         errors = self._errors(parameters)
         return float(sum(len(error) * np.log(np.std(error) + 1e-9) for error in errors))
 
     def positions(self, parameters: Array) -> list[Series]:
-        """The modelled positions of each channel, at the stamps of its measured ones."""
+        """Return the modelled positions of each channel at the stamps of its measured ones."""
         return [
             Series(c.moved.times, c.moved.values - error)
             for c, error in zip(self._channels, self._errors(parameters), strict=True)
         ]
 
     def gains(self, parameters: Array) -> list[Interval]:
-        """Motion of each channel over the modelled one, friction included in it.
+        """Return the ratio of motion to modelled motion of each channel, friction included.
 
-        The intervals are those for parameters that are known.
+        The intervals are those for known parameters.
         """
         found: list[Interval] = []
         bases = self._bases(parameters)
@@ -223,25 +225,26 @@ class _Model:
         return found
 
     def slopes(self, parameters: Array) -> list[float]:
-        """Motion of each channel over the modelled one, friction left out of it."""
+        """Return the ratio of motion to modelled motion of each channel without friction."""
         pairs = zip(self._moved, self._bases(parameters), strict=True)
         return [float(_weights(basis, moved)[0]) for moved, basis in pairs]
 
     def covariance(self, jacobian: Array, residuals: Array) -> Array:
-        """Covariance of the parameters by the scores of blocks (the sandwich of Huber 1967 and
-        White 1980, with blocks as units).
+        """Return the covariance of the parameters, times the squared Student factor.
+
+        It is the sandwich estimator of Huber (1967) and White (1980), with blocks as units.
         """
         bread = np.linalg.pinv(jacobian.T @ jacobian)
         scores = _of_blocks(jacobian * residuals[:, None], self._blocks)
         return self._factor**2 * bread @ scores.T @ scores @ bread
 
     def _errors(self, parameters: Array) -> list[Array]:
-        """Positions less the modelled ones, of each channel."""
+        """Return positions less the modelled ones of each channel."""
         pairs = zip(self._moved, self._bases(parameters), strict=True)
         return [moved - _weights(basis, moved) @ basis for moved, basis in pairs]
 
     def _bases(self, parameters: Array) -> list[Array]:
-        """The motion asked for and the friction of each channel, less what its drift takes."""
+        """Return the commanded motion and the friction (2, n) of each channel, without drift."""
         delay, lag, *plays = parameters.tolist()
         pairs = zip(self._bases_of, plays, strict=True)
         return [basis(delay, lag, play) for basis, play in pairs]
@@ -249,24 +252,24 @@ class _Model:
 
 @dataclass(frozen=True, slots=True)
 class _Fitted:
-    """Parameters of a model, and how far they are known."""
+    """Parameters of a model with their uncertainty."""
 
     model: _Model
     values: Array
     """Delay, lag, and the play of each channel."""
     squares: Array
-    """Squares and products of the halves of their intervals."""
+    """Squares and products of the half widths of their intervals."""
 
     def interval(
         self, *which: int, more: float = 0.0, others: Sequence["_Fitted"] = ()
     ) -> Interval:
-        """The interval of a parameter, or of the sum of several.
+        """Return the interval of a parameter, or of the sum of several.
 
         Args:
-            which: Their places.
-            more: What is added [s].
-            others: Fits of parts of the log: where one shows another value, the interval contains
-                that one's.
+            which: Indices of the parameters.
+            more: Time to add [s].
+            others: Fits of parts of the log; the interval contains those of the fits that
+                disagree.
         """
         value = float(self.values[list(which)].sum()) + more
         rate = float(np.array([1.0, 1.0, *self.model.rates])[which[0]])
@@ -279,13 +282,13 @@ class _Fitted:
         return Interval(value, max(0.0, low), high)
 
     def play(self) -> Interval:
-        """The play of the first channel in its positions; the model has that of its command."""
+        """Return the play of the first channel in units of its positions, not of its command."""
         slope = abs(self.model.slopes(self.values)[0])
         asked = self.interval(2)
         return Interval(slope * asked.value, slope * asked.low, slope * asked.high)
 
     def gains(self) -> list[Interval]:
-        """The gains, of which each parameter may change the value within its own interval."""
+        """Return the gains, with intervals that include the uncertainty of the parameters."""
         found = self.model.gains(self.values)
         halves = np.array([each.high - each.value for each in found])
         for place in self.model.free.tolist():
@@ -301,7 +304,7 @@ class _Fitted:
 def _apart(
     fitted: _Fitted, channels: Sequence[Channel], servos: Sequence[float] | Array
 ) -> list[_Fitted]:
-    """Fit each of several channels alone."""
+    """Return a fit of each channel alone."""
     if len(channels) == 1:
         return [fitted]
     return [
@@ -319,7 +322,7 @@ def _apart(
 
 
 def _solved(model: _Model, start: Array | None = None) -> _Fitted:
-    """Fit a model by least squares, from the best of several starts where none is given."""
+    """Fit a model by least squares, by default from the best of several starts."""
     from scipy.optimize import least_squares  # takes a second
 
     if start is None:
@@ -352,19 +355,19 @@ def _solved(model: _Model, start: Array | None = None) -> _Fitted:
 
 
 def _student(blocks: int) -> float:
-    """Half of an interval over its standard deviation, which so many blocks tell."""
+    """Return the half width of an interval over the standard deviation, by number of blocks."""
     from scipy.stats import t as student
 
     return float(student.ppf((1 + LEVEL) / 2, max(1, blocks - 1)))
 
 
 def _of_blocks(scores: Array, blocks: Array) -> Array:
-    """The sum of the scores of each block."""
+    """Return the sum of the scores (n, ...) of each block."""
     return np.array([scores[blocks == block].sum(axis=0) for block in np.unique(blocks)])
 
 
 def _weights(basis: Array, moved: Array) -> Array:
-    """The weights (2,) of a basis (2, n) whose sum is nearest to a motion (n,)."""
+    """Return the least-squares weights (2,) of a basis (2, n) for a motion (n,)."""
     return np.linalg.pinv(basis @ basis.T, hermitian=True) @ (basis @ moved)
 
 
@@ -377,8 +380,9 @@ def _basis(
     lag: float,
     play: float,
 ) -> Array:
-    """The motion asked for and the friction (2, n), whose weighted sum is a channel's motion, less
-    what its drift takes.
+    """Return the commanded motion and the friction (2, n) without the part that a drift explains.
+
+    Their weighted sum is the channel's motion.
     """
     moved = channel.moved
     command = channel.command
@@ -400,12 +404,14 @@ def _basis(
 
 
 def _grid(times: Array) -> Array:
-    """The times of the modelled motion [s]."""
+    """Return the times of the modelled motion [s]."""
     return np.arange(times[0] - GRID, times[-1] + GRID, GRID)
 
 
 def _drift(times: Array) -> tuple["csr_array", Array]:
-    """Columns (n, k) whose weighted sum is a line that bends, and the inverse of their products."""
+    """Return hat functions (n, k), whose weighted sum is piecewise linear, and the inverse of their
+    products (k, k).
+    """
     from scipy.sparse import csr_array
 
     grid = _grid(times)
@@ -416,13 +422,13 @@ def _drift(times: Array) -> tuple["csr_array", Array]:
 
 
 def _less(drift: tuple["csr_array", Array], values: Array) -> Array:
-    """What a drift leaves of values (n,)."""
+    """Return values (n,) less their projection on a drift."""
     hats, inverse = drift
     return values - hats @ (inverse @ (hats.T @ values))
 
 
 def _after_play(motion: Array, play: float) -> Array:
-    """The joint's motion where the motor's is given; it begins in the middle of the play."""
+    """Return the joint's motion for the motor's (n,), from the middle of the play."""
     if play == 0.0:
         return motion
     half = play / 2
@@ -438,7 +444,7 @@ def _after_play(motion: Array, play: float) -> Array:
 
 
 def _after_lag(motion: Array, lag: float) -> Array:
-    """What follows a motion that is straight between the grid's times with a time constant [s]."""
+    """Return the first-order lag, with a time constant [s], of a piecewise linear motion (n,)."""
     from scipy.signal import lfilter
 
     if lag < GRID / 20:
@@ -453,9 +459,9 @@ def _reverses(command: Series) -> bool:
 
 
 def _noise(channel: Channel, delay: float, lag: float) -> Interval | None:
-    """The standard deviation of readings in stands, with that of chi2.
+    """Return the standard deviation of an encoder at standstill, with its chi-squared interval.
 
-    Each stand has a level, and the end of the motion before it, which decays with the lag.
+    Each standstill has a level, and the end of the motion before it, which decays with the lag.
     """
     from scipy.stats import chi2
 
@@ -488,7 +494,7 @@ def _noise(channel: Channel, delay: float, lag: float) -> Interval | None:
 
 
 def _step(readings: Array) -> float:
-    """The step of which all differences of readings are multiples; 0 where there is none."""
+    """Return the step of which all differences of readings are multiples; 0 without a step."""
     if np.sum(np.diff(readings) == 0) <= REPEATED * len(readings):
         return 0.0
     span = np.ptp(readings)
@@ -502,7 +508,7 @@ def _step(readings: Array) -> float:
 
 
 def _beyond(noise: Interval, step: float) -> Interval:
-    """The noise before readings were rounded to a step, which adds step^2 / 12 to its square."""
+    """Return the noise before rounding to a step, which adds step^2 / 12 to its square."""
     if noise.value < step / 2:
         return Interval(0.0, 0.0, step / 2)
     squares = np.array([noise.value, noise.low, noise.high]) ** 2 - step**2 / 12
@@ -510,7 +516,7 @@ def _beyond(noise: Interval, step: float) -> Interval:
 
 
 def _jitter(transport: Array) -> Interval | None:
-    """The width of an even distribution by its range R: R over the width is Beta(n - 1, 2)."""
+    """Return the width of uniform waits (n,) [s]; range over width is Beta(n - 1, 2)."""
     from scipy.stats import beta
 
     n = len(transport)

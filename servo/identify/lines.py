@@ -1,4 +1,4 @@
-"""What was identified, as lines of a scenario and as a picture."""
+"""The estimates from a log as lines of a scenario and as a picture."""
 
 from collections.abc import Mapping, Sequence
 from math import floor
@@ -13,8 +13,9 @@ from tracking.statistics.comparisons import Interval
 
 MILLI = 1e3
 BEFORE = 0.3
+"""Drawn time before the largest change of a channel's command [s]."""
 SHOWN = 3.0
-"""Of each channel so much is drawn, from so long before its largest change of command on [s]."""
+"""Drawn time of each channel [s]."""
 NO_JITTER = "# jitter_ms: not known; it needs arrived_s with varied times of the clock of time_s"
 NO_PLAY = (
     "# backlash: not known; it needs command_JOINT_m_s (or _rad_s) of a joint that reverses, and "
@@ -25,13 +26,13 @@ NO_NOISE = "# encoder_noise: not known; it needs encoder_JOINT_m of a joint that
 
 
 def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequence[str]) -> str:
-    """Return the settings that simulate what was identified, with their intervals.
+    """Return the settings that simulate the robot, with their intervals, as TOML.
 
     Args:
-        found: What was identified.
+        found: The estimates.
         joints: The simulated robot's joints, in order.
-        tick: Interval of its drives, which take a command over at the next multiple of it [s].
-        doubts: Sentences why the settings are not to be trusted.
+        tick: Interval of the simulated drives, which take commands over at its multiples [s].
+        doubts: Sentences about the reasons why the settings may be wrong.
     """
     late = found.delay.value + found.transport
     latency = max(0.0, (floor(late / tick + 0.5) - 0.5) * tick)
@@ -67,7 +68,7 @@ def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequenc
 
 
 def picture(log: Log, found: Identified) -> Drawing:
-    """Draw what was asked, measured and modelled where each channel's command changes most."""
+    """Draw commanded, measured and modelled rates around the largest change of each command."""
     figure, axes = panels(9.0, 2.4 * len(log.channels), len(log.channels))
     for channel, modelled, ax in zip(log.channels, found.modelled, axes, strict=True):
         command = channel.command
@@ -83,13 +84,13 @@ def picture(log: Log, found: Identified) -> Drawing:
 
 
 def _rates(positions: Series) -> tuple[np.ndarray, np.ndarray]:
-    """Mean rates between two readings, at the middle of them."""
+    """Return the middle times and the mean rates (n - 1,) between consecutive positions."""
     intervals = np.diff(positions.times)
     return positions.times[1:] - intervals / 2, np.diff(positions.values) / intervals
 
 
 def _each(key: str, found: Mapping[str, Interval], joints: Sequence[str]) -> list[str]:
-    """A setting of the simulated robot's joints."""
+    """Return the line of a setting of the joints; no line if no joint has a value."""
     if not found:
         return []
     values = {name: f"{each.value:.3g}" for name, each in found.items() if each.low > 0}
@@ -104,7 +105,7 @@ def _each(key: str, found: Mapping[str, Interval], joints: Sequence[str]) -> lis
 
 
 def _step(found: Mapping[str, float], joints: Sequence[str]) -> str:
-    """The steps of the encoders that have one."""
+    """Return the line of the steps of encoders."""
     names = ", ".join(found)
     steps = {name: f"{step:.6g}" for name, step in found.items()}
     return (
@@ -114,5 +115,5 @@ def _step(found: Mapping[str, float], joints: Sequence[str]) -> str:
 
 
 def _listed(values: Mapping[str, str], joints: Sequence[str]) -> str:
-    """A number for each of the simulated robot's joints."""
+    """Return a list with a number for each of the simulated robot's joints, by default 0."""
     return f"[{', '.join(values.get(name, '0.0') for name in joints)}]"

@@ -1,4 +1,4 @@
-"""A robot's log: what was asked of it, how it moved, and when pictures arrived.
+"""A robot's log: its commands, its motion, and the arrival times of its pictures.
 
 Columns have the names of those of steps.parquet; a row may leave any of them empty but `time_s`.
 """
@@ -9,77 +9,70 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from servo.mistake import Mistake
+from servo.mistake import Mistake, as_mistake
 from sim.files import reading
 from sim.types import Array
 
 COMMAND = re.compile("command_(.+)_(m|rad)_s")
-POSITION = re.compile("command_(.+)_(m|rad)")
 STAMPS = ("time_s", "asked_s", "arrived_s")
 PICTURES = ("age_s", "picture", "frame", "decided")
-"""Columns of a run's own log that say when pictures were made, and which were used."""
+"""Columns of a run's own log: when each command's picture was taken, and whether it was used."""
 SHORTEST = 2.0
-"""A shorter log has too few movements [s]."""
+"""Shortest log [s]; a shorter one has too few movements."""
 LONGEST = 600.0
-"""A longer one takes long, and adds little [s]."""
+"""Longest log [s]; a longer one adds little and takes long."""
 FEWEST = 40
-"""Fewer positions cannot show delay, lag, play, gain and friction."""
+"""Least number of positions for delay, lag, play, gain and friction."""
 SPARSEST = 0.1
-"""Rows that come less often [s] miss the commands between them."""
+"""Largest interval of rows [s]; commands between rarer rows are missing."""
 LEAST = 1e-9
-"""A motion or a rate that changes by less [m, rad, m/s, rad/s] is none."""
+"""Least change of a position or rate that counts as motion [m, rad, m/s, rad/s]."""
 FARTHEST = 1e12
-"""A larger number [m, rad, m/s, rad/s] is none of a robot, whatever its unit."""
+"""Largest plausible number in any unit; squares of larger ones overflow."""
 JUMP = 2.0, 5.0
-"""A position jumps that changes by more than so many times the way of the fastest command, and so
-many times what nine of ten changes are less than."""
+"""A position jumps if it changes by more than the sum of two terms: this factor times the distance
+at the fastest command, and this factor times the 90 % quantile of all changes."""
 LATEST = 1.0
-"""A picture or a command that is farther from its row [s] has the stamp of another clock."""
+"""Largest distance of a picture or a command from its row [s] on the same clock."""
 SLOW = 0.25
-"""A camera's pictures come earlier [s] as a rule."""
-DRIFTS = 6.0
-"""Standard deviations of a trend of the arrivals that is none of chance, and"""
-LEAST_DRIFT = 1e-3
-"""the least one [s] that is a clock's."""
+"""Shortest wait for a picture that is unusual for a camera [s]."""
 COARSE = 2.5e-3
-"""Waits that differ by less [s] may do so because stamps are rounded to 1 ms."""
-PIECES = 20
-"""Most parts of a log in which the usual wait should be the same."""
-SWINGS = 0.7
-"""Correlation of each wait with the one before that independent waits do not reach."""
+"""Largest range of waits that stamps rounded to 1 ms can explain [s]."""
+DEPENDENT = 0.7
+"""Correlation of consecutive waits above which they are not independent."""
 TAIL = 8.0
-"""Waits that reach over so many times their middle half are not uniform: a uniform distribution
-has 2, a normal one 7 in 10^5 pictures."""
+"""Largest range of uniform waits over their interquartile range: 2 for a uniform distribution, 7
+for 10^5 pictures with a normal one."""
 OFF_WHOLE = 0.2
-"""An interval of rows is regular if it is less than this off a multiple of the usual interval."""
+"""Largest distance of a regular interval from a multiple of the median interval, relative to it."""
 REGULAR = 0.9
-"""Rows are looked for that are missing if at least this part of the intervals is regular."""
+"""Least share of regular intervals in a log whose missing rows can be counted."""
 FINEST = 5e-3
-"""Positions that come faster [s] are averaged: delay and lag are known to 2 ms at best."""
+"""Interval over which faster positions are averaged [s]; delay and lag are never known better than
+to 2 ms."""
 BRIDGED = 10
-"""In a longer gap, of so many intervals, nothing is known of the commands."""
+"""Longest gap, in intervals of rows, in which the time of a change of command is estimated."""
 LARGEST = 1 << 30
-"""Most bytes of a log."""
+"""Largest size of a log [bytes]."""
 NAMED = 12
-"""Most columns of a log that are named in a message."""
+"""Most columns of a log that a message lists."""
 COLUMNS = (
     "command_NAME_m_s and joint_NAME_m, encoder_NAME_m or measured_NAME_m_s (_rad in place of _m "
     "for angles)"
 )
-"""Those that a log needs beside time_s."""
+"""Columns that a log needs beside time_s."""
 NEEDS = "a log in MCAP needs the package mcap: install servobench[ros]"
 
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Numbers (n,) and their stamps, in order."""
+    """Numbers (n,) and their stamps, in order of time."""
 
     times: Array
     """[s]."""
@@ -87,65 +80,78 @@ class Series:
 
     @property
     def varies(self) -> bool:
-        """True where the values are not all the same."""
+        """True if the values are not all the same."""
         return len(self.values) > 1 and bool(np.ptp(self.values) > LEAST)
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One direction of motion: a joint, or a part of the camera's twist."""
+    """One direction of motion: a joint, or a component of the camera's twist."""
 
     name: str
     unit: str
-    """Of its positions: m or rad."""
+    """Unit of its positions: m or rad."""
     command: Series
-    """Rates asked for, each held until the next one [m/s, rad/s]."""
+    """Commanded rates, each held until the next one [m/s, rad/s]."""
     moved: Series
-    """Positions [m, rad]; of a twist, its sum over time."""
+    """Positions [m, rad]; for a component of the twist, its integral."""
     encoder: Series
-    """Readings of the motor's encoder [m, rad]; empty where there are none."""
+    """Readings of the motor's encoder [m, rad]; empty if there are none."""
     shows_play: bool
     """True for a joint whose positions were measured behind the gear."""
 
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """What was read from a log."""
+    """The contents of a log."""
 
     channels: list[Channel]
-    """Those that were asked to move, and moved."""
+    """Channels with a command that varies and a position that varies."""
     transport: Array
-    """From each picture's stamp to its arrival (n,) [s]; empty where it is not known."""
+    """From each picture's stamp to its arrival (n,) [s]; empty if unknown."""
     unused: list[str]
-    """Columns that have no meaning here, or no numbers."""
+    """Names of columns that are not used here, or are empty."""
     asked: list[tuple[str, str]]
-    """Name and unit (m or rad) of all that has a command, moved or not."""
+    """Name and unit (m or rad) of each channel with a command, whether it moved or not."""
     interval: float
-    """The usual one of its rows [s]."""
+    """Median interval of the rows [s]."""
     missing: float
-    """Part of the rows that are missing, by this interval."""
+    """Share of the rows that are missing, by this interval."""
     cut: str
-    """What was left out at the end, in a sentence; empty where nothing was."""
+    """A sentence about a last line that was left out, or an empty text."""
     clock: str
-    """What is wrong with the arrivals, in a sentence; empty where nothing is."""
+    """A sentence about unreliable arrival times, or an empty text."""
     still: list[str]
-    """Names of what was asked to move, and whose positions stay the same."""
+    """Names of channels whose command varies and whose positions do not."""
 
     @property
     def uncertain(self) -> float:
-        """So far the stamp of a command in a gap is from the true one, on average [s]."""
+        """Mean error of a command's stamp due to missing rows [s]."""
         return self.missing * self.interval
 
 
 def read(path: Path) -> Log:
-    """Read a log: CSV, Parquet, or MCAP with JSON messages, such as /step of our own.
+    """Read a log: CSV, Parquet, or MCAP with JSON messages, such as /step of a run.
 
     Raises:
-        Mistake: It cannot be read, its columns contradict what they should have, or nothing in it
-            was asked to move and moved.
+        Mistake: The file cannot be read, a column contradicts its name, or no channel has both a
+            command and positions that vary.
     """
-    names, columns, cut = _columns(path)
-    time = columns.get("time_s", np.empty(0))
+    table, cut = _table(path)
+    names = table.column_names
+    commands = [found.groups() for found in map(COMMAND.fullmatch, names) if found]
+    used = {*STAMPS, *PICTURES, *(part for each in commands for part in _parts(*each))}
+    columns = {
+        name: _numbers(table, name, path)
+        for name, column in zip(names, table.columns, strict=True)
+        if name in used and (name == "time_s" or not pa.types.is_null(column.type))
+    }
+    if "time_s" not in columns:
+        has = listed(names, NAMED) or "none"
+        raise Mistake(
+            f"{path}: this log has no column time_s; it needs time_s, {COLUMNS}; it has {has}"
+        )
+    time = columns["time_s"]
     if not (len(time) and np.isfinite(time).all() and np.all(time[1:] > time[:-1])):
         raise Mistake(f"{path}: time_s should increase from row to row")
     span = round(float(time[-1]) - float(time[0]), 3)
@@ -158,17 +164,17 @@ def read(path: Path) -> Log:
     if abs(late) > LATEST:
         raise Mistake(f"{path}: asked_s is {late:.6g} s after time_s; they should have one clock")
     clock, transport = _arrivals(waited, is_with_commands=late < 0)
-    named = [found.groups() for name in columns if (found := COMMAND.fullmatch(name))]
-    for name, unit in named:
-        _check_positions(columns, name, unit, path)
-    channels = [_channel(columns, asked, name, unit) for name, unit in named]
+    channels = [
+        _channel(columns, asked, name, unit, path)
+        for name, unit in commands
+        if f"command_{name}_{unit}_s" in columns
+    ]
     moving = [c for c in channels if c.command.varies and c.moved.varies]
-    _check_enough(moving, names, path)
-    used = {*STAMPS, *PICTURES, *(of for each in named for of in _parts(*each))}
+    _check_enough(moving, path)
     return Log(
         moving,
         transport,
-        [name for name in names if name not in used & columns.keys()],
+        [name for name in names if name not in columns],
         [(c.name, c.unit) for c in channels],
         float(np.median(np.diff(time))),
         float(lost.sum() / (lost.sum() + len(time))),
@@ -178,41 +184,14 @@ def read(path: Path) -> Log:
     )
 
 
-def _columns(path: Path) -> tuple[list[str], dict[str, Array], str]:
-    """Return the names of all columns, those of numbers, and a sentence about what was cut."""
-    try:
-        table, cut = _table(path)
-        columns = _numbers(table)
-    except (pa.ArrowException, ValueError) as error:
-        if isinstance(error, Mistake) or str(error).startswith(str(path)):
-            raise Mistake(str(error)) from None
-        kind = path.suffix[1:].upper()
-        raise Mistake(f"{path}: cannot read this log: it is damaged, or no {kind} file") from error
-    names = table.column_names
-    if "time_s" not in names:
-        has = listed(names, NAMED) or "none"
-        raise Mistake(
-            f"{path}: this log has no column time_s; it needs time_s, {COLUMNS}; it has {has}"
-        )
-    used = {*STAMPS}
-    for found in filter(None, map(COMMAND.fullmatch, names)):
-        used |= {*_parts(*found.groups())}
-    for name, column in zip(names, table.columns, strict=True):
-        if names.count(name) > 1:
-            raise Mistake(f"{path}: the column {name} is there {names.count(name)} times")
-        if name in used - columns.keys() and not pa.types.is_null(column.type):
-            raise Mistake(f"{path}: {name} should have numbers; {_no_number(column)}")
-    return names, columns, cut
-
-
 def _parts(name: str, unit: str) -> tuple[str, str, str, str]:
-    """Return the columns of a joint, or of a part of a twist: rates first."""
+    """Return the columns of a channel: its command, measured rate, joint and encoder."""
     of = f"{name}_{unit}"
     return f"command_{of}_s", f"measured_{of}_s", f"joint_{of}", f"encoder_{of}"
 
 
-def _check_enough(moving: Sequence[Channel], names: Sequence[str], path: Path) -> None:
-    """Refuse a log that has nothing that moves, or too little of it."""
+def _check_enough(moving: Sequence[Channel], path: Path) -> None:
+    """Refuse a log without a moving channel, or with too few positions of one."""
     for channel in moving:
         positions = len(channel.moved.values)
         if positions < FEWEST:
@@ -226,39 +205,43 @@ def _check_enough(moving: Sequence[Channel], names: Sequence[str], path: Path) -
                 f"{path}: the positions of {channel.name} come each {interval:.3g} s; delay and "
                 f"lag need one each {SPARSEST:g} s at least"
             )
-    if moving:
-        return
-    if not any(map(COMMAND.fullmatch, names)):
-        for name in filter(POSITION.fullmatch, names):
-            raise Mistake(f"{path}: {name} has positions by its name; rates are needed, {name}_s")
-    raise Mistake(
-        f"{path}: nothing in this log was asked to move and moved; it needs columns {COLUMNS}"
-    )
+    if not moving:
+        raise Mistake(
+            f"{path}: no joint in this log has commanded rates and positions that change; it needs "
+            f"columns {COLUMNS}"
+        )
 
 
 def listed(names: Sequence[str], most: int) -> str:
-    """Names with commas between them, of which the last may only be counted."""
+    """Return names with commas between them; names beyond `most` are only counted."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
 
 def _table(path: Path) -> tuple[pa.Table, str]:
-    """Return a log's rows, and a sentence about a last line that was cut."""
-    data = reading.content(path, "log", LARGEST)
-    match path.suffix.lower():
-        case ".csv":
-            return _lines(path, data)
-        case ".parquet":
-            return pq.read_table(pa.BufferReader(data), page_checksum_verification=True), ""
-        case ".mcap":
-            return pa.Table.from_pylist(_messages(data)), ""
-        case _:
-            raise Mistake(f"{path}: a log is a file .csv, .parquet or .mcap")
+    """Return a log's rows, and a sentence about a last line that was left out."""
+    with as_mistake():
+        data = reading.content(path, "log", LARGEST)
+    try:
+        match path.suffix.lower():
+            case ".csv":
+                return _lines(data)
+            case ".parquet":
+                return pq.read_table(pa.BufferReader(data), page_checksum_verification=True), ""
+            case ".mcap":
+                return pa.Table.from_pylist(_messages(data)), ""
+            case _:
+                raise Mistake(f"{path}: a log is a file .csv, .parquet or .mcap")
+    except (pa.ArrowException, ValueError) as error:
+        if isinstance(error, Mistake):
+            raise
+        text = " ".join(str(error).split())
+        raise Mistake(f"{path}: cannot read this log: {text}") from error
 
 
-def _lines(path: Path, data: bytes) -> tuple[pa.Table, str]:
+def _lines(data: bytes) -> tuple[pa.Table, str]:
     """Return the rows of a CSV file. A last line without an end may have lost some of its digits,
-    so it is left out; a file system may fill up what was not written with zeros.
+    so it is left out; a file system may have filled the unwritten rest of a file with zeros.
     """
     data = data.rstrip(b"\0")
     whole = 1 + data.rfind(b"\n")
@@ -267,59 +250,20 @@ def _lines(path: Path, data: bytes) -> tuple[pa.Table, str]:
         number = 1 + data.count(b"\n")
         cut = f"line {number}, the last, was left out: it has no line end, so it may be cut"
         data = data[:whole]
-    head = io.BytesIO(data).readline()
-    if b"\0" in data:
-        raise ValueError("these are no lines of text")
-    if b"," not in head and re.search(rb"[;\t]", head):
-        separator = "a semicolon" if b";" in head else "a tab"
-        raise Mistake(
-            f"{path}: line 1 has {separator} between its columns; a log has a comma there, and a "
-            "point in its numbers"
-        )
-    wrong: list[pyarrow.csv.InvalidRow] = []
+    # Messages about a row have its number only if one thread reads all rows.
+    options = pyarrow.csv.ReadOptions(use_threads=False)
+    return pyarrow.csv.read_csv(io.BytesIO(data), read_options=options), cut
 
-    def refuse(row: pyarrow.csv.InvalidRow) -> str:
-        wrong.append(row)
-        return "error"
 
+def _numbers(table: pa.Table, name: str, path: Path) -> Array:
+    """Return a column (n,); an empty cell is nan."""
     try:
-        table = pyarrow.csv.read_csv(
-            io.BytesIO(data),
-            # Only one thread counts the rows.
-            read_options=pyarrow.csv.ReadOptions(use_threads=False),
-            parse_options=pyarrow.csv.ParseOptions(invalid_row_handler=refuse),
-        )
-    except pa.ArrowInvalid:
-        if not wrong:
-            raise
-        row = wrong[0]
-        cells = f"{row.actual_columns} cells; line 1 names {row.expected_columns} columns"
-        raise Mistake(f"{path}: line {row.number} has {cells}") from None
-    return table, cut
+        return np.asarray(table[name].cast(pa.float64()), np.float64)
+    except (pa.ArrowException, KeyError) as error:
+        raise Mistake(f"{path}: {name} should be one column of numbers: {error.args[0]}") from error
 
 
-def _no_number(column: pa.ChunkedArray) -> str:
-    """Which row of a column is the first that is no number, in words."""
-    for number, value in enumerate(column.to_pylist(), start=1):
-        try:
-            float(value)
-        except (TypeError, ValueError):
-            if value is not None:
-                return f"row {number} has {str(value)!r}"
-    return f"it has {column.type}"
-
-
-def _numbers(table: pa.Table) -> dict[str, Array]:
-    """Return the columns of numbers; an empty cell is nan."""
-    numbers = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
-    return {
-        name: np.array(column.to_pylist(), np.float64)
-        for name, column in zip(table.column_names, table.columns, strict=True)
-        if any(is_kind(column.type) for is_kind in numbers)
-    }
-
-
-def _messages(data: bytes) -> list[dict[str, Any]]:
+def _messages(data: bytes) -> list[dict[str, object]]:
     """Return the JSON messages with a time_s of a log in MCAP."""
     try:
         from mcap.exceptions import McapError
@@ -329,15 +273,15 @@ def _messages(data: bytes) -> list[dict[str, Any]]:
     try:
         found = list(make_reader(io.BytesIO(data)).iter_messages())
     except McapError as error:
-        raise ValueError(error) from error
+        raise ValueError(str(error) or "it ends too early") from error
     rows = [json.loads(m.data) for _, channel, m in found if channel.message_encoding == "json"]
     return [row for row in rows if isinstance(row, dict) and "time_s" in row]
 
 
 def _lost(time: Array) -> Array:
-    """Return how many rows are missing before each row (n,).
+    """Return the number of rows missing before each row (n,).
 
-    None is where rows come irregularly, as those of several sources do.
+    It is 0 where rows come irregularly, such as those of several sources.
     """
     intervals = np.diff(time) / np.median(np.diff(time))
     whole = np.rint(intervals)
@@ -347,8 +291,8 @@ def _lost(time: Array) -> Array:
 
 
 def _pictures(columns: dict[str, Array], lost: Array) -> tuple[Array, Array]:
-    """Return the stamps (n,) of the commands, nan where there is none; and from each row's stamp
-    to its picture's arrival (n,) [s].
+    """Return the stamps of the commands (n,) [s], nan if a row has none, and the time from each
+    row's stamp to its picture's arrival (n,) [s].
 
     A command after missing rows came with one of them or with its own row: the middle of these
     stamps is right on average.
@@ -364,107 +308,69 @@ def _pictures(columns: dict[str, Array], lost: Array) -> tuple[Array, Array]:
 
 
 def _late(time: Array, asked: Array) -> float:
-    """Return how much later than its row a command is, at the median of those that are new [s]."""
+    """Return the median time from a row to its command, over the new commands [s]."""
     new = np.isfinite(asked) & (np.diff(asked, prepend=np.nan) != 0)
     return float(np.median((asked - time)[new])) if new.any() else 0.0
 
 
 def _arrivals(waited: Array, *, is_with_commands: bool) -> tuple[str, Array]:
-    """Return what is wrong with the waits of pictures, and those (k,) [s] that can be used.
+    """Return a sentence about unreliable waits for pictures, and the usable waits (k,) [s].
 
-    A clock that is off leaves the differences of the waits, which show jitter. It leaves the sum of
-    wait and delay where commands have its stamps too: both are off by as much, in opposite ways.
-    One that is faster or is set in between, and waits that are not uniform, leave nothing.
+    A clock with a constant offset leaves the differences of the waits, which show jitter. It also
+    leaves the sum of wait and delay if the commands have the same clock: their errors cancel.
 
     Args:
-        waited: From each row's stamp to its picture's arrival (n,) [s]; nan where there is none.
-        is_with_commands: True where commands are before their rows, as arrivals may be.
+        waited: From each row's stamp to its picture's arrival (n,) [s]; nan if there is none.
+        is_with_commands: True if commands precede their rows, as arrivals may.
     """
-    rows = np.flatnonzero(np.isfinite(waited))
-    found = waited[rows].clip(-FARTHEST, FARTHEST)
-    ordered = np.sort(found)
-    few = f"{len(found)} rows have arrived_s, fewer than {FEWEST}; it is not used"
+    found = waited[np.isfinite(waited)].clip(-FARTHEST, FARTHEST)
     if len(found) < FEWEST:
+        few = f"{len(found)} rows have arrived_s, fewer than {FEWEST}; it is not used"
         return few if len(found) else "", np.empty(0)
-    place = (rows - rows.mean()) / np.std(rows)
-    slope = float(np.mean(place * found))
-    error = float(np.std(found - slope * place)) / np.sqrt(len(found))
-    trend = slope * float(np.ptp(place))
-    if abs(slope) > DRIFTS * error and abs(trend) > LEAST_DRIFT:
+    least, quarter, three, most = np.quantile(found, (0, 0.25, 0.75, 1))
+    reach = most - least
+    is_tailed = reach > TAIL * (three - quarter)
+    if reach > COARSE and (is_tailed or np.corrcoef(found[1:], found[:-1])[0, 1] > DEPENDENT):
         return (
-            f"arrived_s drifts by {trend:.3g} s against time_s, so it is in another unit or of "
-            "another clock; it is not used"
+            f"pictures arrive {least:.6g} to {most:.6g} s after their stamps, half of them within "
+            f"{three - quarter:.3g} s; a simulated wait is uniform and independent of time, so "
+            "arrived_s is not used: it has outliers, or its unit or clock is not that of time_s"
         ), np.empty(0)
-    if uneven := _uneven(found):
-        return f"{uneven}, and a simulated wait is uniform; arrived_s is not used", np.empty(0)
-    if ordered[0] >= 0 and ordered[-1] <= LATEST:
-        late = f"pictures arrive {ordered[0]:.3g} s after their stamps or later: is this one clock?"
-        return late if ordered[0] > SLOW else "", found
-    other = f"pictures arrive {ordered[0]:.6g} to {ordered[-1]:.6g} s after their stamps, so "
-    if is_with_commands and ordered[0] > -LATEST:
+    if least >= 0 and most <= LATEST:
+        late = f"pictures arrive {least:.3g} s after their stamps or later: is this one clock?"
+        return late if least > SLOW else "", found
+    other = f"pictures arrive {least:.6g} to {most:.6g} s after their stamps, so "
+    if is_with_commands and least > -LATEST:
         return (
             f"{other}arrived_s and asked_s are of another clock than time_s; latency_ms is right "
             "if both are of the same"
         ), found
     return (
-        f"{other}arrived_s is of another clock, and the shortest wait, not known, is not in "
+        f"{other}arrived_s is of another clock, and the shortest wait, which is unknown, is not in "
         "latency_ms"
-    ), found - ordered[0]
+    ), found - least
 
 
-def _uneven(waits: Array) -> str:
-    """Return why waits (n,) [s] are not of one uniform distribution; empty where they may be."""
-    gaps = np.diff(np.sort(waits))
-    reach = gaps.sum()
-    if reach < COARSE:
-        return ""
-    at = int(np.argmax(gaps))
-    if 2 * gaps[at] > reach:
-        apart = min(at + 1, len(gaps) - at)
-        return f"{apart} of {len(waits)} pictures arrive {gaps[at]:.3g} s apart from all others"
-    pieces = np.array_split(waits, min(PIECES, len(waits) // FEWEST))
-    quarters = np.array([np.quantile(piece, (0.25, 0.5, 0.75)) for piece in pieces])
-    middle = float(np.median(quarters[:, 2] - quarters[:, 0]))
-    swings = np.ptp(quarters[:, 1]) > middle
-    if swings or np.corrcoef(waits[1:], waits[:-1])[0, 1] > SWINGS:
-        return f"the wait for pictures swings by {reach:.3g} s in the course of the log"
-    if reach > TAIL * middle:
-        return (
-            f"half of the pictures arrive within {middle:.3g} s, but all of them in {reach:.3g} s"
-        )
-    return ""
+def _channel(columns: dict[str, Array], asked: Array, name: str, unit: str, path: Path) -> Channel:
+    """Return the series of a channel.
 
+    Args:
+        columns: The log's columns (n,) by name.
+        asked: Stamps of the commands (n,) [s].
+        name: Of the joint, or of the component of the twist.
+        unit: Of its positions: m or rad.
+        path: The file, for messages.
 
-def _check_positions(columns: dict[str, Array], name: str, unit: str, path: Path) -> None:
-    """Refuse numbers and changes of positions that no robot has."""
-    time = columns["time_s"]
-    fastest = 0.0
-    for key in _parts(name, unit):
-        series = _series(time, columns.get(key, np.full(len(time), np.nan)))
-        largest = float(np.abs(series.values).max(initial=0.0))
-        if largest > FARTHEST:
-            raise Mistake(f"{path}: {key} has {largest:.3g}, which no robot has")
-        fastest = largest if key.startswith("command_") else fastest
-        changes = np.abs(np.diff(series.values))
-        # One that is not asked to move is not used.
-        if key.endswith("_s") or len(changes) < FEWEST or not changes.any() or not fastest:
-            continue
-        limits = JUMP[0] * fastest * np.diff(series.times)
-        limits += JUMP[1] * np.quantile(changes[changes > 0], 0.9)
-        if np.any(changes > limits):
-            at = int(np.argmax(changes - limits))
-            raise Mistake(
-                f"{path}: {key} jumps by {changes[at]:.3g} {unit} at time_s = "
-                f"{series.times[at + 1]:.6g}, which no command explains: leave out what is wrong"
-            )
-
-
-def _channel(columns: dict[str, Array], asked: Array, name: str, unit: str) -> Channel:
+    Raises:
+        Mistake: A number is too large, or a position jumps.
+    """
     time = columns["time_s"]
     empty = np.full(len(time), np.nan)
-    joint = columns.get(f"joint_{name}_{unit}", empty)
-    encoder = columns.get(f"encoder_{name}_{unit}", empty)
-    measured = columns.get(f"measured_{name}_{unit}_s", empty)
+    keys = _parts(name, unit)
+    command, measured, joint, encoder = (columns.get(key, empty) for key in keys)
+    fastest = float(np.nanmax(np.abs(command), initial=0.0))
+    for key in keys:
+        _check_positions(_series(time, columns.get(key, empty)), fastest, key, path)
     is_behind = bool(np.isfinite(joint).any())
     moved = next((each for each in (joint, encoder) if np.isfinite(each).any()), None)
     if moved is None:
@@ -472,22 +378,47 @@ def _channel(columns: dict[str, Array], asked: Array, name: str, unit: str) -> C
     return Channel(
         name,
         unit,
-        _series(asked, columns[f"command_{name}_{unit}_s"]),
+        _series(asked, command),
         _averaged(_series(time, moved)),
         _series(time, encoder),
         is_behind,
     )
 
 
+def _check_positions(series: Series, fastest: float, key: str, path: Path) -> None:
+    """Refuse numbers that are too large, and jumps of a position.
+
+    Args:
+        series: A column of the log.
+        fastest: Largest commanded rate [m/s, rad/s]; the positions of an unmoved joint are unused.
+        key: Name of the column.
+        path: The file.
+    """
+    largest = float(np.abs(series.values).max(initial=0.0))
+    if largest > FARTHEST:
+        raise Mistake(f"{path}: {key} has {largest:.3g}, which no robot has")
+    changes = np.abs(np.diff(series.values))
+    if key.endswith("_s") or len(changes) < FEWEST or not changes.any() or not fastest:
+        return
+    limits = JUMP[0] * fastest * np.diff(series.times)
+    limits += JUMP[1] * np.quantile(changes[changes > 0], 0.9)
+    at = int(np.argmax(changes - limits))
+    if changes[at] > limits[at]:
+        raise Mistake(
+            f"{path}: {key} jumps by {changes[at]:.3g} at time_s = {series.times[at + 1]:.6g}, "
+            "which no command explains: leave out the wrong rows"
+        )
+
+
 def _series(times: Array, values: Array) -> Series:
-    """The values that there are, in order."""
+    """Return the finite values in order of time."""
     known = np.flatnonzero(np.isfinite(times) & np.isfinite(values))
     order = known[np.argsort(times[known], kind="stable")]
     return Series(times[order], values[order])
 
 
 def _averaged(series: Series) -> Series:
-    """The means of the numbers in each piece of time, where they come faster."""
+    """Return the means over pieces of `FINEST`, if the values come faster."""
     times = series.times
     if len(times) < FEWEST or np.median(np.diff(times)) > FINEST / 2:
         return series

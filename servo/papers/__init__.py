@@ -1,1 +1,1 @@
-"""The three papers' experiments, claim by claim."""
+"""Tests of the claims of the three papers: runs, rules and verdicts."""

@@ -1,4 +1,4 @@
-"""A claim of a paper: its sentence, the rule of its verdict, the runs that test it, the judge."""
+"""A claim of a paper with the rule of its verdict, the runs that test it, and its judge."""
 
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -13,13 +13,13 @@ from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding
 
 WORDS = {f: f.name.lower().replace("_", " ") for f in Finding}
-"""Each finding in a table."""
+"""Text of each finding."""
 FRESH = 1000
-"""First seed of verdicts; the settings are tuned with smaller ones."""
+"""First seed of verdicts; settings are tuned on smaller seeds."""
 QUICK = 100_000
-"""The seed of a quick run; no verdict uses it."""
+"""Seed of a quick run; no verdict uses it."""
 SEED = re.compile(r"(?<=seeds from )\d+(?= on)|(?<=the first seed \()\d+(?=\))")
-"""The first seed in the words of a rule's units."""
+"""Matches the first seed in the text of a rule's units."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,14 +27,14 @@ class Effort:
     """The number of runs that test each claim."""
 
     quick: bool
-    """Run one seed of each, none of a verdict's, to check that everything works."""
+    """True to run one seed of each claim, which no verdict uses, as a check of the code."""
     sequences: Path | None
-    """A folder of real sequences that are added to the claim about them."""
+    """Folder of real sequences for the claim that also uses them."""
     first: int | None = None
-    """First seed of every claim; by default those that its rule names."""
+    """First seed of every claim; None: the seed that its rule names."""
 
     def seeds(self, full: int, first: int = FRESH) -> range:
-        """Return seeds from the first on, up to the full number; `QUICK` alone if quick."""
+        """Return `full` seeds from the first one on; if quick, only `QUICK`."""
         if self.quick:
             return range(QUICK, QUICK + 1)
         begin = first if self.first is None else self.first
@@ -43,17 +43,17 @@ class Effort:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """The runs of a claim, which its judge is given."""
+    """Runs of a claim, the input of its judge."""
 
     records: list[Record]
-    """In the order of the jobs."""
+    """Records of the runs in the order of the jobs."""
     effort: Effort
     folder: Path
-    """Of the study, with the tracks of its runs."""
+    """Folder of the study, with the tracks of its runs."""
 
     @property
     def trackers(self) -> dict[str, list[Record]]:
-        """The records of each tracker, in their order."""
+        """The records by tracker, in the order of the jobs."""
         found: dict[str, list[Record]] = {}
         for record in self.records:
             found.setdefault(record.settings[TRACKER], []).append(record)
@@ -62,19 +62,19 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """The rule of a verdict, written before any run."""
+    """Rule of a verdict, fixed before any run."""
 
     measure: str
     settings: str
     units: str
-    """The number and kind of what could have been otherwise."""
+    """Number and kind of the independent units."""
     margin: str
     test: str
     holds: str
-    """The condition under which the claim holds."""
+    """Condition under which the claim holds."""
 
     def on(self, first: int) -> "Rule":
-        """Return the rule for units with seeds from another one on."""
+        """Return the rule with another first seed in the text of its units."""
         return replace(self, units=SEED.sub(str(first), self.units))
 
 
@@ -84,13 +84,13 @@ class Verdict:
 
     finding: Finding
     effect: Interval
-    """The value that is compared with the bound, with its 95 % interval."""
+    """Value that is compared with the bound, with its 95 % interval."""
     unit: str
-    """Of the effect."""
+    """Unit of the effect."""
     count: int
     """Number of units (`Rule.units`)."""
     measured: str
-    """In one sentence."""
+    """The result in one sentence."""
     table: list[list[str]] = field(default_factory=list)
     """Rows of cells; the first row has the titles."""
     figure: Figure | None = None
@@ -98,7 +98,7 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One claim."""
+    """A claim with the runs and the judge of its verdict."""
 
     name: str
     says: str
@@ -106,7 +106,7 @@ class Claim:
     rule: Rule
     judge: Callable[[Evidence], Verdict]
     jobs: Callable[[Effort], Sequence[Job]] = lambda _: ()
-    """The runs; there are none where the judge computes all by itself."""
+    """Returns the runs; none for a judge that computes without records."""
 
 
 def every(findings: Iterable[Finding]) -> Finding:

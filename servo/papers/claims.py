@@ -1,4 +1,4 @@
-"""All claims, the file of their verdicts, and the verdicts that were found before."""
+"""All claims, the report of their verdicts, and the verdicts of the last full run."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ JOINED = "P0-1a"
 """The claim that also uses real sequences."""
 FIGURES = "figures"
 VERDICTS = "verdicts.json"
-"""The findings of the last full run; a run that finds others exits with 1."""
+"""File of the findings of the last full run; a run with other findings exits with 1."""
 TITLES = ("claim", "rule", "effect", "95 % interval", "units", "verdict", "figure")
 
 
@@ -54,7 +54,7 @@ class Judged:
     effect: float | None
     low: float | None
     high: float | None
-    """The effect's 95 % interval; None where there is none."""
+    """End of the effect's 95 % interval; None if unknown."""
     unit: str
     count: int
     """Number of units."""
@@ -66,7 +66,7 @@ class Judged:
 
     @staticmethod
     def of(claim: Claim, verdict: Verdict) -> Judged:
-        """Return a claim with its verdict."""
+        """Return the stored form of a claim and its verdict."""
         return Judged(
             claim.says,
             claim.rule,
@@ -107,18 +107,18 @@ class PapersReport(Made):
 
     quick: bool
     first_seed: int | None = None
-    """Of every claim; None: the registered ones."""
+    """First seed of every claim; None: the registered seeds."""
     claims: dict[str, Judged]
 
 
 BY_CONSTRUCTION = frozenset({"P0-3", "P1-4a", "P1-4b", "P1-5a", "P1-5b", "P1-6a", "P1-6b", "P2-3b"})
-"""Claims that nearly hold whatever is tested: they have no other side that could make them fail."""
+"""Claims that hold for nearly any tested method."""
 WITHOUT_POWER = frozenset({"P0-4", "P0-7", "P0-8"})
-"""Claims whose intervals would be wide whatever is true."""
+"""Claims whose number of units is too small for a narrow interval."""
 
 
 def marked(name: str, finding: str) -> str:
-    """Return a finding with what it is worth, where the claim itself decided it."""
+    """Return a finding, marked if the claim's design and not the runs decided it."""
     if finding == WORDS[Finding.HOLDS] and name in BY_CONSTRUCTION:
         return f"{finding} (by construction)"
     if finding == WORDS[Finding.UNDECIDED] and name in WITHOUT_POWER:
@@ -127,21 +127,21 @@ def marked(name: str, finding: str) -> str:
 
 
 Found = dict[str, tuple[str, str]]
-"""Finding and effect, in words, by claim."""
+"""Texts of finding and effect by name of the claim."""
 
 
 def found_in(verdicts: dict[str, Verdict]) -> Found:
-    """Return the findings of some verdicts, as verdicts.json keeps them."""
+    """Return the findings and effects of verdicts in the format of verdicts.json."""
     return {name: (WORDS[v.finding], words(v.effect, v.unit)) for name, v in verdicts.items()}
 
 
 def known() -> Found:
-    """Return the findings of the last full run, which belong to this version."""
+    """Return the findings of the last full run of this version."""
     return json.loads((resources.files("servo.papers") / VERDICTS).read_text())
 
 
 def broken(found: Found, before: Found) -> list[str]:
-    """Return a sentence for each claim whose finding is another one than before."""
+    """Return a sentence for each claim whose finding has changed."""
     return [
         f"{name}: {', '.join(new)}; it was: {', '.join(before[name])}"
         for name, new in found.items()

@@ -23,19 +23,19 @@ PEAK = "servo_peak_px"
 FAST = "30 Hz"
 SLOW = "5 Hz"
 LEGEND_FROM = 60.0
-"""Upper end of the first axis [px], which leaves space for the legend."""
+"""Upper end of the first axis [px], with space for the legend."""
 LONG = ("run.duration=20.0", "measure.after=5.0")
 AT = {FAST: (), SLOW: ("camera.rate=5.0", "controller.gain=1.0")}
 """Changes of a scenario for each rate; they keep lambda T below 1/4."""
 
 
 TESTED = tuple(name for name in ESTIMATORS.names() if name != "integral")
-"""An integral is part of a law, whose gain belongs to it, and estimates no motion."""
+"""All estimators but the integral, which is part of a law and estimates no motion."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A motion at a rate, its measure, and the bounds on it."""
+    """A motion at a rate, with a measure and its bounds."""
 
     motion: str
     rate: str
@@ -103,7 +103,7 @@ def _score(records: list[Record], estimator: str, case: Case) -> Interval:
 
 
 def _missed(found: Scores, i: int, case: Case) -> list[str]:
-    """Return the bounds of a case that are not kept, in words."""
+    """Return the texts of the missed bounds of a case."""
     values = {name: intervals[i].value for name, intervals in found.items()}
     values[BEST] = min(value for name, value in values.items() if name != IDEAL)
     return [

@@ -34,16 +34,16 @@ from tracking.trackers import KINDS as TRACKERS
 
 
 def contender(
-    kind: str, preset: str | None = None, label: str | None = None, **settings: Any
+    kind: str, preset: str | None = None, label: str | None = None, **settings: float | str
 ) -> Contender:
-    """Return a tracker for an experiment; by default its label contains the preset."""
+    """Return a tracker with changed settings; its default label is KIND or KIND-PRESET."""
     config = TRACKERS.config(kind, preset, **settings)
     return Contender(label or (kind if preset is None else f"{kind}-{preset}"), config)
 
 
 @dataclass(frozen=True, slots=True)
 class CachedPainting(Generated):
-    """A painted sequence whose pictures are kept for the next tracker: painting takes longer."""
+    """A painted sequence that caches its pictures, since painting takes longer than tracking."""
 
     def build(self, seed: int) -> Painting:
         return _painted(self.kind, self.config, seed)
@@ -57,17 +57,15 @@ def _painted(kind: str, config: Any, seed: int) -> Painting:
     return replace(sequence, source=PaintedSource(cache(source.paint), source.count))
 
 
-def generated(kind: str, **settings: Any) -> Generated:
-    """Return a painted sequence for an experiment."""
+def generated(kind: str, **settings: float | str) -> Generated:
+    """Return a family of painted sequences with changed settings."""
     return CachedPainting(kind, GENERATORS.config(kind, **settings))
 
 
 def sequence_jobs(
     trackers: Sequence[Contender], entries: Sequence[Entry], seeds: Iterable[int]
 ) -> list[Job]:
-    """Return a job for each tracker on each sequence with each seed; those on one sequence follow
-    each other.
-    """
+    """Return a job for each tracker, sequence and seed; jobs on one sequence are consecutive."""
     return [
         Job(
             0,
@@ -83,7 +81,7 @@ def sequence_jobs(
 
 
 def states_found(folder: Path, run: Record) -> Array:
-    """Return the states (frames, 4) of the track that a run has left."""
+    """Return the states (frames, 4) of a run's track: x, y [px], theta [rad], scale."""
     track = f"{run.settings[TRACKER]}/{run.settings['family']}-{run.seed}.csv"
     return read(folder / TRACKS / track).states
 
@@ -99,9 +97,9 @@ REVERSAL = "reversal"
 START_DISTANCE = 0.45
 """Distance from the middle of the table at which the car of `line` starts [m]."""
 CAR = (0.11, 0.06)
-"""Half the length and width of the rectangle around the car that must be free (2,) [m]."""
+"""Half length and half width of the car's clearance rectangle (2,) [m]."""
 INTERVAL = 0.05
-"""Time between two places at which the car must be clear of toys [s]."""
+"""Interval at which the car is tested for contact with toys [s]."""
 AROUND = (
     "start.x = { uniform = [-8.0, 8.0] }, start.y = { uniform = [-8.0, 8.0] }, "
     "start.angle_deg = { uniform = [-5.0, 5.0] }"
@@ -118,7 +116,7 @@ REGISTERED = {
     "motion.frequency = { uniform = [0.17, 0.21] }",
     "circle": f"{AROUND}, motion.frequency = {{ uniform = [0.12, 0.16] }}",
 }
-"""Draws of the scenarios when the verdicts were registered; those of the files may change."""
+"""`[vary]` of the scenarios when the verdicts were registered; the scenario files may change."""
 
 
 @cache  # several claims are tested on the same draws
@@ -135,12 +133,12 @@ def varied(scenario: str, seed: int) -> tuple[str, ...]:
 
 
 def registered(scenario: str) -> str:
-    """Return the change that lets a scenario draw as when the verdicts were registered."""
+    """Return the change that gives a scenario its registered `[vary]`."""
     return f"vary={{ {REGISTERED[scenario]} }}"
 
 
 def is_clear(scenario: Scenario) -> bool:
-    """Return whether the car drives around all toys of the room."""
+    """Return True if the car of a scenario touches no toy of the room."""
     places, radii = _toys()
     motion = scenario.motion.build(stream(scenario.run.seed, "motion"))
     for time in np.arange(0.0, scenario.run.duration, INTERVAL):
@@ -154,7 +152,7 @@ def is_clear(scenario: Scenario) -> bool:
 
 @cache
 def _toys() -> tuple[Array, Array]:
-    """Return the places of the toys (n, 3), and the radius around each (n,) [m]."""
+    """Return positions (n, 3) and bounding radii (n,) of the toys [m]."""
     with resources.as_file(resources.files("scenes")) as folder:
         room = mujoco.MjSpec.from_file(str(folder / "room.xml"))
     names = [geom.name for geom in room.geoms if geom.classname.name == "toy"]
@@ -183,19 +181,19 @@ def _drawn(scenario: str, rng: np.random.Generator) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class EstimatedLoop:
-    """A subject: a scenario in the closed loop, whose record has the target's motion over time."""
+    """A scenario in the closed loop, whose record has the target's motion over time."""
 
     name: str
     """Name of the scenario."""
     changes: tuple[str, ...]
-    """As with --set."""
+    """Changes of the scenario, as with --set."""
 
-    def describe(self) -> dict[str, Any]:
-        """Return the scenario and its changes."""
+    def describe(self) -> dict[str, object]:
+        """Return the scenario and its changes for the study's file."""
         return {"scenario": self.name, "changes": list(self.changes)}
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the scenario; errors [px] and velocities [m/s] keep all their digits."""
+        """Run the scenario; return its record with time [s], error [px] and velocities [m/s]."""
         scenario = scenarios.load(self.name, self.changes, job.seed)
         steps = [step.light() for step in run(scenario)]
         along = steps[0].scene.features.names.index(ALONG)
@@ -211,7 +209,7 @@ class EstimatedLoop:
 def loop_job(
     scenario: str, estimator: str, seed: int, changes: Sequence[str], **settings: str
 ) -> Job:
-    """Return the job of a scenario with an estimator; further settings distinguish it."""
+    """Return the job of a scenario with an estimator; `settings` are labels that distinguish it."""
     name = "-".join([*settings.values(), scenario, estimator, str(seed)]).replace(" ", "")
     changes = (registered(scenario), f"estimator.kind={estimator}", *changes)
     subject = EstimatedLoop(scenario, changes)

@@ -1,6 +1,4 @@
-"""Claims of the KAMS paper about who completes: kernel annealed mean shift in clutter (Naeem,
-Pridmore, Mills).
-"""
+"""Claims of the KAMS paper (Naeem, Pridmore, Mills) about completed sequences in clutter."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -42,7 +40,7 @@ PAPER_Z = {
 }
 """z of KAMS against each tracker, from table 1 of the KAMS paper."""
 PAPER_PX = (6.9, 18.2, 14.7, 17.3)
-"""Its mean errors on levels a to d [px]."""
+"""KAMS's mean errors on levels a to d in the KAMS paper [px]."""
 MARGIN = 5.0
 """Largest difference of completion that still counts as "not fewer" [%]."""
 SIGNIFICANT = 0.05
@@ -80,8 +78,8 @@ def _layers(effort: Effort) -> Sequence[Job]:
 
 
 Decide = Callable[[Interval, McNemar, float], Finding]
-"""The finding of one comparison, by how many more KAMS completes [%], McNemar's test on completion,
-and its p value after Holm's correction.
+"""Returns the finding of a comparison from the difference of completed shares, KAMS less the other
+[%], McNemar's test on completion, and its p value after Holm's correction.
 """
 
 

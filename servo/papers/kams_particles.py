@@ -1,5 +1,5 @@
-"""Claims of the KAMS paper about its particles: how many each filter needs in clutter, and that
-mean shift draws them together in every layer.
+"""Claims of the KAMS paper about particles: the number that each filter needs in clutter, and their
+contraction by mean shift in every layer.
 """
 
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ def _jobs(effort: Effort) -> Sequence[Job]:
 
 
 def needed(shares: Array) -> Array:
-    """Return how many particles reach `ENOUGH`, between the counts by the logarithm.
+    """Return the number of particles that reaches `ENOUGH`, interpolated in its logarithm.
 
     Args:
         shares: Shares of completed sequences (counts, n).
@@ -106,7 +106,7 @@ def _judge(rivals: Sequence[str], bound: float, evidence: Evidence) -> Verdict:
 
 
 def _interval(values: Array) -> Interval:
-    """Return the first value with the percentile interval of the others, which were drawn."""
+    """Return the first value with the percentile interval of the others, the bootstrap draws."""
     low, high = np.percentile(values[1:], [2.5, 97.5])
     return Interval(float(values[0]), float(low), float(high))
 
@@ -126,7 +126,7 @@ def _claim(name: str, says: str, rivals: Sequence[str], bound: float) -> Claim:
 SEEDS_LAYERS = 20
 LEVEL_LAYERS = "b"
 WARM_UP = 5
-"""First frames of a sequence that do not count: the cloud starts at the true place."""
+"""Number of first frames that do not count, since the cloud starts at the true place."""
 KAMS: kams.Config = published("kams").config
 
 

@@ -1,4 +1,4 @@
-"""Claims of papers on schemes, in worlds of the benchmark servo-v1 that nobody has seen before.
+"""Claims of papers on visual-servoing schemes, tested in sealed worlds of the benchmark servo-v1.
 
 F. Chaumette, Potential problems of stability and convergence in image-based and position-based
 visual servoing, 1998. N. R. Gans, P. I. Corke, S. A. Hutchinson, Performance tests of partitioned
@@ -24,11 +24,11 @@ from tracking.statistics.verdicts import Finding, greater, not_worse
 
 BENCHMARK = "servo-v1"
 WORLDS = 42
-"""Of a condition: each of seven errors six times."""
+"""Number of worlds of a condition: each of seven errors six times."""
 RETREAT = 0.1
-"""Least mean retreat that is called one [m]; a turn of 90 deg alone gives 0.25 m."""
+"""Least mean retreat that counts [m]; a turn of 90 deg alone gives 0.25 m."""
 MORE = 20.0
-"""Least difference of shares that is called one [% of the worlds]."""
+"""Least difference of shares that counts [% of the worlds]."""
 ALIKE = 15.0
 """Largest difference of shares that counts as equally good [% of the worlds]."""
 POINTS = "points"

@@ -1,4 +1,4 @@
-"""Claims of the multi-kernel paper, section VI: effect of estimating the target's motion."""
+"""Claims of the multi-kernel paper, section VI, about estimating the target's motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,15 +38,15 @@ SLOW = 0.02
 AGREE = 0.9
 """Least share of frames with the right sign."""
 BACK_PX = 4.0
-"""Distance below which the camera has recovered [px]."""
+"""Largest distance from the goal of a recovered camera [px]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """The conditions of a test in the loop: those that the paper prints, or ours."""
+    """Conditions of a test in the closed loop: as the paper prints them, or ours."""
 
     ending: str
-    """Of the claims' names."""
+    """Ending of the claims' names."""
     label: str
     settings: str
     changes: tuple[str, ...]
@@ -74,23 +74,42 @@ OURS = Conditions(
 )
 
 
-def _jobs(conditions: Conditions, scenario: str, effort: Effort) -> Sequence[Job]:
-    counts = f"measure.after={conditions.after[scenario]}"
+def loop_jobs(
+    scenario: str,
+    laws: Sequence[tuple[str, Sequence[str]]],
+    changes: Sequence[str],
+    rate: str,
+    first: int,
+    effort: Effort,
+) -> list[Job]:
+    """Return the runs of estimators on the same draws of a scenario.
+
+    Args:
+        scenario: Its name.
+        laws: Each estimator with its settings.
+        changes: Changes of the scenario for all of them.
+        rate: Label that distinguishes these runs from others of the same estimators.
+        first: First seed.
+        effort: The number of seeds.
+    """
     return [
         loop_job(
-            scenario,
-            e,
-            s,
-            [*conditions.changes, counts, *varied(scenario, s)],
-            rate=conditions.label,
+            scenario, estimator, seed, [*changes, *settings, *varied(scenario, seed)], rate=rate
         )
-        for e in ESTIMATORS
-        for s in effort.seeds(SEEDS, FIRST)
+        for estimator, settings in laws
+        for seed in effort.seeds(SEEDS, first)
     ]
 
 
+def _jobs(conditions: Conditions, scenario: str, effort: Effort) -> list[Job]:
+    """Return the runs without and with estimation in the conditions."""
+    changes = (*conditions.changes, f"measure.after={conditions.after[scenario]}")
+    laws = [(estimator, ()) for estimator in ESTIMATORS]
+    return loop_jobs(scenario, laws, changes, conditions.label, FIRST, effort)
+
+
 def _table(records: list[Record]) -> list[list[str]]:
-    """Return all measures by estimator; the sign counts where the car drives along the feature."""
+    """Return the rows of all measures by estimator; the sign only for a car that reverses."""
     runs = {e: group(records, estimator=e) for e in ESTIMATORS}
     reverses = records[0].subject == REVERSAL
     rows = [
@@ -201,7 +220,7 @@ MEAN = "95 % interval of the mean"
 
 
 def units(scenario: str, first: int = FIRST) -> str:
-    """Return a rule's words for the drawn runs of a scenario."""
+    """Return the text of a rule's units: drawn runs of a scenario."""
     return (
         f"{SEEDS} runs of {scenario} with drawn start, heading, speed and reversals, clear of "
         f"toys, seeds from {first} on"

@@ -1,34 +1,28 @@
-"""Claims about estimating the target's motion against simpler laws that might do as well: the raw
-difference and an integral.
+"""Claims that estimating the target's motion does better than simpler laws: the raw difference of
+positions, and an integral of the error.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from matplotlib.figure import Figure
-
-from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict, every
-from servo.papers.experiments import LINE, REVERSAL, loop_job, varied
-from servo.papers.servo_paper import FILTER, FIRST, MEAN, OURS, SEEDS, units
+from servo.papers.claim import Claim, Evidence, Rule, Verdict, every
+from servo.papers.experiments import LINE, REVERSAL
+from servo.papers.servo_paper import FILTER, FIRST, MEAN, OURS, loop_jobs, units
 from servo.papers.summaries import column, difference, group, intervals, mean, ratio, words
-from servo.study.run import Job, Record
+from servo.study.run import Record
 from tracking.statistics.comparisons import mean_of
 from tracking.statistics.verdicts import greater, not_worse
 
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """What could replace the filter."""
+    """A law that is compared with the filter."""
 
     estimator: str
     settings: tuple[str, ...] = ()
     own: tuple[str, ...] = ()
-    """The filter's settings beside it."""
-    label: str = ""
-    """Of the runs, where others have the same estimators."""
-    first: int = FIRST
-    """First seed."""
+    """Settings of the filter in this comparison."""
 
 
 DIFFERENCE = Rival("difference")
@@ -36,9 +30,10 @@ INTEGRAL = Rival("integral", ("estimator.gain=16.0",))
 """The gain with the smallest error of `reversal` on seeds 500 to 502, of 1, 4, 8, 16, 30."""
 HARD = ("camera.noise=4.0", "camera.exposure=0.5", "run.tracker_ms=33.0")
 CONDITIONS = (
-    ("a", "", ()),
-    ("b", "; noise of 4 grey levels, exposure 0.5, 33 ms of tracker", HARD),
+    ("a", "", "plain", ()),
+    ("b", "; noise of 4 grey levels, exposure 0.5, 33 ms of tracker", "hard", HARD),
 )
+"""Ending of a claim's name, words for its rule, label of its runs, and changes of the scenario."""
 SMOOTHER = 1.5
 """Least ratio of control efforts that is called smoother."""
 CLOSER = 2.0
@@ -51,32 +46,33 @@ WHAT = {EFFORT: "control effort", RMS: "error"}
 MORE = 1.1
 """Least ratio that is called more."""
 EQUAL = 0.9
-"""Least share of the filter's that counts as equal: a rival that is spared proves nothing."""
+"""Least share of the filter's value that counts as equal: comparing with a rival that has less of
+both measures proves nothing."""
 FRESH = 4000
 """First seed of the claims at equal terms: the runs from 2000 on were known when they were written.
 The gains are a pair whose measures were nearly alike on seeds 500 to 502, of loop gains 1 to 8 for
 the filter, and of 16 and 30 with loop gains 2, 3, 4, 6 for the integral."""
+Judge = Callable[[Sequence[Record], Sequence[Record]], Verdict]
+"""Returns the verdict on the filter's runs and a rival's, without table and figure."""
 
 
-def _jobs(rival: Rival, scenario: str, changes: Sequence[str], effort: Effort) -> list[Job]:
-    common = [*changes, f"measure.after={OURS.after[scenario]}"]
-    label = "hard" if changes else "plain"
-    return [
-        loop_job(
-            scenario,
-            e,
-            s,
-            [*common, *settings, *varied(scenario, s)],
-            rate=f"{label}{rival.label}",
-        )
-        for e, settings in ((FILTER, rival.own), (rival.estimator, rival.settings))
-        for s in effort.seeds(SEEDS, rival.first)
+def _judge(rival: Rival, judge: Judge, evidence: Evidence) -> Verdict:
+    """Judge the filter against a rival, with a table and a figure of both."""
+    runs = {e: group(evidence.records, estimator=e) for e in (FILTER, rival.estimator)}
+    rows = [
+        [e, mean(found, RMS, "px"), mean(found, EFFORT, "mm/s"), mean(found, "effort_rms_deg_s")]
+        for e, found in runs.items()
     ]
+    efforts = {e: mean_of(column(found, EFFORT)) for e, found in runs.items()}
+    return replace(
+        judge(*runs.values()),
+        table=[["estimator", "servo rms", "change of commands", "of turns [deg/s]"], *rows],
+        figure=intervals("control effort", "change from command to command [mm/s]", efforts),
+    )
 
 
-def _judge_effort(rival: Rival, evidence: Evidence) -> Verdict:
-    """Judge whether the filter's commands are smoother at an equal error."""
-    own, other = (group(evidence.records, estimator=e) for e in (FILTER, rival.estimator))
+def _smoother(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
+    """Return whether the filter's commands are smoother at an equal error."""
     times = ratio(column(other, EFFORT), column(own, EFFORT))
     worse = difference(own, other, RMS)
     return Verdict(
@@ -85,14 +81,11 @@ def _judge_effort(rival: Rival, evidence: Evidence) -> Verdict:
         "times smoother",
         len(own),
         f"commands change {words(times)} times less; the error is {words(worse, 'px')} larger",
-        _table(evidence.records),
-        _draw_efforts(evidence.records),
     )
 
 
-def _judge_closer(rival: Rival, evidence: Evidence) -> Verdict:
-    """Judge whether the filter's error is smaller."""
-    own, other = (group(evidence.records, estimator=e) for e in (FILTER, rival.estimator))
+def _closer(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
+    """Return whether the filter's error is smaller."""
     times = ratio(column(other, RMS), column(own, RMS))
     rougher = ratio(column(own, EFFORT), column(other, EFFORT))
     return Verdict(
@@ -102,14 +95,11 @@ def _judge_closer(rival: Rival, evidence: Evidence) -> Verdict:
         len(own),
         f"the error is {words(times)} times smaller; commands change {words(rougher)} times as "
         "much",
-        _table(evidence.records),
-        _draw_efforts(evidence.records),
     )
 
 
-def _judge_at_equal(rival: Rival, compared: str, equal: str, evidence: Evidence) -> Verdict:
-    """Judge whether a rival has more of one measure where it has as much of another."""
-    own, other = (group(evidence.records, estimator=e) for e in (FILTER, rival.estimator))
+def _more(compared: str, equal: str, own: Sequence[Record], other: Sequence[Record]) -> Verdict:
+    """Return whether a rival has more of one measure and at least as much of another."""
     times = ratio(column(other, compared), column(own, compared))
     kept = ratio(column(other, equal), column(own, equal))
     return Verdict(
@@ -118,118 +108,81 @@ def _judge_at_equal(rival: Rival, compared: str, equal: str, evidence: Evidence)
         "times the filter's",
         len(own),
         f"{WHAT[compared]} {words(times)} times the filter's, {WHAT[equal]} {words(kept)} times",
-        _table(evidence.records),
-        _draw_efforts(evidence.records),
     )
 
 
-def _table(records: Sequence[Record]) -> list[list[str]]:
-    """Return errors and control efforts by estimator."""
-    runs = {
-        r.settings["estimator"]: group(records, estimator=r.settings["estimator"]) for r in records
-    }
-    rows = [
-        [e, mean(found, RMS, "px"), mean(found, EFFORT, "mm/s"), mean(found, "effort_rms_deg_s")]
-        for e, found in runs.items()
-    ]
-    return [["estimator", "servo rms", "change of commands", "of turns [deg/s]"], *rows]
-
-
-def _draw_efforts(records: Sequence[Record]) -> Figure:
-    found = {
-        r.settings["estimator"]: mean_of(
-            column(group(records, estimator=r.settings["estimator"]), EFFORT)
-        )
-        for r in records
-    }
-    return intervals("control effort", "change from command to command [mm/s]", found)
-
-
-def _against(
+def _claims(
     number: int,
     scenario: str,
-    rival: Rival,
+    rivals: Sequence[Rival],
     says: str,
     measure: str,
     margin: str,
     holds: str,
-    judge: Callable[[Rival, Evidence], Verdict],
+    judge: Judge,
+    *,
+    first: int = FIRST,
 ) -> list[Claim]:
-    """Return a claim about the filter and a rival, in plain and in hard conditions."""
-    return [
-        Claim(
-            f"P1-{number}{ending}",
-            says,
-            Rule(
-                measure,
-                OURS.settings + more,
-                units(f"`{scenario}`", rival.first),
-                margin,
-                MEAN,
-                holds,
-            ),
-            partial(judge, rival),
-            partial(_jobs, rival, scenario, changes),
-        )
-        for ending, more, changes in CONDITIONS
-    ]
+    """Return a claim about the filter and its rivals, in plain and in hard conditions."""
+    found: list[Claim] = []
+    for rival, (ending, more, label, changes) in zip(rivals, CONDITIONS, strict=True):
+        laws = ((FILTER, rival.own), (rival.estimator, rival.settings))
+        settings = OURS.settings + more
+        if first == FRESH:
+            own, other = (", ".join(of) or "its defaults" for _, of in laws)
+            settings += f"; {FILTER} with {own}, {rival.estimator} with {other}"
+            label += f"equal{number}"  # apart from the other runs of the same estimators
+        common = (*changes, f"measure.after={OURS.after[scenario]}")
+        rule = Rule(measure, settings, units(f"`{scenario}`", first), margin, MEAN, holds)
+        jobs = partial(loop_jobs, scenario, laws, common, label, first)
+        found.append(Claim(f"P1-{number}{ending}", says, rule, partial(_judge, rival, judge), jobs))
+    return found
 
 
-SMOOTH = (
-    "the filter's commands are smoother than those of the raw difference, at an equal error",
-    "change of the commanded velocity with the raw difference over that with the filter; rms "
-    "error with the filter less that with the difference",
-    f"{SMOOTHER:g}; {AS_CLOSE:g} px",
-    f"above {SMOOTHER:g}, and the error at most {AS_CLOSE:g} px larger",
-    _judge_effort,
-)
-
-
-def _gain(gain: float) -> str:
-    return f"controller.gain={gain}"
-
-
-def _integral(gain: float) -> str:
-    return f"estimator.gain={gain}"
+def _smooth(number: int, scenario: str) -> list[Claim]:
+    """Return the claim that the filter's commands are smoother than those of the difference."""
+    return _claims(
+        number,
+        scenario,
+        (DIFFERENCE, DIFFERENCE),
+        "the filter's commands are smoother than those of the raw difference, at an equal error",
+        "change of the commanded velocity with the raw difference over that with the filter; rms "
+        "error with the filter less that with the difference",
+        f"{SMOOTHER:g}; {AS_CLOSE:g} px",
+        f"above {SMOOTHER:g}, and the error at most {AS_CLOSE:g} px larger",
+        _smoother,
+    )
 
 
 def _at_equal(
     number: int, equal: str, compared: str, says: str, rivals: Sequence[Rival]
 ) -> list[Claim]:
     """Return a claim about the filter and a rival at an equal measure, in both conditions."""
-    named = [replace(rival, label=f"equal{number}", first=FRESH) for rival in rivals]
-    return [
-        Claim(
-            f"P1-{number}{ending}",
-            says,
-            Rule(
-                f"{WHAT[compared]} with the rival over that with the filter",
-                f"{OURS.settings}{more}; {FILTER} with {', '.join(rival.own) or 'its defaults'}, "
-                f"{rival.estimator} with {', '.join(rival.settings) or 'its defaults'}",
-                units("`reversal`", FRESH),
-                f"{MORE:g}; {EQUAL:g} of the filter's {WHAT[equal]}",
-                MEAN,
-                f"above {MORE:g}, and the rival's {WHAT[equal]} above {EQUAL:g} times the filter's",
-            ),
-            partial(_judge_at_equal, rival, compared, equal),
-            partial(_jobs, rival, REVERSAL, changes),
-        )
-        for rival, (ending, more, changes) in zip(named, CONDITIONS, strict=True)
-    ]
+    return _claims(
+        number,
+        REVERSAL,
+        rivals,
+        says,
+        f"{WHAT[compared]} with the rival over that with the filter",
+        f"{MORE:g}; {EQUAL:g} of the filter's {WHAT[equal]}",
+        f"above {MORE:g}, and the rival's {WHAT[equal]} above {EQUAL:g} times the filter's",
+        partial(_more, compared, equal),
+        first=FRESH,
+    )
 
 
 CLAIMS = (
-    *_against(10, LINE, DIFFERENCE, *SMOOTH),
-    *_against(11, REVERSAL, DIFFERENCE, *SMOOTH),
-    *_against(
+    *_smooth(10, LINE),
+    *_smooth(11, REVERSAL),
+    *_claims(
         12,
         REVERSAL,
-        INTEGRAL,
+        (INTEGRAL, INTEGRAL),
         "the filter follows reversals more closely than a proportional-integral law",
         "rms error with the integral over that with the filter",
         f"{CLOSER:g}",
         f"above {CLOSER:g}",
-        _judge_closer,
+        _closer,
     ),
     *_at_equal(
         13,
@@ -238,8 +191,8 @@ CLAIMS = (
         "at an equal control effort the filter follows reversals more closely than the raw "
         "difference",
         (
-            Rival("difference", own=(_gain(8.0),)),
-            Rival("difference", own=(_gain(4.5),)),
+            Rival("difference", own=("controller.gain=8.0",)),
+            Rival("difference", own=("controller.gain=4.5",)),
         ),
     ),
     *_at_equal(
@@ -249,8 +202,8 @@ CLAIMS = (
         "at an equal control effort the filter follows reversals more closely than a "
         "proportional-integral law",
         (
-            Rival("integral", (_integral(30.0), _gain(4.0))),
-            Rival("integral", (_integral(16.0), _gain(3.0))),
+            Rival("integral", ("estimator.gain=30.0", "controller.gain=4.0")),
+            Rival("integral", ("estimator.gain=16.0", "controller.gain=3.0")),
         ),
     ),
     *_at_equal(
@@ -260,8 +213,16 @@ CLAIMS = (
         "at an equal error the filter's commands are smoother than those of a "
         "proportional-integral law",
         (
-            Rival("integral", (_integral(30.0), _gain(6.0)), (_gain(1.5),)),
-            Rival("integral", (_integral(16.0), _gain(6.0)), (_gain(1.0),)),
+            Rival(
+                "integral",
+                ("estimator.gain=30.0", "controller.gain=6.0"),
+                ("controller.gain=1.5",),
+            ),
+            Rival(
+                "integral",
+                ("estimator.gain=16.0", "controller.gain=6.0"),
+                ("controller.gain=1.0",),
+            ),
         ),
     ),
 )

@@ -1,7 +1,7 @@
 """Summaries of a claim's runs: means, differences and ratios of groups, in words and figures."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,18 +20,18 @@ ROW_HEIGHT = 0.32
 Logarithmic = Literal["x", "y"] | None
 
 
-def group(records: Sequence[Record], **settings: Any) -> list[Record]:
+def group(records: Sequence[Record], **settings: object) -> list[Record]:
     """Return the records with these settings."""
     return [r for r in records if all(r.settings[k] == value for k, value in settings.items())]
 
 
 def column(records: Sequence[Record], measure: str) -> Array:
-    """Return a measure over records (n,); nan where it does not apply."""
+    """Return a measure of each record (n,); nan where it does not apply."""
     return np.array([r.measures[measure] for r in records])
 
 
 def done(records: Sequence[Record]) -> str:
-    """Return how many completed, such as "3 of 4"."""
+    """Return the number of completed sequences, such as "3 of 4"."""
     return f"{int(column(records, 'completed').sum())} of {len(records)}"
 
 
@@ -41,7 +41,7 @@ def reads(records: Sequence[Record]) -> str:
 
 
 def difference(first: Sequence[Record], second: Sequence[Record], measure: str) -> Interval:
-    """Return the mean of first less second, each pair on the same unit."""
+    """Return the mean of paired differences of a measure, first less second."""
     return mean_of(column(first, measure) - column(second, measure))
 
 
@@ -51,23 +51,23 @@ def completed(records: Sequence[Record]) -> Interval:
 
 
 def completed_more(first: Sequence[Record], second: Sequence[Record]) -> Interval:
-    """Return how many more the first completes than the second on the same sequences [%]."""
+    """Return the difference of completed shares, first less second, on the same sequences [%]."""
     return in_percent(difference_of_shares(column(first, "completed"), column(second, "completed")))
 
 
 def mean_percent(shares: Array) -> Interval:
-    """Return the mean of shares (n,), each of one unit [%]."""
+    """Return the mean [%] of the shares of units (n,), each from 0 to 1."""
     return mean_of(100 * shares, least=0.0, most=100.0)
 
 
 def ratio(first: Array, second: Array) -> Interval:
-    """Return the geometric mean of first over second (n,), each pair of the same unit."""
+    """Return the geometric mean of paired ratios, first over second (n,)."""
     log = mean_of(np.log(first / second))
     return Interval(*np.exp([log.value, log.low, log.high]).tolist())
 
 
 def words(interval: Interval, unit: str = "") -> str:
-    """Return text such as "2.1 px (1.9 to 2.4)"; without the ends where there is no interval."""
+    """Return a text such as "2.1 px (1.9 to 2.4)", or "2.1 px" without an interval."""
     value = f"{interval.value:.3g} {unit}".rstrip()
     if not interval.known:
         return value
@@ -75,7 +75,7 @@ def words(interval: Interval, unit: str = "") -> str:
 
 
 def mean(records: Sequence[Record], measure: str, unit: str = "") -> str:
-    """Return the mean of a measure with its interval, in words."""
+    """Return the text of the mean of a measure with its interval."""
     return words(mean_of(column(records, measure)), unit)
 
 
@@ -109,7 +109,7 @@ def lines(
 def dots(
     title: str, y: str, groups: Mapping[str, Array], logarithmic: Logarithmic = None
 ) -> Figure:
-    """Return a figure with a column of dots for each group, one a sequence."""
+    """Return a figure with a column of dots for each group, one dot a sequence."""
     figure, (axes,) = panels(1, width=9.0)
     for i, values in enumerate(groups.values()):
         aside = np.linspace(-0.2, 0.2, len(values))

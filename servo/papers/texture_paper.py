@@ -1,5 +1,5 @@
-"""Claims of the PFJCTH paper: particle filter and mean shift on colour and texture, together and
-alone.
+"""Claims of the PFJCTH paper: particle filter against mean shift, and joint histograms of colour
+and texture against one of them alone.
 """
 
 from collections.abc import Sequence
@@ -26,9 +26,9 @@ SHIFT = "texture_ms"
 TEXTURE = generated("texture")
 ASIDE_PX = (5, 10, 20)
 ALIKE = 0.9
-"""Share of the truth's coefficient that counts as like it."""
+"""Least coefficient that counts as similar, relative to that at the truth."""
 MOST_FRAMES = 0.9
-"""Least share of frames whose coefficient is like the truth's."""
+"""Least share of frames with a similar coefficient."""
 FOUND = "at the filter's estimate"
 TRUTH = "at the truth"
 
@@ -91,8 +91,8 @@ def coefficients(tracker: Contender, seed: int, track: Array) -> dict[str, Array
     """Return Bhattacharyya coefficients with the target in the first picture.
 
     Args:
-        tracker: Has the histogram.
-        seed: Draws the `texture` sequence.
+        tracker: The tracker with the histogram.
+        seed: Seed of the `texture` sequence.
         track: States that the tracker found (frames, 4).
 
     Returns:
@@ -152,7 +152,7 @@ def judged(rho: dict[str, Array]) -> Verdict:
 
 SEEDS_CAMOUFLAGE = 30
 LOSES = 50.0
-"""Share of the sequences of which colour alone completes less [%]."""
+"""Largest share of sequences that colour alone completes [%]."""
 JOINT = "joint"
 TEXTURE_ALONE = "texture-alone"
 COLOUR_ALONE = "colour-alone"

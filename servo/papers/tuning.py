@@ -1,12 +1,13 @@
-"""Each tracker's own best settings: grids of equal size, tried on painted sequences of seeds below
-1000. `servobench papers tuning-clutter` and the like run them; tuning.json keeps their result.
+"""Each tracker's best settings, from grids of equal size on painted sequences of seeds below 1000.
+
+`servobench papers tuning-clutter` and the like run them; tuning.json keeps their result.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import resources
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from servo.output.formats import Document
 from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
@@ -18,11 +19,11 @@ from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding
 from tracking.trackers import KINDS as TRACKERS
 
-Settings = dict[str, Any]
+Settings = dict[str, float | str]
 NOISES = (0.3, 0.5, 0.8, 1.0, 1.2, 1.5)
-"""Noise of the position [px] that is tried, around the published one."""
+"""Grid of the position noise [px], around the published value."""
 FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
-"""On all noises of a filter."""
+"""Grid of factors on all noises of a filter."""
 NOISE = ("noise", "turn_noise", "scale_noise")
 RANDOM_WALK = {"velocity_memory": 1.0}
 CONSTANT_VELOCITY = {"velocity_memory": 0.5}
@@ -41,7 +42,7 @@ class Family:
 
 @dataclass(frozen=True, slots=True)
 class Tuned:
-    """A tracker, what is fixed, and the settings that are tried."""
+    """A tracker with fixed settings and a grid of others."""
 
     family: str
     kind: str
@@ -58,7 +59,7 @@ def _scaled(kind: str) -> tuple[Settings, ...]:
     return tuple({n: round(k * getattr(own, n), 4) for n in NOISE} for k in FACTORS)
 
 
-def _over(name: str, values: Sequence[Any], **others: Any) -> tuple[Settings, ...]:
+def _over(name: str, values: Sequence[float | str], **others: float | str) -> tuple[Settings, ...]:
     return tuple({name: value, **others} for value in values)
 
 
@@ -116,13 +117,13 @@ class TuningFile(Document):
 
 @cache
 def stored() -> TuningFile:
-    """Return the scores that were found when the trackers were tuned."""
+    """Return the stored scores of all grids."""
     with resources.as_file(resources.files("servo.papers") / TuningFile.FILE) as path:
         return TuningFile.read(path)
 
 
 def published(name: str) -> Contender:
-    """Return a tracker as its paper has it."""
+    """Return a tracker with the settings of its paper."""
     return contender(TUNED[name].kind, "paper", f"{name}-published", **AS_PUBLISHED.get(name, {}))
 
 
@@ -134,7 +135,7 @@ AS_PUBLISHED: dict[str, Settings] = {
     "mk_pf-75": {"particles": 75},
     "texture_ms": {"scale": True},
 }
-"""Over the presets: the KAMS paper's numbers of particles, the hybrid alone with a velocity."""
+"""Settings beside the presets: the KAMS paper's numbers of particles, the hybrid's velocity."""
 
 
 def tuned(name: str) -> Contender:

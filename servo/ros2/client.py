@@ -1,9 +1,7 @@
-"""A camera and a robot of ROS 2, with the methods that the tutorial on real robots has."""
+"""A camera and a robot of ROS 2, with the methods of the tutorial on real robots."""
 
 import math
 import time
-from collections import deque
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -37,15 +35,16 @@ WAITS = duration(milliseconds=20)
 TOGETHER = 0.01
 """Largest difference between the stamps of a picture and its depth picture [s]."""
 KEPT_DEPTHS = 5
-"""Depth pictures that are kept, to find the one of a picture."""
+"""Number of depth pictures that are kept to find the one of a picture."""
 KEPT = 100
-"""States of the joints that are kept, to find the one at the time of a picture."""
+"""Number of joint states that are kept to find the one nearest to a picture."""
 
 
 class Camera:
-    """A camera: sensor_msgs/Image, or CompressedImage where the topic ends so, and CameraInfo.
+    """A camera: topics of sensor_msgs/Image and CameraInfo.
 
-    A depth picture is a sensor_msgs/Image of the same size and moment (ROS REP 118).
+    A topic that ends with /compressed has CompressedImage. A depth picture is a sensor_msgs/Image
+    with the same size and stamp (ROS REP 118).
     """
 
     def __init__(
@@ -54,7 +53,13 @@ class Camera:
         info: str = "/camera/camera_info",
         depth: str | None = None,
     ) -> None:
-        """Read two topics, or three where there are depth pictures."""
+        """Subscribe to the topics.
+
+        Args:
+            image: Topic of the pictures.
+            info: Topic of the calibration.
+            depth: Topic of the depth pictures, if there are any.
+        """
         node = Node()
         kind = CompressedImage if image.endswith("/compressed") else Image
         self._pictures = node.reader(image, kind)
@@ -70,21 +75,21 @@ class Camera:
         """Wait for the camera's calibration and return it.
 
         Raises:
-            Mistake: None has come, or it is not one of whole pictures, with a distortion that is
-                known.
+            Mistake: No calibration has come within 10 s, its distortion model is unknown, or it
+                does not belong to the whole picture.
         """
         return camera_of_info(first(self._info, self._topic), self._topic)
 
     def newest(self) -> Frame | None:
-        """Return the newest picture, or None if no newer one has come within 20 ms.
+        """Return the newest picture, or None if no newer one comes within 20 ms.
 
         Raises:
-            ValueError: Its encoding, or that of its depth picture, is not known, or it is damaged.
+            ValueError: A picture or depth picture is damaged or has an unknown encoding.
         """
         for message in self._pictures.take_iter(timeout=WAITS):
             stamp = seconds(message.header.stamp)
             if stamp <= self._last:
-                return None  # a simulation that waits shows its first picture again
+                return None  # a simulation that waits for a twist sends its first picture again
             self._last = stamp
             self._count += 1
             _, image = picture_of(lambda _, found=message: found, b"", self._bits)
@@ -92,7 +97,9 @@ class Camera:
         return None
 
     def _depth(self, stamp: float) -> DepthPicture | None:
-        """Return the depth picture of a moment [s], or None if none comes within 20 ms."""
+        """Return the depth picture (H, W) [m] with a stamp [s], or None if it does not come within
+        20 ms.
+        """
         if self._depths is None:
             return None
         for message in self._depths.take_iter(timeout=WAITS):
@@ -102,7 +109,7 @@ class Camera:
 
 
 class Robot:
-    """A robot: sensor_msgs/JointState in, geometry_msgs/TwistStamped of the camera out."""
+    """A robot that sends sensor_msgs/JointState and takes TwistStamped of its camera."""
 
     def __init__(
         self,
@@ -111,13 +118,13 @@ class Robot:
         twist: str = "/servo/twist",
         frame: str = "camera",
     ) -> None:
-        """Read and write two topics.
+        """Subscribe to joint states, and advertise twists.
 
         Args:
-            scenario: Its `[robot]` is the robot's model, with the joints' names.
-            joints: Topic of the joints' states.
+            scenario: A scenario whose `[robot]` is the model of the robot, with its joints' names.
+            joints: Topic of the joint states.
             twist: Topic of the camera's twists.
-            frame: The camera's optical frame, in which these are.
+            frame: Name of the camera's optical frame, in which the twists are given.
         """
         with Episode(scenario) as episode:
             self._robot = episode.world.robot
@@ -127,19 +134,16 @@ class Robot:
         self._writer = node.writer(twist, TwistStamped)
         self._topic = joints
         self._frame = frame
-        self._states = deque[Any](maxlen=KEPT)
         self._last: tuple[float, Pose] | None = None
 
     def posture(self, time: float) -> Posture:
-        """Return what the robot knew of itself when a picture was taken [s]: they have one clock.
+        """Return the robot's posture at the stamp of a picture [s], from the nearest joint state.
 
         Raises:
-            Mistake: No state has come, or one without a joint of the model.
+            Mistake: No joint state has come within 10 s, or it lacks a joint of the model.
         """
-        self._states.extend(self._reader.take(KEPT))
-        if not self._states:
-            self._states.append(first(self._reader, self._topic))
-        state = min(self._states, key=lambda s: abs(seconds(s.header.stamp) - time))
+        states = self._reader.read(KEPT) or [first(self._reader, self._topic)]
+        state = min(states, key=lambda s: abs(seconds(s.header.stamp) - time))
         positions = dict(zip(state.name, state.position, strict=True))
         check_known(self._robot.names, positions, self._topic, "joint")
         self._data.qpos[self._robot.qpos] = [positions[name] for name in self._robot.names]
@@ -147,20 +151,20 @@ class Robot:
         return self._robot.posture(self._data, self._twist(seconds(state.header.stamp)))
 
     def go(self, twist: Array) -> None:
-        """Ask for a camera twist (6,) [m/s, rad/s].
+        """Send a camera twist (6,) [m/s, rad/s].
 
         Raises:
-            Mistake: It is not finite; no robot gets that.
+            Mistake: The twist is not finite; it is not sent.
         """
         finite = np.array(numbers(twist, "go", 6))
         self._writer.write(stamped(finite, header(time.time(), self._frame)))
 
     def clock(self) -> float:
-        """Return the time now [s], on the clock of the pictures' and the joints' stamps."""
+        """Return the current time [s] on the clock of the stamps."""
         return time.time()
 
     def _twist(self, now: float) -> Array:
-        """Return the mean camera twist (6,) since the last posture."""
+        """Return the mean camera twist (6,) [m/s, rad/s] from the last posture to now [s]."""
         pose = self._robot.eye(self._data)
         before = self._last
         self._last = now, pose

@@ -13,7 +13,7 @@ from servo.mistake import Mistake, check_known
 from sim.types import Array, DepthPicture
 
 FIELDS: Any = get_typestore(Stores.ROS2_HUMBLE).fielddefs
-"""Names and types of each message's fields; those of the messages used here have not changed."""
+"""Names and types of the fields of each message; they are the same in all distributions here."""
 PLAIN: dict[str, Any] = {
     "bool": bool,
     "float64": float64,
@@ -25,14 +25,14 @@ PLAIN: dict[str, Any] = {
 PICTURES = ("Image", "CompressedImage")
 METRES = "32FC1"
 DEPTHS: dict[str, tuple[Any, float]] = {METRES: (np.float32, 1.0), "16UC1": (np.uint16, 1e-3)}
-"""Encodings of a depth picture: the type of a number, and its unit [m]; 0 is no depth."""
+"""Type and unit [m] of the numbers of each encoding of depth; 0 is an unknown depth."""
 SECOND = 1_000_000_000
-"""In nanoseconds."""
+"""A second [ns]."""
 
 
 @cache
 def message(name: str) -> Any:
-    """Return the class of a message by its name, such as "sensor_msgs/Image"."""
+    """Return the class of a message, such as "sensor_msgs/Image"."""
     package, _, short = name.partition("/")
     fields = {field: _type_of(*of) for field, of in FIELDS[f"{package}/msg/{short}"][1]}
     made: Any = make_idl_struct(short, f"{package}.msg.dds_.{short}_", fields)
@@ -44,7 +44,7 @@ def message(name: str) -> Any:
 
 
 def _type_of(node: Any, of: Any) -> Any:
-    """Return the type of a field: a plain one, a message, an array or a sequence."""
+    """Return the IDL type of a field: plain, message, array or sequence."""
     match node.name:
         case "BASE":
             return PLAIN[of[0]]
@@ -66,41 +66,40 @@ Clock = message("rosgraph_msgs/Clock")
 
 
 def header(seconds: float, frame: str) -> Any:
-    """Return the header of a moment [s]."""
+    """Return a std_msgs/Header with a stamp [s] and the name of a frame."""
     stamp = message("builtin_interfaces/Time")(*divmod(round(seconds * SECOND), SECOND))
     return message("std_msgs/Header")(stamp, frame)
 
 
 def seconds(stamp: Any) -> float:
-    """Return a moment [s]."""
+    """Return a builtin_interfaces/Time as a number [s]."""
     return stamp.sec + stamp.nanosec / SECOND
 
 
 def stamped(twist: Array, at: Any) -> Any:
-    """Return the message of a twist (6,)."""
+    """Return the TwistStamped of a twist (6,) [m/s, rad/s] with the header `at`."""
     linear, angular = map(message("geometry_msgs/Vector3"), *twist.reshape(2, 3).T.tolist())
     return TwistStamped(at, message("geometry_msgs/Twist")(linear, angular))
 
 
 def depth_message(depth: DepthPicture, at: Any) -> Any:
-    """Return the message of a depth picture (H, W) [m], as ROS REP 118 has it."""
+    """Return the Image of a depth picture (H, W) [m] with the header `at` (ROS REP 118)."""
     height, width = depth.shape
     return Image(at, height, width, METRES, 0, 4 * width, depth.astype("<f4").tobytes())
 
 
 def depth_of(message: Any, topic: str) -> DepthPicture:
-    """Return the depth picture (H, W) [m] of a message (ROS REP 118), nan where there is none.
+    """Return the depth picture (H, W) [m] of an Image (ROS REP 118), nan where depth is unknown.
 
     Raises:
-        Mistake: Its encoding is not one of a depth picture, or it is damaged.
+        Mistake: The encoding is not one of `DEPTHS`, or the message is damaged.
     """
     check_known([message.encoding], DEPTHS, topic, "encoding of depth")
     number, unit = DEPTHS[message.encoding]
     kind = np.dtype(number).newbyteorder(">" if message.is_bigendian else "<")
-    height, width, row = message.height, message.width, message.step
-    if row < width * kind.itemsize or len(message.data) < height * row:
-        has = f"{len(message.data)} bytes in rows of {row}"
-        raise Mistake(f"{topic}: a depth picture of {width}x{height} px has {has}")
-    rows = np.frombuffer(message.data, np.uint8, height * row).reshape(height, row)
-    values = np.ascontiguousarray(rows[:, : width * kind.itemsize]).view(kind)
+    shape = message.height, message.width
+    try:
+        values = np.ndarray(shape, kind, message.data, strides=(message.step, kind.itemsize))
+    except ValueError as error:
+        raise Mistake(f"{topic}: a depth picture of {shape} px is damaged: {error}") from error
     return np.where(values == 0, np.nan, values * unit).astype(np.float32)

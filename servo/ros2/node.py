@@ -14,21 +14,21 @@ from cyclonedds.util import duration
 from servo.mistake import Mistake
 
 VARIABLES = {"ROS_DOMAIN_ID": "0", "CYCLONEDDS_URI": ""}
-"""Of the environment: the domain and the network, with their defaults."""
+"""Environment variables of the domain and the network, with their defaults."""
 PATIENCE = 10.0
-"""Longest wait for a message that must come [s]."""
+"""Longest wait for a required message [s]."""
 BLOCKS = duration(milliseconds=5)
 """Longest wait of a writer for a slow reader."""
 
 
 class Node:
-    """One participant, in the domain that ROS_DOMAIN_ID names, else in 0."""
+    """A DDS participant in the domain ROS_DOMAIN_ID, by default 0."""
 
     def __init__(self) -> None:
         """Join the domain.
 
         Raises:
-            Mistake: One of the two variables of the environment is wrong.
+            Mistake: An environment variable has an invalid value.
         """
         domain, network = (os.environ.get(name, default) for name, default in VARIABLES.items())
         try:
@@ -40,12 +40,12 @@ class Node:
             ) from None
 
     def writer(self, topic: str, kind: Any) -> DataWriter[Any]:
-        """Return a reliable writer, which readers of both kinds can read."""
+        """Return a reliable writer, which reliable and best-effort readers can read."""
         qos = Qos(Policy.Reliability.Reliable(BLOCKS), Policy.History.KeepLast(1))
         return DataWriter(self._participant, self._topic(topic, kind), qos)
 
     def reader(self, topic: str, kind: Any, depth: int = 1) -> DataReader[Any]:
-        """Return a reader of the newest messages, which takes those of all writers."""
+        """Return a best-effort reader of the newest messages, which can read all writers."""
         qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(depth))
         return DataReader(self._participant, self._topic(topic, kind), qos)
 
@@ -57,7 +57,7 @@ def first(reader: DataReader[Any], topic: str) -> Any:
     """Wait for a message and return it.
 
     Raises:
-        Mistake: None has come.
+        Mistake: No message has come within 10 s.
     """
     for message in reader.take_iter(timeout=duration(seconds=PATIENCE)):
         return message

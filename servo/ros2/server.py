@@ -1,4 +1,4 @@
-"""A simulated camera and robot for somebody's own controller in ROS 2, in real time."""
+"""A simulated camera and robot for an external controller in ROS 2, in real time."""
 
 import sys
 import time
@@ -28,26 +28,26 @@ from sim.types import Array, Posture
 
 TOPIC = "/servo/twist"
 DEAD_MAN = 0.3
-"""Time without a twist after which the robot stops by itself [s]."""
+"""Time without a twist after which the robot stops [s]."""
 FRAME = "camera"
 WHOLE = RegionOfInterest(0, 0, 0, 0, False)
-"""ROS's word for all of a picture."""
+"""The region of interest that stands for the whole picture."""
 
 
 class Server:
-    """The controller of a run, which takes the twists of ROS 2, and the sink that serves its steps.
+    """A controller that commands the twists received from ROS 2, and a sink that publishes steps.
 
-    The run's time begins with the first twist. A picture is out at its time; the twist that is
-    there one frame interval later acts from then on.
+    The run's time begins with the first twist. A picture is published at its time; the newest twist
+    one frame interval later acts from then on.
     """
 
     SETTINGS = ("tracker.kind=truth", "estimator.kind=none", "run.latency=0")
-    """Of a run whose tracker and law are elsewhere."""
+    """Settings of a run whose tracker and law are in another process."""
     UNUSED = ("run.latency", "run.latency_ms")
-    """A twist acts when it comes."""
+    """Settings without effect: a twist acts when it arrives."""
 
     def __init__(self) -> None:
-        """Begin to listen."""
+        """Subscribe to twists, and advertise the camera and the robot."""
         node = Node()
         self._twists = node.reader(TOPIC, TwistStamped)
         self._images = node.writer("/camera/image_raw", Image)
@@ -59,19 +59,19 @@ class Server:
         self._heard = -DEAD_MAN
         self._began: float | None = None
         self._refusals = set[str]()
-        """Those that were printed."""
+        """Refusals that were printed."""
 
     def serving(self, episode: Episode) -> Self:
-        """Serve this run from now on, whose camera is as it is believed to be; return this."""
+        """Take the run to publish, with the calibration that its loop has; return self."""
         self._camera = episode.world.camera_believed
         self._names = list(episode.world.robot.names)
         return self
 
     def start(self, task: Task) -> None:
-        """Begin a task, which is not known here."""
+        """Begin a task; its contents are not used."""
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the newest twist; zeros where it is too old, or was refused."""
+        """Return the newest twist; zeros if it is too old or was refused."""
         self._listen()
         is_new = time.monotonic() < self._heard + DEAD_MAN
         return Command(self._twist if is_new else np.zeros(6))
@@ -89,14 +89,15 @@ class Server:
         time.sleep(max(0.0, due - time.monotonic()))
 
     def close(self) -> None:
-        """End; the topics end with the process."""
+        """End the run; the topics end with the process."""
 
     def abandon(self) -> None:
-        """End after an error, likewise."""
+        """End the run after an error; the topics end with the process."""
 
     def _listen(self) -> bool:
-        """Take the newest twist, if one has come; one that is refused stops the robot, and is said
-        once.
+        """Take the newest twist, and return True if it is valid.
+
+        An invalid twist stops the robot; each reason is printed once.
         """
         for message in self._twists.take(1):
             parts = message.twist.linear, message.twist.angular
@@ -125,7 +126,7 @@ class Server:
 
 
 def _wrong(twist: Array, frame: str) -> str:
-    """Return the reason why a twist (6,) is not driven; empty where it is."""
+    """Return why a twist (6,) in a frame is refused; an empty text if it is valid."""
     if frame not in ("", FRAME):
         return (
             f"a twist in the frame '{frame}' is not driven: it has to be in the camera's optical "
