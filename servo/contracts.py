@@ -197,7 +197,7 @@ def check_names(features: FeatureSet) -> None:
     right = len(set(names)) == k and set(map(type, names)) == {str}
     require(right, "names are {}; all must differ", names)
     require(len(features.units) == k, "there are {} names and {} units", k, len(features.units))
-    require(set(features.feed_forward) <= {*names}, "feed_forward names features that are none")
+    require(set(features.feed_forward) <= {*names}, "feed_forward names features that do not exist")
     right = set(features.sole_dof) <= {*names} and set(features.sole_dof.values()) <= {*DOF}
     require(right, "sole_dof maps names of features to some of {}", ", ".join(DOF))
     require(
@@ -294,7 +294,7 @@ def check_pose(pose: object, time: float) -> None:
     """Check where a motion puts the target.
 
     Raises:
-        BrokenContract: It is no `Pose`, a number in it is not finite, or its rotation is none.
+        BrokenContract: It is no `Pose`, a number in it is not finite, or its rotation is wrong.
     """
     if not isinstance(pose, Pose):
         raise BrokenContract(f"at returned {type(pose).__name__}, not a Pose")
@@ -306,7 +306,7 @@ def check_pose(pose: object, time: float) -> None:
         pose.translation,
         R,
     )
-    require(is_rotation(R, ROUNDING), "at({:g}) is no pose: its rotation (3, 3) is none", time)
+    require(is_rotation(R, ROUNDING), "at({:g}) is no pose: its matrix (3, 3) is no rotation", time)
 
 
 def check_effect(effect: object, time: float) -> None:

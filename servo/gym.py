@@ -64,7 +64,7 @@ LEVEL_DOF = [0, 1, 2, 5]
 
 
 class ServoEnv(gymnasium.Env[Any, Any]):
-    """Visual servoing: hold a moving target where it shall be seen."""
+    """Visual servoing as an environment: keep a moving target at its goal in the picture."""
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 30}  # noqa: RUF012
 

@@ -21,7 +21,7 @@ NUMBERS = itertools.count()
 FEATURES = {
     "names are ('x', 'x'); all must differ": {"names": ("x", "x")},
     "there are 2 names and 1 units": {"units": ("1",)},
-    "feed_forward names features that are none": {"feed_forward": ("z",)},
+    "feed_forward names features that do not exist": {"feed_forward": ("z",)},
     "sole_dof maps names of features to some of vx, vy": {"sole_dof": {"x": "ux"}},
     "noise is not 2 numbers above 0": {"noise": np.zeros(2)},
     "values returned (3,); it should be (2,)": {"values": lambda self, sight: np.zeros(3)},

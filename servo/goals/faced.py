@@ -21,7 +21,7 @@ Depth = Annotated[float, Ge(0.01), Le(100)]
 
 @dataclass(frozen=True, slots=True)
 class GoalConfig:
-    """Where the target shall be seen."""
+    """Place, angle and distance at which the camera should see the target."""
 
     x: Pixels = 0.0
     """To the right of the image's centre [px]."""
@@ -46,7 +46,7 @@ class GoalConfig:
 
 @final
 class Faced:
-    """The target, faced by the camera."""
+    """A goal at which the camera faces the target."""
 
     def __init__(
         self,
@@ -56,33 +56,31 @@ class Faced:
         seen: Camera,
         depth_factor: float = 1.0,
     ) -> None:
-        """Keep what is asked for.
+        """Set the goal.
 
         Args:
-            config: Where and how near.
+            config: Place, angle and distance.
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
-            pictured: Gives the goal's picture its size [px].
-            seen: Takes this picture to rays.
+            pictured: Camera that computes the size of the target in the goal's picture.
+            seen: Camera that converts pixels of this picture to rays.
             depth_factor: As for `EstimateToSight`.
         """
         self._config = config
         self._outline = outline
         self._camera = pictured
         self.pixel = np.array([pictured.width / 2 + config.x, pictured.height / 2 + config.y])
-        """Where the target's centre shall be (2,) [px]."""
+        """Goal (2,) of the target's centre [px]."""
         self.theta = radians(config.angle_deg)
-        """Direction in which the target's nose shall point, at its centre [rad]."""
+        """Goal of the direction of the target's nose, from right towards down [rad]."""
         self._faced: dict[float, Truth] = {}
         self._sights: dict[tuple[float, bool], Sight] = {}
         self.moved_by = "" if config.depth_to is None else "goal.depth_to"
-        """The setting with which the goal moves; empty where it stays."""
+        """The setting that makes the goal move; "" for a fixed goal."""
         region = Region(1.0, 1.0)  # each goal brings its own
         self._to_sight = EstimateToSight(SightConfig(), seen, region, outline, depth_factor)
 
     def truth(self, time: float, T_world_camera: Pose) -> Truth:
-        """Return the truth if a camera with this pose had the target where it shall be at a time
-        [s].
-        """
+        """Return the truth with the target at its goal at a time [s], for a pose of the camera."""
         faced = self._at(self._config.depth_at(time))
         T_camera_target = faced.T_world_camera.inverse() @ faced.T_world_target
         return replace(
@@ -119,7 +117,7 @@ class Faced:
         )
 
     def _at(self, depth: float) -> Truth:
-        """Return what is seen of a target that is faced at a depth [m]; the last one is kept."""
+        """Return the truth of a target that the camera faces at a depth [m]; the last is cached."""
         if depth not in self._faced:
             camera = self._camera
             faced = truth_above(camera, self._outline, self.pixel, self.theta, depth)

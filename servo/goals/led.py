@@ -19,7 +19,7 @@ STANDS = Pose(np.eye(3), np.zeros(3))
 
 @final
 class Led:
-    """Where the held target shall be, as the camera sees it."""
+    """A goal for a target in the hand: a pose relative to the leader's tag."""
 
     moved_by = "leader.id"
 

@@ -36,13 +36,13 @@ from tracking.types import Region, State
 
 
 @dataclass(frozen=True, slots=True)
-class Passage:
-    """How the world moved on for a frame interval."""
+class Advance:
+    """The motion of the world over one frame interval."""
 
     twist: Array
     """Mean of the twists asked for (6,)."""
     limits: tuple[str, ...]
-    """The joints whose limits made the camera slower."""
+    """The joints at a limit, such as "elbow (range)"."""
     seconds: float
     """Wall-clock time of the physics [s]."""
 
@@ -109,7 +109,7 @@ class Episode:
             first = moment.picture()
             self._moment: Moment | None = replace(moment, picture=lambda: first)
             """That of the next picture, if it was begun."""
-            self._passages = deque[Passage]()
+            self._advances = deque[Advance]()
             """How the world has moved on from the last picture."""
             self._truths = {first.index: moment.truth}
             """The truth of each picture from the one last decided on."""
@@ -159,7 +159,7 @@ class Episode:
             raise kind(f"{self.scenario.name}: {where}{error}") from error
 
     def _build(self, part: Part, draws: str = "") -> Any:
-        """Return what a part's `Config` builds."""
+        """Build a component from its `Config`, or return the one that an earlier episode left."""
         before, built = self._kept.get(part.place, (None, None))
         if before == part.config:
             return built
@@ -172,12 +172,12 @@ class Episode:
         return part.guarded(built) if hasattr(built, "at") else built
 
     def _picture_at_goal(self) -> Image:
-        """Return the picture that the camera takes where it shall be: "teaching by showing"."""
+        """Return the camera's picture (H, W, 3) at the goal ("teaching by showing")."""
         self._place_camera(StartConfig())
         return self.world.look().image
 
     def _way(self) -> list[Pose]:
-        """Return the poses of the camera that the goal asks for along the run."""
+        """Return the poses of the camera at the goal, along the run."""
         known = self.loop.law.features.known
         goal = self.goal.sight_at(0.0)
         turns = bool((known(goal) & ~known(replace(goal, angle_known=False))).any())
@@ -269,7 +269,7 @@ class Episode:
         return seen @ object_frame(self.world.outline)
 
     def _goal_sight(self, frame: Frame, goal: Truth | None) -> Sight:
-        """Return how the target shall be seen, by the true camera; beside a leader, as `goal`."""
+        """Return the desired sight for the true camera; beside a leader, that of `goal`."""
         if goal is not None:
             return sight_of(self._goal_pose(goal), self.world.outline)
         believed = self.running.goal_sight
@@ -285,7 +285,7 @@ class Episode:
             limits = self.world.step(twists)
         except Unstable as error:
             raise Part("robot", self.scenario.robot).failed(str(error)) from error
-        self._passages.append(Passage(mean_twist(twists), limits, perf_counter() - began))
+        self._advances.append(Advance(mean_twist(twists), limits, perf_counter() - began))
 
     def __iter__(self) -> Iterator[Step]:
         for _ in range(self.frames):
@@ -330,7 +330,7 @@ class Episode:
 
     @property
     def sight(self) -> Sight | None:
-        """The target as it was seen when the law decided last; None where it was not."""
+        """Sight of the target at the law's last decision; None if it was not seen."""
         return self._timeline.latest.decision.sight
 
     def _next_moment(self, index: int) -> Moment | None:
@@ -339,7 +339,7 @@ class Episode:
         """
         if not self._timeline.is_known_ahead or index + 1 == self.frames:
             return None
-        if not self._passages:
+        if not self._advances:
             self._pass(self._timeline.acting())
         return self.world.moment()
 
@@ -352,11 +352,11 @@ class Episode:
         """
         if twist is not None:
             self._timeline.steer(twist)
-        if not self._passages:
+        if not self._advances:
             self._pass(self._timeline.acting())
         elif self._moment is not None:
             self._pass(self._timeline.acting(later=1))
-        passed = self._passages.popleft()
+        passed = self._advances.popleft()
         command = self._timeline.latest.decision.command
         held = () if twist is not None else self._held_by(command)
         limits = tuple(dict.fromkeys((*passed.limits, *held)))
@@ -370,7 +370,7 @@ class Episode:
         )
 
     def _held_by(self, command: Command) -> list[str]:
-        """Return the joints that a law leaves out, as `World.step` names them."""
+        """Return the joints that the law does not move, as `World.step` names them."""
         held = None if command.trace is None else command.trace.held
         if held is None:
             return []

@@ -53,7 +53,7 @@ def check_frame(frame: Frame, camera: Camera) -> None:
     """Check a picture and its stamp.
 
     Raises:
-        ValueError: It is none of this camera, or its stamp is not finite.
+        ValueError: It does not fit the camera, or its stamp is not finite.
     """
     check_type("frame", frame, Frame)
     check_picture("frame", frame.image, camera)
@@ -91,7 +91,7 @@ def check_posture(posture: Posture) -> None:
     """Check what the robot reports. Its Jacobian need not be finite: laws then leave it alone.
 
     Raises:
-        ValueError: A number is not finite, an array has another shape, or a rotation is none.
+        ValueError: A number is not finite, an array has another shape, or a matrix is no rotation.
     """
     check_type("posture", posture, Posture)
     p = posture

@@ -156,7 +156,7 @@ class Loop:
         if there is one.
 
         Raises:
-            ValueError: The picture is none of this camera, or the goal moves and it cannot.
+            ValueError: The picture does not fit the camera, or the goal moves.
         """
         s = self.scenario
         factor = s.believed.depth_factor

@@ -33,7 +33,7 @@ class PostureRecord:
     """
 
     def __init__(self, period: float, clock_offset: float) -> None:
-        """Begin with none.
+        """Begin without postures.
 
         Args:
             period: Frame interval [s].

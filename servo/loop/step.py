@@ -152,7 +152,7 @@ class Step:
 
     @property
     def true_state(self) -> State:
-        """The target's true state in this frame, in a tracker's terms: scale 1 in the first frame."""
+        """The target's true state in this frame, as trackers give it: scale 1 in the first one."""
         return self._state(self.truth)
 
     @property
@@ -278,7 +278,7 @@ class Step:
 
     @property
     def margins(self) -> Array:
-        """Distance (n,) of each joint from its nearer limit [m or rad]; inf for unlimited joints."""
+        """Distance (n,) of each joint from its nearer limit [m or rad]; inf without limits."""
         p = self.posture
         return np.minimum(p.joints - p.lower, p.upper - p.joints)
 
@@ -309,6 +309,6 @@ class Step:
 
     @property
     def tracking_error(self) -> float:
-        """Distance of the estimated centre from the true one, in the picture of the estimate [px]."""
+        """Distance of the estimated centre from the true one, in the same picture [px]."""
         estimated = np.array([self.estimate.state.x, self.estimate.state.y])
         return float(np.hypot(*(estimated - self.truth_estimated.centre)))

@@ -121,7 +121,7 @@ class Timeline:
         """When each command begins to act [s], and its twist (6,), in order."""
 
     def advance(self, frame: Frame, posture: Posture) -> None:
-        """Decide all that is decided from a picture to the next one.
+        """Run tracker and law from one picture to the next.
 
         Args:
             frame: The picture.
@@ -141,7 +141,7 @@ class Timeline:
             self._free = estimated.done
 
     def steer(self, twist: Array) -> None:
-        """Let another twist (6,) act in place of what was decided since the last picture."""
+        """Replace the commands decided since the last picture by another twist (6,)."""
         if self.decided:
             last = self._commands[-self.decided :]
             self._commands[-self.decided :] = [(at, twist) for at, _ in last]
@@ -151,7 +151,7 @@ class Timeline:
 
     @property
     def is_known_ahead(self) -> bool:
-        """Whether the last picture decides nothing that acts before the next one."""
+        """Whether no command that is still to be decided can act before the next picture."""
         return self._plain and self._schedule.run.latency >= 1
 
     def acting(self, later: int = 0) -> Array:

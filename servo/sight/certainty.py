@@ -7,8 +7,7 @@ from tracking.types import Estimate, Region
 # Beyond these no run counts as holding its target (servo/loop/run_measures.py): an estimate that is
 # as uncertain turns the camera away from the target as often as towards it.
 MOST_CENTRE = 0.5
-"""Largest standard deviation of x and y, over the target's size in the first picture: farther off
-is beside it."""
+"""Largest standard deviation of x and y, as a share of the target's size in the first picture."""
 MOST_ANGLE = np.radians(20.0)
 """Largest standard deviation of the angle [rad]."""
 MOST_SIZE = 0.25

@@ -13,9 +13,10 @@ from sim.types import Array
 
 @final
 class Difference:
-    """(e_k - e_{k-1}) / dt - L v, where v is the camera's measured motion over that very interval.
+    """de/dt of the target's own motion by differences: (e_k - e_{k-1}) / dt - L v, where v is the
+    camera twist measured over the same interval.
 
-    Pairing the difference with the last command instead, one frame off, makes the loop diverge.
+    With the last command in place of the measured twist, which is one frame off, the loop diverges.
     """
 
     def __init__(self, features: FeatureSet) -> None:
@@ -24,9 +25,13 @@ class Difference:
         self.value = np.zeros(len(features.names))
 
     def measure(self, error: Array, own: Array, dt: float) -> tuple[Array, NDArray[np.bool_]]:
-        """Return the difference (k,) after a frame, and for which features it is new: those that
-        were measured, not nan, in this frame and in the last one. The others keep theirs, at first
-        zero.
+        """Return de/dt (k,) after a frame, and True (k,) for each feature that was measured in this
+        frame and in the last one; the other features keep their last value, at first zero.
+
+        Args:
+            error: Feature error (k,); nan for features that were not measured.
+            own: de/dt (k,) caused by the camera's own motion.
+            dt: Time since the last frame [s].
         """
         fresh = np.isfinite(error) & np.isfinite(self._last)
         now, last = (np.where(fresh, e, 0.0) for e in (error, self._last))
@@ -35,5 +40,5 @@ class Difference:
         return self.value, fresh
 
     def forget(self) -> None:
-        """Begin the next difference anew: the target was not seen."""
+        """Forget the last error, after a frame without the target."""
         self._last = np.full(len(self._features.names), np.nan)

@@ -23,7 +23,7 @@ from tracking.types import Estimate, Region, State, Status
 
 @dataclass(frozen=True, slots=True)
 class SightConfig:
-    """What is known of the target's plane."""
+    """Sources of the target's plane and depth."""
 
     plane: Literal["parallel", "known", "estimated", "picture"] = "parallel"
     """Normal of the target's plane: "parallel" to the image, "known" from the robot's posture (the
@@ -34,18 +34,18 @@ class SightConfig:
     image, "known" from the robot's posture and table_height, or the median of its region in the
     depth "picture". All features are then those of the rectangle of this size at that depth."""
     table_height: Annotated[float, Ge(-5), Le(5)] = 0.0
-    """Height of the table over the room's origin, wherever the robot's base stands [m]."""
+    """Height of the table over the room's origin [m]."""
 
     @property
     def needs(self) -> Channels:
-        """The depth picture, where plane or depth come from it."""
+        """The depth channel, if plane or depth are taken from depth pictures."""
         uses = "picture" in (self.plane, self.depth)
         return frozenset({Channel.DEPTH}) if uses else frozenset()
 
 
 @final
 class EstimateToSight:
-    """Knows the camera, the template and the target's metric size."""
+    """Converts tracker estimates to sights, with the camera and the target's metric size."""
 
     def __init__(
         self,
@@ -89,7 +89,7 @@ class EstimateToSight:
         Args:
             estimate: What the tracker reported.
             posture: What the robot knows of itself.
-            goal: How the target shall be seen.
+            goal: The desired sight.
             depth: The depth picture (H, W) [m]; with too few depths of the target, its depth is
                 that of its size, and its plane parallel.
         """
@@ -115,21 +115,21 @@ class EstimateToSight:
         return self._with_depth_factor(sight)
 
     def goal(self, state: State, region: Region) -> Sight:
-        """Return the sight to reach: from straight above, where a state places a region."""
+        """Return the desired sight of a facing camera, from the target's region and its state."""
         m = shape_moments.of_state(state, region, self._camera)
         corners = self._camera.normalise(region.corners(state))
         plane = plane_of_size(m, self._root_area, FACING)
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=corners))
 
     def goal_of(self, corners: Array) -> Sight:
-        """Return the sight to reach: from straight above, with these corners (4, 2) [px]."""
+        """Return the desired sight of a facing camera, from the target's corners (4, 2) [px]."""
         seen = self._camera.normalise(corners)
         m = shape_moments.of_polygon(seen)
         plane = plane_of_size(m, self._root_area, FACING)
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=seen))
 
     def at(self, pose: Pose) -> Sight:
-        """Return the sight to reach where it is a pose, T_camera_object."""
+        """Return the desired sight for a pose T_camera_object."""
         return self._with_depth_factor(sight_of(pose, self._outline))
 
     def _see_corners(
@@ -157,7 +157,7 @@ class EstimateToSight:
         )
 
     def _with_depth_factor(self, sight: Sight) -> Sight:
-        """Return the sight with the depths that the interaction matrix is computed with."""
+        """Return the sight with its depths multiplied by the depth factor."""
         if self._depth_factor == 1.0:
             return sight
         return replace(sight, plane=self._scaled(sight.plane), measured_pose=sight.pose)
@@ -180,7 +180,7 @@ class EstimateToSight:
         return np.array([*(after[0] - before[0]), turned.imag, turned.real])
 
     def _points(self, corners: Array, depth: DepthPicture | None) -> DepthPoints | None:
-        """Return the target's points in a depth picture, if they are wanted and there are some."""
+        """Return the target's points in a depth picture; None without one, or if it is not used."""
         if depth is None or not self._config.needs:
             return None
         return DepthPoints.inside(corners, depth, self._camera)
@@ -212,6 +212,6 @@ class EstimateToSight:
                 return FACING if points is None else points.normal
 
     def _scaled(self, plane: Plane) -> Plane:
-        """Return the plane that the interaction matrix is computed with."""
+        """Return the plane with its depths multiplied by the depth factor."""
         f = self._depth_factor
         return plane if f == 1.0 else Plane(plane.A / f, plane.B / f, plane.C / f)

@@ -7,23 +7,28 @@ from sim.types import Array, Pose
 
 
 def corners_in(T_camera_object: Pose, outline: Array) -> Array:
-    """Return the corners (4, 3) of the rectangle in the camera's frame [m]."""
+    """Return the corners (4, 3) of a rectangle in the camera frame [m].
+
+    Args:
+        T_camera_object: Pose of the frame that `Sight.pose` describes.
+        outline: Corners (4, 3) in the target's frame [m].
+    """
     return (T_camera_object @ object_frame(outline).inverse()).apply(outline)
 
 
 def plane_in(T_camera_object: Pose) -> Plane:
-    """Return the rectangle's plane."""
+    """Return the plane of a rectangle in the camera frame, from its pose."""
     normal = T_camera_object.rotation[:, 2]
     return Plane(*(normal / (normal @ T_camera_object.translation)).tolist())
 
 
 def sight_of(T_camera_object: Pose, outline: Array, goal: Sight | None = None) -> Sight:
-    """Return all that can be seen of the rectangle in a pose.
+    """Return the exact sight of a rectangle in a pose.
 
     Args:
         T_camera_object: The pose, of the frame that `Sight.pose` describes.
         outline: The rectangle's corners (4, 3) in the target's frame [m].
-        goal: How it shall be seen.
+        goal: The desired sight.
     """
     points = corners_in(T_camera_object, outline)
     corners = points[:, :2] / points[:, 2:]
