@@ -13,15 +13,17 @@ from servo.scenario.load import load
 from sim.camera.camera import CameraConfig
 from sim.geometry import exp_so3
 from sim.kinematics.drives import random_joints
-from sim.kinematics.robot import NEAR_LIMIT, EyeToHand, Inversion, Robot
+from sim.kinematics.robot import NEAR_LIMIT, Inversion, Robot
 from sim.models.assembly import build_model
 from sim.motions import still
+from sim.mounting import CameraInHand, TargetInHand
 from sim.robots import gantry, mjcf
 from sim.targets import car
 from sim.types import Pose
 from sim.world import World, WorldConfig, WorldParts
 
-STANDS = EyeToHand(
+IN_HAND = CameraInHand()
+STANDS = TargetInHand(
     Pose(exp_so3(np.array([2.0, 0.5, -1.0])), np.array([0.4, -0.9, 0.7])),
     Pose(exp_so3(np.array([0.3, -0.2, 0.9])), np.array([0.02, 0.1, 0.3])),
 )
@@ -30,10 +32,10 @@ TICK = 1 / 120
 TWIST = np.array([0.3, -0.2, 0.1, 0.2, 0.3, -0.4])
 
 
-def built(kind, stands=None, inversion=None, **settings):
+def built(kind, stands=IN_HAND, inversion=None, **settings):
     """The robot, in a posture far from limits and singular poses."""
     rng = np.random.default_rng(0)
-    design = replace(kind.Config(**settings).build(rng), eye_to_hand=stands)
+    design = replace(kind.Config(**settings).build(rng), mounting=stands)
     design = replace(design, inversion=inversion or design.inversion)
     model = build_model(480.0, CameraConfig(), design, car.Config().build(rng))
     robot = Robot(model, design)
@@ -47,7 +49,7 @@ def at(robot, data, q):
     return data
 
 
-@pytest.mark.parametrize("stands", [None, STANDS])
+@pytest.mark.parametrize("stands", [IN_HAND, STANDS])
 @pytest.mark.parametrize("kind", [gantry, mjcf])
 def test_the_gradient_of_the_manipulability_agrees_with_finite_differences(kind, stands):
     robot, data = built(kind, stands)
