@@ -280,11 +280,6 @@ def checked(config: Config, place: str) -> Config:
 def _check_config(config: type[Any], name: str) -> None:
     if not dataclasses.is_dataclass(config):
         raise UnknownKind(f"'{name}' has a method build(rng), but is no dataclass of settings")
-    if hasattr(config, "uses_pictures"):
-        raise UnknownKind(
-            f"'{name}': uses_pictures is not read any more; write "
-            "needs = frozenset({Channel.PICTURE, Channel.GOAL_PICTURE})"
-        )
     missing = dataclasses.MISSING
     bare = [
         f.name

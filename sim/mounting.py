@@ -67,10 +67,6 @@ class CameraInHand:
         """Return T_world_hand with which `eye` is this pose: the same pose."""
         return eye
 
-    def camera(self, hand: Pose) -> Pose:
-        """Return T_world_camera from T_world_hand."""
-        return hand
-
     def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
         """Return T_world_target, from the pose that the scenario's motion gives."""
         return moved
@@ -127,10 +123,6 @@ class TargetInHand:
     def hand(self, eye: Pose) -> Pose:
         """Return T_world_hand with which `eye` is this pose."""
         return self.T_world_camera @ eye.inverse() @ self.T_hand_target.inverse()
-
-    def camera(self, hand: Pose) -> Pose:
-        """Return T_world_camera, which the hand does not move."""
-        return self.T_world_camera
 
     def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
         """Return T_world_target, from what gives T_world_hand; the motion is a leader's."""

@@ -484,7 +484,8 @@ class Robot:
 
     def camera(self, data: mujoco.MjData) -> Pose:
         """Return T_world_camera, as of the last kinematics."""
-        return self.mounting.camera(self.hand(data))
+        standing = self.mounting.standing
+        return self.hand(data) if standing is None else standing
 
     def hand(self, data: mujoco.MjData) -> Pose:
         """T_world_hand: of the site `eye` (x right, y down, z forward), as of the last

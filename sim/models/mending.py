@@ -140,24 +140,20 @@ def _replace_meshes(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: b
         try:
             if shape.file:
                 fill(shape, read_mesh(file, (file.suffix.lower(),)), None)
-            for geom in _geoms_of(spec, shape):
+            for geom in geoms_of(spec, shape):
                 geom.contype = geom.conaffinity = 0  # a flat mesh has no convex hull
             why = "" if _compiles(spec, shape.name) else "it has no area"
         except ValueError:
             why = why_not(file)
         if why and not whole:
             mended.lost.append((file.name or shape.name, why))
-            _delete(spec, shape)
+            for element in [*geoms_of(spec, shape), shape]:
+                spec.delete(element)
 
 
-def _geoms_of(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> list[mujoco.MjsGeom]:
+def geoms_of(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> list[mujoco.MjsGeom]:
+    """Return all geoms of a model that show a mesh."""
     return [geom for geom in spec.geoms if geom.meshname == shape.name]
-
-
-def _delete(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> None:
-    for geom in _geoms_of(spec, shape):
-        spec.delete(geom)
-    spec.delete(shape)
 
 
 def _compiles(spec: mujoco.MjSpec, name: str) -> bool:

@@ -12,10 +12,10 @@ import numpy as np
 from sim.files import reading
 from sim.files.notices import notice
 from sim.files.packages import folders_above, is_file, package_folder, parted
-from sim.models.mending import Mended, draw_sticks, mend
+from sim.models.mending import Mended, draw_sticks, geoms_of, mend
 from sim.models.mesh_file import OBJ, is_readable, read_mesh, why_not
 from sim.models.model_files import compiled, keep_no_log, said_by_mujoco
-from sim.models.shapes import fill, paint
+from sim.models.shapes import fill, show
 
 READABLE = (".stl", OBJ, ".msh")
 """Suffixes of meshes that MuJoCo reads."""
@@ -213,21 +213,9 @@ def _show_materials(spec: mujoco.MjSpec, shape: mujoco.MjsMesh, mended: Mended) 
         mesh = read_mesh(file, (file.suffix.lower(),))
     except ValueError:
         return  # it is left out where the model does not compile
-    geoms = [geom for geom in spec.geoms if geom.meshname == shape.name]
+    geoms = geoms_of(spec, shape)
     if any(geom.material or not np.array_equal(geom.rgba, GREY) for geom in geoms):
         fill(shape, mesh, None)
         return
     mended.lost.extend(mesh.missing)
-    for k, (part, material) in enumerate(mesh.parts()):
-        name = f"{shape.name}_{k}" if k else shape.name
-        fill(spec.add_mesh(name=name, scale=shape.scale) if k else shape, part, material)
-        for geom in geoms:
-            drawn = _twin(geom, name) if k else geom
-            drawn.contype = drawn.conaffinity = 0  # a flat part has no convex hull
-            if material is not None:
-                paint(spec, drawn, material, name)
-
-
-def _twin(geom: mujoco.MjsGeom, mesh: str) -> mujoco.MjsGeom:
-    """Add a geom of another mesh at the same place, without mass."""
-    return geom.parent.add_geom(type=geom.type, meshname=mesh, pos=geom.pos, quat=geom.quat, mass=0)
+    show(spec, shape, geoms, mesh.parts())

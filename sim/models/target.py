@@ -7,7 +7,6 @@ import mujoco
 import numpy as np
 
 from sim.models.model_files import compiled
-from sim.outline import Outline
 from sim.types import Array
 
 OUTLINE = "outline"
@@ -63,12 +62,6 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
     a = length / 2
     b = width / 2
     return centre + np.array([[-a, b, 0], [a, b, 0], [a, -b, 0], [-a, -b, 0]])
-
-
-def dimensions(outline: Array) -> tuple[float, float, float]:
-    """Return length, width and height over the table [m] of a rectangle with corners (4, 3)."""
-    sides = Outline(outline)
-    return sides.length, sides.width, sides.height
 
 
 def outline_site(spec: mujoco.MjSpec) -> Array | None:

@@ -12,7 +12,7 @@ from sim.files.shipped import file_of
 from sim.models.mesh_file import Material, Triangles, listed, read_mesh, trimesh
 from sim.models.model_files import said_by_mujoco
 from sim.models.paint import PLAIN, Colour, Outlined, picture_named, rgba
-from sim.models.shapes import fill, paint
+from sim.models.shapes import show
 from sim.models.target import Target
 from sim.ranges import Degrees, File, Length
 from sim.types import Array
@@ -73,13 +73,10 @@ class Config(Outlined):
         mesh = replace(mesh, vertices=self._placed(mesh.vertices))
         parts = mesh.parts() if own and any(mesh.materials) else [(mesh, given)]
         spec = mujoco.MjSpec()
-        for k, (part, material) in enumerate(parts):
-            name = f"mesh_{k}" if k else "mesh"
-            material = material or given
-            fill(spec.add_mesh(name=name), part, material)
-            kind = mujoco.mjtGeom.mjGEOM_MESH
-            geom = spec.worldbody.add_geom(type=kind, meshname=name, **PLAIN)
-            paint(spec, geom, material, name)
+        kind = mujoco.mjtGeom.mjGEOM_MESH
+        geom = spec.worldbody.add_geom(type=kind, meshname="mesh", **PLAIN)
+        painted = [(part, material or given) for part, material in parts]
+        show(spec, spec.add_mesh(name="mesh"), [geom], painted)
         return spec
 
     def _placed(self, vertices: Array) -> Array:
