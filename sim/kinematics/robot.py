@@ -171,7 +171,12 @@ def each_joint(setting: str, given: EachJoint, names: tuple[str, ...]) -> Array:
 
 
 def _check_drives(model: mujoco.MjModel, design: Design) -> None:
-    """Refuse actuators that are no velocity servos, and a camera that cannot be carried."""
+    """Check that all actuators are velocity servos, and that the robot can carry its camera.
+
+    Raises:
+        ValueError: The model has no actuator or a wrong one, or its site `eye` is not where its
+            camera is.
+    """
     place = f"the robot's model {design.name}"
     if model.nu == 0:
         raise ValueError(f"{place} has no actuators; each joint needs a velocity actuator")
@@ -240,7 +245,8 @@ class Robot:
         return step / np.log1p(step * strength / model.dof_M0[at])
 
     def posture(self, data: mujoco.MjData, twist: Array, accepted: Array | None = None) -> Posture:
-        """Return what the robot knows of itself, as of the last kinematics.
+        """Return the robot's posture: camera pose, joint positions, limits and Jacobian, as of the
+        last kinematics.
 
         Args:
             data: Where the joints are.
@@ -273,6 +279,7 @@ class Robot:
         """
         linear, angular = self._jacobians
         mujoco.mj_jacSite(self.model, data, linear, angular, self._site)
+        # mj_jacSite gives twists of the site's origin along world axes: only a rotation is left.
         R_camera_world = (data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO).T
         J = (R_camera_world @ self._jacobians).reshape(6, -1)[:, self._dof]
         return self.mounting.jacobian(J, partial(self.hand, data))
@@ -366,7 +373,9 @@ class Robot:
         return rates
 
     def _exact(self, data: mujoco.MjData, twist: Array, hold: float) -> Array | None:
-        """The rates (n,) that make the whole motion in this time; None where no joints do."""
+        """Return the rates (n,) that bring the camera exactly to the end of a twist held for a time
+        [s]; None where no joint positions inside the limits lead there.
+        """
         q = self.joints(data)
         ahead = self._ahead
         ahead.qpos[:] = data.qpos
@@ -411,8 +420,8 @@ class Robot:
         return tuple(found)
 
     def _spare(self, data: mujoco.MjData, J: Array, inverse: Array) -> Array:
-        """Rates (n,) towards the middles between the limits, and away from singular poses, that do
-        not move the camera.
+        """Return rates (n,) towards the middles between the limits, and away from singular poses,
+        that do not move the camera.
 
         After Liegeois 1977 (Automatic supervisory control of the configuration and behavior of
         multibody mechanisms, IEEE Trans. SMC 7): the gradients of the squared distances from the
@@ -429,8 +438,8 @@ class Robot:
         return free - np.linalg.pinv(J) @ (J @ free)
 
     def manipulability_gradient(self, J: Array, inverse: Array) -> Array:
-        """The gradient (n,) of log sqrt(det(J J^T)) (Yoshikawa 1985) by the joints, finite in
-        singular poses.
+        """Return the gradient (n,) of log sqrt(det(J J^T)) (Yoshikawa 1985) by the joints, finite
+        in singular poses.
 
         It is the trace of J+ dJ/dq_i. With v_j and w_j the columns of J (Haviland and Corke 2023,
         Manipulator Differential Kinematics, part 2, in the axes of the camera):
@@ -464,6 +473,7 @@ class Robot:
             left = self.eye(data).inverse() @ T_world_camera
             if angle_of(left.rotation) > HALF_TURN:
                 return False
+            # The twist that removes the error in unit time, in the camera's frame as J has it.
             error = log_se3(left)
             if np.linalg.norm(error) < TOLERANCE:
                 q = data.qpos[self.qpos]
@@ -488,32 +498,37 @@ class Robot:
         return self.hand(data) if standing is None else standing
 
     def hand(self, data: mujoco.MjData) -> Pose:
-        """T_world_hand: of the site `eye` (x right, y down, z forward), as of the last
-        kinematics.
+        """Return T_world_hand, the pose of the site `eye` (x right, y down, z forward), as of the
+        last kinematics.
         """
         rotation = data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO
         return Pose(rotation, data.site_xpos[self._site].copy())
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Products (n, 3) of rows; `np.cross` takes ten times as long."""
+    """Return the cross products (n, 3) of rows; `np.cross` takes ten times as long."""
     return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
 
 
 def _stopping(room: float, acceleration: float) -> float:
-    """The largest rate towards a joint limit that is so far away.
+    """Return the largest rate [m/s or rad/s] of a joint towards its limit.
 
-    It falls exponentially near the limit, and before that by half the acceleration: the other half
-    is for what the drive lags behind.
+    Near the limit the rate falls exponentially, and before that by half the acceleration: the other
+    half covers the lag of the drive.
+
+    Args:
+        room: Distance to the limit [m or rad].
+        acceleration: Largest acceleration of the joint [m/s^2 or rad/s^2].
     """
     room = max(room, 0.0)
     if room <= acceleration / (2 * STOP_GAIN**2):
         return STOP_GAIN * room
+    # v(room) of constant braking; it meets the exponential with the same value and slope.
     return sqrt(acceleration * (room - acceleration / (4 * STOP_GAIN**2)))
 
 
 def _slowed(wanted: Array, box: list[tuple[float, float]]) -> float:
-    """The factor on all rates with which no joint is too fast."""
+    """Return the largest factor, at most 1, that brings all wanted rates (n,) into a box."""
     factor = 1.0
     for rate, (low, high) in zip(wanted.tolist(), box, strict=True):
         most = high if rate > 0 else -low
@@ -538,6 +553,8 @@ def _programme(J: Array, wanted: Array, liked: Array, box: list[tuple[float, flo
     """
     twist = J @ wanted
     length = float(np.linalg.norm(twist))
+    # Of |J q' - k v|^2 / 2 + SECOND_TASK |q' - liked|^2 / 2 - WHOLE k |v| the last term makes the
+    # twist as long as possible.
     A = np.column_stack([J, twist / -(length or 1.0)])
     H = A.T @ A + SECOND_TASK * np.eye(len(liked) + 1)
     f = -SECOND_TASK * np.append(liked, length)
