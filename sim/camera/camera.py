@@ -12,9 +12,9 @@ from sim.ranges import Degrees, File, Interval, Place, Share
 from sim.types import Array, Camera
 
 FOVY = 45.0
-"""Vertical field of view of a camera of which nothing is given [deg]."""
+"""Default vertical field of view [deg]."""
 NEAREST, FARTHEST = 0.1, 10.0
-"""Range of a depth camera of which nothing is given [m]."""
+"""Default range of a depth camera [m]."""
 SAME_PIXEL = 1e-6
 """A border pixel must come back as exactly as this [px]; absurd coefficients fail."""
 Kind = Literal["opengl", "exact"]
@@ -89,7 +89,7 @@ class CameraConfig:
     """Time constant with which a gain, 1/8 to 8, brings the picture's mean back to that of the
     first [s]; by default the gain is fixed."""
     depth: bool = False
-    """Whether each picture has a depth picture: distances along the optical axis [m], of the same
+    """Add a depth picture to each picture: distances along the optical axis [m], of the same
     pixels at the frame's time."""
     depth_noise: Annotated[float, Ge(0), Le(1)] = 0.0
     """Standard deviation of a depth at 1 m [m]; it grows with the square of the distance, as that
@@ -133,7 +133,7 @@ class CameraConfig:
 
     @property
     def lens(self) -> Distortion | None:
-        """The distortion; None where there is none, or all its coefficients are zero."""
+        """The distortion; None without one, or if all its coefficients are zero."""
         if self.distortion is None:
             return None
         lens = Distortion(self.distortion, self.coefficients)

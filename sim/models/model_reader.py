@@ -127,7 +127,11 @@ def _complete_weights(link: Element, mended: Mended) -> None:
 
 
 def _check_limit(joint: Element) -> None:
-    """Refuse a range that ends before it begins, which MuJoCo takes for none at all."""
+    """Check that a joint's lower limit is below its upper one; MuJoCo would ignore such a range.
+
+    Raises:
+        ValueError: It is not.
+    """
     limit = joint.find("limit")
     if limit is None:
         return
@@ -198,14 +202,14 @@ def _is_readable(shape: Element) -> bool:
 
 
 def _has_materials(file: Path) -> bool:
-    """Return whether a mesh has materials of its own, which MuJoCo does not read."""
+    """Return whether a mesh has materials of its own, which MuJoCo would ignore."""
     if file.suffix.lower() == OBJ:
         return file.is_file() and b"mtllib" in file.read_bytes()
     return file.suffix.lower() not in READABLE
 
 
 def _show_materials(spec: mujoco.MjSpec, shape: mujoco.MjsMesh, mended: Mended) -> None:
-    """Give the geoms of a mesh its own materials, of which MuJoCo reads none."""
+    """Show a mesh with its own materials, which MuJoCo ignores, unless the model gives a colour."""
     file = Path(shape.file)
     if not _has_materials(file):
         return

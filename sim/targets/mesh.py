@@ -26,7 +26,7 @@ UPRIGHT = {
 ACROSS = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
 YELLOW = "#e0b020"
 FLAT = 0.001
-"""What is thinner lies this far over the table, which would show through it [m]."""
+"""Height to which a thinner target is lifted over the table, which would show through it [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class Config(Outlined):
             raise ValueError(f"{path}: {said_by_mujoco(error)}") from None
 
     def _spec(self, mesh: Triangles, given: Material, *, own: bool) -> mujoco.MjSpec:
-        """The model, with the mesh's own materials or a given one."""
+        """Return the model of the target, with the mesh's own materials or a given one."""
         if given.picture is not None and mesh.places is None:
             raise ValueError("it does not say where the texture lies on it (vt)")
         mesh = replace(mesh, vertices=self._placed(mesh.vertices))
@@ -80,7 +80,7 @@ class Config(Outlined):
         return spec
 
     def _placed(self, vertices: Array) -> Array:
-        """Vertices (n, 3) in the target's frame [m]."""
+        """Return vertices (n, 3) of the file in the target's frame [m]."""
         points = vertices @ UPRIGHT[self.up].T
         length, width, _ = np.ptp(points, axis=0)
         if width > length:
@@ -103,7 +103,7 @@ class Config(Outlined):
 
 
 def _seen_from_outside(mesh: Triangles) -> Triangles:
-    """A closed mesh whose faces point outwards; of an open one both sides can be seen."""
+    """Return a closed mesh with its faces outwards; an open mesh with both sides of each face."""
     places = mesh.places
     behind = None if places is None else places[:, ::-1]
     faces = mesh.faces[:, ::-1]

@@ -90,7 +90,7 @@ class Config:
 
 @final
 class Homography:
-    """Two descents a frame, on a coarse and on the full template."""
+    """A tracker that aligns a coarse, and then the full template in each frame."""
 
     _velocity: Velocity = SET_BY_START
 

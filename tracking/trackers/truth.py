@@ -35,7 +35,7 @@ class Config:
 
     @property
     def traits(self) -> Traits:
-        """Corners, where they are reported."""
+        """The trait CORNERS if the tracker reports corners."""
         return frozenset({Trait.CORNERS}) if self.corners else frozenset()
 
     def build(self, rng: np.random.Generator) -> "TruthTracker":
