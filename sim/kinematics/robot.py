@@ -34,10 +34,11 @@ NEAR_LIMIT = 0.1
 """Share of the way from middle to limit that is near it: there the freedom of an arm of more than
 six joints moves the joint back; over as much before it, gradually. Chosen by hand."""
 STEPS = 200
+"""Most steps of Newton's method."""
 TOLERANCE = 1e-10
+"""Error at which Newton's method ends [m, rad]: starts are then exact to rounding."""
 DAMPING = 1e-3
-"""Steps of Newton's method, the error at which it ends [m, rad], which leaves starts exact to
-rounding, and its damping; chosen by hand."""
+"""Damping of Newton's method; chosen by hand."""
 WHOLE = 1e-6
 """Weight of the twist's length against the square of its error: its direction then errs by about as
 much [m/s, rad/s], whatever its length."""
@@ -45,7 +46,7 @@ SECOND_TASK = 1e-8
 """Weight of the secondary objective (preferred joint rates): the twist then errs by less than
 `EXACT`, and is as long as the limits allow, wherever the arm is not near a singular pose."""
 EXACT = 1e-4
-"""A twist that differs by less than this [m/s, rad/s] is the one asked for."""
+"""Difference below which a twist counts as the commanded one [m/s, rad/s]."""
 STAYS = 1e3
 """Weight of the parts of a twist that are to stay zero, over that of the others."""
 UNLIMITED = 1e6
@@ -119,12 +120,11 @@ class Design:
     base: Pose = field(default_factory=lambda: Pose.planar(0.0, 0.0, 0.0))
     """T_room_base: where it stands; the room's z is up, and the table's top at z = 0."""
     inversion: Inversion = Inversion()
-    """How its joints follow a camera twist."""
+    """Settings of the inverse kinematics."""
     mounting: Mounting = field(default_factory=CameraInHand)
-    """Whether the robot carries the camera or the target."""
+    """Mounting: the robot carries the camera, or the target."""
     advice: str = ""
-    """What a user can change where the robot does not get to a start pose, as the end of a
-    sentence."""
+    """End of the message that a start pose is out of reach: settings that the user can change."""
 
 
 def own_name(name: str) -> str:
@@ -233,7 +233,7 @@ class Robot:
 
     @property
     def has_ranges(self) -> bool:
-        """Return whether a joint has a limited range."""
+        """True if a joint has a limited range."""
         return bool(self._limited.any())
 
     def servos(self) -> Array:
@@ -296,10 +296,10 @@ class Robot:
         more than six; otherwise one factor slows all.
 
         Args:
-            data: Where the joints are.
-            twist: What is asked for.
-            hold: How long the rates hold [s], for drives that are exact, and for accelerations.
-            before: The rates (n,) that these follow; by default any.
+            data: The joint positions.
+            twist: The commanded twist (6,).
+            hold: Time for which the rates hold [s], for exact inversion and acceleration limits.
+            before: The rates (n,) before these; None: accelerations are not limited.
         """
         J = self.jacobian(data)
         exact = self._exact(data, twist, hold) if self._inversion.exact and hold else None

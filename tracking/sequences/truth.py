@@ -95,9 +95,7 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
         ValueError: The file cannot be read, has too many lines, a line is not of this format, or
             AUTO cannot decide.
     """
-    lines = reading.text(path, "truth", LARGEST_FILE).splitlines()
-    while lines and not lines[-1].strip():
-        lines.pop()
+    lines = reading.text(path, "truth", LARGEST_FILE).rstrip().splitlines()
     if not lines:
         raise ValueError(f"{path}: this truth is empty")
     if count is not None and len(lines) > MOST_LINES * (count + 1):
@@ -184,7 +182,7 @@ def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
 
 
 def _may_be_corners(given: Array) -> bool:
-    """Return whether all lines (n, 4) may be x1,y1,x2,y2: x2 > x1 and y2 > y1."""
+    """Return whether all lines (n, 4) could be x1,y1,x2,y2, with x2 > x1 and y2 > y1."""
     return bool((given[:, 2:] > given[:, :2]).all())
 
 

@@ -66,11 +66,9 @@ class Tag:
         """
         check_region(frame, region, state)
         found = self._detector.nearest(frame.image, np.array([state.x, state.y]))
-        if found is None:
+        if found is None or _near(_in_plane(found[1], region, state), SQUARE):
             return region, state
         corners = found[1]
-        if _near(_in_plane(corners, region, state), SQUARE):
-            return region, state
         side = float(np.sqrt(area(corners)))
         square = Region(side, side, corners)
         return square, state_of(corners, square, state)
