@@ -1,4 +1,4 @@
-"""Compilation of loops: once on each machine, with the result stored on disk if possible."""
+"""Compilation of numeric loops by numba, with the machine code stored on disk if possible."""
 
 # pyright: reportAttributeAccessIssue=false, reportPrivateUsage=false
 # numba's settings are made at run time.
@@ -26,16 +26,18 @@ SLOW = (
 def compiled(
     error_model: Literal["python", "numpy"] = "python", fastmath: Collection[str] = ()
 ) -> Callable[[Loop], Loop]:
-    """Compile a loop at its first call, and store the result beside its source.
+    """Return a decorator that compiles a function at its first call, and stores the machine code
+    beside its source.
 
     If neither the source's folder nor the user's cache can be written, as in a container, the
-    result is stored in the temporary folder. Where nothing can be stored the loops run all the
-    same, and one line on stderr says what that costs.
+    machine code is stored in the temporary folder. If it cannot be stored at all, the function is
+    compiled in each process, and one line on stderr reports that.
 
     Args:
         error_model: With "python" a division by zero raises an error, with "numpy" it gives inf or
             nan.
-        fastmath: What LLVM may do with floats: "contract" rounds a product and a sum once.
+        fastmath: LLVM's optimisations of floats that are allowed: "contract" rounds a product and a
+            sum once.
     """
     njit: Any = functools.partial(
         numba.njit, nogil=True, error_model=error_model, fastmath=set(fastmath)
@@ -60,7 +62,7 @@ def compiled(
 
 
 def _stored(loop: Any) -> Any:
-    """Return a compiled loop that runs on where the disk is full."""
+    """Return a compiled loop that reports a full disk instead of raising an error."""
     save = loop._cache.save_overload
 
     def save_if_possible(*compilation: Any) -> None:
@@ -75,7 +77,7 @@ def _stored(loop: Any) -> Any:
 
 @functools.cache
 def _private_folder() -> Path:
-    """Return the temporary folder that only this user can write to: its content is executed."""
+    """Return a temporary folder, to which only this user can write: its content is executed."""
     user = os.getuid() if hasattr(os, "getuid") else "user"
     folder = Path(tempfile.gettempdir()) / NAME.format(user)
     with suppress(FileExistsError):
@@ -92,7 +94,7 @@ _complained: set[str] = set()
 
 
 def _complain(reason: str) -> None:
-    """Say once in this process that each run will compile anew, and why."""
+    """Report once in this process that compiled loops cannot be stored, with the reason."""
     if not _complained:
         _complained.add(reason)
         sys.stderr.write(SLOW.format(reason) + "\n")

@@ -132,8 +132,8 @@ def inverse(A: Array) -> Array:
 
 
 def inverse_if_strong(A: Array, weakest: float) -> Array | None:
-    """The plain inverse of a square matrix, where it proves that no singular value s is below the
-    weakest: as 1 / s <= |A^-1|. It costs a fraction of the singular values themselves.
+    """Return the inverse of a square matrix if its norm proves that no singular value s is below
+    the weakest, by 1 / s <= |A^-1|; else None. This costs a fraction of the singular values.
     """
     try:
         plain = inverse(A)

@@ -1,4 +1,4 @@
-"""Kinds that other packages bring, named by entry points, and parts named by a path to import.
+"""Kinds that other packages add by entry points, and parts named by a path to import.
 
 An installed package adds a tracker with these lines in its pyproject.toml:
 
@@ -10,10 +10,10 @@ import functools
 import importlib
 import importlib.util
 import sys
-from collections import defaultdict
 from contextlib import suppress
 from dataclasses import astuple, dataclass
 from importlib import metadata
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -28,67 +28,77 @@ class Trusted(str):
 
 
 class BrokenPart(ValueError):
-    """A part is there but cannot be imported; the message says why."""
+    """A part cannot be imported; the message gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Installed:
-    """A kind that an installed package brings."""
+    """A kind that an installed package adds."""
 
+    group: str
+    """Group of its entry point, such as "servobench.trackers"."""
     kind: str
     package: str
     """Name of the distribution."""
     version: str
     path: str
-    """Where it is, as module:Class."""
+    """Path to import, as module:Class."""
 
 
 GROUPS = "servobench."
-"""How the names of our groups of entry points begin."""
+"""Prefix of the names of our groups of entry points."""
 
 
 @functools.cache  # looking through 130 packages takes 3 ms
-def entries() -> dict[str, set[Installed]]:
-    """Return the kinds that packages bring, by group.
+def entries() -> tuple[Installed, ...]:
+    """Return the kinds that all installed packages add.
 
-    Packages whose entry points cannot be read bring none: it may be one that has nothing to do with
-    us. So do names with characters that a terminal acts upon.
+    A package whose metadata are damaged adds no kind, and hides no other package, as it would in
+    `importlib.metadata.entry_points`. Of two packages with the same name, the first one counts.
     """
-    found = defaultdict[str, set[Installed]](set)
+    found = dict[str, list[Installed]]()
     for package in metadata.distributions():
         with suppress(Exception):  # another person's file: no UTF-8, no metadata, no name
-            text = package.read_text("entry_points.txt") or ""
-            first = GROUPS in text and metadata.distribution(package.name)
-            if not first or first.read_text("entry_points.txt") != text:
-                continue  # it brings nothing, or another one of this name comes first
-            for e in package.entry_points:
-                path = e.value.partition("[")[0].replace(" ", "")
-                kind = Installed(e.name, package.name, package.version, path)
-                if e.group.startswith(GROUPS) and e.name and "".join(astuple(kind)).isprintable():
-                    found[e.group].add(kind)
-    return found
+            # Most packages are ruled out by this text; parsing each one's metadata takes longer.
+            if GROUPS in (package.read_text("entry_points.txt") or ""):
+                found.setdefault(package.name, _kinds_of(package))
+    return tuple(chain.from_iterable(found.values()))
+
+
+def _kinds_of(package: metadata.Distribution) -> list[Installed]:
+    """Return the kinds of a package, without names that contain control characters, upon which a
+    terminal acts.
+    """
+    kinds = [
+        Installed(e.group, e.name, package.name, package.version, f"{e.module}:{e.attr}")
+        for e in package.entry_points
+        if e.group.startswith(GROUPS) and e.name
+    ]
+    return [kind for kind in kinds if "".join(astuple(kind)).isprintable()]
 
 
 def installed(group: str) -> tuple[Installed, ...]:
-    """Return the kinds that packages bring to a group such as "servobench.trackers"."""
-    return tuple(sorted(entries().get(group, ()), key=lambda k: (k.kind, k.package)))
+    """Return the kinds that packages add to a group such as "servobench.trackers", sorted."""
+    added = (kind for kind in entries() if kind.group == group)
+    return tuple(sorted(added, key=lambda k: (k.kind, k.package)))
 
 
 def packages() -> dict[str, str]:
-    """Return the versions of all packages that bring kinds, by name."""
-    return {k.package: k.version for kinds in entries().values() for k in kinds}
+    """Return the versions of all packages that add kinds, by name."""
+    return {kind.package: kind.version for kind in entries()}
 
 
 def plain(text: str) -> str:
-    """Return a text on one line, without what a terminal acts upon."""
+    """Return a text on one line, without control characters, upon which a terminal acts."""
     return "".join(filter(str.isprintable, " ".join(text.split())))
 
 
 def imported(path: str) -> Any:
-    """Return the object at a path such as "package.module:Name"; also from the working directory.
+    """Return the object at a path such as "package.module:Name"; the working directory is searched
+    after all other places.
 
     Raises:
-        BrokenPart: It cannot be imported; an error of the module itself is the cause.
+        BrokenPart: The object cannot be imported; an error in the module is the exception's cause.
     """
     module, _, name = path.partition(":")
     if not all(map(str.isidentifier, [*module.split("."), *name.split(".")])):

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import numpy as np  # `servobench list` only looks at files
 
 Thing = TypeVar("Thing", covariant=True)
-"""What a part is, such as a tracker."""
+"""Type of a part, such as `Tracker`."""
 Config = TypeVar("Config", covariant=True)
 """The settings of a folder's kinds, such as `PartConfig[Tracker]`."""
 Settings = Mapping[str, Any]
@@ -90,10 +90,10 @@ class Kinds(Generic[Config]):
 
         Args:
             folder: Its package, such as "tracking.trackers".
-            group: Entry points of other packages' kinds, such as "servobench.trackers"; without
-                it, no package adds any.
-            adapt: Makes a `Config` class of another object, or gives None.
-            plain: What such an object has, such as "a method at(time)", for messages.
+            group: Group of entry points by which other packages add kinds, such as
+                "servobench.trackers"; empty: they cannot add any.
+            adapt: Returns a `Config` class for an object that is not one; None if it cannot.
+            plain: Description of such objects for messages, such as "a method at(time)".
         """
         self.folder = folder
         self.group = group
@@ -129,7 +129,7 @@ class Kinds(Generic[Config]):
         """Return the `Config` class of one kind.
 
         Raises:
-            UnknownKind: There is no such kind, it cannot be imported, or it is no `Config`.
+            UnknownKind: The kind is unknown, cannot be imported, or is not a `Config`.
         """
         if kind in self._own():
             return importlib.import_module(f"{self.folder}.{kind}").Config
@@ -144,7 +144,7 @@ class Kinds(Generic[Config]):
         """Return a `Config` class for an object that is given as a part.
 
         Raises:
-            UnknownKind: It is no `Config`, and the folder cannot adapt it.
+            UnknownKind: The object is not a `Config`, and the folder cannot adapt it.
         """
         if isinstance(found, type) and callable(getattr(found, "build", None)):
             _check_config(found, name)
@@ -155,7 +155,7 @@ class Kinds(Generic[Config]):
         raise UnknownKind(f"{what}; nor has it {self._plain}" if self._plain else what)
 
     def preset(self, kind: str, name: str) -> Settings:
-        """Return the settings that a kind has under a name, such as the "paper" it comes from.
+        """Return the settings of a kind's preset, such as "paper", those of its paper.
 
         Raises:
             UnknownKind: There is no such kind, or it has no such preset.
@@ -209,13 +209,13 @@ class Kinds(Generic[Config]):
         return _modules_in(tuple(spec.submodule_search_locations or ()) if spec else ())
 
     def _added(self) -> dict[str, Installed]:
-        """Return kinds of installed packages by the names they go by."""
+        """Return the kinds of installed packages by their names in this folder."""
         found = installed(self.group) if self.group else ()
         count = Counter([*self._own(), *(k.kind for k in found)]) if found else Counter[str]()
         return {k.kind if count[k.kind] == 1 else f"{k.package}:{k.kind}": k for k in found}
 
     def _path_of(self, kind: str) -> str:
-        """Return module:Class of a kind that is not ours.
+        """Return module:Class of a kind outside servobench.
 
         Raises:
             UnknownKind: There is no such kind, several packages have it, or a file names code.
@@ -280,11 +280,6 @@ def checked(config: Config, place: str) -> Config:
 def _check_config(config: type[Any], name: str) -> None:
     if not dataclasses.is_dataclass(config):
         raise UnknownKind(f"'{name}' has a method build(rng), but is no dataclass of settings")
-    if hasattr(config, "uses_pictures"):
-        raise UnknownKind(
-            f"'{name}': uses_pictures is not read any more; write "
-            "needs = frozenset({Channel.PICTURE, Channel.GOAL_PICTURE})"
-        )
     missing = dataclasses.MISSING
     bare = [
         f.name

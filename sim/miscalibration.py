@@ -91,7 +91,7 @@ class BelievedConfig:
 
 
 RIGHT = BelievedConfig()
-"""Nothing is wrong."""
+"""A calibration without errors."""
 
 
 @final

@@ -37,7 +37,7 @@ class CameraInHand:
     sign = 1.0
     """The camera moves as the hand does."""
     standing = None
-    """T_world_camera of a camera that stands: there is none."""
+    """T_world_camera of a camera in the room: None, because the robot carries it."""
 
     def check(self, model: mujoco.MjModel, place: str) -> None:
         """Check that a robot's model can carry the camera.
@@ -66,10 +66,6 @@ class CameraInHand:
     def hand(self, eye: Pose) -> Pose:
         """Return T_world_hand with which `eye` is this pose: the same pose."""
         return eye
-
-    def camera(self, hand: Pose) -> Pose:
-        """Return T_world_camera from T_world_hand."""
-        return hand
 
     def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
         """Return T_world_target, from the pose that the scenario's motion gives."""
@@ -128,12 +124,8 @@ class TargetInHand:
         """Return T_world_hand with which `eye` is this pose."""
         return self.T_world_camera @ eye.inverse() @ self.T_hand_target.inverse()
 
-    def camera(self, hand: Pose) -> Pose:
-        """Return T_world_camera, which the hand does not move."""
-        return self.T_world_camera
-
     def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
-        """Return T_world_target, from what gives T_world_hand; the motion is a leader's."""
+        """Return T_world_target from a function that gives T_world_hand."""
         return hand() @ self.T_hand_target
 
     def seen_from(self, target: Pose) -> Pose:

@@ -140,8 +140,8 @@ def truth_above(camera: Camera, outline: Array, pixel: Array, theta: float, dept
 
 
 def _straightened(camera: Camera, pixel: Array, theta: float) -> float:
-    """The angle that a direction at a pixel has in space, before the lens and pixels that are not
-    square change it.
+    """Return the angle of a direction at a pixel without the effects of the lens and of pixels that
+    are not square [rad].
     """
     if camera.is_plain:
         return theta

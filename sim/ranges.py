@@ -10,23 +10,23 @@ class NamesFile:
 
 
 File = Annotated[str, NamesFile()]
-"""A file's name: in a scenario one beside it, else from the working directory; a study knows the
-file by what is in it, too."""
+"""A file's name, relative to the scenario that names it, else to the working directory. A study
+identifies the file by its content, too."""
 LONGEST = 3600.0
 """The longest run [s]: nothing in it can begin later or last longer."""
 
 Time = Annotated[float, Ge(0), Le(LONGEST)]
-"""A moment of a run, or how long something lasts that may last no time at all [s]."""
+"""A time in a run, or a duration that may be zero [s]."""
 Interval = Annotated[float, Ge(0.001), Le(LONGEST)]
-"""How long something lasts that cannot happen at once [s]."""
+"""A duration that cannot be zero [s]."""
 Place = Annotated[float, Ge(-5), Le(5)]
 """A coordinate on the table [m]."""
 Length = Annotated[float, Ge(0.001), Le(5)]
 """A length on the table [m]."""
 Speed = Annotated[float, Ge(-5), Le(5)]
-"""Of what drives on the table [m/s]; below zero it drives backwards."""
+"""A speed on the table [m/s]; below zero is backwards."""
 Share = Annotated[float, Ge(0), Le(1)]
-"""A part of a whole, or a factor that takes away."""
+"""A share of a whole, or a factor of at most 1."""
 Degrees = Annotated[float, Ge(-3600), Le(3600)]
 """An angle [deg]: ten turns are enough, and their sine still means something."""
 Offset = Annotated[float, Ge(-10), Le(10)]

@@ -1,4 +1,4 @@
-"""What surrounds the target: the ground it is on, clutter around it, and the light.
+"""Surroundings of the target: the ground below it, clutter around it, and the light.
 
 Each is a table of a scenario, and the defaults leave the room as it is. Things of the clutter lie
 flat on the table, so that a target may drive over them from anywhere to anywhere.
@@ -49,7 +49,7 @@ class GroundConfig:
     kind: Literal["wood", "concrete", "carpet", "checker", "noise", "picture"] = WOOD
     """A shipped picture, or "picture": that of `file`."""
     file: File | None = None
-    """A picture of one's own."""
+    """Picture file for kind = "picture"."""
     tile: Annotated[float, Ge(0.01), Le(10)] = 0.5
     """Side of the square on which the picture lies once, and beside it again [m]; wood lies once on
     the whole table."""
@@ -69,16 +69,16 @@ class GroundConfig:
 
 @dataclass(frozen=True, slots=True)
 class ClutterConfig:
-    """Flat things that lie on the table; where, and how they look, is drawn by the run's seed."""
+    """Flat objects on the table; their positions and colours are drawn by the run's seed."""
 
     number: Annotated[int, Ge(0), Le(500)] = 0
-    """Number of things."""
+    """Number of flat objects."""
     shape: Literal["mixed", "disc", "card", "bar"] = "mixed"
-    """Shape of the things; "mixed" draws one for each."""
+    """Shape of the objects; "mixed" draws a shape for each."""
     alike: Share = 0.0
-    """Share of them in colours of the target."""
+    """Share of the objects that have colours of the target."""
     toys: bool = True
-    """Whether the twelve things that stand on the table are there."""
+    """Keep the twelve objects that stand on the table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,13 +86,13 @@ class LightConfig:
     """The lamp over the table."""
 
     azimuth_deg: Degrees = 50.2
-    """Side that the light comes from, from world x towards y [deg]."""
+    """Direction to the lamp, from world x towards y [deg]."""
     elevation_deg: Annotated[float, Ge(5), Le(90)] = 68.7
     """Height of the lamp over the horizon [deg]."""
     strength: Annotated[float, Ge(0), Le(1)] = 1.0
-    """Factor on its brightness."""
+    """Factor on the lamp's brightness."""
     colour: Colour = "#ffffff"
-    """Its colour, as "#rrggbb", or red, green and blue from 0 to 1."""
+    """Colour of the lamp, as "#rrggbb", or red, green and blue from 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class Surroundings:
     clutter: ClutterConfig = field(default_factory=ClutterConfig)
     light: LightConfig = field(default_factory=LightConfig)
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
-    """Draws the clutter."""
+    """Source of the clutter's random numbers."""
 
     def furnish(self, room: mujoco.MjSpec, target: mujoco.MjSpec) -> None:
         """Apply ground, clutter and light to a room's model, which is changed.

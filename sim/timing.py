@@ -88,7 +88,7 @@ def exposures(camera: CameraConfig, steps: int) -> tuple[Band, ...]:
 
 
 def _subframes(camera: CameraConfig, steps: int, end: int) -> tuple[int, ...]:
-    """The physics steps of an exposure that ends at one of them."""
+    """Return the numbers of the physics steps in an exposure that ends at step `end`."""
     if camera.exposure == 0:
         return (end,)
     before = np.linspace(0, camera.exposure * steps, SUBFRAMES)[1:]

@@ -56,7 +56,7 @@ class Camera:
 
     @property
     def is_plain(self) -> bool:
-        """Whether a rectangle that faces the camera is seen as one of the same shape."""
+        """True if shapes parallel to the image are kept: square pixels, no distortion."""
         return self.distortion is None and self.fx == self.fy
 
     def normalise(self, pixels: Array) -> Array:
@@ -134,9 +134,9 @@ class Posture:
     joints: Array
     """Joint positions (n,) [m or rad]."""
     lower: Array
-    """Their lower limits (n,); -inf where there is none."""
+    """Lower limits of the joints (n,) [m or rad]; -inf for a joint without a limit."""
     upper: Array
-    """Their upper limits (n,); inf where there is none."""
+    """Upper limits of the joints (n,) [m or rad]; inf for a joint without a limit."""
     jacobian: Array
     """Camera twist per joint rate (6, n)."""
     slowest: Array | float = -math.inf
@@ -144,10 +144,10 @@ class Posture:
     fastest: Array | float = math.inf
     """Largest joint rates (n,) [m/s or rad/s]."""
     accepted: Array | None = None
-    """Mean camera twist (6,) that the drives took over since the last frame of what was asked for,
-    after the limits of the joints; None: the robot does not report it."""
+    """Mean of the commanded camera twist (6,) since the last frame, as far as the joint limits let
+    the drives follow it; None: the robot does not report it."""
     asked: Array | None = None
-    """What was asked for in that time, its mean (6,); None: the last command that acted."""
+    """Mean of the commanded camera twist (6,) since the last frame; None: the last command."""
     under_way: tuple[tuple[Array, float], ...] | None = None
     """Camera twists (6,) between this moment and the one at which the next command acts, and how
     long each is held [s]; None: the commands not acted yet, a frame interval each."""
@@ -163,13 +163,13 @@ class Frame:
     """One picture. It never carries the truth."""
 
     image: Image
-    """RGB (H, W, 3), read-only."""
+    """The picture, RGB (H, W, 3), read-only."""
     time: float
     """Simulated time [s]."""
     index: int
     """Number of the frame, from 0."""
     fresh: bool = True
-    """False where the camera delivered nothing: the image is then the last one that came."""
+    """False if the camera delivered no new picture; the image is then the last one."""
     depth: DepthPicture | None = None
     """Distance along the optical axis (H, W) [m], nan or 0 where the camera has none; None: the
     camera has no depth picture."""
@@ -192,12 +192,12 @@ class Truth:
     T_world_target: Pose
     """Pose of the target (x along its nose, z up)."""
     visible: float | None
-    """Fraction of the target's silhouette that is seen, 0..1; None where it was not asked for."""
+    """Visible fraction of the target's silhouette, 0..1; None if it was not measured."""
 
     @property
     def depth(self) -> float:
-        """Distance of the target along the optical axis [m]; below zero it is behind the camera,
-        and all that is said of the picture means nothing.
+        """Distance of the target along the optical axis [m]; below zero the target is behind the
+        camera, and `centre`, `theta`, `size` and `corners` are meaningless.
         """
         return float((self.T_world_camera.inverse() @ self.T_world_target).translation[2])
 
@@ -207,11 +207,11 @@ class Spot:
     """A cone of light from above onto the table."""
 
     x: float
-    """Its middle on the table [m]."""
+    """Its middle on the table along world x [m]."""
     y: float
-    """Its middle on the table [m]."""
+    """Its middle on the table along world y [m]."""
     strength: float
-    """Brightness, 0..1."""
+    """Brightness of the light, 0..1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,13 +223,13 @@ class Effect:
     lamp: float = 1.0
     """Factor on the brightness of the lamp."""
     spot: Spot | None = None
-    """A spot light."""
+    """The spot light; None: it is off."""
     board: float | None = None
     """Sideways distance of the board from the line of sight to the target [m]; None: parked."""
     second: Pose | None = None
-    """Pose of a second target on the table; None: there is none."""
+    """Pose of a second target on the table; None: it is absent."""
     dropped: bool = False
-    """Whether the camera drops this frame."""
+    """True if the camera drops this frame."""
 
     def __or__(self, other: Effect) -> Effect:
         """Return the combination: factors are multiplied; of spots, boards and second targets, of

@@ -47,8 +47,8 @@ class WorldConfig:
     physics_rate: Annotated[float, Ge(240), Le(100_000)] = 480.0
     """Physics steps a second [Hz]; a few more where the camera's rate does not divide it."""
     drive_rate: Annotated[float, Ge(0.1), Le(100_000)] = 120.0
-    """How often the drives recompute joint rates from the twist [Hz]; once a frame at least, after
-    a whole number of physics steps."""
+    """Rate at which the drives compute joint rates from the twist [Hz]; at least once a frame,
+    after a whole number of physics steps."""
     visibility: bool = False
     """Measure the visible fraction of the target in each frame (two more renderings a frame)."""
 
@@ -69,7 +69,7 @@ class WorldParts:
 
 
 class Unstable(RuntimeError):
-    """The physics diverged; the sentence says what to change."""
+    """The simulated physics diverged; the message names a setting to change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,14 +77,14 @@ class Moment:
     """The state of the world at the time of one picture: frame, truth and postures."""
 
     picture: Callable[[], Frame]
-    """Waits for the picture."""
+    """Function that waits for the picture and returns it."""
     truth: Truth
     goal: Truth | None
-    """The truth if the target were where it shall be beside a leader; None without one."""
+    """The truth of a target at its desired pose relative to the leader; None without a leader."""
     target_before: Pose
     """T_world_target one frame interval ago, as `World.target_at` has it."""
     posture: Posture
-    """The robot's posture, exact."""
+    """The exact posture of the robot."""
     believed: Posture
     """The posture as the robot believes it."""
     bodies: Array
@@ -200,12 +200,12 @@ class World:
         return self._go(placement.camera_facing(self.outline, target, T_camera_object), way)
 
     def eye_at_goal(self, time: float, T_camera_object: Pose, *, turns: bool) -> Pose:
-        """Return the camera, as `Robot.eye` has it, where it shall be at a time [s].
+        """Return the desired pose of the camera, as `Robot.eye` has it, at a time.
 
         Args:
-            time: Of the motion.
-            T_camera_object: How the target shall be seen; beside a leader it is where it leads to.
-            turns: Whether the camera turns with the target.
+            time: Time of the motion [s].
+            T_camera_object: Desired pose of the target in the camera frame; not used with a leader.
+            turns: True if the camera turns with the target.
         """
         led = self._stage.goal(time)
         if led is not None:
@@ -216,7 +216,7 @@ class World:
         return placement.camera_facing(self.outline, target, T_camera_object)
 
     def _target_seen(self, time: float = 0.0) -> Pose:
-        """The target at a time [s], in the frame in which `Robot.eye` is given."""
+        """Return the target's pose at a time [s], in the frame in which `Robot.eye` is given."""
         return self.robot.mounting.seen_from(self._stage.target(time))
 
     def _go(self, T_world_camera: Pose, way: Callable[[], Sequence[Pose]] | None) -> Reach:
@@ -231,7 +231,7 @@ class World:
 
     @property
     def ticks(self) -> Array:
-        """Times after a frame at which the drives take over what is asked for (n,) [s]."""
+        """Times after a frame at which the drives take over new joint rates (n,) [s]."""
         steps = self._moments[-1]
         return self.period / steps * np.arange(0.0, steps, self._drive_steps)
 
@@ -330,8 +330,8 @@ class World:
         return placement.truth(self.camera, self.outline, self._eye_at, target, visible)
 
     def goal(self) -> Truth | None:
-        """Return the truth if the target were where it shall be beside a leader; None without
-        one.
+        """Return the truth of a target at its desired pose relative to the leader; None without a
+        leader.
         """
         goal = self._stage.goal(self.data.time)
         if goal is None:
@@ -339,14 +339,14 @@ class World:
         return placement.truth(self.camera, self.outline, self._eye_at, goal)
 
     def target_before(self) -> Pose:
-        """T_world_target one frame interval ago, as `target_at` has it."""
+        """Return T_world_target one frame interval ago, as `target_at` has it."""
         return self.target_at(self.data.time - self.period)
 
     def target_at(self, time: float) -> Pose:
-        """T_world_target at a time [s].
+        """Return T_world_target at a time [s].
 
-        Of a target that the robot holds, as its own motion counts only what moves its goal: it is
-        where it would have to be now for the error that the goal of that time gives it.
+        For a target that the robot holds, only the motion of its goal counts: the returned pose has
+        the same error to the present goal as the target has to the goal at that time.
         """
         target = self._stage.target(time)
         now = self._stage.goal(self.data.time)
@@ -359,18 +359,18 @@ class World:
         return tuple(self.model.body(i).name for i in range(1, self.model.nbody))
 
     def bodies(self) -> Array:
-        """Poses (n, 3, 4) of the moving bodies in the world, [R | t]."""
+        """Return the poses (n, 3, 4) of the moving bodies in the world, [R | t]."""
         rotations = self.data.xmat[1:].reshape(-1, 3, 3)
         return np.concatenate([rotations, self.data.xpos[1:, :, None]], axis=2)
 
     def _set_stage(self, time: float) -> Pose:
-        """Put what moves by itself where it is at a time [s]; return the camera's pose."""
+        """Set mocap bodies and lights for a time [s]; return T_world_camera."""
         eye = self._refreshed()
         self._stage.place(self.data, time, eye)
         return self._refreshed()
 
     def _refreshed(self) -> Pose:
-        """The camera's pose; after mj_step, or where bodies were put, all poses are old."""
+        """Update all poses, outdated after mj_step or new body poses; return T_world_camera."""
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
@@ -390,5 +390,5 @@ class World:
 
 
 def _supersampled(make: MakeRenderer, factor: int) -> MakeRenderer:
-    """What makes renderers whose pixels are means of so many squared."""
+    """Return a maker of renderers whose pixels are means of factor x factor pixels."""
     return partial(Supersampled, make, factor) if factor > 1 else make

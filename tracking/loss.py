@@ -1,6 +1,4 @@
-"""Judgement whether the target is still there: a robust threshold on the distance, with
-hysteresis, for all trackers.
-"""
+"""Detection of target loss: a robust threshold on the appearance distance, with hysteresis."""
 
 import math
 from collections import deque
@@ -11,47 +9,47 @@ from tracking.types import Status
 
 # Chosen by hand on the shipped scenarios.
 SIGMAS = 3.0
-"""Robust standard deviations above the median of recent good frames: the threshold."""
+"""Robust standard deviations by which the threshold lies above the median of good frames."""
 MAD_TO_SIGMA = 1.4826
-"""Standard deviation of normal numbers over their median absolute deviation."""
+"""Ratio of standard deviation and median absolute deviation of a normal distribution."""
 HISTORY = 60
 """Number of good frames that count as recent: two seconds at 30 Hz."""
 FEW = 10
-"""With fewer good frames than this the threshold is the cap: their spread is not yet known."""
+"""With fewer good frames the threshold is the cap, because their spread is not yet known."""
 
 # These four were chosen on runs of `occlusion` and `occlusion_partial` with drawn starts, in which
 # a board slides over the target between two frames (scenes/RESULTS.md).
 CLEAR = 0.08
-"""At a distance below this, nothing begins to hide the target."""
+"""Largest distance at which the target is certainly not being hidden."""
 SURE = 6.0
-"""A rise by fewer robust standard deviations than this is chance."""
+"""A rise of the distance by fewer robust standard deviations is chance."""
 JUMP = 0.03
-"""A smaller deviation of the estimate from the prediction is chance: position over the target's
-size, or ln scale."""
+"""A smaller deviation of the estimate from the prediction is chance: in position over the target's
+size, or in ln scale."""
 DOUBT = 0.3
-"""After this long a distance that has risen suddenly is believed: the light has changed [s]."""
+"""Time after which a suddenly risen distance is accepted as a change of the light [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class LossLimits:
-    """Limits that decide when a distance is too large to be the target."""
+    """Limits of the appearance distance, 0..1, above which the target counts as not seen."""
 
     floor: float = 0.25
-    """The threshold is never below this distance."""
+    """Smallest threshold of the distance."""
     cap: float = 0.5
-    """The threshold is never above this distance."""
+    """Largest threshold of the distance."""
     hysteresis: float = 0.8
-    """The target is believed again below this fraction of the threshold."""
+    """A target that was not seen counts as seen again below this fraction of the threshold."""
     patience: float = 1.0
-    """After this long without the target it is LOST [s]."""
+    """Time without the target after which the status is LOST [s]; before that it is UNSURE."""
     sudden: float = 0.0
-    """A distance this many times the median of recent good frames is not believed at first, even
-    below the floor, if the target seems to jump as well: so it is where something begins to hide
-    it and draws the estimate along. 0: it is believed."""
+    """A distance above this many times the median of recent good frames is not accepted at first,
+    even below the floor, if the estimate jumps as well: this happens when something begins to hide
+    the target and pulls the estimate along. 0: it is accepted."""
 
 
 class LossJudge:
-    """Judge of each frame's distance by the good frames before it."""
+    """Decides from each frame's distance whether the target is seen, by the good frames before."""
 
     def __init__(self, limits: LossLimits) -> None:
         self._limits = limits
@@ -61,8 +59,8 @@ class LossJudge:
 
     @property
     def threshold(self) -> float:
-        """Largest distance that is believed: the median of the good frames plus `SIGMAS` robust
-        standard deviations, between floor and cap; the cap while there are only a few.
+        """Largest distance of a seen target: the median of recent good frames plus `SIGMAS` robust
+        standard deviations, clipped to floor and cap; the cap after fewer than `FEW` good frames.
         """
         if len(self._good) < FEW:
             return self._limits.cap
@@ -71,21 +69,22 @@ class LossJudge:
 
     @property
     def locked(self) -> bool:
-        """True if the last frame was good."""
+        """True if the last frame was LOCKED; also before the first frame."""
         return self._unseen_since is None
 
     def judge(self, distance: float, time: float, jump: float = math.inf) -> Status:
-        """Return the status after a frame.
+        """Return the status of a frame: LOCKED if its distance is below the threshold, else UNSURE,
+        and after `patience` LOST.
 
         Args:
-            distance: Distance of the appearance from the target's, 0..1; inf: it was not found.
+            distance: Distance from the target's appearance, 0..1; inf if the target was not found.
             time: Time of the frame [s].
-            jump: Deviation of the estimate from the prediction: position over the target's size,
-                or ln scale, whichever is larger; by default that of a tracker without prediction.
+            jump: Deviation of the estimate from the prediction: in position over the target's size,
+                or in ln scale, whichever is larger; inf for a tracker without prediction.
         """
         limit = self.threshold * (1.0 if self.locked else self._limits.hysteresis)
         if not distance <= limit:  # nan is not
-            # What comes out of hiding is doubted anew.
+            # A target that comes out of hiding may be hidden suddenly again.
             self._risen_since = None
         elif not self._begins_to_hide(distance, time, jump):
             self._good.append(distance)

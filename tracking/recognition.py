@@ -1,8 +1,9 @@
-"""Recognition of the target by views: one confidence of several cheap signs, and places to search
-when it is LOST.
+"""Recognition of the target by stored views: a confidence that it is the target, and places to
+search while it is LOST.
 
-The signs are the distance of colours, the likeness to stored views, and the spread of the
-particles. Their sum is smoothed over time, because a target is seldom lost for one frame.
+The confidence is a logistic regression on three measures: distance of colour histograms, likeness
+to the stored views, and spread of the particles. It is smoothed over time, because a target is
+seldom lost for one frame only.
 """
 
 import math
@@ -20,35 +21,39 @@ from tracking.types import Region, State
 # The weights of a logistic regression on seven of 13 annotated recordings, rounded by hand. The
 # other constants were chosen on all of them, in about twenty tries (tracking/RESULTS.md).
 BIAS = -7.0
+"""Constant term of the logit of the confidence."""
 BY_DISTANCE = -5.0
+"""Weight of the histograms' distance, 0..1."""
 BY_LIKENESS = 13.0
+"""Weight of the likeness to the stored views."""
 BY_SPREAD = -15.0
+"""Weight of the particles' spread, over the target's size."""
 MOST_SIGN = 4.0
-"""Largest size of a sum of signs: one frame must not outweigh those around it."""
+"""Largest absolute logit of one frame, so that one frame does not outweigh those around it."""
 MEMORY = 0.15
 """Time over which the confidence is smoothed [s]."""
 TRUSTED = 0.8
-"""At this confidence the present view is learned."""
+"""Smallest confidence with which the present view is stored."""
 CANDIDATES = 5
-"""Number of places most like a view, to which particles are sent while the target is LOST."""
+"""Number of places most like a stored view, to which particles move while the target is LOST."""
 SENT = 0.25
-"""Share of the particles that are sent there."""
+"""Share of the particles that move there."""
 LIMITS = LossLimits(floor=0.8, cap=0.8, hysteresis=0.75, patience=0.4)
 """Limits of 1 - the confidence."""
 TINY = 1e-12
-"""Keeps the spread of particles finite whose weights are all zero."""
+"""Smallest sum of weights: particles whose weights are all zero have a finite spread."""
 
 
 class Recogniser:
-    """The views of one target, and the confidence that it is what the tracker follows."""
+    """Stored views of one target, and the confidence that the tracker follows it."""
 
     def __init__(
         self, count: int, image: Image, region: Region, state: State, model: SampledModel
     ) -> None:
-        """Take the first view, and let the model compare states with it.
+        """Store the first view, and let the model compare states with all views from now on.
 
         Args:
-            count: Number of views that are kept.
+            count: Largest number of stored views.
             image: First picture as the model sees it (H, W, 3).
             region: The template.
             state: State of the target there.
@@ -64,29 +69,48 @@ class Recogniser:
     def doubt(
         self, image: LabelledImage, state: State, cloud: ParticleFilter, time: float
     ) -> float:
-        """Return 1 - the confidence at a state, and remember it."""
+        """Return 1 - confidence that a state shows the target, smoothed over the last frames.
+
+        Args:
+            image: The picture.
+            state: The state.
+            cloud: The particles, from whose spread the confidence falls.
+            time: Time of the frame [s].
+        """
         at = state.vector[None]
         distance = float(self._model.distances(image, at)[0])
         likeness = float(self._views.likeness(image.blurred, at)[0])
         logit = BIAS + BY_DISTANCE * distance + BY_LIKENESS * likeness
         logit = float(np.clip(logit + BY_SPREAD * _spread(cloud, state), -MOST_SIGN, MOST_SIGN))
         self._sign = logit
+        # First-order low pass for frames at any times; the first frame is taken as it is.
         keep = math.exp(-max(time - self._time, 0.0) / MEMORY)
         self._logit = keep * self._logit + (1 - keep) * logit
         self._time = time
         return 1 / (1 + math.exp(self._logit))
 
     def learn(self, image: LabelledImage, state: State, doubt: float) -> None:
-        """Take the view at a state where there is hardly a doubt.
+        """Store the view at a state if the confidence is high.
 
-        The smoothed doubt lags: by it alone, what hides the target would become a view of it. So
-        this frame itself must speak for the target as well.
+        The smoothed confidence lags: by it alone, an occluder would be stored as a view of the
+        target. So the logit of this frame has to be positive as well.
+
+        Args:
+            image: The picture.
+            state: The state.
+            doubt: 1 - confidence, from `doubt`.
         """
         if doubt <= 1 - TRUSTED and self._sign > 0:
             self._views.learn(image.blurred, state)
 
     def send(self, cloud: ParticleFilter, image: LabelledImage, last: State) -> None:
-        """Send the last particles to the places that are most like a view."""
+        """Move the last `SENT` of the particles to the places most like a stored view.
+
+        Args:
+            cloud: The particles, which are changed.
+            image: The picture.
+            last: The last state in which the target was seen.
+        """
         places: Array = self._views.search(image.blurred, last, CANDIDATES)
         count = round(SENT * len(cloud.samples))
         if len(places) and count:
@@ -94,8 +118,8 @@ class Recogniser:
 
 
 def _spread(cloud: ParticleFilter, state: State) -> float:
-    """Return the root mean square distance from a state of the particles nearer than the target's
-    size, over that size; those farther away follow something else.
+    """Return the root mean square distance of the particles from a state, over the target's size;
+    particles farther away than this size follow something else and do not count.
     """
     away = np.hypot(*(cloud.samples[:, :2] - [state.x, state.y]).T) / (cloud.size * state.scale)
     weights = np.where(away < 1.0, cloud.weights, 0.0)

@@ -10,7 +10,7 @@ from sim.ranges import Share
 MOST_LEVELS = 32
 """Most colour bins a channel: their joint numbers have 16 bits."""
 PLAIN: dict[str, Any] = {"contrast": 0.0, "learn": False}
-"""Settings of a tracker without what goes beyond the papers, for their presets."""
+"""Settings that switch off all additions to the papers' methods, for the presets of papers."""
 Levels = Annotated[int, Ge(2), Le(MOST_LEVELS)]
 Inset = Annotated[float, Ge(0), Le(0.49)]
 Contrast = Annotated[float, Ge(0), Le(100)]

@@ -46,7 +46,7 @@ from sim.camera import gl
 from sim.kinds import kind_of
 from sim.kinematics.doubts import doubts
 from sim.kinematics.inverse_kinematics import Reach
-from sim.models.target import dimensions
+from sim.outline import Outline
 from sim.types import Array
 from tracking.advice import advice
 from tracking.types import traits_of
@@ -159,12 +159,12 @@ def load(
 
 
 def _outline_line(outline: Array) -> str:
-    length, width, height = dimensions(outline)
+    sides = Outline(outline)
     x, y = outline.mean(axis=0)[:2]
     return (
-        f"The target's reference rectangle, as seen from above: {length:.3f} x {width:.3f} m, "
-        f"{height:.3f} m over the table, its centre at x = {x:.3f}, y = {y:.3f} m of the target's "
-        "frame; target.outline sets another one"
+        f"The target's reference rectangle, as seen from above: {sides.length:.3f} x "
+        f"{sides.width:.3f} m, {sides.height:.3f} m over the table, its centre at x = {x:.3f}, "
+        f"y = {y:.3f} m of the target's frame; target.outline sets another one"
     )
 
 

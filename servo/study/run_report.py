@@ -9,7 +9,7 @@ from servo.output.formats import Made, Number
 from servo.scenario.load import Scenario
 from servo.study.bounds import MissedBound, unjudged
 from servo.study.run import Record
-from sim.models.target import dimensions
+from sim.outline import Outline
 from tracking.files.json_text import as_json, number
 
 
@@ -62,7 +62,8 @@ class RunReport(Made):
         why = unjudged(scenario, record.success)
         settings = scenario.settings()
         if "outline" in settings["target"]:  # by default it is measured on the model
-            settings["target"] |= {"outline": dimensions(scene.outline)}
+            sides = Outline(scene.outline)
+            settings["target"] |= {"outline": (sides.length, sides.width, sides.height)}
         return RunReport(
             command=record.command,
             versions=record.versions,

@@ -12,9 +12,9 @@ from sim.ranges import Degrees, File, Interval, Place, Share
 from sim.types import Array, Camera
 
 FOVY = 45.0
-"""Vertical field of view of a camera of which nothing is given [deg]."""
+"""Default vertical field of view [deg]."""
 NEAREST, FARTHEST = 0.1, 10.0
-"""Range of a depth camera of which nothing is given [m]."""
+"""Default range of a depth camera [m]."""
 SAME_PIXEL = 1e-6
 """A border pixel must come back as exactly as this [px]; absurd coefficients fail."""
 Kind = Literal["opengl", "exact"]
@@ -33,10 +33,10 @@ class CameraConfig:
     """Settings of the camera: mounting, intrinsics, lens, shutter, noise and depth."""
 
     mounted: Literal["robot", "world"] = "robot"
-    """Where it is: in the hand of the "robot"; or in the "world", and the robot holds the target
-    (eye to hand)."""
+    """Mounting: in the hand of the "robot" (eye in hand); or in the "world", where the robot holds
+    the target (eye to hand)."""
     pose: Pose6 = STANDS
-    """Where a camera in the world stands: x, y, z [m], roll, pitch, yaw [deg] about fixed axes;
+    """Pose of a camera in the world: x, y, z [m], roll, pitch, yaw [deg] about fixed axes;
     with zeros for the angles it looks up, x to the right. By default it looks across the table."""
     held: Pose6 = HELD
     """The target in the hand, which is where the robot's camera would be: x, y, z [m], roll, pitch,
@@ -82,14 +82,14 @@ class CameraConfig:
     """Pictures that are rendered for a rolling shutter, at the nearest physics steps; rows between
     two of them are their mean."""
     renderer: Kind = "opengl"
-    """What renders: "opengl", with MuJoCo's renderer and this machine's driver; or "exact", which
-    needs none, gives the same pictures on every machine, and draws no shadows, reflections or
-    translucence. Without OpenGL "exact" is used, and a line says so."""
+    """Renderer of the pictures: "opengl", with MuJoCo's renderer and this machine's driver; or
+    "exact", which needs none, gives the same pictures on every machine, and draws no shadows,
+    reflections or translucence. Without OpenGL "exact" is used, and a line says so."""
     auto_gain: Interval | None = None
     """Time constant with which a gain, 1/8 to 8, brings the picture's mean back to that of the
     first [s]; by default the gain is fixed."""
     depth: bool = False
-    """Whether each picture has a depth picture: distances along the optical axis [m], of the same
+    """Add a depth picture to each picture: distances along the optical axis [m], of the same
     pixels at the frame's time."""
     depth_noise: Annotated[float, Ge(0), Le(1)] = 0.0
     """Standard deviation of a depth at 1 m [m]; it grows with the square of the distance, as that
@@ -97,9 +97,9 @@ class CameraConfig:
     depth_holes: Annotated[int, Ge(0), Le(50)] = 0
     """Pixels on both sides of an edge between near and far that have no depth."""
     depth_nearest: Annotated[float, Ge(0), Le(1000)] = NEAREST
-    """What is nearer has no depth [m]."""
+    """Smallest depth that is measured [m]; nearer points have no depth."""
     depth_farthest: Annotated[float, Gt(0), Le(1000)] = FARTHEST
-    """What is farther has no depth [m]."""
+    """Largest depth that is measured [m]; farther points have no depth."""
 
     def __post_init__(self) -> None:
         if self.mounted == "robot" and (self.pose, self.held) != (STANDS, HELD):
@@ -133,7 +133,7 @@ class CameraConfig:
 
     @property
     def lens(self) -> Distortion | None:
-        """The distortion; None where there is none, or all its coefficients are zero."""
+        """The distortion; None without one, or if all its coefficients are zero."""
         if self.distortion is None:
             return None
         lens = Distortion(self.distortion, self.coefficients)
@@ -187,6 +187,7 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
         fy = config.fy or config.fx
     elif config.fovy_deg is not None or (lens is not None and not has_sensor):
         fovy = config.fovy_deg or float(model.cam_fovy[model.camera(name).id])
+        # The field of view holds with the distortion: the bent ray at its edge meets the border.
         edge = np.array([0.0, np.tan(np.radians(fovy) / 2)])
         fx = fy = config.height / 2 / float((edge if lens is None else lens.bend(edge))[1])
     cx = own.cx if config.cx is None else config.cx
@@ -205,7 +206,12 @@ def border(camera: Camera) -> Array:
 
 
 def _check(camera: Camera) -> None:
-    """Refuse a camera that a flat picture in front of it cannot show."""
+    """Check that the picture of a camera can be rendered as a plane and bent by its lens.
+
+    Raises:
+        ValueError: The distortion folds back or cannot be inverted inside the picture, or the
+            picture is too wide.
+    """
     pixels = border(camera)
     lens = camera.distortion
     rays = camera.normalise(pixels)

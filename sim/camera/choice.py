@@ -1,4 +1,4 @@
-"""The renderer of a camera: OpenGL where it is asked for and there, else the exact one."""
+"""Choice of the renderer: OpenGL if the settings name it and the machine has it, else `exact`."""
 
 from sim.camera import gl
 from sim.camera.camera import Kind
@@ -6,7 +6,7 @@ from sim.camera.renderer import MakeRenderer, OpenGLRenderer
 
 
 def renderer_of(kind: Kind) -> MakeRenderer:
-    """Return what makes the renderer that a camera's settings name, or `exact` without OpenGL."""
+    """Return the maker of the renderer that the settings name; without OpenGL, of `exact`."""
     if kind == "opengl" and gl.is_there():
         return OpenGLRenderer
     from sim.camera.exact.renderer import ExactRenderer  # loads compiled code

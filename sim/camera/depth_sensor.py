@@ -49,7 +49,7 @@ class DepthSensor:
 
 
 def _beside_edges(exact: DepthPicture, pixels: int) -> NDArray[np.bool_]:
-    """Return a mask of what is at most so many pixels from an edge."""
+    """Return a mask (H, W) of the pixels at most so many pixels away from an edge in depth."""
     edges = cv2.dilate(exact, AROUND) / JUMP > cv2.erode(exact, AROUND)
     size = 2 * pixels - 1
     return cv2.dilate(edges.astype(np.uint8), np.ones((size, size), np.uint8)).astype(bool)

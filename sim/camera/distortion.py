@@ -30,8 +30,9 @@ COEFFICIENTS: dict[Model, int] = {"plumb_bob": 5, "rational": 8, "fisheye": 4}
 WIDEST = 85.0
 """Largest angle between a ray and the optical axis [deg]: a flat picture cannot show much more."""
 RADII = 2048
+"""Number of radii at which a model is examined for folds."""
 DIRECTIONS = 64
-"""Where a model is examined for folds."""
+"""Number of directions at each of these radii."""
 BEFORE_FOLD = 0.97
 """Share of the radius at which a model folds back that is used."""
 TINY = 1e-4
@@ -96,6 +97,7 @@ class Distortion:
         rays = bent * (radius / np.maximum(length, TINY**2))[..., None]
         for _ in range(ROUNDS):
             found, slopes = _extended(self, rays)
+            # The step solves [a b; c d] step = e in closed form, for all rays at once.
             e = bent - found
             a = slopes[..., 0, 0]
             b = slopes[..., 0, 1]
@@ -112,12 +114,15 @@ class Distortion:
 
 
 def _extended(lens: Distortion, rays: Array) -> tuple[Array, Array]:
-    """The model within its reach, and in proportion to the radius beyond; its Jacobian."""
+    """Return the distorted coordinates (..., 2) of rays (..., 2), beyond the model's reach in
+    proportion to the radius, and their Jacobian (..., 2, 2).
+    """
     reach = lens.reach
     beyond = np.maximum(np.hypot(rays[..., 0], rays[..., 1]) / reach, 1.0)[..., None]
     inner = rays / beyond
     bent, slopes = _bent(lens, inner)
     if beyond.max(initial=1.0) > 1.0:
+        # The chain rule through inner = rays reach / |rays|, whose derivative along d is zero.
         d = inner / reach  # unit vectors, where it is needed
         along = bent / reach - np.einsum("...ij,...j->...i", slopes, d)
         slopes = np.where(
@@ -127,7 +132,9 @@ def _extended(lens: Distortion, rays: Array) -> tuple[Array, Array]:
 
 
 def _bent(lens: Distortion, rays: Array) -> tuple[Array, Array]:
-    """Distorted coordinates (..., 2) by the model's formula, and their Jacobian (..., 2, 2)."""
+    """Return the distorted coordinates (..., 2) of rays by the model's formula, and their Jacobian
+    (..., 2, 2).
+    """
     q = rays[..., 0] ** 2 + rays[..., 1] ** 2
     f, slope = _radial(lens, q)
     p = np.zeros(2) if lens.model == "fisheye" else np.array(lens.coefficients[3:1:-1])
@@ -139,7 +146,7 @@ def _bent(lens: Distortion, rays: Array) -> tuple[Array, Array]:
 
 
 def _radial(lens: Distortion, q: Array) -> tuple[Array, Array]:
-    """The factor on (x, y) at a squared radius, and its derivative."""
+    """Return the radial factor on (x, y) at squared radii q (...), and its derivative by q."""
     c = lens.coefficients
     if lens.model == "fisheye":
         q = np.maximum(q, TINY**2)
@@ -156,7 +163,7 @@ def _radial(lens: Distortion, q: Array) -> tuple[Array, Array]:
 
 
 def _polynomial(x: Array, coefficients: tuple[float, ...]) -> tuple[Array, Array]:
-    """Value and derivative of a polynomial, constant term first."""
+    """Return value and derivative of a polynomial at x by Horner's rule; constant term first."""
     value = coefficients[-1]
     slope = 0.0
     for c in coefficients[-2::-1]:
@@ -167,13 +174,16 @@ def _polynomial(x: Array, coefficients: tuple[float, ...]) -> tuple[Array, Array
 
 @functools.lru_cache(maxsize=64)
 def _radii(lens: Distortion) -> tuple[Array, Array]:
-    """Radii from zero to the reach, and how long they are when bent, without p1 and p2."""
+    """Return radii from 0 to the model's reach, and their lengths after the distortion without the
+    tangential terms p1 and p2.
+    """
     radii = np.tan(np.radians(np.linspace(0.0, WIDEST, RADII)))
     turn = np.linspace(0.0, 2 * np.pi, DIRECTIONS, endpoint=False)
     with np.errstate(all="ignore"):  # a pole of the rational model
         rays = radii[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
         slopes = _bent(lens, rays)[1]
         det = slopes[..., 0, 0] * slopes[..., 1, 1] - slopes[..., 0, 1] * slopes[..., 1, 0]
+        # With positive determinant and trace the picture is neither folded nor turned over.
         right = np.all((det > 0) & (slopes[..., 0, 0] + slopes[..., 1, 1] > 0), axis=1)
         lengths = radii * _radial(lens, radii**2)[0]
         right[1:] &= np.diff(lengths) > 0

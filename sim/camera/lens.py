@@ -71,7 +71,7 @@ class Lens:
 
 
 def _view(camera: Camera) -> Camera:
-    """The pinhole camera whose image is the rectangle around all rays that a camera sees."""
+    """Return the pinhole camera whose image is the rectangle around all rays that a camera sees."""
     rays = camera.normalise(border(camera))
     low = rays.min(axis=0)
     span = np.ptp(rays, axis=0)
@@ -111,8 +111,8 @@ class Sensor:
             self._noise = rng.normal(0.0, config.noise, tile).astype(np.float32)
 
     def develop(self, pictures: list[Image], gain: float) -> Image:
-        """The read-only frame from the pictures (H, W, 3) of one interval, in order; in the first
-        there is one only.
+        """Return the read-only frame (H, W, 3) from the pictures of one frame interval, in order;
+        the first interval has one picture only.
 
         The lens bends their mean, once a frame, as it would bend each of them.
         """
@@ -133,7 +133,7 @@ class Sensor:
         return image
 
     def _exposed(self, pictures: list[Image]) -> NDArray[Any]:
-        """The light (H, W, 3), each row from the pictures of its own exposure."""
+        """Return the light (H, W, 3), each row from the pictures in its own exposure."""
         if len(pictures) == 1 or len(self._bands) <= 1:
             return self._lens.bend(_mean(pictures))
         light = np.zeros((*self._size, 3), np.float32)
@@ -143,7 +143,7 @@ class Sensor:
         return light
 
     def _adapt(self, level: float, share: float) -> None:
-        """Take the gain a share of the way to where the picture is as bright as the first one."""
+        """Move the gain by a share towards the value that gives the first picture's brightness."""
         if self._level is None:
             self._level = level
         self._gain = float(np.clip(self._gain * (self._level / level) ** share, *GAINS))

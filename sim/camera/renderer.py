@@ -65,7 +65,7 @@ class Renderer(Protocol):
         """Begin a picture of the scene as it is, which may change afterwards.
 
         Returns:
-            What waits for the picture, and returns it: a new RGB one (H, W, 3).
+            Function that waits for the picture and returns it, a new RGB array (H, W, 3).
         """
         ...
 
@@ -75,7 +75,7 @@ class Renderer(Protocol):
         Args:
             data: The scene as it is.
             geoms: A mask over geom ids.
-            alone: Draw nothing but these geoms.
+            alone: Draw these geoms only.
         """
         ...
 
@@ -83,7 +83,8 @@ class Renderer(Protocol):
         """Begin a depth picture of the scene as it is.
 
         Returns:
-            What waits for the distances along the optical axis (H, W) [m]; inf where nothing is.
+            Function that waits for the distances along the optical axis (H, W) [m] and returns
+            them; inf where no surface is seen.
         """
         ...
 
@@ -216,8 +217,8 @@ class OpenGLRenderer:
 
 
 def _buffers(model: mujoco.MjModel, whole: NDArray[np.uint8]) -> mujoco.MjrContext:
-    """The GL buffers of a model: those that were given back, if the same model is in them. Making
-    them takes 4 ms, and the runs of a study have one model.
+    """Return the GL buffers of a model: the kept ones if they hold the same model, else new ones.
+    Making them takes 4 ms, and the runs of a study have one model.
     """
     before, context = gl.KEPT.__dict__.pop(IDLE, (None, None))
     if context is not None:
@@ -309,7 +310,9 @@ class Backdrop:
         """The picture's corners (3, 4) in MuJoCo's camera frame, at distance 1."""
 
     def is_hidden(self, data: mujoco.MjData, camera: int) -> bool:
-        """Return whether the lines of sight through all corners end on the table, and so all."""
+        """Return whether the table fills the picture: the lines of sight through its four corners,
+        and so all others, end on it.
+        """
         eye = data.cam_xpos[camera]
         rays = data.cam_xmat[camera].reshape(3, 3) @ self._corners
         down = -rays[2]
@@ -320,7 +323,7 @@ class Backdrop:
 
 
 def _aim(model: mujoco.MjModel, name: str, view: Camera) -> None:
-    """Give a model's camera these intrinsics: what `pinhole` reads, backwards."""
+    """Set the intrinsics of a model's camera; `pinhole` reads them back."""
     camera = model.camera(name).id
     size = np.array([view.width, view.height])
     offset = size / 2 - (view.cx, view.cy)

@@ -11,10 +11,10 @@ from sim.ranges import Time
 from sim.types import Effect
 
 SLIDE = 0.2
-"""How long the board takes to slide in, and out [s]."""
+"""Time in which the board slides in, and out [s]."""
 DISTANCE = 0.6
-"""Where it comes from and goes to: sideways from the line of sight [m], out of the picture. Both
-were chosen by hand: the target is hidden within six pictures."""
+"""Sideways distance from the line of sight at which the board is out of the picture [m]. With both
+numbers, chosen by hand, the target is hidden within six pictures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,9 +23,9 @@ class Config(BuildsItself):
 
     props = ()
     start: Time = 4.0
-    """When it stands first [s]."""
+    """Time at which the board has arrived [s]."""
     duration: Time = 0.5
-    """How long it stands [s]."""
+    """Time for which the board stays [s]."""
     offset: Annotated[float, Ge(0), Le(5)] = 0.0
     """Where it stops: sideways from the line of sight [m]. Other than at 0 it goes back where
     it came from; from 0.12 to 0.26 it hides a part of the target only."""

@@ -1,4 +1,4 @@
-"""The brightness of the image goes to a factor over a ramp, stays there, and comes back."""
+"""A temporary change of the image's brightness by a factor, with ramps at both ends."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -17,13 +17,13 @@ class Config(BuildsItself):
 
     props = ()
     start: Time = 3.0
-    """When the brightness begins to change [s]."""
+    """Time at which the brightness begins to change [s]."""
     factor: Annotated[float, Ge(0), Le(100)] = 0.7
-    """The factor it goes to."""
+    """Factor on the brightness after the ramp."""
     ramp: Interval = 0.5
-    """How long it takes to get there, and back [s]."""
+    """Duration of the ramp to the factor, and of the ramp back [s]."""
     duration: Time = 2.0
-    """How long it stays there [s]."""
+    """Time between the ramps [s]."""
 
     def at(self, time: float) -> Effect:
         times = np.cumsum([self.start, self.ramp, self.duration, self.ramp])

@@ -10,7 +10,7 @@ from sim.ranges import Share
 from sim.types import Effect
 
 LENGTH = 0.03
-"""How long one drop lasts at least [s]: a frame at 30 Hz."""
+"""Shortest duration of one drop [s]: a frame at 30 Hz."""
 START = 0.5
 """No frame is dropped before [s], so that trackers begin with pictures."""
 

@@ -15,17 +15,17 @@ SPEED = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the second target: when it appears, for how long, and where it starts."""
+    """Settings of the second target: time, duration and start position."""
 
     props = ("second_target",)
     start: Time = 3.0
-    """When it appears [s]."""
+    """Time at which it appears [s]."""
     duration: Time = 6.0
-    """How long it is there [s]."""
+    """Time after which it disappears again [s]."""
     x: Place = 0.0
-    """Where it appears [m]."""
+    """Position along world x at which it appears [m]."""
     y: Place = -0.6
-    """Where it appears [m]."""
+    """Position along world y at which it appears [m]."""
 
     def at(self, time: float) -> Effect:
         since = time - self.start

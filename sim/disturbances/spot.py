@@ -20,11 +20,11 @@ class Config(BuildsItself):
 
     props = ("spot",)
     start: Time = 3.0
-    """When the light begins to change [s]."""
+    """Time at which the light begins to change [s]."""
     ramp: Interval = 0.5
-    """How long it takes, and to come back [s]."""
+    """Duration of the change, and of the change back [s]."""
     duration: Time = 3.0
-    """How long it stays [s]."""
+    """Time between the two changes [s]."""
     x: Place = 0.0
     """Middle of the spot along the table's x [m]; it lies on y = 0."""
 

@@ -14,15 +14,15 @@ ALL_WAYS = 6
 """Joints that a camera needs to be moved and turned in all directions."""
 GRIPS = re.compile("grip|jaw|finger|thumb|claw|knuckle|pinch|clamp", re.IGNORECASE)
 TURNS = re.compile("roll|pitch|yaw|rot|turn|twist|wrist|flex|pan|tilt", re.IGNORECASE)
-"""Names of joints: those that move a jaw, and those of an arm, as in `gripper_roll`."""
+"""Words in names of joints: of a jaw, and of an arm, as in `gripper_roll`."""
 FINGER = re.compile("jaw|finger|thumb|claw|knuckle|mover|mobile|moving", re.IGNORECASE)
-"""Names of bodies that a last joint moves."""
+"""Words in names of fingers and jaws."""
 TOOL = re.compile(
     r"tool|tcp|grasp|pinch|end_?eff|(^|_)(tip|eef?)(_|\d|$)|gripper_(frame|cent)", re.IGNORECASE
 )
-"""Names of frames and sites at which a hand works."""
+"""Words in names of the frames and sites of a tool."""
 OUTWARD = re.compile("tool|tcp", re.IGNORECASE)
-"""Those of them that are taken first."""
+"""Words of the tool's names that are preferred."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Chain:
 
 
 def name_all(spec: mujoco.MjSpec) -> None:
-    """Give bodies and joints without a name one, such as joint_3: messages and files need it."""
+    """Name all unnamed bodies and joints, such as joint_3: messages and files need names."""
     for what, items in (("body", spec.bodies), ("joint", spec.joints)):
         taken = {item.name for item in items}
         free = (name for i in range(2 * len(items)) if (name := f"{what}_{i}") not in taken)
@@ -89,9 +89,11 @@ def joints_to(model: mujoco.MjModel, body: int) -> tuple[int, ...]:
 
 
 def flanges(model: mujoco.MjModel) -> list[tuple[str, str, int]]:
-    """Return candidates for the flange: kind, name and number of joints, the most joints first;
-    with six joints or more if there are any, and none that the joints of a gripper move, but for
-    a last joint that no name says to be one.
+    """Return the candidates for the flange, the most joints first: "site" or "body", its name, and
+    its number of joints.
+
+    If any have six joints, the others are left out, and so are the parts that a gripper moves. A
+    single part beyond the hand stays if no name tells that it is a jaw.
     """
     hand = _hand(model)
     below = _joints_below(model)
@@ -115,7 +117,7 @@ def flanges(model: mujoco.MjModel) -> list[tuple[str, str, int]]:
 
 
 def _default(model: mujoco.MjModel) -> str:
-    """The name of the tool's only site, or of its body."""
+    """Return the name of the tool's only site, or else of its body."""
     body = _tool(model, _hand(model))
     sites = [
         name for i in np.flatnonzero(model.site_bodyid == body) if (name := model.site(i).name)
@@ -124,7 +126,7 @@ def _default(model: mujoco.MjModel) -> str:
 
 
 def _hand(model: mujoco.MjModel) -> int:
-    """The last body of the longest chain, or the one that carries fingers or a jaw."""
+    """Return the last body of the longest chain, or the body that carries fingers or a jaw."""
     below = _joints_below(model)
     body = 0
     while moving := [c for c in _children(model, body) if below[c]]:
@@ -142,8 +144,8 @@ def _is_jaw(model: mujoco.MjModel, body: int, *, is_last: bool) -> bool:
 
     Args:
         model: The robot.
-        body: It, the only part of the hand that moves.
-        is_last: No further joint follows.
+        body: The body, the only part of the hand that moves.
+        is_last: True if no further joint follows.
     """
     if _is_named_jaw(model, body, is_last=is_last):
         return True
@@ -166,7 +168,7 @@ def _is_named_jaw(model: mujoco.MjModel, body: int, *, is_last: bool) -> bool:
 
 
 def _frames(model: mujoco.MjModel, body: int) -> list[str]:
-    """The names of the bodies and sites that are fixed to a body."""
+    """Return the names of the bodies and sites that are fixed to a body."""
     fixed = [c for c in _children(model, body) if not model.body_jntnum[c]]
     sites = np.flatnonzero(model.site_bodyid == body)
     return [*(model.body(c).name for c in fixed), *(model.site(i).name for i in sites)]
@@ -177,7 +179,7 @@ def _grips(joint: str) -> bool:
 
 
 def _tool(model: mujoco.MjModel, hand: int) -> int:
-    """The frame of a tool that is fixed to a hand, or the hand."""
+    """Return the body of a tool's frame that is fixed to a hand, or the hand itself."""
     below = _joints_below(model)
     body = hand
     while children := _children(model, body):
@@ -197,7 +199,7 @@ def _children(model: mujoco.MjModel, body: int) -> list[int]:
 
 
 def _joints_below(model: mujoco.MjModel) -> list[int]:
-    """The most joints in a row from each body on, its own included."""
+    """Return for each body the largest number of joints on a chain from it, with its own joints."""
     below = model.body_jntnum.tolist()
     for body in range(model.nbody - 1, 0, -1):
         parent = int(model.body_parentid[body])

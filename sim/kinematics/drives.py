@@ -131,7 +131,9 @@ def random_joints(
 
 
 def _inertia(spec: mujoco.MjSpec) -> Array:
-    """The largest inertia (n,) that each joint sees, the others held [kg m^2 or kg]."""
+    """Return the largest inertia (n,) seen by each joint in random postures, with the other joints
+    held [kg m^2 or kg].
+    """
     model = compiled(spec)
     data = mujoco.MjData(model)
     whole = np.empty((model.nv, model.nv))
@@ -139,6 +141,7 @@ def _inertia(spec: mujoco.MjSpec) -> Array:
     for q in random_joints(model, range(model.njnt), np.random.default_rng(0), SAMPLES):
         data.qpos[:] = q
         mujoco.mj_fwdPosition(model, data)
+        # With the others held, a joint sees its diagonal entry of the mass matrix.
         mujoco.mj_fullM(model, data, whole)
         largest = np.maximum(largest, np.diag(whole))
     return largest

@@ -21,46 +21,51 @@ from sim.kinematics.rollout import Rollout, roll_out
 from sim.types import Array, Pose
 
 RESTARTS = 40
+"""Largest number of random starts of the search."""
 ENOUGH = 8
-"""The search begins at so many places at most, and ends with so many solutions."""
+"""Number of solutions with which the search ends."""
 MOST_WAYS = 40
-"""Postures from which a way is tried where it does not stay inside the ranges."""
+"""Largest number of postures from which a path is predicted."""
 OUT_OF_REACH = 0.5
-"""Where all programmes end farther from a pose [m and rad], least squares are not tried."""
+"""If all quadratic programs end farther from a pose [m and rad], least squares are not tried."""
 SEARCH_STEPS = 60
+"""Most steps from one start."""
 NEAR = 1e-3
-"""Steps of the search, and the error at which the damped iteration takes over."""
+"""Error below which the damped iteration takes over [m and rad]."""
 LEAST_COST = 1e-4
 """Weight of a step's size, which keeps it small in singular poses."""
 COMFORT = 1.0
-"""Room before a limit beyond which more does not count [rad or m]."""
+"""Distance from a limit beyond which more does not count [rad or m]."""
 LOOKS = 12
-"""Places from which a robot of few joints begins to look at a point."""
+"""Number of random starts for a robot of few joints that looks at a point."""
 BESIDE = 1e-3
-"""Weight of the pose beside the direction in which a point is seen."""
+"""Weight of the pose's error, relative to that of the direction in which a point is seen."""
 SEEN = 1e-3
-"""A point in this direction is seen there [rad]: a third of a pixel."""
+"""Largest error of the direction in which a point is seen [rad]: a third of a pixel."""
 NEARLY_SEEN = 0.3
-"""The same of a single joint [rad]."""
+"""The same for a robot of one joint [rad]."""
 VIEW = 0.7
 """Tangent of the half angle of the cone before the camera that no link should be in."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How near the camera came to a pose. True where it is there, inside the limits."""
+    """Result of a search for joint positions; true if the camera is at the pose, inside all joint
+    limits.
+    """
 
     there: bool
     distance: float
-    """What is left [m]."""
+    """Distance that is left to the pose [m]."""
     angle: float
-    """What is left [rad]."""
+    """Angle that is left to the pose [rad]."""
     joint: str
-    """The joint that is nearest to a limit, for its range; empty where none has limits."""
+    """Name of the joint that is nearest to a limit, relative to its range; empty if no joint has
+    limits."""
     room: float
-    """How far it is from the limit, as a part of its range."""
+    """Distance of this joint from the limit, as a share of its range."""
     rollout: Rollout | None = None
-    """How the joints follow the way from there; None where nobody asked."""
+    """Prediction of the joints along the path that follows; None if no path was given."""
 
     def __bool__(self) -> bool:
         return self.there
@@ -83,18 +88,18 @@ def reach(
 ) -> Reach:
     """Set the joints so that the camera reaches a pose or comes near it; return how near it came.
 
-    The first of the robot's homes that leads there is taken, without homes the most comfortable
-    posture. Where a joint would come to the end of its range on the way, the posture that keeps
-    most room is taken in its place, if there is one from which none does. A robot of fewer than six
-    joints, for which there is no way, is there where the camera sees a point in the right
-    direction.
+    The search begins at the robot's homes, one after another; without a solution from there, the
+    most comfortable of several postures is taken. If a joint would reach its limit on the path that
+    follows, the posture that keeps the largest distance from all limits is taken instead, if there
+    is one. For a robot of fewer than six joints it is enough that the camera sees a point in the
+    desired direction.
 
     Args:
-        robot: Its joints, their limits and its homes.
-        data: What is set.
-        T_world_camera: The pose.
-        point: What the camera looks at (3,), in the world; by default what is on its axis.
-        way: Returns what follows, for `roll_out`.
+        robot: The robot, with its joint limits and homes.
+        data: Its joint positions are set.
+        T_world_camera: The desired pose.
+        point: Point (3,) in the world at which the camera looks [m]; None: a point on its axis.
+        way: Returns the path that follows, for `roll_out`.
     """
     # Lazily: a later home is tried only when a joint of an earlier solution leaves its range.
     homes = (home for home in robot.homes if robot.converge(data, home, T_world_camera))
@@ -129,9 +134,9 @@ def reach(
 def _keep_inside(
     robot: Robot, data: mujoco.MjData, others: Iterable[Array], way: Sequence[Pose]
 ) -> Rollout:
-    """Stay in this posture if all joints stay inside their ranges on the way; else take the one of
-    some others, and of those a whole turn of a joint away, from which they keep most room. Where
-    they do from none, stay.
+    """Keep the posture if all joints stay inside their ranges on a path; else take the posture from
+    which they keep the largest distance from their limits: one of some others, or one that differs
+    by a whole turn of a joint. Without such a posture, keep the present one. Return its prediction.
     """
     begin = data.qpos[robot.qpos].copy()
     first = roll_out(robot, data, way)
@@ -165,10 +170,10 @@ def _turned(robot: Robot, q: Array, joint: str) -> list[Array]:
 
 
 def _look(robot: Robot, data: mujoco.MjData, T_world_camera: Pose, point: Array) -> bool:
-    """Turn the camera so that it sees a point in the direction in which a pose would, and comes as
-    near to this pose as that leaves room for; whether it sees it there.
+    """Turn the camera so that it sees a point in the same direction as from a pose, and comes as
+    near to this pose as possible; return whether it sees the point there.
 
-    One joint cannot centre a point: then it is enough to come near.
+    One joint cannot centre a point: then a deviation of `NEARLY_SEEN` is accepted.
     """
     from scipy.optimize import least_squares  # only now: it takes a second
 
@@ -204,8 +209,8 @@ def _direction(T_world_camera: Pose, point: Array) -> Array:
 
 
 def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> list[Array]:
-    """Take the most comfortable of several solutions, or the posture that came nearest; the
-    solutions (n,), the most comfortable first.
+    """Set the most comfortable of several solutions, or, without a solution, the nearest posture;
+    return the solutions (n,), the most comfortable first.
     """
     rng = np.random.default_rng(0)
     starts = [*robot.homes, *random_joints(robot.model, robot.ids, rng, RESTARTS)]
@@ -230,7 +235,9 @@ def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> list[Arr
 def _descend(
     robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_camera: Pose
 ) -> float:
-    """Walk from a place towards the pose inside the limits; the error that is left."""
+    """Move the joints from a start towards a pose, inside their limits, by quadratic programs;
+    return the norm of the error that is left [m and rad].
+    """
     mink: Any = importlib.import_module("mink")  # only now: it takes a second
     whole = np.zeros(robot.model.nq)
     whole[robot.qpos] = start
@@ -246,6 +253,7 @@ def _descend(
     for _ in range(SEARCH_STEPS):
         before = left
         left = float(np.linalg.norm(task.compute_error(configuration)))
+        # It has arrived, or is stuck at a limit.
         if left < NEAR / 10 or left > before * 0.999:
             break
         try:
@@ -260,7 +268,9 @@ def _descend(
 
 
 def _fit(robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_camera: Pose) -> float:
-    """Walk as `_descend` does, by least squares, which take longer and seldom end at a limit."""
+    """Do the same as `_descend` by bounded least squares, which is slower, but seldom gets stuck at
+    a limit.
+    """
     from scipy.optimize import least_squares  # only now: it takes a second
     from scipy.spatial.transform import Rotation
 
@@ -282,6 +292,7 @@ def comfort(robot: Robot, data: mujoco.MjData) -> float:
     """
     q = data.qpos[robot.qpos]
     room = np.minimum(q - robot.lower, robot.upper - q).min()
+    # The smallest singular value: the slowest camera motion for joint rates of length 1.
     weakest = np.linalg.svd(robot.jacobian(data), compute_uv=False)[-1]
     links = data.xpos[robot.model.jnt_bodyid[robot.ids]]
     x, y, z = robot.camera(data).inverse().apply(links).T

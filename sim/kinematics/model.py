@@ -123,7 +123,7 @@ def drive(
 
 
 def _end_limits(joint: mujoco.MjsJoint) -> None:
-    """Take limits that are infinite or not given for none; of one alone the other side is far."""
+    """Remove a range that is infinite or not given; a range with one limit gets a far other one."""
     near = np.abs(joint.range) < FARTHEST
     if not near.any():
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
@@ -180,7 +180,7 @@ def _joints_of_tendon(model: mujoco.MjModel, tendon: int) -> list[int]:
 
 
 def _strip(spec: mujoco.MjSpec, joints: Sequence[str], *, keep_drives: bool) -> None:
-    """Leave out what a room has, and all joints but these: grippers do not move."""
+    """Delete all joints but these, so that grippers do not move, and lights, floors and drives."""
     leave_out(spec, SIMULATION)
     drives = (a for a in spec.actuators if not keep_drives or a.target not in joints)
     floors = (g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE)

@@ -34,10 +34,11 @@ NEAR_LIMIT = 0.1
 """Share of the way from middle to limit that is near it: there the freedom of an arm of more than
 six joints moves the joint back; over as much before it, gradually. Chosen by hand."""
 STEPS = 200
+"""Most steps of Newton's method."""
 TOLERANCE = 1e-10
+"""Error at which Newton's method ends [m, rad]: starts are then exact to rounding."""
 DAMPING = 1e-3
-"""Steps of Newton's method, the error at which it ends [m, rad], which leaves starts exact to
-rounding, and its damping; chosen by hand."""
+"""Damping of Newton's method; chosen by hand."""
 WHOLE = 1e-6
 """Weight of the twist's length against the square of its error: its direction then errs by about as
 much [m/s, rad/s], whatever its length."""
@@ -45,7 +46,7 @@ SECOND_TASK = 1e-8
 """Weight of the secondary objective (preferred joint rates): the twist then errs by less than
 `EXACT`, and is as long as the limits allow, wherever the arm is not near a singular pose."""
 EXACT = 1e-4
-"""A twist that differs by less than this [m/s, rad/s] is the one asked for."""
+"""Difference below which a twist counts as the commanded one [m/s, rad/s]."""
 STAYS = 1e3
 """Weight of the parts of a twist that are to stay zero, over that of the others."""
 UNLIMITED = 1e6
@@ -119,12 +120,11 @@ class Design:
     base: Pose = field(default_factory=lambda: Pose.planar(0.0, 0.0, 0.0))
     """T_room_base: where it stands; the room's z is up, and the table's top at z = 0."""
     inversion: Inversion = Inversion()
-    """How its joints follow a camera twist."""
+    """Settings of the inverse kinematics."""
     mounting: Mounting = field(default_factory=CameraInHand)
-    """Whether the robot carries the camera or the target."""
+    """Mounting: the robot carries the camera, or the target."""
     advice: str = ""
-    """What a user can change where the robot does not get to a start pose, as the end of a
-    sentence."""
+    """End of the message that a start pose is out of reach: settings that the user can change."""
 
 
 def own_name(name: str) -> str:
@@ -171,7 +171,12 @@ def each_joint(setting: str, given: EachJoint, names: tuple[str, ...]) -> Array:
 
 
 def _check_drives(model: mujoco.MjModel, design: Design) -> None:
-    """Refuse actuators that are no velocity servos, and a camera that cannot be carried."""
+    """Check that all actuators are velocity servos, and that the robot can carry its camera.
+
+    Raises:
+        ValueError: The model has no actuator or a wrong one, or its site `eye` is not where its
+            camera is.
+    """
     place = f"the robot's model {design.name}"
     if model.nu == 0:
         raise ValueError(f"{place} has no actuators; each joint needs a velocity actuator")
@@ -228,7 +233,7 @@ class Robot:
 
     @property
     def has_ranges(self) -> bool:
-        """Return whether a joint has a limited range."""
+        """True if a joint has a limited range."""
         return bool(self._limited.any())
 
     def servos(self) -> Array:
@@ -240,7 +245,8 @@ class Robot:
         return step / np.log1p(step * strength / model.dof_M0[at])
 
     def posture(self, data: mujoco.MjData, twist: Array, accepted: Array | None = None) -> Posture:
-        """Return what the robot knows of itself, as of the last kinematics.
+        """Return the robot's posture: camera pose, joint positions, limits and Jacobian, as of the
+        last kinematics.
 
         Args:
             data: Where the joints are.
@@ -273,6 +279,7 @@ class Robot:
         """
         linear, angular = self._jacobians
         mujoco.mj_jacSite(self.model, data, linear, angular, self._site)
+        # mj_jacSite gives twists of the site's origin along world axes: only a rotation is left.
         R_camera_world = (data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO).T
         J = (R_camera_world @ self._jacobians).reshape(6, -1)[:, self._dof]
         return self.mounting.jacobian(J, partial(self.hand, data))
@@ -289,10 +296,10 @@ class Robot:
         more than six; otherwise one factor slows all.
 
         Args:
-            data: Where the joints are.
-            twist: What is asked for.
-            hold: How long the rates hold [s], for drives that are exact, and for accelerations.
-            before: The rates (n,) that these follow; by default any.
+            data: The joint positions.
+            twist: The commanded twist (6,).
+            hold: Time for which the rates hold [s], for exact inversion and acceleration limits.
+            before: The rates (n,) before these; None: accelerations are not limited.
         """
         J = self.jacobian(data)
         exact = self._exact(data, twist, hold) if self._inversion.exact and hold else None
@@ -366,7 +373,9 @@ class Robot:
         return rates
 
     def _exact(self, data: mujoco.MjData, twist: Array, hold: float) -> Array | None:
-        """The rates (n,) that make the whole motion in this time; None where no joints do."""
+        """Return the rates (n,) that bring the camera exactly to the end of a twist held for a time
+        [s]; None where no joint positions inside the limits lead there.
+        """
         q = self.joints(data)
         ahead = self._ahead
         ahead.qpos[:] = data.qpos
@@ -411,8 +420,8 @@ class Robot:
         return tuple(found)
 
     def _spare(self, data: mujoco.MjData, J: Array, inverse: Array) -> Array:
-        """Rates (n,) towards the middles between the limits, and away from singular poses, that do
-        not move the camera.
+        """Return rates (n,) towards the middles between the limits, and away from singular poses,
+        that do not move the camera.
 
         After Liegeois 1977 (Automatic supervisory control of the configuration and behavior of
         multibody mechanisms, IEEE Trans. SMC 7): the gradients of the squared distances from the
@@ -429,8 +438,8 @@ class Robot:
         return free - np.linalg.pinv(J) @ (J @ free)
 
     def manipulability_gradient(self, J: Array, inverse: Array) -> Array:
-        """The gradient (n,) of log sqrt(det(J J^T)) (Yoshikawa 1985) by the joints, finite in
-        singular poses.
+        """Return the gradient (n,) of log sqrt(det(J J^T)) (Yoshikawa 1985) by the joints, finite
+        in singular poses.
 
         It is the trace of J+ dJ/dq_i. With v_j and w_j the columns of J (Haviland and Corke 2023,
         Manipulator Differential Kinematics, part 2, in the axes of the camera):
@@ -464,6 +473,7 @@ class Robot:
             left = self.eye(data).inverse() @ T_world_camera
             if angle_of(left.rotation) > HALF_TURN:
                 return False
+            # The twist that removes the error in unit time, in the camera's frame as J has it.
             error = log_se3(left)
             if np.linalg.norm(error) < TOLERANCE:
                 q = data.qpos[self.qpos]
@@ -484,35 +494,41 @@ class Robot:
 
     def camera(self, data: mujoco.MjData) -> Pose:
         """Return T_world_camera, as of the last kinematics."""
-        return self.mounting.camera(self.hand(data))
+        standing = self.mounting.standing
+        return self.hand(data) if standing is None else standing
 
     def hand(self, data: mujoco.MjData) -> Pose:
-        """T_world_hand: of the site `eye` (x right, y down, z forward), as of the last
-        kinematics.
+        """Return T_world_hand, the pose of the site `eye` (x right, y down, z forward), as of the
+        last kinematics.
         """
         rotation = data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO
         return Pose(rotation, data.site_xpos[self._site].copy())
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Products (n, 3) of rows; `np.cross` takes ten times as long."""
+    """Return the cross products (n, 3) of rows; `np.cross` takes ten times as long."""
     return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
 
 
 def _stopping(room: float, acceleration: float) -> float:
-    """The largest rate towards a joint limit that is so far away.
+    """Return the largest rate [m/s or rad/s] of a joint towards its limit.
 
-    It falls exponentially near the limit, and before that by half the acceleration: the other half
-    is for what the drive lags behind.
+    Near the limit the rate falls exponentially, and before that by half the acceleration: the other
+    half covers the lag of the drive.
+
+    Args:
+        room: Distance to the limit [m or rad].
+        acceleration: Largest acceleration of the joint [m/s^2 or rad/s^2].
     """
     room = max(room, 0.0)
     if room <= acceleration / (2 * STOP_GAIN**2):
         return STOP_GAIN * room
+    # v(room) of constant braking; it meets the exponential with the same value and slope.
     return sqrt(acceleration * (room - acceleration / (4 * STOP_GAIN**2)))
 
 
 def _slowed(wanted: Array, box: list[tuple[float, float]]) -> float:
-    """The factor on all rates with which no joint is too fast."""
+    """Return the largest factor, at most 1, that brings all wanted rates (n,) into a box."""
     factor = 1.0
     for rate, (low, high) in zip(wanted.tolist(), box, strict=True):
         most = high if rate > 0 else -low
@@ -537,6 +553,8 @@ def _programme(J: Array, wanted: Array, liked: Array, box: list[tuple[float, flo
     """
     twist = J @ wanted
     length = float(np.linalg.norm(twist))
+    # Of |J q' - k v|^2 / 2 + SECOND_TASK |q' - liked|^2 / 2 - WHOLE k |v| the last term makes the
+    # twist as long as possible.
     A = np.column_stack([J, twist / -(length or 1.0)])
     H = A.T @ A + SECOND_TASK * np.eye(len(liked) + 1)
     f = -SECOND_TASK * np.append(liked, length)

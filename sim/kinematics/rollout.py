@@ -12,11 +12,11 @@ from sim.kinematics.robot import Robot
 from sim.types import Pose
 
 STEP = 0.2
-"""Time between two poses of a way [s]."""
+"""Time between two poses of a path [s]."""
 FORESEEN = 20.0
-"""Longest way [s]: of seven joints it takes 30 ms."""
+"""Longest path [s]; with seven joints its prediction takes 30 ms."""
 SETTLING = 1.0
-"""Time constant with which the camera goes from its start to the way [s]."""
+"""Time constant with which the camera moves from its start to the path [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,11 +26,11 @@ class Rollout:
     """
 
     room: float
-    """Least way of a joint to an end of its range, as a part of this range."""
+    """Smallest distance of a joint from a limit on the path, as a share of its range."""
     joint: str = ""
-    """The joint that comes to the end of its range first; empty where none does."""
+    """Name of the joint that reaches a limit first; empty if no joint does."""
     time: float = np.inf
-    """When it does [s]."""
+    """Time at which this joint reaches its limit [s]; inf if no joint does."""
 
 
 def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
@@ -38,7 +38,7 @@ def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
     present positions; the simulation stops when a joint reaches a limit.
 
     Args:
-        robot: Its joints.
+        robot: The robot.
         data: Holds the joint positions, which are restored afterwards.
         way: Poses of the camera, as `Robot.eye` has them, a `STEP` apart.
     """

@@ -92,7 +92,7 @@ def build_model(
 
 
 def _put_camera(model: mujoco.MjModel, T_world_camera: Pose) -> None:
-    """Take the camera from the robot's hand and put it into the room."""
+    """Move the camera from the robot's hand to a pose in the room."""
     camera = model.camera(CAMERA).id
     model.cam_bodyid[camera] = 0
     model.cam_pos[camera] = T_world_camera.translation
@@ -107,7 +107,7 @@ def with_stands(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 def _attach_robot(room: mujoco.MjSpec, robot: Design, camera: CameraConfig) -> None:
-    """The camera's name is then CAMERA."""
+    """Attach a robot to a room; its camera is then called CAMERA."""
     base = robot.base
     frame = room.worldbody.add_frame(pos=base.translation, quat=quaternion_of(base.rotation))
     spec = robot.spec.copy()

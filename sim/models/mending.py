@@ -23,7 +23,7 @@ LEAST_MASS = 0.001
 LEAST_INERTIA = 1e-6
 """Of a moving body [kg, kg m^2]."""
 STICK = 0.015
-"""Radius of what is drawn of a robot without shapes [m]."""
+"""Radius of the sticks that are drawn for a robot without shapes [m]."""
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
 SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
@@ -80,7 +80,9 @@ def draw_sticks(spec: mujoco.MjSpec) -> None:
 
 
 def _correct_weights(spec: mujoco.MjSpec, mended: Mended) -> None:
-    """Replace what is no inertia by the mean of its parts; MuJoCo lifts what is too small."""
+    """Replace impossible masses and inertias: an inertia by the mean of its principal moments;
+    too small ones become `LEAST_MASS` and `LEAST_INERTIA`.
+    """
     is_bounded = spec.compiler.boundmass > 0
     spec.compiler.balanceinertia = True
     spec.compiler.boundmass = max(spec.compiler.boundmass, LEAST_MASS)
@@ -140,28 +142,24 @@ def _replace_meshes(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: b
         try:
             if shape.file:
                 fill(shape, read_mesh(file, (file.suffix.lower(),)), None)
-            for geom in _geoms_of(spec, shape):
+            for geom in geoms_of(spec, shape):
                 geom.contype = geom.conaffinity = 0  # a flat mesh has no convex hull
             why = "" if _compiles(spec, shape.name) else "it has no area"
         except ValueError:
             why = why_not(file)
         if why and not whole:
             mended.lost.append((file.name or shape.name, why))
-            _delete(spec, shape)
+            for element in [*geoms_of(spec, shape), shape]:
+                spec.delete(element)
 
 
-def _geoms_of(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> list[mujoco.MjsGeom]:
+def geoms_of(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> list[mujoco.MjsGeom]:
+    """Return all geoms of a model that show a mesh."""
     return [geom for geom in spec.geoms if geom.meshname == shape.name]
 
 
-def _delete(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> None:
-    for geom in _geoms_of(spec, shape):
-        spec.delete(geom)
-    spec.delete(shape)
-
-
 def _compiles(spec: mujoco.MjSpec, name: str) -> bool:
-    """Return whether MuJoCo takes a mesh, when small ones take the places of all others."""
+    """Return whether a model compiles if all meshes but one are replaced by a tetrahedron."""
     alone = spec.copy()
     for shape in alone.meshes:
         if shape.name != name:
@@ -176,7 +174,7 @@ def _compiles(spec: mujoco.MjSpec, name: str) -> bool:
 
 
 def _file_of(name: str, path: Path) -> Path:
-    """The file of a model's mesh or picture, which may not exist."""
+    """Return the file of a model's mesh or picture; it may not exist."""
     parts = tuple(part for part in Path(name).parts if part not in ("..", "."))
     found = [file for file in files_behind(path) if file.parts[-len(parts) :] == parts]
     return min(found, default=Path(name))

@@ -74,7 +74,7 @@ class Triangles:
 
 @dataclass(frozen=True, slots=True)
 class _Beside:
-    """The files that a mesh names: where it says, or, as it may come from elsewhere, beside it."""
+    """The files that a mesh names, at their paths or else beside the mesh."""
 
     folder: Path
     libraries: list[str]
@@ -123,7 +123,7 @@ def trimesh() -> Any:
 
 
 def listed(lost: Iterable[Lost]) -> str:
-    """Return what is left out as part of a sentence, by its reasons."""
+    """Return the names of left out parts with their reasons, as part of a sentence."""
     names = defaultdict[str, list[str]](list)
     for name, why in lost:
         names[why].append(name)
@@ -131,7 +131,7 @@ def listed(lost: Iterable[Lost]) -> str:
 
 
 def first_of(names: Iterable[str]) -> str:
-    """Return the first of some names that differ, and the number of the others."""
+    """Return the first `SHOWN` different names as a text, and the number of the others."""
     each = list(dict.fromkeys(names))
     more = f" and {len(each) - SHOWN} more" if len(each) > SHOWN else ""
     return ", ".join(each[:SHOWN]) + more
@@ -211,7 +211,7 @@ def read_mesh(
 
 
 def _unknown(used: set[str], scene: Any) -> list[Lost]:
-    """The materials that an OBJ file uses, and that no .mtl file describes."""
+    """Return the materials that an OBJ file uses and no .mtl file describes."""
     parts = scene.geometry.values()
     known = {getattr(getattr(p.visual, "material", None), "name", None) for p in parts}
     return [(name, "no .mtl file describes it") for name in sorted(used - known)]
@@ -224,11 +224,11 @@ def _names(pattern: re.Pattern[bytes], obj: bytes) -> list[str]:
 def _joined(
     scene: Any, used: set[str] | None, missing: list[Lost]
 ) -> tuple[Array, Indices, Array | None, Indices, tuple[Material | None, ...]]:
-    """The corners of all parts of a scene, its triangles, their places in pictures, and the number
-    of each one's material; and the materials.
+    """Return the corners of all parts of a scene (n, 3), its triangles (m, 3), their texture
+    coordinates (m, 3, 2), the number of each one's material (m,), and the materials.
 
     Args:
-        scene: What trimesh has read.
+        scene: Scene that trimesh has read.
         used: The names of the materials that an OBJ file uses; None of another kind of file.
         missing: Takes what cannot be drawn.
     """
@@ -264,7 +264,7 @@ def _joined(
 
 
 def _material(visual: Any, used: set[str] | None) -> Material | None:
-    """The material of a part; None where it has none."""
+    """Return the material of a part; None if it has none."""
     if visual.kind is None:
         return None
     if visual.kind != "texture":

@@ -1,4 +1,4 @@
-"""Models of MuJoCo: compiled, without what belongs to a whole simulation, and their files."""
+"""Compilation of MuJoCo's models, and removal of their sensors, lights and other extras."""
 
 import warnings
 from collections.abc import Iterable
@@ -19,7 +19,7 @@ is gone."""
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile a model; what MuJoCo only warns of is left alone.
+    """Return the compiled model; warnings of MuJoCo are ignored.
 
     It warns where the options of an attached model differ from those of the room, which hold.
     """

@@ -12,10 +12,10 @@ import numpy as np
 from sim.files import reading
 from sim.files.notices import notice
 from sim.files.packages import folders_above, is_file, package_folder, parted
-from sim.models.mending import Mended, draw_sticks, mend
+from sim.models.mending import Mended, draw_sticks, geoms_of, mend
 from sim.models.mesh_file import OBJ, is_readable, read_mesh, why_not
 from sim.models.model_files import compiled, keep_no_log, said_by_mujoco
-from sim.models.shapes import fill, paint
+from sim.models.shapes import fill, show
 
 READABLE = (".stl", OBJ, ".msh")
 """Suffixes of meshes that MuJoCo reads."""
@@ -127,7 +127,11 @@ def _complete_weights(link: Element, mended: Mended) -> None:
 
 
 def _check_limit(joint: Element) -> None:
-    """Refuse a range that ends before it begins, which MuJoCo takes for none at all."""
+    """Check that a joint's lower limit is below its upper one; MuJoCo would ignore such a range.
+
+    Raises:
+        ValueError: It is not.
+    """
     limit = joint.find("limit")
     if limit is None:
         return
@@ -198,14 +202,14 @@ def _is_readable(shape: Element) -> bool:
 
 
 def _has_materials(file: Path) -> bool:
-    """Return whether a mesh has materials of its own, which MuJoCo does not read."""
+    """Return whether a mesh has materials of its own, which MuJoCo would ignore."""
     if file.suffix.lower() == OBJ:
         return file.is_file() and b"mtllib" in file.read_bytes()
     return file.suffix.lower() not in READABLE
 
 
 def _show_materials(spec: mujoco.MjSpec, shape: mujoco.MjsMesh, mended: Mended) -> None:
-    """Give the geoms of a mesh its own materials, of which MuJoCo reads none."""
+    """Show a mesh with its own materials, which MuJoCo ignores, unless the model gives a colour."""
     file = Path(shape.file)
     if not _has_materials(file):
         return
@@ -213,21 +217,9 @@ def _show_materials(spec: mujoco.MjSpec, shape: mujoco.MjsMesh, mended: Mended) 
         mesh = read_mesh(file, (file.suffix.lower(),))
     except ValueError:
         return  # it is left out where the model does not compile
-    geoms = [geom for geom in spec.geoms if geom.meshname == shape.name]
+    geoms = geoms_of(spec, shape)
     if any(geom.material or not np.array_equal(geom.rgba, GREY) for geom in geoms):
         fill(shape, mesh, None)
         return
     mended.lost.extend(mesh.missing)
-    for k, (part, material) in enumerate(mesh.parts()):
-        name = f"{shape.name}_{k}" if k else shape.name
-        fill(spec.add_mesh(name=name, scale=shape.scale) if k else shape, part, material)
-        for geom in geoms:
-            drawn = _twin(geom, name) if k else geom
-            drawn.contype = drawn.conaffinity = 0  # a flat part has no convex hull
-            if material is not None:
-                paint(spec, drawn, material, name)
-
-
-def _twin(geom: mujoco.MjsGeom, mesh: str) -> mujoco.MjsGeom:
-    """Add a geom of another mesh at the same place, without mass."""
-    return geom.parent.add_geom(type=geom.type, meshname=mesh, pos=geom.pos, quat=geom.quat, mass=0)
+    show(spec, shape, geoms, mesh.parts())

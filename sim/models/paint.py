@@ -1,4 +1,4 @@
-"""What targets share: rectangle, colours, files by name, and pictures on a box."""
+"""Common parts of targets: rectangle, colours, pictures by name, and a box with a picture."""
 
 import re
 from collections.abc import Sequence

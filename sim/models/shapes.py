@@ -1,5 +1,7 @@
 """Meshes and pictures in MuJoCo's models."""
 
+from collections.abc import Sequence
+
 import cv2
 import mujoco
 import numpy as np
@@ -32,6 +34,38 @@ def fill(shape: mujoco.MjsMesh, mesh: Triangles, material: Material | None) -> N
         # Triangles without places are left where they fall; the places of others are right.
         shape.usertexcoord = np.nan_to_num(mesh.places * (1, -1) + (0, 1)).ravel()
         shape.userfacetexcoord = np.arange(mesh.faces.size)
+
+
+def show(
+    spec: mujoco.MjSpec,
+    shape: mujoco.MjsMesh,
+    geoms: Sequence[mujoco.MjsGeom],
+    parts: Sequence[tuple[Triangles, Material | None]],
+) -> None:
+    """Show a mesh of several materials, of which MuJoCo draws one a geom: each part becomes a mesh
+    of its own, with a geom beside each geom of the whole mesh.
+
+    Args:
+        spec: The model, which is changed.
+        shape: The mesh of the model, which becomes the first part.
+        geoms: Geoms of this mesh.
+        parts: Triangles and their material; None keeps the geom's colour.
+    """
+    for k, (part, material) in enumerate(parts):
+        name = f"{shape.name}_{k}" if k else shape.name
+        fill(spec.add_mesh(name=name, scale=shape.scale) if k else shape, part, material)
+        for geom in geoms:
+            drawn = _twin(geom, name) if k else geom
+            drawn.contype = drawn.conaffinity = 0  # a flat part has no convex hull
+            if material is not None:
+                paint(spec, drawn, material, name)
+
+
+def _twin(geom: mujoco.MjsGeom, mesh: str) -> mujoco.MjsGeom:
+    """Add a geom of another mesh at the place of a geom, without mass; return it."""
+    return geom.parent.add_geom(
+        type=geom.type, meshname=mesh, pos=geom.pos, quat=geom.quat, group=geom.group, mass=0
+    )
 
 
 def paint(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, material: Material, name: str) -> None:

@@ -7,14 +7,13 @@ import mujoco
 import numpy as np
 
 from sim.models.model_files import compiled
-from sim.outline import Outline
 from sim.types import Array
 
 OUTLINE = "outline"
 RAYS = 128
 """Rays along each side: a side of 0.2 m is found to 1.6 mm."""
 SHOWN = np.array([1, 1, 1, 0, 0, 0], np.uint8)
-"""Groups of geoms that MuJoCo draws unless it is asked for others."""
+"""Groups of geoms that MuJoCo draws by default."""
 CORNERS = np.array(list(itertools.product((-1, 1), repeat=3)))
 
 
@@ -65,12 +64,6 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
     return centre + np.array([[-a, b, 0], [a, b, 0], [a, -b, 0], [-a, -b, 0]])
 
 
-def dimensions(outline: Array) -> tuple[float, float, float]:
-    """Return length, width and height over the table [m] of a rectangle with corners (4, 3)."""
-    sides = Outline(outline)
-    return sides.length, sides.width, sides.height
-
-
 def outline_site(spec: mujoco.MjSpec) -> Array | None:
     """Return the rectangle (4, 3) [m] that a model's site `outline` names; None where it has no
     such site.
@@ -91,8 +84,8 @@ def outline_site(spec: mujoco.MjSpec) -> Array | None:
 
 
 def seen_from_above(spec: mujoco.MjSpec) -> Array:
-    """Return the level rectangle (4, 3) around what is seen of a model from above, at its mean
-    height [m].
+    """Return the level rectangle (4, 3) around the surface of a model that is seen from above, at
+    its mean height [m].
 
     Raises:
         ValueError: Nothing of it is seen above the table, z = 0.
@@ -111,7 +104,7 @@ def seen_from_above(spec: mujoco.MjSpec) -> Array:
 
 
 def _bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
-    """The box around the geoms that are drawn: its lowest and highest corner (3,) [m]."""
+    """Return the lowest and the highest corner (3,) of the box around the drawn geoms [m]."""
     drawn = [
         data.geom_xpos[g] + (box[:3] + CORNERS * box[3:]) @ data.geom_xmat[g].reshape(3, 3).T
         for g, box in enumerate(model.geom_aabb)

@@ -14,9 +14,9 @@ class Straight(BuildsItself):
     """A drive along a straight line; the nose never turns."""
 
     x: Place = 0.0
-    """Start [m]."""
+    """Start position along world x [m]."""
     y: Place = 0.0
-    """Start [m]."""
+    """Start position along world y [m]."""
     heading_deg: Degrees = 0.0
     """Direction of the nose, from world x towards y [deg]."""
 

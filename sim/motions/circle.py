@@ -16,13 +16,13 @@ class Config(BuildsItself):
     """Settings of the circle: centre, radius and frequency."""
 
     x: Place = 0.0
-    """Centre [m]."""
+    """Centre of the circle along world x [m]."""
     y: Place = 0.0
-    """Centre [m]."""
+    """Centre of the circle along world y [m]."""
     radius: Length = 0.15
-    """Radius [m]."""
+    """Radius of the circle [m]."""
     frequency: Annotated[float, Ge(-100), Le(100)] = 0.15
-    """Rounds a second [Hz]; negative drives clockwise as seen from above."""
+    """Rounds per second [Hz]; below zero the target drives clockwise as seen from above."""
 
     def at(self, time: float) -> Pose:
         angle = 2 * pi * self.frequency * time

@@ -12,7 +12,7 @@ class Config(Straight):
 
     x: Place = -0.5
     speed: Speed = 0.1
-    """Speed [m/s]."""
+    """Speed along the line [m/s]; below zero the target drives backwards."""
 
     def way(self, time: float) -> float:
         return self.speed * time

@@ -14,7 +14,7 @@ class Config(Straight):
 
     heading_deg: Degrees = -90.0
     speed: Speed = 0.1
-    """Speed [m/s]."""
+    """Speed along the line [m/s]."""
     length: Length = 0.5
     """Length of the line [m]; the drive starts in its middle."""
 

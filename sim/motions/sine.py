@@ -15,9 +15,9 @@ class Config(Straight):
     """Settings of the line and of the oscillation, which starts at the middle of the line."""
 
     amplitude: Place = 0.15
-    """Amplitude [m]."""
+    """Amplitude of the oscillation [m]."""
     frequency: Annotated[float, Ge(0.001), Le(100)] = 0.2
-    """Frequency [Hz]."""
+    """Frequency of the oscillation [Hz]."""
 
     def way(self, time: float) -> float:
         return self.amplitude * sin(2 * pi * self.frequency * time)

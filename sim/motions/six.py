@@ -15,7 +15,7 @@ WAVES = 2
 SLOWEST = 0.4
 """Lowest frequency of a sine, over the highest."""
 MIDDLE = np.array([0.0, 0.0, 0.3])
-"""Where the motion begins, level [m]. This and how far it goes by default were chosen by hand on
+"""Start position of the level target [m]. It and the default amplitudes were chosen by hand on
 `six_dof`, so that the target stays in sight of a camera a metre above the table."""
 
 
@@ -24,13 +24,13 @@ class Config:
     """Settings of a smooth motion in six degrees of freedom: frequency and amplitudes."""
 
     frequency: Annotated[float, Ge(0), Le(100)] = 0.2
-    """Highest frequency [Hz]."""
+    """Highest frequency of a sine [Hz]."""
     way: Annotated[float, Ge(0), Le(5)] = 0.1
-    """Farthest from where it begins, along x and along y [m]."""
+    """Largest distance from the start along x, and along y [m]."""
     rise: Annotated[float, Ge(0), Le(0.3)] = 0.1
-    """Farthest up and down [m]."""
+    """Largest height above, and below, the start [m]."""
     turn_deg: Annotated[float, Ge(0), Le(180)] = 30.0
-    """Farthest about the vertical [deg]."""
+    """Largest rotation about the vertical [deg]."""
     tilt_deg: Annotated[float, Ge(0), Le(90)] = 20.0
     """Farthest from level, in any direction [deg]."""
 

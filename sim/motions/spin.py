@@ -9,10 +9,11 @@ from sim.kinds import BuildsItself
 from sim.ranges import Degrees, Place, Speed
 from sim.types import Pose
 
+# Chosen by hand: with the default settings a turn is a quarter turn, and a leg has 0.2 m.
 TURN_DURATION = 2.0
+"""Duration of a turn on the spot [s]."""
 LEG_DURATION = 2.0
-"""How long a turn and a leg last [s]. Chosen by hand: at the defaults a quarter
-turn, and a leg of 0.2 m."""
+"""Duration of a straight leg [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,13 +21,13 @@ class Config(BuildsItself):
     """Settings of the turns on the spot and of the straight drives between them."""
 
     x: Place = -0.1
-    """Start [m]."""
+    """Start position along world x [m]."""
     y: Place = -0.1
-    """Start [m]."""
+    """Start position along world y [m]."""
     heading_deg: Degrees = -90.0
     """Direction of the nose at first, from world x towards y [deg]."""
     turn_deg: Degrees = 90.0
-    """Each turn, from world x towards y [deg]."""
+    """Angle of each turn, from world x towards y [deg]."""
     speed: Speed = 0.1
     """Speed on a leg [m/s]."""
 
@@ -41,6 +42,6 @@ class Config(BuildsItself):
         return Pose.planar(way.real, way.imag, float(np.angle(nose)))
 
     def _direction(self, turns: float) -> complex:
-        """The nose's direction after so many turns."""
+        """Return the direction of the nose after a number of turns, as a complex unit number."""
         angle = radians(self.heading_deg + turns * self.turn_deg)
         return complex(cos(angle), sin(angle))

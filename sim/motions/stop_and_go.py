@@ -15,11 +15,11 @@ class Config(Straight):
 
     x: Place = -0.5
     speed: Speed = 0.12
-    """Speed while it drives [m/s]."""
+    """Speed of a drive [m/s]."""
     go: Annotated[float, Ge(0.1), Le(LONGEST)] = 2.0
-    """How long it drives [s]."""
+    """Duration of a drive [s]."""
     stop: Time = 1.5
-    """How long it then stands [s]."""
+    """Duration of the stop after a drive [s]."""
 
     def way(self, time: float) -> float:
         rounds, rest = divmod(time, self.go + self.stop)

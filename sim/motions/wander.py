@@ -24,9 +24,9 @@ class Config:
     """Settings of the loop: its mean radius and the time of one round."""
 
     radius: Length = 0.18
-    """Mean radius [m]."""
+    """Mean radius of the loop [m]."""
     period: Annotated[float, Ge(0.01), Le(1e6)] = 9.0
-    """Time of one round [s]."""
+    """Duration of one round [s]."""
 
     def build(self, rng: np.random.Generator) -> "Wander":
         """Return the motion; its shape, start and sense come from the generator."""

@@ -34,7 +34,7 @@ CHECKOUT = (
     f"set {ROOT} to the folder of a checkout of github.com/google-deepmind/mujoco_menagerie and "
     f"name the file, as in {MENAGERIE}universal_robots_ur5e/ur5e.xml"
 )
-"""The way to robots that needs no download."""
+"""End of a message: how to use robots without a download."""
 
 
 ELSEWHERE = "; try another robot.base, or a robot.home near a posture that gets there"
@@ -119,8 +119,8 @@ def model_path(model: str) -> Path:
 
 
 def _in_menagerie(model: str) -> Path:
-    """The file of "menagerie:PATH" in a checkout, or of "menagerie:NAME" or "menagerie:NAME/FILE"
-    in the package, which downloads a robot when it is first asked for.
+    """Return the file of "menagerie:PATH" in a checkout, or of "menagerie:NAME" or
+    "menagerie:NAME/FILE" in the package, which downloads a robot at its first use.
     """
     path = Path(model.removeprefix(MENAGERIE))
     folder = os.environ.get(ROOT)

@@ -12,7 +12,7 @@ from sim.files.shipped import file_of
 from sim.models.mesh_file import Material, Triangles, listed, read_mesh, trimesh
 from sim.models.model_files import said_by_mujoco
 from sim.models.paint import PLAIN, Colour, Outlined, picture_named, rgba
-from sim.models.shapes import fill, paint
+from sim.models.shapes import show
 from sim.models.target import Target
 from sim.ranges import Degrees, File, Length
 from sim.types import Array
@@ -26,7 +26,7 @@ UPRIGHT = {
 ACROSS = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
 YELLOW = "#e0b020"
 FLAT = 0.001
-"""What is thinner lies this far over the table, which would show through it [m]."""
+"""Height to which a thinner target is lifted over the table, which would show through it [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,23 +67,20 @@ class Config(Outlined):
             raise ValueError(f"{path}: {said_by_mujoco(error)}") from None
 
     def _spec(self, mesh: Triangles, given: Material, *, own: bool) -> mujoco.MjSpec:
-        """The model, with the mesh's own materials or a given one."""
+        """Return the model of the target, with the mesh's own materials or a given one."""
         if given.picture is not None and mesh.places is None:
             raise ValueError("it does not say where the texture lies on it (vt)")
         mesh = replace(mesh, vertices=self._placed(mesh.vertices))
         parts = mesh.parts() if own and any(mesh.materials) else [(mesh, given)]
         spec = mujoco.MjSpec()
-        for k, (part, material) in enumerate(parts):
-            name = f"mesh_{k}" if k else "mesh"
-            material = material or given
-            fill(spec.add_mesh(name=name), part, material)
-            kind = mujoco.mjtGeom.mjGEOM_MESH
-            geom = spec.worldbody.add_geom(type=kind, meshname=name, **PLAIN)
-            paint(spec, geom, material, name)
+        kind = mujoco.mjtGeom.mjGEOM_MESH
+        geom = spec.worldbody.add_geom(type=kind, meshname="mesh", **PLAIN)
+        painted = [(part, material or given) for part, material in parts]
+        show(spec, spec.add_mesh(name="mesh"), [geom], painted)
         return spec
 
     def _placed(self, vertices: Array) -> Array:
-        """Vertices (n, 3) in the target's frame [m]."""
+        """Return vertices (n, 3) of the file in the target's frame [m]."""
         points = vertices @ UPRIGHT[self.up].T
         length, width, _ = np.ptp(points, axis=0)
         if width > length:
@@ -106,7 +103,7 @@ class Config(Outlined):
 
 
 def _seen_from_outside(mesh: Triangles) -> Triangles:
-    """A closed mesh whose faces point outwards; of an open one both sides can be seen."""
+    """Return a closed mesh with its faces outwards; an open mesh with both sides of each face."""
     places = mesh.places
     behind = None if places is None else places[:, ::-1]
     faces = mesh.faces[:, ::-1]

@@ -166,9 +166,8 @@ class TextureSettings(AppearanceSettings):
     "discard" only, which would leave next to nothing."""
 
     def bins(self, image: Image, region: Region, state: State) -> Bins:
-        """Return joint bins, or those of colour alone where too little of the target is textured.
-
-        Few pixels in so many bins make a histogram that no two pictures share. Texture alone stays.
+        """Return joint bins of colour and texture, or bins of colour alone if too little of the
+        target is textured: few pixels in so many bins make a new histogram in each picture.
         """
         joint = TextureBins(self.levels, self.neighbours, self.radius, self.rest)
         # The square in the middle: the corners of the region may show the ground.

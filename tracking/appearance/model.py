@@ -3,8 +3,8 @@ kernel or several.
 
 With the template cut into cells this is the multiple-kernel representation of the particle filter
 (Teuliere, Marchand, Eck, sections II and IV-B); with one Epanechnikov disc it is that of mean shift
-(Comaniciu, Ramesh, Meer 2003) and of the single-kernel filters. The paper's lost equations (1) to
-(5), as we read them:
+(Comaniciu, Ramesh, Meer 2003) and of the single-kernel filters. Equations (1)
+to (5) of the paper, as we reconstruct them:
 
     f_x(l)  = R(-theta) (l - (x, y)) / s                       the image in template coordinates
     q_u(x)  = C sum_i K(f_x(l_i) - c) delta[b(l_i) - u]        histogram, sums to 1

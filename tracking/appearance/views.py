@@ -30,7 +30,7 @@ class Views:
     """The first view of the target and the newest ones."""
 
     def __init__(self, image: Image, region: Region, state: State, count: int) -> None:
-        """Take the first view.
+        """Store the first view.
 
         Args:
             image: First frame (H, W, 3).

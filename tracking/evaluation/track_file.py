@@ -121,7 +121,9 @@ def read(path: Path) -> Track:
     try:
         return _track(rows)
     except (ValueError, IndexError):
-        raise ValueError(f"{path}: this is not a track: a row is not one of numbers") from None
+        raise ValueError(
+            f"{path}: this is not a track: a row has other values than numbers"
+        ) from None
 
 
 def _track(rows: list[list[str]]) -> Track:

@@ -4,7 +4,6 @@ import argparse
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from typing import Any, TextIO
 
 import numpy as np
@@ -16,7 +15,7 @@ from tracking import configured
 from tracking.evaluation.warm_up import warm_up
 from tracking.exported.toolkits import Follower
 from tracking.sequences.sources import RATE
-from tracking.types import Estimate, Status
+from tracking.types import Status
 from tracking.wrapped.trax_messages import (
     CONFIDENCE,
     CORNERS,
@@ -101,12 +100,14 @@ def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Ite
             given = None
             box = region.ndim == 1 or len(region) == CORNERS
             follower.start(image, region.ravel() if box else box_around(region), turned=True)
-            yield _state(region, 1.0)
+            yield _answer(region, 1.0, seen=True)
         else:
             found, rect = follower.update(image)
             boxes = region is not None and region.ndim == 1
             outline = np.array(rect) if boxes else found.outline(follower.region)
-            yield _answer(outline, found)
+            # A tracker that is unsure, but finds something similar, still reports its region.
+            seen = found.distance < 1.0 or found.status is Status.LOCKED
+            yield _answer(outline, 1.0 - found.distance, seen=seen)
 
 
 def _region(text: str) -> Array:
@@ -120,16 +121,10 @@ def _region(text: str) -> Array:
     return region
 
 
-def _state(region: Array, confidence: float) -> Message:
-    return Message("state", [region_text(region)], {CONFIDENCE: f"{confidence:.6f}"})
-
-
-def _answer(outline: Array, found: Estimate) -> Message:
+def _answer(region: Array, confidence: float, *, seen: bool) -> Message:
     """Return the answer to a picture; it is marked if the tracker saw no target."""
-    answer = _state(outline, 1.0 - found.distance)
-    if found.distance >= 1.0 and found.status is not Status.LOCKED:
-        return replace(answer, named={**answer.named, SEEN: UNSEEN})
-    return answer
+    named = {CONFIDENCE: f"{confidence:.6f}"} | ({} if seen else {SEEN: UNSEEN})
+    return Message("state", [region_text(region)], named)
 
 
 def main() -> None:

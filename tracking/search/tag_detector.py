@@ -43,7 +43,7 @@ misses upright tags that the other one finds."""
 
 @final
 class TagDetector:
-    """Two detectors of OpenCV, and a fit of the edges of what they find."""
+    """Finds tags by two detectors of OpenCV, and fits lines to the edges of the tag."""
 
     def __init__(self) -> None:
         family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)

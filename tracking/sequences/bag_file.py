@@ -240,7 +240,7 @@ def _listed(file: BinaryIO) -> tuple[Iterable[Topic], int]:
 
 
 def _scanned(file: BinaryIO) -> tuple[Iterable[Topic], int]:
-    """Return the same of a log without a summary, as one whose recorder was killed."""
+    """Return the topics of a log without a summary, as a killed recorder leaves it."""
     from mcap.records import Channel, Message, Schema
     from mcap.stream_reader import StreamReader
     from mcap.summary import Summary

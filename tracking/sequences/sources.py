@@ -57,7 +57,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """How the reading of a source ended, if the user should know."""
+    """Report on the end of reading a source."""
 
     sentence: str
     lost: bool = False
@@ -122,10 +122,10 @@ class Times:
 
 
 def timed(pictures: Iterable[Picture], rate: float) -> Iterator[Picture]:
-    """Give pictures their times by their stamps.
+    """Yield pictures with times from their stamps.
 
-    Those that cannot be decoded and have no stamp wait for the next one, and lie evenly before it;
-    where no picture with a stamp follows, they come at the rate [1/s].
+    Pictures that cannot be decoded and have no stamp are spread evenly before the next one; where
+    no picture with a stamp follows, they come at the rate [1/s].
     """
     times = Times(rate)
     waiting: list[Picture] = []
@@ -166,7 +166,7 @@ class Folder:
     rate: float = RATE
     end: End | None = None
     notes: tuple[str, ...] = ()
-    """As those of `Picture`."""
+    """Sentences about the source for the user."""
 
     @staticmethod
     def of(folder: Path, rate: float = RATE) -> "Folder":

@@ -69,7 +69,7 @@ class Feed:
     pictures: Iterator[Picture]
     """Pictures without names and times. Raises SourceLost."""
     rate: float = RATE
-    """About how many come in a second."""
+    """Approximate rate of the pictures [1/s]."""
     waits: bool = False
     """True for a recording on a server, which waits for the tracker; nothing is dropped."""
 

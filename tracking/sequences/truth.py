@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.files import reading
-from sim.types import Array
+from sim.types import LARGEST_PICTURE, Array
 from tracking.sequences.quadrilateral import BOX, QUAD, boxes, corners_of, crosses_itself
 from tracking.types import FARTHEST
 
@@ -95,9 +95,7 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
         ValueError: The file cannot be read, has too many lines, a line is not of this format, or
             AUTO cannot decide.
     """
-    lines = reading.text(path, "truth", LARGEST_FILE).splitlines()
-    while lines and not lines[-1].strip():
-        lines.pop()
+    lines = reading.text(path, "truth", LARGEST_FILE).rstrip().splitlines()
     if not lines:
         raise ValueError(f"{path}: this truth is empty")
     if count is not None and len(lines) > MOST_LINES * (count + 1):
@@ -184,7 +182,7 @@ def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
 
 
 def _may_be_corners(given: Array) -> bool:
-    """Return whether all lines (n, 4) may be x1,y1,x2,y2: x2 > x1 and y2 > y1."""
+    """Return whether all lines (n, 4) could be x1,y1,x2,y2, with x2 > x1 and y2 > y1."""
     return bool((given[:, 2:] > given[:, :2]).all())
 
 
@@ -258,22 +256,18 @@ def _around_mask(line: str, place: str) -> Array:
         x, y, width, height, *runs = (int(part) for part in line.removeprefix("m").split(","))
     except ValueError:
         raise ValueError(f"{place}: '{line[:LONGEST]}' is not a mask of VOT") from None
-    if max(map(abs, (x, y, width, height))) > FARTHEST or min(width, height, *runs) < 0:
+    reach = max(abs(x), abs(y))
+    if reach > FARTHEST or max(width, height) > LARGEST_PICTURE or min(width, height, *runs) < 0:
         raise ValueError(f"{place}: '{line[:LONGEST]}' is not a mask in a picture")
     if sum(runs) > width * height:
         raise ValueError(f"{place}: the runs of this mask do not fit its rectangle")
-    ends = np.cumsum(np.array(runs, np.int64))
-    stops = ends[1::2]
-    starts = ends[: 2 * len(stops) : 2]
-    starts, stops = starts[stops > starts], stops[stops > starts] - 1
-    if not len(starts):
+    mask = np.zeros(width * height, bool)
+    mask[: sum(runs)] = np.repeat(np.arange(len(runs)) % 2 == 1, np.array(runs, int))
+    rows, columns = (np.flatnonzero(mask.reshape(height, width).any(axis=k)) for k in (1, 0))
+    if not len(rows):
         return np.full(BOX, np.nan)
-    (tops, lefts), (bottoms, rights) = divmod(starts, width), divmod(stops, width)
-    left, right = lefts.min(), rights.max()
-    if (bottoms > tops).any():  # such a run has the end of one row and the start of the next
-        left, right = 0, width - 1
-    top, bottom = tops.min(), bottoms.max()
-    return np.array([x + left, y + top, right - left + 1, bottom - top + 1], float)
+    corner = [x + columns[0], y + rows[0]]
+    return np.array([*corner, np.ptp(columns) + 1, np.ptp(rows) + 1], float)
 
 
 def _of_csv(lines: list[str], path: Path) -> Array:

@@ -58,11 +58,11 @@ class Video:
 
     path: Path
     rate: float
-    """Frames a second."""
+    """Rate of the pictures [1/s]."""
     count: int
     """Number of frames that it states; where it states none, that it has."""
     end: End | None = None
-    """What was missing or damaged in the last reading; None: nothing."""
+    """Report on missing or damaged pictures of the last reading; None: all were read."""
 
     @staticmethod
     def of(path: Path) -> "Video":

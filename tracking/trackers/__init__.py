@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def _adapted(found: Any) -> type[Any] | None:
-    """Return a `Config` class for a tracker of one's own: a class or object with `start` and
+    """Return a `Config` class for a tracker of the user: a class or object with `start` and
     `update`, or with `init` and `update`, or a function that makes the latter; else None.
     """
     # Imported only now: `servobench list` only looks at files.
@@ -25,8 +25,8 @@ def _adapted(found: Any) -> type[Any] | None:
 
 
 def general_kinds() -> list[str]:
-    """Return the kinds that follow any target by pictures alone, and need no program or model of
-    the user's: those that "all trackers" stands for.
+    """Return the trackers meant by "all trackers": those that follow any target by pictures alone,
+    and need no program or model of the user.
     """
     from tracking.types import Trait, follows_any_target, traits_of
 

@@ -78,15 +78,21 @@ class ParticleTracker(ABC):
         self._rng = rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the target and put all particles on it."""
+        """Learn the target's histograms and put all particles on its state.
+
+        Raises:
+            ValueError: The region is empty, or most of it is outside the picture.
+        """
         check_region(frame, region, state)
         c = self._settings
         self._model = c.model(frame.image, region, state)
         image = self._model.label(frame.image).image
+        # A target that looks the same at all angles says nothing about theta: it then stays fixed.
         turns = c.turn_noise > 0 and shows_angle(image, region, state)
         noise = (c.noise, c.turn_noise if turns else 0.0, c.scale_noise)
         self._cloud = ParticleFilter(region, state, c.particles, noise, self._rng)
         self._velocity = Velocity(state, c.velocity_memory)
+        # With views the judged distance is 1 - confidence, else that of the histograms.
         self._loss = LossJudge(LIMITS if c.views > 0 else self._limits)
         self._status = Status.LOCKED
         self._found = state
@@ -95,17 +101,24 @@ class ParticleTracker(ABC):
             self._recogniser = Recogniser(c.views, image, region, state, self._model)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Search, estimate, resample."""
+        """Return the estimate of one step of the filter: predict, weigh, estimate, resample.
+
+        Args:
+            frame: The next frame.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale that the camera's own motion
+                makes; None if it is unknown.
+        """
         cloud = self._cloud
         lost = self._status is Status.LOST
         strewn = lost and self._settings.scatter > 0
         image = self._model.label(frame.image)
         widen = WIDER if lost and self._recogniser is None else 1.0
         evaluations = self._search(image, self._velocity.step(ego), widen)
-        # In many places after views were searched: their mean is none of them.
+        # After a search by views the particles lie in several places, and their mean in none.
         searched = lost and self._recogniser is not None
         proposed = cloud.best() if self._settings.method.best or searched else cloud.mean()
         state, covariance, distance, more = self._judge(image, proposed, frame.time)
+        # Before resampling, which adds only noise to the estimate (Isard, Blake 1998).
         estimate = cloud.estimate(state, covariance, distance, self._status, evaluations + more)
         seen = self._status is Status.LOCKED
         # States of strewn particles carry no information on the target's motion; while the target
@@ -114,8 +127,10 @@ class ParticleTracker(ABC):
         cloud.resample(1.0 if seen else self._settings.method.hidden)
         if seen:
             if strewn:
+                # Most strewn particles are far away: they restart at the target.
                 cloud.gather(state)
             else:
+                # A refined state moves the whole cloud with it; without refinement this is zero.
                 cloud.shift(state.vector - proposed.vector)
             self._found = state
             self._model.learn(image, state)
@@ -124,8 +139,8 @@ class ParticleTracker(ABC):
         return estimate
 
     def _strew(self, image: LabelledImage) -> None:
-        """Strew particles over the picture while the target is LOST, and send some to places that
-        are like a view.
+        """While the target is LOST, redraw a share of the particles uniformly over the picture
+        (sensor resetting), and move some to the places most like a stored view.
         """
         if self._status is Status.LOST:
             height, width = image.image.shape[:2]
@@ -135,7 +150,7 @@ class ParticleTracker(ABC):
 
     @abstractmethod
     def _search(self, image: LabelledImage, change: Array, widen: float) -> int:
-        """Move and weigh the particles, strewn ones too.
+        """Move and weigh all particles, also those redrawn over the picture.
 
         Args:
             image: The picture.
@@ -150,8 +165,16 @@ class ParticleTracker(ABC):
     def _judge(
         self, image: LabelledImage, proposed: State, time: float
     ) -> tuple[State, Array, float, int]:
-        """Set the status; return the state, covariance and distance to report, and the histograms
-        read.
+        """Set the status of this frame.
+
+        Args:
+            image: The picture.
+            proposed: State that the particles propose.
+            time: Time of the frame [s].
+
+        Returns:
+            The state to report, its covariance (4, 4), its distance 0..1, and the number of
+            histograms read.
         """
 
 
@@ -168,11 +191,13 @@ class CloudTracker(ParticleTracker):
         def log_likelihood(cloud: ParticleFilter) -> Array:
             nonlocal evaluations
             if method.climbs:
+                # KAMS and the hybrid weigh a particle at the mode to which it climbs.
                 cloud.samples, _, climbed = model.climb(
                     image, cloud.samples, most=CLIMB, tolerance=CLIMB_TOLERANCE, reach=cloud.size
                 )
                 evaluations += climbed
             evaluations += len(cloud.samples)
+            # ln of the likelihood exp(-gamma d^2) of Perez et al. 2002.
             return -self._settings.gamma * model.energy(image, cloud.samples)
 
         anneal(self._cloud, change, log_likelihood, method.annealing, widen)

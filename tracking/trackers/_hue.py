@@ -47,8 +47,9 @@ class HueModel:
         self._ratio = np.minimum(counted * self._reference / np.maximum(everywhere, 1.0), 1.0)
 
     def back_projection(self, image: Image) -> NDArray[np.uint8]:
-        """Return how likely each pixel is the target's (H, W), 0..255."""
+        """Return the back-projection (H, W): for each pixel the ratio of its hue, 0..255."""
         hsv, mask = self._hsv(image)
+        # Mean shift is the same for any common factor: the likeliest hue gets 255.
         scaled = self._ratio / max(float(self._ratio.max()), 1e-12) * 255
         likely = cv2.calcBackProject([hsv], [0], scaled.astype(np.float32), [0, 180], 1)
         return cv2.bitwise_and(likely, mask).astype(np.uint8)
@@ -64,6 +65,7 @@ class HueModel:
         hsv, mask = self._hsv(image[y : y + height, x : x + width])
         inside = np.zeros_like(mask)
         size = (self._region.width * state.scale, self._region.height * state.scale)
+        # OpenCV's coordinates begin in the middle of the first pixel, ours at its corner.
         centre = (state.x - x - 0.5, state.y - y - 0.5)
         cv2.ellipse(inside, (centre, size, float(np.degrees(state.theta))), 255, -1)
         counts = self._counts(hsv, cv2.bitwise_and(mask, inside).astype(np.uint8))
@@ -75,19 +77,26 @@ class HueModel:
 
     def _hsv(self, image: Image) -> tuple[Image, NDArray[np.uint8]]:
         hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV).astype(np.uint8)
+        # The hue of grey and of dark pixels is noise (Bradski 1998).
         low = np.array([0, LEAST_SATURATION, LEAST_VALUE])
         return hsv, cv2.inRange(hsv, low, np.array([180, 255, 255])).astype(np.uint8)
 
 
 class HueTracker:
-    """A search of OpenCV's, whose result a hue histogram judges."""
+    """A tracker whose position comes from a search of OpenCV, and whose status comes from a hue
+    histogram at that position.
+    """
 
     follows = (False, False)
-    """True where it follows the angle, and the size."""
+    """Whether the tracker follows the angle, and the size."""
     _region: Region = SET_BY_START
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the histogram."""
+        """Learn the target's hue histogram.
+
+        Raises:
+            ValueError: The region is empty, or most of it is outside the picture.
+        """
         check_region(frame, region, state)
         self._region = region
         self._state = state
@@ -106,4 +115,4 @@ class HueTracker:
 
     @abstractmethod
     def _found(self, frame: Frame, ego: Array | None) -> State:
-        """Return the target's state; its last one where it is not found."""
+        """Return the target's state in a frame; its last state if the search does not find it."""

@@ -12,23 +12,30 @@ SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) / 2
 
 
 def homography(source: Array, target: Array) -> Array:
-    """Return the matrix (3, 3) that takes four points (4, 2) to four others."""
+    """Return the homography (3, 3) that maps four points (4, 2) to four others (4, 2)."""
     H = cv2.getPerspectiveTransform(source.astype(np.float32), target.astype(np.float32))
     return H.astype(np.float64)
 
 
 def through(H: Array, points: Array) -> Array:
-    """Return points (n, 2) after a homography."""
+    """Return the images (n, 2) of points (n, 2) under a homography (3, 3)."""
     seen = np.column_stack([points, np.ones(len(points))]) @ H.T
     return seen[:, :2] / seen[:, 2:]
 
 
 def state_of(corners: Array, region: Region, last: State) -> State:
-    """Return the state of a region whose corners are seen at (4, 2): centre, direction of the nose
-    and root of the area as `sim.types.Truth` defines them; the angle continues the last one.
+    """Return the state of a region from its corners in the picture: centre, direction of the nose
+    and root of the area, as `sim.types.Truth` defines them.
+
+    Args:
+        corners: The region's corners (4, 2) [px].
+        region: The region, whose area gives scale 1.
+        last: The last state, from which the angle is at most half a turn away.
     """
+    # In perspective the centre is where the diagonals cross, not the mean of the corners.
     centre, nose = through(homography(SQUARE, corners), np.array([[0.0, 0.0], [0.5, 0.0]]))
     theta = float(np.arctan2(*(nose - centre)[::-1]))
+    # The arctangent jumps at pi: the whole turn nearest to the last angle is added.
     theta += 2 * np.pi * round((last.theta - theta) / (2 * np.pi))
     scale = np.sqrt(area(corners) / (region.width * region.height))
     return State(float(centre[0]), float(centre[1]), theta, float(scale))

@@ -34,15 +34,19 @@ class Camshift(HueTracker):
     _box: tuple[int, int, int, int] = SET_BY_START
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the histogram, and fit the first ellipse."""
+        """Learn the hue histogram, and fit the first ellipse.
+
+        Raises:
+            ValueError: The region is empty, or most of it is outside the picture.
+        """
         super().start(frame, region, state)
         self._box = box_of(region, state, frame.image)
-        # Its size is that of an ellipse of its own: only the ratio to the first means anything.
+        # CamShift's ellipse is not the region: only the ratio of its areas is used.
         fitted = self._fit(frame)
         self._first = region.width * region.height if fitted is None else fitted[2], state.scale
 
     def _found(self, frame: Frame, ego: Array | None) -> State:
-        """Shift and fit the box; where nothing resembles the target it stays."""
+        """Return the state at the fitted ellipse; the last state if CamShift finds nothing."""
         if ego is not None:
             x, y, width, height = self._box
             self._box = (x + round(ego[0]), y + round(ego[1]), width, height)
@@ -50,8 +54,7 @@ class Camshift(HueTracker):
             return self._state
         x, y, area = fitted
         first, scale = self._first
-        # Its angle is an ellipse's, without front or back, and jumps for round targets: the
-        # reference keeps the first angle, as its users do.
+        # The angle of an ellipse has no front or back, and jumps for round targets: it is not used.
         return State(x, y, self._state.theta, scale * float(np.sqrt(area / first)))
 
     def _fit(self, frame: Frame) -> tuple[float, float, float] | None:

@@ -1,4 +1,4 @@
-"""OpenCV's meanShift on the back-projection of a hue histogram: a reference, not ours."""
+"""OpenCV's meanShift on the back-projection of a hue histogram: for comparison."""
 
 from dataclasses import dataclass
 from typing import final

@@ -1,4 +1,4 @@
-"""OpenCV's TrackerMIL (Babenko, Yang, Belongie 2009): a reference, not ours.
+"""OpenCV's TrackerMIL (Babenko, Yang, Belongie 2009): for comparison.
 
 It has no confidence of its own; distance and status come from a hue histogram of its box.
 """
@@ -41,13 +41,20 @@ class CvMil(HueTracker):
         self._seed = seed
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the histogram, and train the classifier."""
+        """Learn the hue histogram, and train the classifier.
+
+        Raises:
+            ValueError: The region is too small for OpenCV's tracker, or most of it is outside the
+                picture.
+        """
         super().start(frame, region, state)
         self._mil = Cv2Tracker("MIL", (), self._seed)
         self._mil.init(np.ascontiguousarray(frame.image), box_of(region, state, frame.image))
 
     def _found(self, frame: Frame, ego: Array | None) -> State:
-        """Classify around the last box: OpenCV's tracker takes no ego motion."""
+        """Return the state at the box that OpenCV finds around its last one; the camera's motion is
+        not used.
+        """
         found, box = self._mil.update(np.ascontiguousarray(frame.image))
         if not found:
             return self._state

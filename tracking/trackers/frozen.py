@@ -36,7 +36,11 @@ class Frozen:
     _state: State = SET_BY_START
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Remember the first state."""
+        """Take the first state.
+
+        Raises:
+            ValueError: The region is empty, or most of it is outside the picture.
+        """
         check_region(frame, region, state)
         self._state = state
 

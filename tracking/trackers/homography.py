@@ -90,7 +90,7 @@ class Config:
 
 @final
 class Homography:
-    """Two descents a frame, on a coarse and on the full template."""
+    """A tracker that aligns a coarse, and then the full template in each frame."""
 
     _velocity: Velocity = SET_BY_START
 
@@ -98,7 +98,11 @@ class Homography:
         self._rng = rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the template; one without texture is never seen again."""
+        """Learn the template; a template without texture is reported as not seen from then on.
+
+        Raises:
+            ValueError: The region is empty, or most of it is outside the picture.
+        """
         check_region(frame, region, state)
         self._region = region
         self._state = state
@@ -114,8 +118,13 @@ class Homography:
         self._has_texture = inside.size > 0 and bool(np.std(inside) >= LEAST_CONTRAST)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Predict and descend; a target that is not seen is waited for, and searched, where it was
-        seen last.
+        """Return the alignment of the template with a frame, begun at the predicted corners; a
+        target that is not seen keeps its last corners, around which the next frame is searched.
+
+        Args:
+            frame: The next frame.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale that the camera's own motion
+                makes; None if it is unknown.
         """
         check_picture(frame.image)
         change = self._velocity.step(ego)
@@ -123,6 +132,7 @@ class Homography:
         expected = _moved(self._corners, self._state, change if followed else ego)
         before = state_of(expected, self._region, self._state)
         corners, light, found, misfit = self._descend(frame.image, expected, before)
+        # A diverged descent often shrinks the quadrangle to a spot or stretches it.
         grown = np.log(state_of(corners, self._region, before).scale / before.scale)
         if abs(grown) > np.log(LARGEST_GROWTH) or not self._has_texture:
             found = 0.0
@@ -136,6 +146,7 @@ class Homography:
             self._corners = _moved(self._corners, self._state, ego)
         self._state = state_of(self._corners, self._region, before)
         if seen and not followed:
+            # The jump to where the target came back is not its velocity.
             self._velocity = Velocity(self._state, VELOCITY_MEMORY)
         self._velocity.learn(self._state, seen=seen)
         return Estimate(
@@ -155,6 +166,7 @@ class Homography:
         aligned = [self._align(image, begin, self._light, coarse) for begin in begins]
         corners, light, found, _ = max(aligned, key=lambda aligned: aligned[2])
         best = self._align(image, corners, light, fine) if found > 0 else aligned[0]
+        # The coarse descent may have ended in another minimum: try the fine one alone.
         if self._loss.locked and (best[2] < SURE or best[3] > self._misfit + WORSE):
             best = min(
                 best,
@@ -179,10 +191,13 @@ class Homography:
         part, to_part = _part(image, self._corners, len(points))
         H = to_part @ homography(SQUARE, self._corners)
         seen = plane_alignment.sample(part, H, points)
+        # Central differences over one step of the template's grid.
         step = 0.5 / side
         there = [plane_alignment.sample(part, H, points + d) for d in step * AROUND]
         gx = (there[0] - there[1]) / (2 * step)
         gy = (there[2] - there[3]) / (2 * step)
+        # The steepest-descent images of Baker, Matthews (2004): gradient times the derivative of
+        # the homography by its eight parameters at the identity.
         (x, y) = points.T
         slope = gx * points[:, 0] + gy * points[:, 1]
         rows = np.column_stack([gx * x, gx * y, gx, gy * x, gy * y, gy, -slope * x, -slope * y])
@@ -200,6 +215,7 @@ def _part(image: Image, corners: Array, count: int) -> tuple[NDArray[np.float32]
     ends = np.array(image.shape[1::-1])
     low = np.clip(corners.min(axis=0) - size / 2, 0, ends - 1).astype(int)
     high = np.clip(corners.max(axis=0) + size / 2 + 1, low + 1, ends).astype(int)
+    # About one pixel for each point of the template: means of pixels, and so no aliasing.
     shrink = int(np.clip(np.sqrt(area(corners) / count), 1, (high - low).min()))
     width, height = ((high - low) // shrink).tolist()
     cut = image[low[1] :, low[0] :][: height * shrink, : width * shrink]

@@ -87,7 +87,7 @@ class Config(ClimbSettings):
 
 @final
 class MeanShift:
-    """One climb a frame, from where the target was."""
+    """A tracker that climbs by mean shift from the predicted state in each frame."""
 
     _model: SampledModel = SET_BY_START
 
@@ -96,7 +96,11 @@ class MeanShift:
         self._climb = settings.climb
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the histogram."""
+        """Learn the target's histogram.
+
+        Raises:
+            ValueError: The region is empty, or most of it is outside the picture.
+        """
         check_region(frame, region, state)
         self._model = self._settings.model(frame.image, region, state)
         self._size = float(np.sqrt(region.area(state)))
@@ -105,18 +109,28 @@ class MeanShift:
         self._velocity = Velocity(state, self._settings.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Climb from where the target was, and from around it if that is far off; keep the best."""
+        """Return the best end of the climbs from the predicted state, and, where its confidence is
+        too low, of climbs from eight places around it.
+
+        Args:
+            frame: The next frame.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale that the camera's own motion
+                makes; None if it is unknown.
+        """
         image = self._model.label(frame.image)
         begin = self._state.vector + self._velocity.step(ego)
         found, distances, evaluations = self._climbed(image, self._sizes(begin))
+        # The structured octal kernel (`sok`) begins eight more climbs when it is unsure.
         if 1 - distances.min() < self._climb.confidence:
             more, others, work = self._climbed(image, self._around(begin))
             found = np.vstack([found, more])
             distances = np.append(distances, others)
             evaluations += work
+        # Distances alone prefer small sizes; the energy adds the ring's likeness (`contrast`).
         index = np.argmin(self._model.energy(image, found) if self._climb.scale else distances)
         best = found[index]
         distance = float(distances[index])
+        # The size is smoothed as in Comaniciu, Ramesh, Meer (2003), whose gamma is 0.1.
         best[3] = begin[3] + SCALE_TRUST * (best[3] - begin[3])
         self._state = State.of(best)
         status = self._loss.judge(distance, frame.time)

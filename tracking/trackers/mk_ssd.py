@@ -56,7 +56,7 @@ class Config:
 
 @final
 class MkSsd:
-    """One descent a frame; a hidden target is waited for where it was seen last."""
+    """A tracker of one Newton descent a frame; a hidden target is expected at its last state."""
 
     _velocity: Velocity = SET_BY_START
 
@@ -64,7 +64,11 @@ class MkSsd:
         self._config = config
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the histograms."""
+        """Learn the histograms of the target's kernels.
+
+        Raises:
+            ValueError: The region is empty, or most of it is outside the picture.
+        """
         check_region(frame, region, state)
         c = self._config
         grid = KernelGrid(span=c.span, levels=c.levels, inset=c.inset)
@@ -76,9 +80,17 @@ class MkSsd:
         self._velocity = Velocity(state, c.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Predict, descend, and stay if the descent ended on something else."""
-        # Asked in every frame, used or not: the velocity takes the camera's motion in here.
+        """Return the end of Newton's descent from the predicted state; the last state where the
+        target is not seen.
+
+        Args:
+            frame: The next frame.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale that the camera's own motion
+                makes; None if it is unknown.
+        """
+        # Called in every frame, because the velocity takes in the camera's motion here.
         expected = self._velocity.step(ego)
+        # A hidden target is expected where it was seen last, moved by the camera alone.
         begin = self._state.moved(expected if self._loss.locked else ego)
         image = as_seen(frame.image, even=self._config.even)
         descent = self._kernels.descend(image, begin, most=STEPS)

@@ -46,7 +46,7 @@ class Config(SimilaritySettings):
     noise: Spread = 0.1
     learn: bool = False
     """The particles weigh bins by how well they separate the target from its surroundings, and
-    follow slow changes of both in the pictures where it was found; the descent does not."""
+    follow slow changes of both in pictures in which it is LOCKED; the descent does not."""
     inset: Inset = 0.03
     """Share of the region's width and height that the descent's kernels leave out, half on each
     side: there the background shows, whose change would be taken for the target's. From 0.06 on
@@ -97,7 +97,11 @@ class PfSsd(ParticleTracker):
         self._config = config
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn both representations, and put all particles on the target."""
+        """Learn the histograms of particles and kernels, and put all particles on the target.
+
+        Raises:
+            ValueError: The region is empty, or most of it is outside the picture.
+        """
         super().start(frame, region, state)
         c = self._config
         image = as_seen(frame.image, even=c.even)
@@ -109,7 +113,7 @@ class PfSsd(ParticleTracker):
     def _search(self, image: LabelledImage, change: Array, widen: float) -> int:
         cloud = self._cloud
         cloud.predict(change, widen)
-        # Only now: what is strewn is evenly spread, and does not move.
+        # After the prediction, because particles redrawn uniformly need no motion model.
         self._strew(image)
         cloud.weigh(-self._config.gamma * self._model.energy(image, cloud.samples))
         return len(cloud.samples)

@@ -37,7 +37,7 @@ class Config:
 
 @final
 class Tag:
-    """Reports the region's corners, which keep their place in the tag's plane."""
+    """A tracker that reports the region's corners, which are fixed in the tag's plane."""
 
     _state: State = SET_BY_START
 
@@ -45,10 +45,10 @@ class Tag:
         self._detector = TagDetector()
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Find the tag, and the region in its plane.
+        """Find the tag nearest to the region, and the region's place in the tag's plane.
 
         Raises:
-            ValueError: The region is none, or no tag is seen.
+            ValueError: The region is not valid, or no tag is seen.
         """
         check_region(frame, region, state)
         found = self._detector.nearest(frame.image, np.array([state.x, state.y]))
@@ -61,23 +61,30 @@ class Tag:
         self._rectangle = _or_square(_in_plane(self._seen, region, state))
 
     def outline(self, frame: Frame, region: Region, state: State) -> tuple[Region, State]:
-        """Return the black square of the tag nearest to a region, where it is not the region."""
+        """Return the black square of the tag nearest to a region as a region and its state; the
+        region itself if it is that square, or if no tag is seen.
+        """
         check_region(frame, region, state)
         found = self._detector.nearest(frame.image, np.array([state.x, state.y]))
-        if found is None:
+        if found is None or _near(_in_plane(found[1], region, state), SQUARE):
             return region, state
         corners = found[1]
-        if _near(_in_plane(corners, region, state), SQUARE):
-            return region, state
         side = float(np.sqrt(area(corners)))
         square = Region(side, side, corners)
         return square, state_of(corners, square, state)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Find the tag near where it was, else anywhere."""
+        """Return the estimate from the tag's corners; LOST where the tag is not found.
+
+        Args:
+            frame: The next frame.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale that the camera's own motion
+                makes; None if it is unknown.
+        """
         expected = self._state.moved(ego)
         place = np.array([expected.x, expected.y])
         around = None
+        # The detector searches around the last square first, and then the whole picture.
         if self._seen is not None:
             around = self._seen + place - (self._state.x, self._state.y)
         found = self._detector.nearest(frame.image, place, self._number, around)
@@ -97,6 +104,7 @@ def _in_plane(seen: Array, region: Region, state: State) -> Array:
 
     It is a rectangle there, too: of the region's centre, direction, area and ratio of sides.
     """
+    # In the tag's plane the region keeps its shape, whatever the perspective of the first picture.
     to_plane = homography(seen, SQUARE)
     centre, nose = through(
         to_plane,

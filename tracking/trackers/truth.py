@@ -1,8 +1,7 @@
-"""The truth, with stated noise and dropouts: what a law does without a tracker's errors.
+"""The true state with chosen noise and dropouts: an ideal tracker, which reads no picture.
 
-Only a simulation has it, and it looks at no picture: the anchor that trackers are compared with,
-and the tracker of studies and environments that are about the law. A delay is that of any tracker,
-`run.tracker_ms`.
+It needs a simulation. Other trackers are compared with it, and studies of control laws use it to
+leave tracking errors out. Its delay is set by `run.tracker_ms`, as that of any tracker.
 """
 
 from dataclasses import dataclass
@@ -29,14 +28,14 @@ class Config:
     scale_noise_pct: Annotated[float, Ge(0), Le(50)] = 0.0
     """Standard deviation of the size [%]."""
     dropouts: Annotated[float, Ge(0), Le(1)] = 0.0
-    """Share of the pictures in which it does not see the target."""
+    """Share of the pictures in which the target is reported as not seen."""
     corners: bool = False
     """Report the four corners, as `tag` does, and not centre, angle and size alone."""
     needs = frozenset({Channel.TRUTH, Channel.EGO_MOTION})
 
     @property
     def traits(self) -> Traits:
-        """Corners, where they are reported."""
+        """The trait CORNERS if the tracker reports corners."""
         return frozenset({Trait.CORNERS}) if self.corners else frozenset()
 
     def build(self, rng: np.random.Generator) -> "TruthTracker":
@@ -54,11 +53,11 @@ class TruthTracker:
         self._truth: Truth | None = None
 
     def see(self, view: View) -> None:
-        """Take where the target is in the next picture that is shown."""
+        """Take the truth of the next frame from the simulation."""
         self._truth = view.truth
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Begin with the size that the target has in the first picture.
+        """Take the true size in the first picture as scale 1.
 
         Raises:
             ValueError: The frame comes without a truth, as outside a simulation.
@@ -74,15 +73,15 @@ class TruthTracker:
             raise ValueError(NO_TRUTH)
         c = self._config
         truth = self._truth
+        # All errors are drawn in each frame, used or not: settings do not shift later draws.
         errors = self._rng.normal(size=(6, 2))
         size = frame.image.shape[1::-1]
         inside = truth.depth > 0 and bool(((truth.centre >= 0) & (truth.centre <= size)).all())
         dropped = self._rng.uniform() < c.dropouts
         corners = truth.corners + c.noise * errors[2:] if c.corners else None
         if corners is not None and not goes_around(corners):
-            dropped = (
-                True  # one of them is behind the camera, or the noise is larger than the target
-            )
+            # A corner is behind the camera, or the noise is larger than the target.
+            dropped = True
         if not inside or dropped:
             self._state = self._state.moved(ego)
             status = Status.UNSURE if inside else Status.LOST

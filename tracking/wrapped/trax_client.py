@@ -213,7 +213,7 @@ def _send(process: subprocess.Popen[bytes], *messages: Message) -> None:
 
 
 def _messages(process: subprocess.Popen[bytes]) -> Iterator[Message]:
-    """Give the messages of a server until it ends."""
+    """Yield the messages of a server until it ends."""
     assert process.stdout is not None  # a pipe
     while line := process.stdout.readline(LONGEST_LINE):
         if message := message_in(line.decode("utf-8", "replace")):

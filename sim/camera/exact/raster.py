@@ -1,6 +1,8 @@
-"""Triangles into a picture, with IEEE arithmetic in a fixed order.
+"""Rasterisation of triangles with lights and textures, by IEEE arithmetic in a fixed order.
 
 The same scene gives the same bits on every machine: no fast-math, no sum whose order may change.
+Colours are interpolated between corners (Gouraud shading), with perspective-correct interpolation
+and a depth buffer of 1 / z.
 """
 
 from math import ceil, hypot, sqrt
@@ -16,13 +18,14 @@ Numbers = NDArray[np.int16]
 Singles = NDArray[np.float32]
 
 SEGMENT = 32
-"""Pixels of a row between which texture coordinates go evenly; a division for each pixel costs
-twice as much, and nothing is to be seen of the difference."""
+"""Pixels of a row along which texture coordinates are interpolated linearly; a division for each
+pixel costs twice as much, and the difference cannot be seen."""
 NO_AREA = 1e-9
-"""A triangle below this covers no pixel's middle, but by rounding [px^2]."""
+"""Smallest area of a triangle that is drawn [px^2]; a smaller one covers the middle of a pixel only
+by rounding."""
 
-# Columns of a corner: its place in the camera's frame, its colour, its place in the texture, where
-# it is seen in the picture, and 1 / z [m, px, 1/m].
+# Columns of a corner: position in the camera's frame [m], colour, texture coordinates, position in
+# the picture [px], and 1 / z [1/m].
 COLOUR = 3
 TEXTURE = 6
 U = 8
@@ -30,8 +33,9 @@ V = 9
 NEARNESS = 10
 CORNER = 11
 
-# Columns of a light: its place or the direction to it, whether it is near, where it shines to, its
-# ambient, diffuse and specular colours, how it fades, its cone's cosine and exponent.
+# Columns of a light: position, or for a directional light the direction to it; 1 if it has a
+# position; its direction; ambient, diffuse and specular colour; attenuation (constant, linear,
+# quadratic); cosine of its cone's half angle, and the cone's exponent.
 NEAR = 3
 ALONG = 4
 AMBIENT = 7
@@ -44,24 +48,26 @@ EXPONENT = 20
 
 @compiled(error_model="numpy")
 def dot(a: Array, b: Array) -> float:
-    """The scalar product of the first three entries, in this order."""
+    """Return the scalar product of the first three entries of two arrays, summed in this order."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled(error_model="numpy")
 def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) -> None:
-    """Colour a corner with the sum of what the lights give, at most 1 a channel.
+    """Set the colour of a corner to the sum of the light that it reflects, at most 1 a channel, by
+    the lighting model of OpenGL's fixed pipeline (Blinn-Phong), as MuJoCo uses it.
 
     Args:
-        corner: (11,); its colour is written.
-        normal: In the camera's frame (3,).
+        corner: The corner (11,), whose colour is written.
+        normal: Its unit normal (3,) in the camera's frame.
         rgba: Colour of the body (4,).
-        shine: Its emission, specular reflection, and exponent of that (3,).
-        lights: A row for each (n, 21), in the camera's frame.
+        shine: The body's emission, specular reflection and specular exponent (3,).
+        lights: The lights (n, 21) in the camera's frame.
     """
     for k in range(3):
         corner[COLOUR + k] = shine[0] * rgba[k]
     for light in lights:
+        # From the corner to the light; a directional light has the same direction everywhere.
         x = light[0] - light[NEAR] * corner[0]
         y = light[1] - light[NEAR] * corner[1]
         z = light[2] - light[NEAR] * corner[2]
@@ -75,7 +81,7 @@ def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) 
         facing = max((x * normal[0] + y * normal[1] + z * normal[2]) / far, 0.0)
         gloss = 0.0
         if shine[1] > 0.0 and facing > 0.0 and light[SPECULAR : SPECULAR + 3].any():
-            # The half-way vector between the light and the eye, as OpenGL has it.
+            # Blinn's half-way vector between the light and the eye.
             away = sqrt(corner[0] ** 2 + corner[1] ** 2 + corner[2] ** 2)
             half = np.array([x, y, z]) / far - corner[:3] / away
             gloss = shine[1] * (max(dot(half, normal), 0.0) / sqrt(dot(half, half))) ** shine[2]
@@ -88,10 +94,10 @@ def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) 
 
 @compiled(error_model="numpy")
 def project(corner: Array, view: Array) -> None:
-    """Write where a corner in front of the camera is seen.
+    """Set the position in the picture, and 1 / z, of a corner in front of the camera.
 
     Args:
-        corner: (11,).
+        corner: The corner (11,), which is changed.
         view: Focal lengths and principal point (4,) [px].
     """
     corner[NEARNESS] = 1.0 / corner[2]
@@ -101,12 +107,12 @@ def project(corner: Array, view: Array) -> None:
 
 @compiled(error_model="numpy")
 def may_cover(corners: Array, height: int, width: int) -> bool:
-    """Whether a triangle may cover a pixel's middle.
+    """Return False if a triangle certainly covers no middle of a pixel.
 
     Args:
-        corners: In front of the camera (3, 11).
-        height: Of the picture [px].
-        width: Of the picture [px].
+        corners: The triangle's corners (3, 11), in front of the camera.
+        height: Height of the picture [px].
+        width: Width of the picture [px].
     """
     u = corners[:, U]
     v = corners[:, V]
@@ -116,6 +122,7 @@ def may_cover(corners: Array, height: int, width: int) -> bool:
     low = max(v[0], v[1], v[2])
     if right < 0.5 or low < 0.5 or left > width - 0.5 or top > height - 0.5:
         return False
+    # It lies between two rows or two columns of middles.
     if ceil(top - 0.5) >= ceil(low - 0.5) or ceil(left - 0.5) >= ceil(right - 0.5):
         return False
     area = (u[1] - u[0]) * (v[2] - v[0]) - (u[2] - u[0]) * (v[1] - v[0])
@@ -124,12 +131,14 @@ def may_cover(corners: Array, height: int, width: int) -> bool:
 
 @compiled(error_model="numpy")
 def gradients(corners: Array, count: int, found: Array) -> None:
-    """Write what changes evenly over the picture: 1 / z, and a corner's values over z.
+    """Find the gradients of 1 / z, and of colour and texture coordinates over z, all of which are
+    linear in the picture (perspective-correct interpolation).
 
     Args:
-        corners: (3, 11).
-        count: How many: 1 / z alone, with the colour 4, and with the texture 6.
-        found: Value at the first corner, and its change by u and by v (count, 3).
+        corners: The triangle's corners (3, 11).
+        count: Number of gradients: 1 for 1 / z alone, 4 with the colour, 6 with the texture.
+        found: For each, the value at the first corner and its change by u and by v (count, 3);
+            written.
     """
     ax = corners[1, U] - corners[0, U]
     ay = corners[1, V] - corners[0, V]
@@ -151,12 +160,17 @@ def gradients(corners: Array, count: int, found: Array) -> None:
 
 @compiled(error_model="numpy")
 def edges_of(corners: Array, found: Array) -> None:
-    """Write of each edge the row where it begins, where it ends, the column where it begins, and
-    its change by row (3, 4); both triangles that share an edge find the same.
+    """Find the edges of a triangle: two triangles that share an edge get the same numbers.
+
+    Args:
+        corners: The triangle's corners (3, 11).
+        found: For each edge its first row, its last row, its first column, and the change of the
+            column by row (3, 4); written.
     """
     for i in range(3):
         a = i
         b = i + 1 if i < 2 else 0
+        # Always from top to bottom: rounding is then the same for the neighbour's edge.
         if corners[a, V] > corners[b, V]:
             a, b = b, a
         found[i, 0] = corners[a, V]
@@ -167,8 +181,13 @@ def edges_of(corners: Array, found: Array) -> None:
 
 @compiled(error_model="numpy")
 def row_of(edges: Array, middle: float, width: int) -> tuple[int, int]:
-    """First column of a triangle in a row, and the one after the last: of two triangles that share
-    an edge, none overlap, and no gap is left between them.
+    """Return the first column of a triangle in a row, and the column after its last; two triangles
+    that share an edge neither overlap nor leave a gap.
+
+    Args:
+        edges: The triangle's edges (3, 4), from `edges_of`.
+        middle: The middle of the row [px].
+        width: Width of the picture [px].
     """
     left = np.inf
     right = -np.inf
@@ -194,21 +213,22 @@ def fill(
     nearness: Singles,
     shown: Numbers,
 ) -> None:
-    """Draw a triangle with its texture, between the four nearest pixels of the fitting level.
+    """Draw a triangle with its texture, bilinearly interpolated in the nearest level of detail
+    (mipmap).
 
-    A colour alone is a texture of one pixel.
+    A body without a picture has a texture of one pixel.
 
     Args:
-        corners: (3, 11).
-        edges: Room for its edges (3, 4).
-        even: Room for what changes evenly (6, 3).
-        body: Its number.
-        texels: Red, green and blue in one number each, 21 bits apart; a level has a border of a
-            pixel from its other side.
-        levels: Of this texture: place in `texels`, width, height, and how many there are (n, 4).
-        image: The picture (H, W, 3).
-        nearness: 1 / z of what is nearest (H, W) [1/m].
-        shown: Numbers of the bodies (H, W).
+        corners: The triangle's corners (3, 11).
+        edges: Buffer for its edges (3, 4).
+        even: Buffer for its gradients (6, 3).
+        body: Number of the body.
+        texels: Pixels of all textures: red, green and blue in one number, 21 bits apart; each level
+            has a border of one pixel, copied from its opposite side.
+        levels: Levels of this texture (n, 4): offset in `texels`, width, height, number of levels.
+        image: The picture (H, W, 3), written.
+        nearness: Depth buffer: 1 / z of the nearest surface (H, W) [1/m], written.
+        shown: Number of the body that each pixel shows (H, W), written.
     """
     height, width = nearness.shape
     flat = True
@@ -296,20 +316,22 @@ def fill(
 
 @compiled(error_model="numpy")
 def is_beyond(first: int, last: int, size: int) -> bool:
-    """Whether texture coordinates, in 1 / 65536, leave a level of this many pixels."""
+    """Return whether texture coordinates from first to last [px / 65536] leave a level of this size
+    [px].
+    """
     return min(first, last) < 0 or max(first, last) > size << 16
 
 
 @compiled(error_model="numpy")
 def level_of(s_right: float, t_right: float, s_down: float, t_down: float, levels: Indices) -> int:
-    """The level of a texture whose pixels are nearest in size to the picture's.
+    """Return the level of a texture whose pixels are nearest in size to the picture's.
 
     Args:
         s_right: Change of the first texture coordinate from a pixel to the next.
-        t_right: Likewise of the second.
-        s_down: Change of the first to the next row.
-        t_down: Likewise of the second.
-        levels: As for `fill` (n, 4).
+        t_right: Change of the second one from a pixel to the next.
+        s_down: Change of the first texture coordinate from a row to the next.
+        t_down: Change of the second one from a row to the next.
+        levels: Levels of the texture (n, 4), as for `fill`.
     """
     wide, tall = levels[0, 1], levels[0, 2]
     right = (s_right * wide) ** 2 + (t_right * tall) ** 2
@@ -325,15 +347,15 @@ def level_of(s_right: float, t_right: float, s_down: float, t_down: float, level
 
 @compiled(error_model="numpy")
 def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found: Array) -> int:
-    """Write the part of a triangle that is in front of the camera; return its number of corners.
+    """Clip a triangle at the near plane, and return the number of corners of the rest, 0, 3 or 4.
 
     Args:
-        seen: Corners (n, 11).
-        faces: Numbers of the corners of triangles (n, 3).
+        seen: All corners of the body (n, 11).
+        faces: Numbers of the corners of each triangle (m, 3).
         face: Number of the triangle.
-        near: Least z that is drawn [m].
-        view: As for `project`.
-        found: Room for four corners (4, 11).
+        near: Distance of the near plane [m].
+        view: Focal lengths and principal point (4,) [px].
+        found: The corners of the rest (4, 11), written.
     """
     count = 0
     for k in range(3):
@@ -354,7 +376,16 @@ def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found:
 
 @compiled(error_model="numpy")
 def is_outside(middle: Array, radius: float, view: Array, height: int, width: int) -> bool:
-    """Whether a ball in the camera's frame lies beside the picture or behind the camera."""
+    """Return whether a ball lies beside the picture or behind the camera.
+
+    Args:
+        middle: Its centre (3,) in the camera's frame [m].
+        radius: Its radius [m].
+        view: Focal lengths and principal point (4,) [px].
+        height: Height of the picture [px].
+        width: Width of the picture [px].
+    """
+    # Signed distances from the four planes through the camera and the sides of the picture.
     x, y, z = middle
     fx, fy, cx, cy = view
     return (
@@ -389,7 +420,30 @@ def draw(
     nearness: Singles,
     shown: Numbers,
 ) -> None:
-    """Draw bodies one after the other; the arrays are those of `ExactRenderer`."""
+    """Draw bodies into a picture, in a given order.
+
+    Args:
+        order: Numbers of the bodies to draw, best the nearest first.
+        first_row: First row of each body in `rows`, and the number of rows (n + 1,).
+        rows: Corners: position [m], normal and texture coordinates in the body's frame (r, 8).
+        first_face: First triangle of each body in `faces`, and the number of triangles (n + 1,).
+        faces: Rows of the corners of each triangle (f, 3).
+        planes: Normal and distance of each triangle's plane, times twice its area (f, 4).
+        rotations: R_camera_body of each body (n, 3, 3).
+        middles: Origin of each body in the camera's frame (n, 3) [m].
+        radii: Radius of each body around its origin (n,) [m].
+        rgba: Colour of each body (n, 4).
+        shine: Emission, specular reflection and specular exponent of each body (n, 3).
+        textures: Number of each body's texture (n,).
+        lights: Lights in the camera's frame (k, 21).
+        near: Distance of the near plane [m].
+        view: Focal lengths and principal point (4,) [px].
+        texels: Pixels of all textures, as for `fill`.
+        levels: Levels of each texture (t, n, 4), as for `fill`.
+        image: The picture (H, W, 3), written.
+        nearness: Depth buffer of 1 / z (H, W) [1/m], written.
+        shown: Number of the body that each pixel shows (H, W), written.
+    """
     height, width = nearness.shape
     seen = np.empty((len(rows), CORNER))
     part = np.empty((4, CORNER))
@@ -415,9 +469,11 @@ def draw(
             if corner[2] > near:
                 project(corner, view)
         for face in range(first_face[body], first_face[body + 1]):
+            # The camera is behind the triangle's plane: it would see its back.
             if dot(planes[face], eye) <= planes[face, 3]:
                 continue
             for k in range(cut(seen, faces, face, near, view, part) - 2):
+                # Four corners make two triangles with the first corner in common.
                 if k > 0:
                     part[1:3] = part[2:4]
                 if may_cover(part, height, width):

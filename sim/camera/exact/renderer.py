@@ -1,8 +1,7 @@
 """The renderer that needs no graphics driver, and gives the same pictures on every machine.
 
-It draws what MuJoCo's own renderer draws of geoms and sky, with its shapes, lights and textures,
-but for shadows, reflections, haze and translucence. A triangle's colour is that of its corners, as
-there.
+It draws geoms and sky with the shapes, lights and textures of MuJoCo's own renderer, but without
+shadows, reflections, haze and translucence. As there, lights act on the corners of triangles.
 """
 
 from collections.abc import Callable
@@ -34,7 +33,7 @@ NO_BODY = -1
 class ExactRenderer:
     """Draws a model's camera with IEEE arithmetic in a fixed order; see `Renderer`.
 
-    The sky is a body after all geoms, which shines by itself, and moves with the camera.
+    The sky is one more body after all geoms, which emits light and moves with the camera.
 
     Raises:
         ValueError: The model has bodies that it cannot draw.
@@ -78,7 +77,7 @@ class ExactRenderer:
         self._shown = np.empty(shape, np.int16)
 
     def close(self) -> None:
-        """Do nothing: it holds arrays alone."""
+        """Do nothing: this renderer holds no buffers to release."""
 
     def begin(self, data: mujoco.MjData) -> Promise:
         """Begin a picture of the scene as it is, which may change afterwards; see `Renderer`."""
@@ -106,7 +105,7 @@ class ExactRenderer:
         drawn: NDArray[np.bool_],
         read: Callable[[Image], T] = lambda image: image,
     ) -> Future[T]:
-        """Begin a picture of some bodies as they are, of which `read` takes what is wanted."""
+        """Begin a picture of some bodies as they are; `read` gets it and returns the result."""
         eye = camera_pose(data, self._camera)
         chosen = np.flatnonzero(drawn)
         to_camera = eye.rotation.T
@@ -173,7 +172,9 @@ def _check(model: mujoco.MjModel) -> None:
 
 
 def _looks(model: mujoco.MjModel) -> tuple[Array, Array]:
-    """Colours (n, 4), and emission, specular reflection and its exponent (n, 3), of all bodies."""
+    """Return the colours (n, 4) of all bodies, and their emission, specular reflection and specular
+    exponent (n, 3).
+    """
     rgba = model.geom_rgba.astype(float)
     shine = np.tile(DEFAULT_SHINE, (len(rgba), 1))
     has = model.geom_matid >= 0
@@ -186,7 +187,7 @@ def _looks(model: mujoco.MjModel) -> tuple[Array, Array]:
 
 
 def _lights(model: mujoco.MjModel, data: mujoco.MjData, to_camera: Array, eye: Array) -> Array:
-    """Lights that are on, in the camera's frame: a row each, as `raster` has its columns."""
+    """Return the active lights (n, 21) in the camera's frame, with the columns of `raster`."""
     on = model.light_active.astype(bool)
     is_near = model.light_type[on] != mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
     along = data.light_xdir[on] @ to_camera.T
@@ -212,7 +213,7 @@ def _lights(model: mujoco.MjModel, data: mujoco.MjData, to_camera: Array, eye: A
 
 
 def _picture(model: mujoco.MjModel, texture: int) -> Image:
-    """A texture's pixels (h, w, 3); a cube around a body is not drawn: its mean stands for it."""
+    """Return a texture's pixels (h, w, 3); of a cube map, which is not drawn, its mean colour."""
     shape = (model.tex_height[texture], model.tex_width[texture], model.tex_nchannel[texture])
     start = int(model.tex_adr[texture])
     picture = model.tex_data[start : start + int(np.prod(shape))].reshape(shape)
@@ -224,7 +225,9 @@ def _picture(model: mujoco.MjModel, texture: int) -> Image:
 
 
 def _textures(model: mujoco.MjModel) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """White, then the model's pictures: their pixels, and a table of the levels of each."""
+    """Return the pixels of all textures, white first and then those of the model, and the table of
+    the levels of each texture (t, n, 4), both as `raster.fill` reads them.
+    """
     white = np.full((1, 1, 3), 255, np.uint8)
     pictures = [white, *(_picture(model, k) for k in range(model.ntex))]
     texels = list[NDArray[np.int64]]()
@@ -239,7 +242,9 @@ def _textures(model: mujoco.MjModel) -> tuple[NDArray[np.int64], NDArray[np.int6
 
 
 def _levels(picture: Image) -> list[Image]:
-    """A picture and its halves down to one row or column, each with means of four pixels."""
+    """Return the levels of detail (mipmap) of a picture: each is half as large, with means of four
+    pixels, down to one row or column.
+    """
     levels = [picture]
     while min(levels[-1].shape[:2]) > 1:
         rows, columns = (size // 2 for size in levels[-1].shape[:2])

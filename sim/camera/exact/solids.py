@@ -7,14 +7,15 @@ from sim.types import Array
 
 SHAPE = mujoco.mjtGeom
 FLAT = 0.8
-"""Cosine between a mesh's normal and its face's; where it is less, the face's is taken. This keeps
-the edges of meshes that have no normals of their own, and is MuJoCo's rule."""
+"""Smallest cosine between a vertex normal and the face's normal with which the vertex normal is
+used (MuJoCo's rule); otherwise the face's is used, which keeps the edges of meshes without normals.
+"""
 REACH = 2.0
-"""Half a side of what is drawn of an endless plane, of how far the camera sees."""
+"""Half a side of the drawn part of an infinite plane, relative to the far clipping distance."""
 NO_AREA = 1e-12
-"""Triangles at a pole have none [m^2]."""
+"""Area below which a triangle is left out, as those at a pole [m^2]."""
 CYLINDER = np.array([[0, -1], [1, -1], [1, -1], [1, 1], [1, 1], [0, 1]], float)
-"""Radius and height of its profile, twice at an edge."""
+"""Radius and height of a cylinder's profile (6, 2), with each edge twice."""
 CYLINDER_NORMALS = np.array([[0, -1], [0, -1], [1, 0], [1, 0], [0, 1], [0, 1]], float)
 TOP = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], float)
 """The upper face of a box."""
@@ -29,18 +30,19 @@ SKY = np.array(
     ],
     float,
 )
-"""Of each face of the sky's cube, in the order of its pictures: where it is, and in the world the
-directions of its picture's rows and columns."""
+"""For each face of the sky's cube, in the order of its pictures: the direction to its middle, and
+those of its picture's rows and columns, in the world (6, 3, 3)."""
 
 
 Solid = Array
-"""A surface as triangles, counter-clockwise as seen from outside: three rows for each with place,
-normal of length 1, and place in the material's picture, 0 to 1 where it is not repeated (3 n, 8)
-[m]."""
+"""A surface of n triangles, counter-clockwise as seen from outside: a row for each corner, with its
+position [m], unit normal, and texture coordinates, 0 to 1 over the picture (3 n, 8)."""
 
 
 def solids_of(model: mujoco.MjModel) -> list[Solid]:
-    """The surfaces of all geoms; a kind that is not drawn has no triangles."""
+    """Return the surface of each geom of a model; a geom of a type that is not drawn has no
+    triangles.
+    """
     return [
         _mesh(model, geom) if kind == SHAPE.mjGEOM_MESH else _primitive(model, geom)
         for geom, kind in enumerate(model.geom_type)
@@ -48,10 +50,10 @@ def solids_of(model: mujoco.MjModel) -> list[Solid]:
 
 
 def sky_of(side: int, far: float) -> Solid:
-    """The inside of a cube around the camera.
+    """Return the sky: the inside of a cube around the camera.
 
     Args:
-        side: Of its six pictures, which lie one under the other [px].
+        side: Side of each of its six pictures, which lie one below the other in the texture [px].
         far: Half a side of the cube [m].
     """
     corners = _split((SKY[:, :1] + TOP[:, :2] @ SKY[:, 1:]) * far)
@@ -62,7 +64,7 @@ def sky_of(side: int, far: float) -> Solid:
 
 
 def texture_of(model: mujoco.MjModel, geom: int) -> int:
-    """The picture of a geom's colour; -1 where it has none."""
+    """Return the number of the texture of a geom's material; -1 if it has no texture."""
     material = model.geom_matid[geom]
     if material < 0:
         return -1
@@ -70,7 +72,9 @@ def texture_of(model: mujoco.MjModel, geom: int) -> int:
 
 
 def across(corners: Array) -> Array:
-    """Normals of triangles (n, 3), as long as twice their area [m^2], by corners (3 n, 3)."""
+    """Return the normals of triangles (n, 3), whose lengths are twice the areas [m^2], from their
+    corners (3 n, 3) [m].
+    """
     a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
     return np.cross(b - a, c - a)
 
@@ -97,7 +101,7 @@ def _primitive(model: mujoco.MjModel, geom: int) -> Solid:
             size = size[[0, 0, 1]]
             corners, normals = _scaled(_turned(CYLINDER, CYLINDER_NORMALS, slices), size)
         case SHAPE.mjGEOM_CAPSULE:
-            # Two halves of a ball; the wall is what lies between their equators.
+            # Two half balls; turning the line between their equators gives the wall.
             size = size[[0, 0, 1]]
             apart = np.repeat([-size[2], size[2]], len(quarter))
             ends = size[0] * arc + np.stack([0 * apart, apart], axis=1)
@@ -113,17 +117,18 @@ Surface = tuple[Array, Array]
 
 def _scaled(surface: Surface, size: Array) -> Surface:
     corners, normals = surface
+    # Normals scale with the inverse: that keeps them at right angles to the surface.
     normals = normals / size
     return corners * size, normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
 def _split(quads: Array) -> Array:
-    """Two triangles for each quadrilateral (n, 4, k)."""
+    """Return two triangles (6 n, k) for each quadrilateral (n, 4, k)."""
     return quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, quads.shape[2])
 
 
 def _box() -> Surface:
-    """A cube with a half side of 1; its upper face comes first."""
+    """Return a cube with a half side of 1, whose upper face comes first."""
     upper = [np.roll(TOP, k, axis=1) for k in range(3)]
     normals = np.roll(np.eye(3), 1, axis=0)[:, None] * np.ones((4, 1))
     faces = np.array([*upper, *(-face[::-1] for face in upper)])
@@ -131,12 +136,12 @@ def _box() -> Surface:
 
 
 def _turned(points: Array, normals: Array, slices: int) -> Surface:
-    """Turn a profile around the z axis.
+    """Return the surface of revolution of a profile around the z axis.
 
     Args:
-        points: Radius and height, upwards with the outside on the right (n, 2) [m].
-        normals: Of the profile there (n, 2).
-        slices: Pieces of a turn.
+        points: Radius and height of the profile, upwards with the outside on the right (n, 2) [m].
+        normals: Normals of the profile at these points (n, 2).
+        slices: Number of pieces of a turn.
     """
     angle = 2 * np.pi / slices * np.arange(slices + 1)
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -172,8 +177,8 @@ def _mesh(model: mujoco.MjModel, geom: int) -> Solid:
 
 
 def _mapped(model: mujoco.MjModel, geom: int, size: Array, corners: Array) -> Array:
-    """Texture coordinates by the place on the body: the picture begins where x is
-    least and y greatest.
+    """Return texture coordinates (n, 2) from positions on the body (n, 3): the picture begins at
+    the smallest x and the largest y.
     """
     if texture_of(model, geom) < 0:
         return np.zeros((len(corners), 2))

@@ -38,7 +38,7 @@ BAR = (90, 90, 90)
 AWAY_AT = 0.3
 """Part of the sequence before the target is out of the picture."""
 GOING = 6
-"""Frames in which it goes, and comes back."""
+"""Number of frames in which the target leaves the picture, and in which it comes back."""
 
 
 @dataclass(frozen=True, slots=True)
