@@ -16,8 +16,8 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.catalogue import sentence
 from servo.scenario.draws import flat
-from servo.scenario.load import Scenario, Table, parse
-from servo.scenario.toml import put
+from servo.scenario.load import Scenario, parse
+from servo.scenario.toml import Table, put
 from sim.types import Array
 from tracking.files.json_text import as_json
 

@@ -14,7 +14,8 @@ from servo.loop.columns import Columns
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
 from servo.loop.step import Step
-from servo.scenario.load import Scenario, Table, parse
+from servo.scenario.load import Scenario, parse
+from servo.scenario.toml import Table
 from servo.study.run import Job, Record
 from servo.study.scenario_run import Sheet, record_of
 from sim.channels import Channel, needs_of

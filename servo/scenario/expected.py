@@ -5,8 +5,8 @@ from typing import Any
 
 from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
+from servo.scenario.toml import Table
 
-Table = dict[str, Any]
 TRACKER = "tracker"
 ANY = "*"
 """Any tracker without a table of its own."""

@@ -18,12 +18,12 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.catalogue import shipped, studies
 from servo.scenario.tables import config_of
+from servo.scenario.toml import Table
 from sim.files.behind import files_behind
 from sim.files.shipped import warn_of_own, warn_of_shipped
 from sim.installed import Trusted
 from sim.ranges import NamesFile
 
-Table = dict[str, Any]
 MISSING = "missing"
 DIGITS = 12
 """Digits of a digest: 48 bits do not collide by chance among the files of a study."""
