@@ -263,7 +263,7 @@ LENSES = (
 NO_LENS = f"is not known; there is {LENSES} (leave it out if it names no lens)"
 NO_YAML = "cam.yaml: this is not YAML"
 WRONG = {
-    "no matrix": ("camera_matrix", "matrix", "cam.yaml: camera_matrix: field required"),
+    "no matrix": ("camera_matrix", "matrix", "cam.yaml: camera_matrix: a value is missing"),
     "a matrix without data": (
         "  data: [520",
         "  date: [520",
@@ -306,7 +306,7 @@ WRONG = {
     "no coefficients": (
         "distortion_coefficients",
         "coefficients",
-        "cam.yaml: distortion_coefficients: field required",
+        "cam.yaml: distortion_coefficients: a value is missing",
     ),
     "an empty list": (
         str(list(PLUMB_BOB)),
@@ -406,7 +406,7 @@ WRONG = {
         "roi: {x_offset: 50, y_offset: 40, height: 200, width: 300}\nimage_width",
         "cam.yaml: roi = {'x_offset': 50, 'y_offset': 40, 'height': 200, 'width': 300} should be the whole picture",
     ),
-    "no width": ("image_width", "breadth", "cam.yaml: image_width: field required"),
+    "no width": ("image_width", "breadth", "cam.yaml: image_width: a value is missing"),
     "a width of zero": ("640", "0", "cam.yaml: image_width = 0: input should be greater than 0"),
     "half a pixel": (
         "480",

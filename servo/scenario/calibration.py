@@ -16,10 +16,10 @@ from pydantic import (
     Field,
     FiniteFloat,
     PositiveInt,
-    ValidationError,
 )
 
 from servo.mistake import Mistake, as_mistake
+from servo.scenario.fill import validated
 from servo.scenario.toml import Table, is_number
 from sim.camera.camera import CameraConfig
 from sim.camera.distortion import COEFFICIENTS, Model
@@ -49,8 +49,6 @@ LENSES: dict[str, Model] = {name.replace("_", ""): model for name, model in MODE
 """The same by the letters of their names."""
 MIDDLE = 0.5
 """Place of the first pixel's middle: zero in ROS and OpenCV [px]."""
-BY_COUNT: dict[int, Model] = {4: "plumb_bob", 5: "plumb_bob", 8: "rational"}
-"""OpenCV's distortion by the number of its coefficients that are not zero at the end."""
 OPENCV = ("%YAML", "<?xml")
 """The beginning of OpenCV's files."""
 KEYS = {
@@ -194,7 +192,7 @@ def settings_of(document: Table, place: str) -> Table:
         Mistake: A key is missing or wrong, the calibration is of a part of the picture, or of a
             lens that is not simulated.
     """
-    given = _checked(document, place)
+    given = validated(Calibration, document, f"{place}: ")
     size = [given.image_width, given.image_height]
     if [given.roi.get(key, 0) for key in ROI] not in ([0, 0, 0, 0], [0, 0, *size]):
         raise Mistake(f"{place}: roi = {given.roi} should be the whole picture")
@@ -205,32 +203,15 @@ def settings_of(document: Table, place: str) -> Table:
             "lengths above zero"
         )
     model = _model(document, place, values)
-    written = len(values)
-    while len(values) > COEFFICIENTS[model] and values[-1] == 0:
-        values = values[:-1]
-    if model == "plumb_bob" and len(values) == COEFFICIENTS[model] - 1:
-        values = [*values, 0.0]  # without k3
-    if not any(values):
-        values = [0.0] * COEFFICIENTS[model]
-    if len(values) != COEFFICIENTS[model]:
+    count = COEFFICIENTS[model]
+    fewest = count - 1 if model == "plumb_bob" else count  # k3 may be left out
+    if any(values[count:]) or (any(values) and len(values) < fewest):
         raise Mistake(
-            f"{place}: distortion_coefficients has {written} numbers; "
-            f"{model} has {COEFFICIENTS[model]}"
+            f"{place}: distortion_coefficients has {len(values)} numbers; {model} has {count}"
         )
+    values = [*values, *[0.0] * count][:count]
     found = {"size": size, "fx": K[0], "fy": K[4], "cx": K[2] + MIDDLE, "cy": K[5] + MIDDLE}
     return found | {"distortion": model, "coefficients": values}
-
-
-def _checked(document: Table, place: str) -> Calibration:
-    """Return the keys of a calibration with the types and ranges that they should have."""
-    try:
-        return Calibration.model_validate(document)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        found = "" if first["type"] == "missing" else f" = {first['input']!r}"
-        sentence = first["msg"][0].lower() + first["msg"][1:]
-        raise Mistake(f"{place}: {where}{found}: {sentence}") from None
 
 
 def _of_yaml(text: str, path: Path) -> list[tuple[Any, Any]]:
@@ -301,8 +282,7 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
     name = document.get("distortion_model")
     if name is not None and _letters(name) == NO_DISTORTION and any(values):
         raise Mistake(f"{place}: distortion_model = {name!r}, but distortion_coefficients has some")
-    last = max((i + 1 for i, value in enumerate(values) if value), default=0)
-    return BY_COUNT[min((n for n in BY_COUNT if n >= last), default=max(BY_COUNT))]
+    return "rational" if any(values[COEFFICIENTS["plumb_bob"] :]) else "plumb_bob"
 
 
 def _leaves(document: Table, above: str = "") -> Iterator[tuple[str, Any]]:

@@ -11,10 +11,12 @@ from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, crea
 from pydantic_core import ErrorDetails
 
 from servo.mistake import Mistake, unknown
+from servo.scenario.toml import Table
 from sim.installed import Trusted
 from sim.kinds import Kinds, UnknownKind, checked, field_docs, kind_of
 
 Config = TypeVar("Config")
+Model = TypeVar("Model", bound=BaseModel)
 STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 FORMS = ("bool", "float", "int", "str")
 MESSAGES = {
@@ -22,6 +24,7 @@ MESSAGES = {
     "missing": "a value is missing",
     "tuple_type": "this should be a list",
     "model_type": "this should be a table of settings",
+    "dict_type": "this should be a table",
 }
 """Our words where pydantic's speak of Python."""
 
@@ -84,19 +87,30 @@ def fill(config: type[Config], table: object, place: str, begin: Config | None =
     Raises:
         WrongSetting: A key is unknown, or a value has the wrong type or is out of range.
     """
+    begin = config() if begin is None else begin
+    if table == {}:
+        return begin
+    return _changed(begin, validated(form(config), _values(table), f"{place}."), place)
+
+
+def validated(model: type[Model], table: object, prefix: str) -> Model:
+    """Return a table as an instance of a pydantic model.
+
+    Args:
+        model: Names the keys of the table, and their types and ranges.
+        table: As TOML has it.
+        prefix: Stands before each key in messages: "run." or "mine.toml: ".
+
+    Raises:
+        WrongSetting: A key is unknown, or a value has the wrong type or is out of range.
+    """
+    place = prefix.rstrip(".: ")
     if not isinstance(table, dict):
         raise WrongSetting(f"{place} should be a table of settings, not {table!r}", place)
-    if not table:  # there is nothing to check
-        return config() if begin is None else begin
-    checked = form(config)
-    for key in cast(dict[str, Any], table):
-        if key not in checked.model_fields:
-            raise WrongSetting(f"{place}: {unknown(key, checked.model_fields)}", f"{place}.{key}")
     try:
-        given = checked.model_validate(_values(cast(Any, table)))
+        return model.model_validate(table)
     except ValidationError as error:
-        raise _wrong(_nearest(error.errors()), place) from None
-    return _changed(config() if begin is None else begin, given, place)
+        raise _wrong(_nearest(error.errors()), prefix, model) from None
 
 
 def _values(value: Any) -> Any:
@@ -132,7 +146,10 @@ def _changed(begin: Any, given: BaseModel, place: str) -> Any:
 
 
 def _nearest(errors: list[ErrorDetails]) -> ErrorDetails:
-    """Return the first error; of a value with several forms, the one that went furthest."""
+    """Return the first error, unknown keys before others; of a value with several forms, the one
+    that went furthest.
+    """
+    errors = sorted(errors, key=lambda error: error["type"] != "extra_forbidden")
     first = errors[0]["loc"]
     begin = tuple(itertools.takewhile(_is_place, first))
     rivals = errors if begin != first else errors[:1]
@@ -146,9 +163,12 @@ def _is_place(part: int | str) -> bool:
     return isinstance(part, int) or (part.isidentifier() and part not in FORMS)
 
 
-def _wrong(error: ErrorDetails, place: str) -> WrongSetting:
-    """Return what pydantic found as a sentence, with the place of the value."""
-    where = place + "".join(f".{part}" for part in error["loc"] if _is_place(part))
+def _wrong(error: ErrorDetails, prefix: str, model: type[BaseModel]) -> WrongSetting:
+    """Return an error of pydantic as a sentence, with the place of the value."""
+    where = prefix + ".".join(str(part) for part in error["loc"] if _is_place(part))
+    if error["type"] == "extra_forbidden" and len(error["loc"]) == 1:
+        sentence = unknown(str(error["loc"][0]), model.model_fields)
+        return WrongSetting(f"{prefix.rstrip('.: ')}: {sentence}", where)
     sentence = MESSAGES.get(error["type"]) or error["msg"][0].lower() + error["msg"][1:]
     found = "" if error["type"] == "missing" else f" = {_shown(error['input'])!r}"
     return WrongSetting(f"{where}{found}: {sentence}", where)
@@ -171,7 +191,7 @@ def fill_plugin(
     """
     if not isinstance(table, dict):
         raise WrongSetting(f"{place} should be a table with a kind, not {table!r}", place)
-    given = dict(cast(dict[str, Any], table))
+    given = dict(cast(Table, table))
     kind = given.pop("kind", default)
     if own is not None and kind != kind_of(own):
         own = None
