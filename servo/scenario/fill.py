@@ -1,4 +1,4 @@
-"""Tables as frozen dataclasses of settings: a wrong key, type or range is one sentence."""
+"""Conversion of tables to frozen dataclasses of settings; each error is one sentence."""
 
 import functools
 import itertools
@@ -26,7 +26,7 @@ MESSAGES = {
     "model_type": "this should be a table of settings",
     "dict_type": "this should be a table",
 }
-"""Our words where pydantic's speak of Python."""
+"""Sentences in place of those of pydantic that name types of Python."""
 
 
 class WrongSetting(Mistake):
@@ -48,7 +48,7 @@ def form(config: type[Any], *, described: bool = False) -> type[BaseModel]:
             the docstrings takes longer than loading a scenario.
 
     Raises:
-        UnknownKind: The type of a setting has no meaning here, such as one that is not imported.
+        UnknownKind: The type of a setting cannot be used, such as one that is not imported.
     """
     try:
         return _form_of(config(), described)
@@ -132,7 +132,7 @@ def _shown(value: Any) -> Any:
 
 
 def _changed(begin: Any, given: BaseModel, place: str) -> Any:
-    """Return settings with those that a table has given, also in the tables inside it."""
+    """Return settings with the changes of a table and of the tables inside it."""
     changes: dict[str, Any] = {}
     for name in given.model_fields_set:
         value = getattr(given, name)
@@ -165,10 +165,11 @@ def _is_place(part: int | str) -> bool:
 
 def _wrong(error: ErrorDetails, prefix: str, model: type[BaseModel]) -> WrongSetting:
     """Return an error of pydantic as a sentence, with the place of the value."""
+    key, *inside = error["loc"]
+    if error["type"] == "extra_forbidden" and not inside:
+        sentence = unknown(str(key), model.model_fields)
+        return WrongSetting(f"{prefix.rstrip('.: ')}: {sentence}", f"{prefix}{key}")
     where = prefix + ".".join(str(part) for part in error["loc"] if _is_place(part))
-    if error["type"] == "extra_forbidden" and len(error["loc"]) == 1:
-        sentence = unknown(str(error["loc"][0]), model.model_fields)
-        return WrongSetting(f"{prefix.rstrip('.: ')}: {sentence}", where)
     sentence = MESSAGES.get(error["type"]) or error["msg"][0].lower() + error["msg"][1:]
     found = "" if error["type"] == "missing" else f" = {_shown(error['input'])!r}"
     return WrongSetting(f"{where}{found}: {sentence}", where)
@@ -184,7 +185,7 @@ def fill_plugin(
         table: As TOML has it; a `preset` in it gives the settings that it leaves open.
         place: The table's place, with which messages begin.
         default: The kind of a table that names none.
-        own: A part that was given from Python: of its kind, it is there and need not be imported.
+        own: A part that was given from Python; its kind is not imported again.
 
     Raises:
         WrongSetting: As for `fill`, or the kind or preset is unknown.

@@ -1,6 +1,4 @@
-"""A scenario is a TOML file: parsed once, strictly, into frozen values; every mistake is named with
-its place.
-"""
+"""Scenarios from TOML files, as frozen values; each error names its place."""
 
 import copy
 import dataclasses
@@ -48,7 +46,7 @@ class Scenario(Setup):
 
     @property
     def unjudged(self) -> str:
-        """Return a sentence where the bounds are made for another tracker; else nothing."""
+        """Return a sentence if the bounds are made for another tracker; else an empty text."""
         return self.bounds.unjudged(kinds.kind_of(self.tracker)) if not self.expect else ""
 
     @property
@@ -221,10 +219,10 @@ def parse(
 
 
 def _check_drawn(file: Table, place: str) -> None:
-    """Refuse bounds of drawn seeds in a file in which no seed draws anything.
+    """Refuse bounds of drawn seeds in a file without draws.
 
     Raises:
-        Mistake: There are such bounds.
+        Mistake: The file has such bounds.
     """
     expect = file.get("expect", {})
     if isinstance(expect, dict) and expect.get("drawn") and not file.get("vary"):
@@ -252,7 +250,7 @@ def _drawn(draws: Sequence[Draw], table: Table, seed: int, own: Mapping[str, Any
     """Return the settings that a seed draws; each end of a law must be valid.
 
     Raises:
-        WrongSetting: One is not.
+        WrongSetting: A drawn setting is unknown, or an end of its law is out of range.
     """
     for draw in draws:
         at = f"vary.{draw.key}"
