@@ -106,7 +106,7 @@ def validated(model: type[Model], table: object, prefix: str) -> Model:
     """
     place = prefix.rstrip(".: ")
     if not isinstance(table, dict):
-        raise WrongSetting(f"{place} should be a table of settings, not {table!r}", place)
+        raise WrongSetting(f"{place} should be a table of settings, not {_shown(table)!r}", place)
     try:
         return model.model_validate(table)
     except ValidationError as error:
