@@ -181,7 +181,7 @@ BAD = {
     ),
     "no file": (["gone.toml"], "gone.toml: cannot read this suite: No such file or directory"),
     "no key": (["odd.toml"], "odd.toml: there is no key 'sequence'; did you mean 'sequences'?"),
-    "no sequences": (["none.toml"], "none.toml: there are no [[sequences]] in this suite"),
+    "no sequences": (["none.toml"], "none.toml: sequences: a value is missing"),
     "no level": (
         ["level.toml"],
         "level.toml: sequences[0].level = 'z': input should be 'a', 'b', 'c', 'd', 'e', 'f', 'g' "

@@ -452,7 +452,7 @@ def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd,
     verify = [*bench, "--verify", "row.json"]
     notes = (
         "  note: it is of a quick run: 2 of 42 worlds\n"
-        "  note: its medians (time, way, corners out of view) are not compared\n"
+        "  note: its medians (time, camera path, corners out of view) are not compared\n"
     )
     agreed = f"points: 2 of 2 worlds agree, bit for bit\n{notes}"
     assert call(monkeypatch, capfd, *verify)[:2] == (0, agreed)

@@ -195,22 +195,22 @@ SHAPE = (
 )
 WRONG = [
     ({"k": [0.0] * 9}, SHAPE),
-    ({"k": [np.nan] * 9}, "camera_matrix.data should be a list of finite numbers"),
+    ({"k": [np.nan] * 9}, "camera_matrix.0 = nan: input should be a finite number"),
     ({"d": [0.1] * 8, "distortion_model": "plumb_bob"}, "distortion_coefficients has 8 numbers; plumb_bob has 5"),
     (
         {"d": [0.0] * 5, "distortion_model": "omni"},
         "distortion_model = 'omni' is not known; there is plumb_bob, radtan, radial_tangential, "
         "rational_polynomial, rational, equidistant, fisheye, kannala_brandt, kannala_brandt4, "
-        "kannala_brandt8",
+        "kannala_brandt8 (leave it out if it names no lens)",
     ),
     (
         {"binning_x": 2},
-        "binning_x and binning_y are 2 and 1; they should be 0 or 1: calibrate the pictures as they are",
+        "binning_x = 2: input should be 0 or 1",
     ),
     (
         {"roi": messages.RegionOfInterest(40, 50, 200, 300, False)},
-        "roi (x_offset, y_offset, width, height) is 40, 50, 300, 200; it should be the whole "
-        "picture: calibrate the pictures as they are",
+        "roi = {'x_offset': 40, 'y_offset': 50, 'height': 200, 'width': 300, 'do_rectify': 0} should "
+        "be the whole picture",
     ),
 ]  # fmt: skip
 

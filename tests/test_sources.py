@@ -242,7 +242,10 @@ def test_a_suite_may_name_the_format_of_its_truths(tmp_path):
     for more, message in (
         ("", "give the format of this truth: otb, vot or tld"),
         ('truth_format = "coco"', "suite.toml: sequences[0]: there is no truth format 'coco'"),
-        ("truth_format = 3", "suite.toml: sequences[0].truth_format = 3: this should be a text"),
+        (
+            "truth_format = 3",
+            "suite.toml: sequences[0].truth_format = 3: input should be a valid string",
+        ),
         ('format = "tld"', "suite.toml: sequences[0]: there is no key 'format'"),
     ):
         with pytest.raises(Mistake) as refused:

@@ -108,7 +108,7 @@ BAD = {
     ),
     "very many seeds": (
         STILL + "seeds = 9_000_000_000_000_000_000",
-        "seeds = 9000000000000000000: the limit is 1,000,000",
+        "seeds = 9000000000000000000: input should be less than or equal to 1000000",
     ),
     "more runs than can be written out": (
         STILL + "[axes]\n" + "\n".join(f"goal.x{i} = [1, 2]" for i in range(20_000)),
@@ -120,15 +120,15 @@ BAD = {
     ),
     "comparing a list": (
         STILL + "compare = []\naxes.run.latency = [1, 2]",
-        "compare = []: this should be the name of an axis",
+        "compare = []: input should be a valid string",
     ),
     "a bound that is a list": (
         STILL + "expect.settle_s = [1]",
-        "expect.settle_s = [1]: a bound is a finite number",
+        "expect.settle_s = [1]: input should be a valid number",
     ),
     "a share above 1": (
         STILL + "expect.success_rate = 7",
-        "expect.success_rate = 7: a share is from 0 to 1",
+        "expect.success_rate should be a share from 0 to 1",
     ),
     "a bound of the scenario that is a list": (
         STILL + "set.expect.settle_s = [1]",

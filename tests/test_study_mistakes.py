@@ -16,7 +16,7 @@ BAD = {
         "sceanrio = 'still'",
         "there is no key 'sceanrio'; did you mean 'scenario'?",
     ),
-    "no scenario": ("", 'scenario should name a scenario, several in a list, or "*"'),
+    "no scenario": ("", "scenario: a value is missing"),
     "empty axis": (
         STILL + "axes.run.latency = []",
         "axes.run.latency = []: an axis is a list of values, or a law for them",
@@ -44,7 +44,7 @@ BAD = {
     ),
     "groups that are none": (
         STILL + "named.scheme = { a = 1 }",
-        "named.scheme should be a table of tables of settings, by name",
+        "named.scheme.a = 1: this should be a table",
     ),
     "a group and an axis": (
         STILL + "named.scheme.a = { run.latency = 1 }\naxes.run.latency = [1]",
@@ -80,7 +80,7 @@ BAD = {
     ),
     "seeds": (
         STILL + "seeds = -1",
-        "seeds = -1: how many, or a list of whole numbers from 0 on",
+        "seeds = -1: input should be greater than or equal to 1",
     ),
     "unknown bound": (
         STILL + "expect.sucess_rate = 1",

@@ -1,4 +1,4 @@
-"""The audit of a benchmark's row: what it says against its own errors, and against new runs."""
+"""The audit of a benchmark's row: it is compared with its own errors and with new runs."""
 
 import math
 from collections.abc import Sequence
@@ -20,9 +20,9 @@ from sim.types import Array
 from tracking.files.json_text import as_json
 
 ROUNDING = 1e-9
-"""Largest difference of an area that another processor's last digits make; 3e-12 was seen."""
+"""Largest difference of an area between processors, by rounding; 3e-12 was measured."""
 NEAR = 1e-4
-"""The same of an error of one picture, which is written with seven digits [target sizes]."""
+"""The same for the error of one picture, which is kept with seven digits [target sizes]."""
 TENTH = 10
 LEAST = 10
 """An audit repeats a tenth of the worlds, and ten at least."""
@@ -34,7 +34,7 @@ Errors = dict[tuple[str, float], Array]
 
 
 def errors_file(row: Path) -> Path:
-    """Return where the errors of a row's file are: beside it."""
+    """Return the path of the errors of a row: a Parquet file beside the row's file."""
     return row.with_suffix(".parquet")
 
 
@@ -54,7 +54,7 @@ def read_errors(path: Path) -> Errors:
     """Return the errors in a Parquet file.
 
     Raises:
-        Mistake: It is none of a row.
+        Mistake: The file cannot be read, or is not one of a row's errors.
     """
     try:
         table = pq.read_table(path, columns=[WORLD, SLOW, ERROR]).to_pydict()
@@ -66,14 +66,14 @@ def read_errors(path: Path) -> Errors:
 
 @dataclass(frozen=True, slots=True)
 class Audit:
-    """What an audit can say of a row before anything is run."""
+    """The result of an audit before worlds are run again."""
 
     worlds: Sequence[World]
-    """All that the row has to have."""
+    """The worlds that the row should have."""
     faults: Sequence[str]
-    """Sentences: what contradicts the benchmark, or the row itself."""
+    """A sentence for each contradiction of the row to the benchmark or to itself."""
     remarks: Sequence[str]
-    """Sentences: what could not be compared."""
+    """A sentence for each part of the row that could not be compared."""
 
 
 def audit(benchmark: Benchmark, row: Row, one: Contestant, errors: Errors | None) -> Audit:
@@ -81,8 +81,8 @@ def audit(benchmark: Benchmark, row: Row, one: Contestant, errors: Errors | None
 
     Args:
         benchmark: Of the same version.
-        row: What was sent.
-        one: Its contestant, as it is here.
+        row: The row that was sent.
+        one: Its contestant, in this version of servobench.
         errors: Of all its runs, if they were sent.
     """
     worlds = expected_worlds(benchmark, row)
@@ -104,12 +104,12 @@ def audit(benchmark: Benchmark, row: Row, one: Contestant, errors: Errors | None
     else:
         faults += _contradictions(benchmark, row, errors)
     if benchmark.score == "arrives":
-        remarks.append("its medians (time, way, corners out of view) are not compared")
+        remarks.append("its medians (time, camera path, corners out of view) are not compared")
     return Audit(worlds, faults, remarks)
 
 
 def expected_worlds(benchmark: Benchmark, row: Row) -> list[World]:
-    """Return the worlds that a row has to have: all of its band, or those of --quick."""
+    """Return the worlds that a row should have: all of its band, or those of --quick."""
     band = band_of(row)
     quick = benchmark.every_world(band, QUICK)
     return quick if len(row.worlds) <= len(quick) else benchmark.every_world(band)
@@ -121,15 +121,16 @@ def band_of(row: Row) -> Band:
 
 
 def sample(worlds: Sequence[World], rng: np.random.Generator) -> list[World]:
-    """Return the worlds that an audit repeats: drawn when it begins, so that nobody who writes a
-    row knows which.
+    """Return the worlds that an audit repeats.
+
+    They are drawn when the audit begins, so that the author of a row cannot know them.
     """
     count = min(len(worlds), max(LEAST, math.ceil(len(worlds) / TENTH)))
     return [worlds[i] for i in sorted(rng.choice(len(worlds), count, replace=False))]
 
 
 def _contradictions(benchmark: Benchmark, row: Row, errors: Errors) -> list[str]:
-    """Return how a row contradicts the errors that it was made of."""
+    """Return a sentence for each contradiction of a row to its errors."""
     at_once = {world: e for (world, ms), e in errors.items() if ms == 0.0}
     faults = list[str]()
     if at_once.keys() != row.worlds.keys():
@@ -159,7 +160,7 @@ def _some(keys: Sequence[str] | set[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Repeated:
-    """How a world that was run again compares with its row."""
+    """The comparison of a new run of a world with its row."""
 
     world: str
     agrees: bool
@@ -168,7 +169,7 @@ class Repeated:
 
 
 def repeated(benchmark: Benchmark, row: Row, errors: Errors | None, record: Record) -> Repeated:
-    """Compare a new run with what a row, and the errors beside it, say of its world."""
+    """Compare a new run of a world with its row and with the errors beside the row."""
     world, ms = record.settings[WORLD], float(record.settings[SLOW])
     now = np.asarray(record.series[ERROR], np.float32).astype(float)
     exactly = agrees = True

@@ -1,4 +1,4 @@
-"""A public benchmark: its frozen conditions, the worlds that are drawn in each, and its hash."""
+"""A public benchmark: its frozen conditions, the worlds that are drawn in them, and its hash."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.catalogue import sentence
 from servo.scenario.draws import flat
-from servo.scenario.load import Scenario, Table, parse
-from servo.scenario.toml import put
+from servo.scenario.load import Scenario, parse
+from servo.scenario.toml import Table, put
 from sim.types import Array
 from tracking.files.json_text import as_json
 
@@ -29,7 +29,7 @@ SEALED_FROM = 1 << 20
 SEALED_SEEDS = 1 << 40
 """Sealed seeds lie above all others."""
 QUICK = 2
-"""Worlds of a condition in a quick run: what a first look needs."""
+"""Worlds of a condition in a quick run."""
 FARTHEST = 2.0
 """The curve of the score goes to this distance from the goal [target sizes]."""
 HELD_SIZE = 1.0
@@ -39,10 +39,10 @@ ARRIVED_MM = 10.0
 ARRIVED_DEG = 1.0
 NEAR_MM = 100.0
 NEAR_DEG = 10.0
-"""Arrival in a wider sense, as learned servoing is judged: a tenth of a way of a metre, and ten
-degrees."""
+"""Arrival in the wider sense that is used for learned servoing: a tenth of a path of a metre, and
+ten degrees."""
 OF_CONTESTANTS = {"tracker": ("tracker",), "law": ("features", "controller")}
-"""Tables that a contestant brings: their defaults are its own, and do not count to the hash."""
+"""Tables of a contestant: their defaults are not part of the hash."""
 Settings = dict[str, Any]
 Levels = Mapping[str, Settings]
 """Settings of each level of a factor, by its name."""
@@ -50,13 +50,13 @@ Levels = Mapping[str, Settings]
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """One disturbance, motion or task, and what is drawn in it."""
+    """A disturbance, a motion or a task, with the ranges of its drawn settings."""
 
     name: str
     about: str
     settings: Settings
     ranges: dict[str, tuple[float, float]]
-    """Settings that are drawn evenly between two ends."""
+    """The two ends of each setting that is drawn uniformly."""
     factors: dict[str, Levels]
     size: str | None = None
     """The range that measures how large the task is."""
@@ -89,11 +89,11 @@ def condition_of(world: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """Which worlds are drawn: "dev" to tune on, "v1" to publish, or sealed ones.
+    """A set of worlds: "dev" to tune on, "v1" to publish, or sealed ones.
 
     Sealed seeds follow from the benchmark's hash, the contestant's digest and a public value of a
-    later date, so that nobody knows them while the contestant is written, and everybody can draw
-    them again.
+    later date, so that they are unknown while the contestant is written, and can be drawn again
+    later.
     """
 
     name: Literal["dev", "v1", "sealed"] = "dev"
@@ -132,7 +132,7 @@ class Benchmark:
     scenario: Table
     slow: Slow | None
     home: dict[str, Settings]
-    """Shipped contestants by name, where a kind's name does not say them."""
+    """Settings of shipped contestants that are not the kind of one part, by name."""
     files: tuple[str, ...]
     """Shipped models and pictures that the worlds are made of, in `scenes`."""
     frozen: Settings
@@ -147,8 +147,8 @@ class Benchmark:
 
     @property
     def hash(self) -> str:
-        """Return the digest of all that decides a row: this file, the frozen settings, the scenes'
-        models and pictures, and the worlds of the public band as they are drawn.
+        """Return the digest of this file, the frozen settings, the scenes' models and pictures, and
+        the worlds of the public band.
         """
         found = hashlib.sha256(self.text.encode())
         found.update(json.dumps(self.frozen, sort_keys=True).encode())
@@ -178,7 +178,7 @@ class Benchmark:
         """Refuse a version of servobench in which a default or a measure has changed.
 
         Raises:
-            Mistake: One has; a setting that came since does not count.
+            Mistake: A value differs; settings that were added later do not count.
         """
         now = self.settings()
         for key, value in (self.frozen | self.pinned).items():
@@ -235,7 +235,7 @@ def load(name: str) -> Benchmark:
     """Return a shipped benchmark.
 
     Raises:
-        Mistake: There is none of this name.
+        Mistake: There is no benchmark of this name.
     """
     if name not in NAMES:
         raise Mistake(unknown(name, NAMES, "benchmark"))

@@ -31,22 +31,20 @@ NULL = "still"
 PERFECT = "truth"
 """Names of the contestants that fix the scale."""
 FROZEN = "frozen"
-"""A home tracker that looks at no picture: what it holds, the world holds."""
+"""A home tracker that does not use pictures: any tracker holds the worlds that it holds."""
 TRAX = "trax:"
 ONNX = "onnx:"
 """A network file of OpenCV's tracker Vit."""
 SERVER = "tracking.exported.trax_server"
 """The module that serves a tracker of Python in a process of its own."""
 OURS = ("scenes", "servo", "sim", "tracking")
-"""Packages of servobench, which are no part of a contestant: a row names their version."""
+"""Packages of servobench, which do not belong to a contestant: a row names their version."""
 NAMING = ("tracker.command", "tracker.model", "controller.file")
 """Settings that name a guest's files."""
 SCRIPTS = (".py", ".sh")
 """Files of a command that may use the modules beside them."""
 OF_CONTROLLERS: Settings = {"features.kind": "points"}
-"""What a controller gets that is entered by its own name: features that determine all six degrees
-of freedom.
-"""
+"""Features of a controller that is given alone: they determine all six degrees of freedom."""
 
 
 class Division(Enum):
@@ -63,7 +61,7 @@ class Division(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Contestant:
-    """Who runs, and with which settings."""
+    """A named tracker or control law with its settings."""
 
     name: str
     settings: Settings
@@ -76,7 +74,7 @@ class Contestant:
 
     @property
     def digest(self) -> str:
-        """Digest of its settings, and of all code and files that they name."""
+        """Digest of its settings, and of the code and files that they name."""
         found = hashlib.sha256(json.dumps(as_json(self.settings), sort_keys=True).encode())
         for name, content in sorted((path.name, path.read_bytes()) for path in self._files()):
             found.update(name.encode() + content)
@@ -84,7 +82,7 @@ class Contestant:
 
     @property
     def is_unknown(self) -> bool:
-        """Whether it has code or files of its own and none of them was found."""
+        """Whether its settings name code or files, and none of them was found."""
         named = any(key in self.settings for key in NAMING) or any(":" in w for w in self._words())
         return named and not self._files()
 
@@ -164,7 +162,7 @@ def contestants(
     """Return contestants from the command line.
 
     Args:
-        benchmark: Which they enter.
+        benchmark: The benchmark that they take part in.
         given: A name of `home_of`, or name=kind:preset, name=module:Class, name='trax:COMMAND'
             for a program that speaks TraX, or name=onnx:FILE for a network of OpenCV's tracker
             Vit; without any, all of `home_of`.
@@ -225,7 +223,7 @@ def check_program(command: str) -> None:
     """Refuse a command whose program is not there.
 
     Raises:
-        Mistake: It is not.
+        Mistake: There is no such program, or the command cannot be split into words.
     """
     try:
         words = shlex.split(command)

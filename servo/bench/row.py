@@ -1,4 +1,4 @@
-"""The row of a contestant: one JSON file from which every table, rank and page is made."""
+"""The row of a contestant: a JSON file, from which tables, ranks and pages are made."""
 
 from __future__ import annotations
 
@@ -59,21 +59,21 @@ Milliseconds = Annotated[str, StringConstraints(pattern=r"^\d{1,6}(\.\d{1,6})?$"
 
 @dataclass(frozen=True, slots=True)
 class Won:
-    """What a contestant reached in one world."""
+    """The result of a contestant in one world."""
 
     area: Share
-    """From 0 to 1: what the score is the mean of."""
+    """From 0 to 1; the score is the mean of it over all worlds."""
     held: bool
     """Whether the robot held its target for 95 % of the time, or arrived."""
     picture: str = ""
     """Digest of the first picture; empty where nothing was rendered."""
     last: str = ""
-    """Digest of the last picture, which the contestant's own way decides; empty in older rows."""
+    """Digest of the last picture, which depends on the contestant; empty in older rows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row(Made):
-    """All that is published of a contestant."""
+    """The published results of a contestant."""
 
     KIND: ClassVar[str] = "benchmark row"
 
@@ -119,7 +119,7 @@ def within(errors: Array, most: float) -> float:
 
 
 def won(benchmark: Benchmark, record: Record) -> Won:
-    """Return what a contestant reached by the record of its run.
+    """Return the result of a contestant in a world, from the record of its run.
 
     Holding counts the area of `within`; arriving counts 1 for a camera that ends within 10 mm and
     1 degree of its goal, and never had a corner of the target outside its picture: no detector
@@ -228,7 +228,7 @@ def rows_in(paths: Iterable[Path]) -> list[Row]:
     """Return the rows in some files, by their names.
 
     Raises:
-        Mistake: A file cannot be read, or is no row.
+        Mistake: A file cannot be read, or is not a row.
     """
     return [Row.read(path) for path in sorted(paths)]
 
@@ -237,7 +237,7 @@ def check_version(benchmark: Benchmark, row: Row) -> None:
     """Refuse a row of another benchmark or version.
 
     Raises:
-        Mistake: It is one.
+        Mistake: The row is of another benchmark or version.
     """
     if (row.benchmark, row.hash) != (benchmark.name, benchmark.hash):
         raise Mistake(
@@ -247,6 +247,6 @@ def check_version(benchmark: Benchmark, row: Row) -> None:
 
 
 def file_name(contestant: str) -> str:
-    """Return the name of a row's file, without what some file systems refuse."""
+    """Return the name of a row's file; characters that a file system may refuse become "_"."""
     kept = "".join(c if c.isalnum() or c in "-_." else "_" for c in contestant)
     return f"{kept}.json"

@@ -1,4 +1,4 @@
-"""The table of a benchmark: scores with intervals over worlds, ranks, and what made worlds hard."""
+"""The table of a benchmark: scores with intervals over worlds, ranks, and effects of conditions."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from sim.types import Array
 from tracking.statistics.comparisons import Interval, holm, in_percent, mean_of
 
 SURE = 0.05
-"""Contestants whose difference has a smaller p-value, after Holm, have different ranks."""
+"""Largest p-value, after Holm's correction, of contestants with different ranks."""
 SHARE = (0.0, 1.0)
 """Bounds of a share."""
 HALF = 0.5
 """A tracker is fast enough while half of the worlds are held."""
 FEWEST_CONTESTANTS = 3
-"""Fewer say nothing about how hard a world is."""
+"""Fewest contestants from which the difficulty of worlds is computed."""
 FEWEST_WORLDS = 5
-"""A level in fewer worlds has no interval worth telling."""
+"""Fewest worlds of a level whose effect is computed."""
 LIGHT = ("light.azimuth_deg", "light.elevation_deg")
 """Settings that are drawn in all conditions; a third of the worlds is a level of each."""
 
@@ -39,8 +39,8 @@ class Standing:
     """Share of the worlds in which the target was held, or reached."""
     first: int
     last: int
-    """The ranks that it may have: after all that are better for certain, and before all that are
-    worse for certain."""
+    """The ranks that it may have: after all that are significantly better, and before all that are
+    significantly worse."""
     beats_next: float
     """How often it is better than the next one in the same world; ties count half."""
     points: dict[str, float]
@@ -67,7 +67,7 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
     0 is the mean of `null` over all worlds, and 100 that of `perfect`, or an area of 1 everywhere.
 
     Raises:
-        Mistake: There is no such world.
+        Mistake: The rows have no world in common.
     """
     worlds = sorted(row.worlds.keys() & null.worlds.keys())
     if perfect is not None:
@@ -132,7 +132,7 @@ def _slowest(row: Row, frozen: Row | None) -> float | None:
 def _better(
     points: Mapping[str, Mapping[str, float]], order: Sequence[str]
 ) -> set[tuple[str, str]]:
-    """Return the pairs (better, worse) of contestants that differ for certain.
+    """Return the pairs (better, worse) of contestants that differ significantly.
 
     Args:
         points: Of each contestant in each world.
@@ -164,7 +164,7 @@ def _improvement(first: Mapping[str, float], second: Mapping[str, float]) -> flo
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """What a level of a factor does to the points of all contestants."""
+    """The mean points of all contestants at a level of a factor."""
 
     factor: str
     level: str
@@ -205,17 +205,17 @@ def _levels(worlds: Sequence[World]) -> dict[tuple[str, str], list[str]]:
 
 @dataclass(frozen=True, slots=True)
 class Difficulty:
-    """How much the worlds tell contestants apart."""
+    """How many worlds do not distinguish contestants."""
 
     nobody: int
     """Worlds that no contestant held."""
     everybody: int
-    """Worlds that every contestant held; `frozen` is left out, which looks at no picture."""
+    """Worlds that every contestant held, without `frozen`, which does not use pictures."""
     worlds: int
 
     @staticmethod
     def of(table: Sequence[Standing]) -> Difficulty | None:
-        """Return the difficulty of the worlds that all contestants have; None for a few."""
+        """Return the difficulty of the worlds of all contestants; None for too few contestants."""
         rows = [standing.row.worlds for standing in table if standing.name != FROZEN]
         if len(rows) < FEWEST_CONTESTANTS:
             return None

@@ -1,4 +1,4 @@
-"""A run of a benchmark: one contestant in one world, as a job of the one runner."""
+"""A run of a benchmark: one contestant in one world, as a job of a study."""
 
 import hashlib
 from collections.abc import Callable, Sequence
@@ -14,7 +14,8 @@ from servo.loop.columns import Columns
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
 from servo.loop.step import Step
-from servo.scenario.load import Scenario, Table, parse
+from servo.scenario.load import Scenario, parse
+from servo.scenario.toml import Table
 from servo.study.run import Job, Record
 from servo.study.scenario_run import Sheet, record_of
 from sim.channels import Channel, needs_of
@@ -25,7 +26,7 @@ from tracking.types import SEES_PICTURES
 CONTESTANT = "contestant"
 WORLD = "world"
 SLOW = "slow"
-"""Settings of a job: who runs where, and the time that it takes for a picture, or 0."""
+"""Settings of a job: the contestant, the world, and the tracker's time for a picture [ms], or 0."""
 PICTURE = "first_picture"
 LAST = "last_picture"
 """Settings of a record: the SHA-256 of the first and the last picture of the run."""
@@ -35,7 +36,7 @@ ERROR = "error_sizes"
 
 @dataclass(frozen=True, slots=True)
 class WorldRun:
-    """A subject: a contestant in a world."""
+    """A subject of jobs: a contestant in a world."""
 
     benchmark: str
     """Its name and hash."""
@@ -74,9 +75,7 @@ class WorldRun:
 
 
 def _run(scenario: Scenario, each: Callable[[Step], None] | None) -> Columns:
-    """Return the columns of a run, up to where its law drives the robot beyond all
-    bounds: the simulation ends there, and the world is lost.
-    """
+    """Return the columns of a run; they end where the simulation becomes unstable."""
     run = Columns()
     with Episode(scenario, seen=each is not None) as episode:
         try:

@@ -1,4 +1,4 @@
-"""Arguments of callers in Python, checked: the type that is needed, or one sentence."""
+"""Checks of the arguments of callers in Python; each error is one sentence."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ def name(given: Any, what: str) -> str:
     """Return the name or the file of a scenario, a study or a folder.
 
     Raises:
-        Mistake: It is neither a text nor a path.
+        Mistake: `given` is neither a text nor a path.
     """
     if not isinstance(given, str | Path):
         raise Mistake(f"a {what} is given by its name or its file, not by {type(given).__name__}")
@@ -25,7 +25,7 @@ def texts(given: Any) -> tuple[str, ...]:
     """Return changes of settings as for --set.
 
     Raises:
-        Mistake: They are no texts.
+        Mistake: `given` is not a list of texts.
     """
     single = isinstance(given, str | Mapping) or not isinstance(given, Iterable)
     found: tuple[Any, ...] = () if single else tuple(given)
@@ -39,7 +39,7 @@ def whole(given: Any, what: str, least: int) -> int:
     """Return a whole number, of Python or NumPy.
 
     Raises:
-        Mistake: It is none, or too small.
+        Mistake: `given` is not a whole number, or is below `least`.
     """
     if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < least:
         raise Mistake(f"{what} = {given!r}: expected a whole number from {least} on")
@@ -50,7 +50,7 @@ def numbers(given: Any, what: str, count: int) -> Array:
     """Return finite numbers (count,).
 
     Raises:
-        Mistake: They are others.
+        Mistake: `given` has another shape, or a value that is not finite.
     """
     try:
         found = np.asarray(given, float)
@@ -62,10 +62,10 @@ def numbers(given: Any, what: str, count: int) -> Array:
 
 
 def one_of(given: Any, what: str, known: Sequence[Any]) -> None:
-    """Check a choice.
+    """Refuse a choice that is unknown.
 
     Raises:
-        Mistake: There is no such choice.
+        Mistake: `given` is not among `known`.
     """
     if given not in known:
         raise Mistake(unknown(str(given), [str(k) for k in known], what))
@@ -75,7 +75,7 @@ def each_once(given: Any, what: str, known: Sequence[str]) -> list[int]:
     """Return the positions of the chosen ones among all.
 
     Raises:
-        Mistake: There are none, or one is unknown or chosen twice.
+        Mistake: `given` is empty or not a list, or an item is unknown or chosen twice.
     """
     chosen = [] if isinstance(given, str) or not isinstance(given, Iterable) else list(given)
     if not chosen or any(chosen.count(item) > 1 for item in chosen):

@@ -4,21 +4,28 @@ Both start pixel coordinates at the middle of the first pixel, and we at its cor
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import cv2
 import numpy as np
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    Field,
+    FiniteFloat,
+    PositiveInt,
+)
 
 from servo.mistake import Mistake, as_mistake
-from servo.scenario.toml import is_number
+from servo.scenario.fill import validated
+from servo.scenario.toml import Table, is_number
 from sim.camera.camera import CameraConfig
 from sim.camera.distortion import COEFFICIENTS, Model
 from sim.files import reading
 from sim.types import Camera
 
-Table = dict[str, Any]
 LARGEST_FILE = 20_000
 """Largest file [bytes]; a calibration has about a thousand."""
 GIVES = ("fovy_deg", "fx", "fy", "cx", "cy", "distortion", "coefficients")
@@ -36,16 +43,14 @@ MODELS: dict[str, Model] = {
     "kannala_brandt8": "fisheye",
 }
 """Our distortion by the names of ROS, Kalibr, OKVIS and ORB-SLAM, where the formula is the same."""
-THERE_IS = f"there is {', '.join(MODELS)}"
 ROS_NAMES = {own: name for name, own in reversed(MODELS.items())}
 """ROS's name of a distortion; the first one where there are two."""
+LENSES: dict[str, Model] = {name.replace("_", ""): model for name, model in MODELS.items()}
+"""The same by the letters of their names."""
 MIDDLE = 0.5
 """Place of the first pixel's middle: zero in ROS and OpenCV [px]."""
-BY_COUNT: dict[int, Model] = {4: "plumb_bob", 5: "plumb_bob", 8: "rational"}
-"""OpenCV's distortion by the number of its coefficients that are not zero at the end."""
 OPENCV = ("%YAML", "<?xml")
 """The beginning of OpenCV's files."""
-MATRICES = ("camera_matrix", "distortion_coefficients")
 KEYS = {
     "imagewidth": "image_width",
     "width": "image_width",
@@ -57,35 +62,45 @@ KEYS = {
     "d": "distortion_coefficients",
 }
 """The keys by their letters; a message of ROS, printed, has the short ones."""
-NAMING = re.compile(
-    "(cam(era)?|calibration|dist(ortion)?(coefficients)?|lens|projection|intrinsics?)*"
-    "(model|type)+(name)?|distortion|lens|projection"
+LENS = re.compile(
+    r"model|fisheye|lens|mirror|(^|\.)xi$|(camera|distortion|projection)\.?type$|"
+    r"^(distortion|projection)$"
 )
 """Letters of the keys whose value names a lens, and so is known or refused."""
-OWNED = re.compile(
-    "(?!.*(model|type|lens|distortion)).*(serial.*|(name|title|id|topic|path|file|image)s?)"
-)
-"""Letters of the keys whose value is a name of something: a camera called "fisheye" may be none."""
-FISHEYE = re.compile("fish|equidist|kannala")
-"""Letters of a fisheye, in a key or in a value;"""
-OMNI = re.compile("omni(?!vision)|mirrorparameters")
-"""those of a lens that sees all around, which is not simulated (but for a maker of sensors)."""
-XI = re.compile("(^|[^a-z])xi$")
-"""End of a key that has the distance of such a lens's mirror."""
 NO_DISTORTION = "none"
-UNSAID = ("", NO_DISTORTION, "pinhole", "perspective")
+UNSAID = ("", NO_DISTORTION, "pinhole", "perspective", "0", "false", "no")
 """Letters of values that leave open which distortion there is."""
 YES = ("1", "true", "yes")
-NO = ("0", "false", "no")
-BINNING = ("binning_x", "binning_y")
+"""Letters of the values of a key such as fisheye_model, which is a question."""
 ROI = ("x_offset", "y_offset", "width", "height")
+
+
+def _data(value: object) -> object:
+    """Return the numbers of a matrix, which may be a table with `data`."""
+    return value.get("data") if isinstance(value, dict) else value
+
+
+Numbers = Annotated[list[FiniteFloat], Field(min_length=1), BeforeValidator(_data)]
+
+
+class Calibration(BaseModel):
+    """The keys of a calibration that are read, with their types and ranges."""
+
+    image_width: PositiveInt
+    image_height: PositiveInt
+    camera_matrix: Numbers
+    distortion_coefficients: Numbers
+    binning_x: Literal[0, 1] = 0
+    binning_y: Literal[0, 1] = 0
+    roi: dict[str, int] = Field(default_factory=dict[str, int])
 
 
 def calibrated(camera: Any, place: str) -> Any:
     """Return the table [camera] with the settings of its calibration file in its place.
 
     Raises:
-        Mistake: The file is none, does not fit the image size, or its settings are given as well.
+        Mistake: The file is no calibration or has another shape of image, or the table gives the
+            lens as well.
     """
     if not isinstance(camera, dict) or not isinstance(camera.get("calibration"), str):
         return camera
@@ -130,7 +145,7 @@ def camera_of_info(info: Any, topic: str) -> Camera:
     """Return the camera of ROS's message sensor_msgs/CameraInfo.
 
     Raises:
-        Mistake: It is no calibration of whole pictures, with a distortion that is known.
+        Mistake: The message is wrong, as for `settings_of`.
     """
     document = {
         "image_width": info.width,
@@ -139,8 +154,10 @@ def camera_of_info(info: Any, topic: str) -> Camera:
         "distortion_model": info.distortion_model,
         "distortion_coefficients": list(info.d) or [0.0],
         "roi": vars(info.roi),
+        "binning_x": info.binning_x,
+        "binning_y": info.binning_y,
     }
-    found = settings_of(document | {key: getattr(info, key) for key in BINNING}, topic)
+    found = settings_of(document, topic)
     width, height = found.pop("size")
     lens = CameraConfig(
         distortion=found.pop("distortion"), coefficients=tuple(found.pop("coefficients"))
@@ -172,51 +189,29 @@ def settings_of(document: Table, place: str) -> Table:
         place: Its file or topic, for messages.
 
     Raises:
-        Mistake: It is no calibration of whole pictures, or of another lens than is simulated.
+        Mistake: A key is missing or wrong, the calibration is of a part of the picture, or of a
+            lens that is not simulated.
     """
-    size = [document.get(key) for key in ("image_width", "image_height")]
-    for key, value in zip(("image_width", "image_height"), size, strict=True):
-        if type(value) is not int or value <= 0:
-            raise Mistake(f"{place}: {key} = {value!r} should be a number of pixels")
-    _check_whole(document, size, place)
-    K, values = (_numbers(document.get(key), key, place) for key in MATRICES)
+    given = validated(Calibration, document, f"{place}: ")
+    size = [given.image_width, given.image_height]
+    if [given.roi.get(key, 0) for key in ROI] not in ([0, 0, 0, 0], [0, 0, *size]):
+        raise Mistake(f"{place}: roi = {given.roi} should be the whole picture")
+    K, values = given.camera_matrix, given.distortion_coefficients
     if len(K) != 9 or K[1] or K[3] or K[6:] != [0.0, 0.0, 1.0] or min(K[0], K[4]) <= 0:
         raise Mistake(
             f"{place}: camera_matrix should be fx 0 cx, 0 fy cy, 0 0 1, without skew, with focal "
             "lengths above zero"
         )
     model = _model(document, place, values)
-    written = len(values)
-    while len(values) > COEFFICIENTS[model] and values[-1] == 0:
-        values = values[:-1]
-    if model == "plumb_bob" and len(values) == COEFFICIENTS[model] - 1:
-        values = [*values, 0.0]  # without k3
-    if not any(values):
-        values = [0.0] * COEFFICIENTS[model]
-    if len(values) != COEFFICIENTS[model]:
+    count = COEFFICIENTS[model]
+    fewest = count - 1 if model == "plumb_bob" else count  # k3 may be left out
+    if any(values[count:]) or (any(values) and len(values) < fewest):
         raise Mistake(
-            f"{place}: distortion_coefficients has {written} numbers; "
-            f"{model} has {COEFFICIENTS[model]}"
+            f"{place}: distortion_coefficients has {len(values)} numbers; {model} has {count}"
         )
+    values = [*values, *[0.0] * count][:count]
     found = {"size": size, "fx": K[0], "fy": K[4], "cx": K[2] + MIDDLE, "cy": K[5] + MIDDLE}
     return found | {"distortion": model, "coefficients": values}
-
-
-def _check_whole(document: Table, size: Sequence[Any], place: str) -> None:
-    """Refuse what says that pictures are not those of the whole sensor, pixel by pixel."""
-    binning = [document.get(key) or 1 for key in BINNING]
-    if binning != [1, 1]:
-        raise Mistake(
-            f"{place}: {' and '.join(BINNING)} are {binning[0]} and {binning[1]}; they should be 0 "
-            "or 1: calibrate the pictures as they are"
-        )
-    roi = document.get("roi") or {}
-    corner = [roi.get(key, 0) for key in ROI] if isinstance(roi, dict) else [roi]
-    if corner not in ([0, 0, 0, 0], [0, 0, *size]):
-        raise Mistake(
-            f"{place}: roi ({', '.join(ROI)}) is {', '.join(map(str, corner))}; it should be the "
-            "whole picture: calibrate the pictures as they are"
-        )
 
 
 def _of_yaml(text: str, path: Path) -> list[tuple[Any, Any]]:
@@ -224,13 +219,11 @@ def _of_yaml(text: str, path: Path) -> list[tuple[Any, Any]]:
     import yaml  # few scenarios need it
 
     pairs: list[tuple[Any, Any]] = []
-    loader = yaml.SafeLoader(text)
     try:
-        while loader.check_node():
-            node = loader.get_node()
+        for node in yaml.compose_all(text, yaml.SafeLoader):
             if isinstance(node, yaml.MappingNode):
                 # A dictionary would keep the last of two equal keys.
-                pairs += loader.construct_pairs(node, deep=True)
+                pairs += yaml.SafeLoader("").construct_pairs(node, deep=True)
     except (ValueError, yaml.YAMLError) as error:
         mark = getattr(error, "problem_mark", None)
         line = "" if mark is None else f": line {mark.line + 1} is wrong"
@@ -268,23 +261,28 @@ def _value(node: cv2.FileNode) -> Any:
 
 def _model(document: Table, place: str, values: list[float]) -> Model:
     """Return the distortion that the file names; else that of the number of its coefficients."""
-    written = dict(_leaves(document))
-    possible = {key: _possible(f"{place}: {key}", key, value) for key, value in written.items()}
-    left = set(COEFFICIENTS).intersection(*possible.values())
-    if not left:
-        said = [
-            f"{key} = {written[key]!r}"
-            for key in possible
-            if len(possible[key]) < len(COEFFICIENTS)
-        ]
-        raise Mistake(f"{place}: {' and '.join(said)} are of different lenses")
-    if len(left) == 1:
-        return left.pop()
+    named: dict[Model, str] = {}
+    for key, value in _leaves(document):
+        letters = "" if value is None else _letters(value)
+        if "fisheye" in _letters(key) and letters in YES:
+            letters = "fisheye"
+        if not LENS.search(_letters(key)) or letters in UNSAID:
+            continue
+        model = LENSES.get(letters)
+        if model is None:
+            raise Mistake(
+                f"{place}: {key} = {value!r} is not known; there is {', '.join(MODELS)} "
+                "(leave it out if it names no lens)"
+            )
+        named[model] = f"{key} = {value!r}"
+    if len(named) > 1:
+        raise Mistake(f"{place}: {' and '.join(named.values())} are of different lenses")
+    if named:
+        return next(iter(named))
     name = document.get("distortion_model")
     if name is not None and _letters(name) == NO_DISTORTION and any(values):
         raise Mistake(f"{place}: distortion_model = {name!r}, but distortion_coefficients has some")
-    last = max((i + 1 for i, value in enumerate(values) if value), default=0)
-    return BY_COUNT[min((n for n in BY_COUNT if n >= last), default=max(BY_COUNT))]
+    return "rational" if any(values[COEFFICIENTS["plumb_bob"] :]) else "plumb_bob"
 
 
 def _leaves(document: Table, above: str = "") -> Iterator[tuple[str, Any]]:
@@ -296,43 +294,6 @@ def _leaves(document: Table, above: str = "") -> Iterator[tuple[str, Any]]:
             yield f"{above}{key}", value
 
 
-def _possible(place: str, key: str, value: Any) -> set[Model]:
-    """Return the distortions that a key of the file leaves open."""
-    word = _letters(key)
-    letters = "" if value is None else _letters(value)
-    if letters in UNSAID or OWNED.fullmatch(word):
-        return set(COEFFICIENTS)
-    if FISHEYE.search(word):
-        if letters not in (*YES, *NO):
-            raise Mistake(f"{place} = {value!r} should be 0 or 1 (leave it out if it is neither)")
-        return {"fisheye"} if letters in YES else {"plumb_bob", "rational"}
-    if (OMNI.search(word) or XI.search(key.lower())) and letters not in NO:
-        raise Mistake(f"{place} = {value!r} is of a lens that is not simulated; {THERE_IS}")
-    found: set[Model] = {model for name, model in MODELS.items() if _letters(name) == letters}
-    names_one = NAMING.fullmatch(word) or FISHEYE.search(letters) or OMNI.search(letters)
-    if names_one and not found:
-        more = "" if key == "distortion_model" else " (leave it out if it names no lens)"
-        raise Mistake(f"{place} = {value!r} is not known; {THERE_IS}{more}")
-    return found or set(COEFFICIENTS)
-
-
 def _letters(text: object) -> str:
-    """Return a word without what its spellings differ in: capitals, underscores, hyphens."""
-    return re.sub("[^a-z0-9]", "", str(text).lower())
-
-
-def _numbers(data: Any, key: str, place: str) -> list[float]:
-    """Return the numbers of a matrix, which may be a table; YAML takes 1e-05 for a text."""
-    data = data.get("data") if isinstance(data, dict) else data
-    if data is None:
-        raise Mistake(f"{place}: {key} is missing, or has no data")
-    if data == []:
-        zeros = "" if key == "camera_matrix" else "; a lens without distortion has zeros"
-        raise Mistake(f"{place}: {key}.data is empty{zeros}")
-    try:
-        numbers = np.array(data, np.float64)
-    except (TypeError, ValueError, OverflowError):
-        numbers = np.array([np.nan])
-    if numbers.ndim != 1 or not numbers.size or not np.isfinite(numbers).all():
-        raise Mistake(f"{place}: {key}.data should be a list of finite numbers")
-    return numbers.tolist()
+    """Return a word without capitals, underscores and hyphens, in which spellings differ."""
+    return re.sub("[^a-z0-9.]", "", str(text).lower())

@@ -1,5 +1,6 @@
-"""The choices by name: kinds of a scenario's parts, shipped scenarios and studies. Importing it is
-cheap: `servobench list` does.
+"""The choices by name: kinds of a scenario's parts, shipped scenarios and studies.
+
+This file is quick to import, for `servobench list`.
 """
 
 from importlib import resources
@@ -18,7 +19,7 @@ PLUGINS = {
     "estimator": (estimators.KINDS, "kalman_cv"),
     "controller": (controllers.KINDS, "ibvs"),
 }
-"""Tables with a `kind`: the kinds that there are, and the one where none is given."""
+"""Tables with a `kind`: their kinds, and the default."""
 LISTS = {"disturbances": disturbances.KINDS}
 """Lists of such tables."""
 
@@ -34,7 +35,7 @@ def studies() -> list[str]:
 
 
 def sentence(text: str) -> str:
-    """Return the second line of a scenario or a study, a comment that describes it; or nothing.
+    """Return the comment in the second line of a scenario or a study, or an empty text.
 
     Directives to editors, "#:schema ...", do not count as lines.
     """

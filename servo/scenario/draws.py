@@ -2,7 +2,7 @@
 
 A scenario's `[vary]` table names settings and the law that each is drawn from. Seed 0 is the
 scenario as it is written; each other seed is another run of the same experiment, also for a tracker
-that draws nothing.
+without random numbers.
 """
 
 from collections.abc import Iterable, Mapping
@@ -13,7 +13,7 @@ import numpy as np
 
 from servo.loop.settings import stream
 from servo.mistake import Mistake
-from servo.scenario.toml import is_number, names_of
+from servo.scenario.toml import Table, is_number, names_of
 
 Value = Any
 """Value of a setting, in the types of TOML."""
@@ -40,7 +40,7 @@ class Draw:
 
     @property
     def ends(self) -> tuple[Value, ...]:
-        """Return values to check for all draws: ends of a range, a mean, or all choices."""
+        """Return the values to check: the ends of a range, a mean, or all choices."""
         return self.numbers[:1] if self.law == "normal" else self.numbers
 
     def value(self, seed: int) -> Value:
@@ -61,7 +61,7 @@ def draws_of(table: Any, place: str) -> tuple[Draw, ...]:
     """Return the draws of a scenario, from its `[vary]` table.
 
     Raises:
-        Mistake: Something is wrong in the table; `place` names it.
+        Mistake: A setting or a law is wrong; the message begins with `place`.
     """
     if not isinstance(table, dict):
         raise Mistake(f"{place} should be a table of settings and laws, not {table!r}")
@@ -80,9 +80,7 @@ def draws_of(table: Any, place: str) -> tuple[Draw, ...]:
     return tuple(found)
 
 
-def law_of(
-    given: dict[str, Any], at: str, counts: Mapping[str, int | None]
-) -> tuple[str, tuple[Any, ...]]:
+def law_of(given: Table, at: str, counts: Mapping[str, int | None]) -> tuple[str, tuple[Any, ...]]:
     """Return law and numbers of a table such as { uniform = [0, 1] }.
 
     Args:
@@ -91,7 +89,7 @@ def law_of(
         counts: The laws that may stand there, and how many numbers each takes; None: any number.
 
     Raises:
-        Mistake: It is none of these laws, or the numbers do not fit it.
+        Mistake: The law is not among `counts`, or its numbers are wrong.
     """
     if len(given) != 1 or not given.keys() <= counts.keys():
         raise Mistake(f"{at} = {given!r}: expected one law: {', '.join(counts)}")
@@ -126,14 +124,14 @@ def spelled(key: str, place: str) -> str:
     return ".".join(f'"{name}"' if "." in name else name for name in names)
 
 
-def flat(table: Mapping[str, Any], place: str, ends: Iterable[str] = ()) -> dict[str, Any]:
+def flat(table: Mapping[str, Any], place: str, ends: Iterable[str] = ()) -> Table:
     """Return the values of nested tables by dotted keys; an empty table, or one with a key from
     `ends`, is a value.
 
     Raises:
         Mistake: A key is given twice, also in different spellings, or has an empty name.
     """
-    found: dict[str, Any] = {}
+    found: Table = {}
     for key, value in _leaves(table, frozenset(ends)):
         name = spelled(key, place)
         if name in found:

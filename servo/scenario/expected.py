@@ -5,8 +5,8 @@ from typing import Any
 
 from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
+from servo.scenario.toml import Table
 
-Table = dict[str, Any]
 TRACKER = "tracker"
 ANY = "*"
 """Any tracker without a table of its own."""
@@ -35,7 +35,7 @@ class Expected:
         """Return the bounds of a table; `written` is the table in its file, before changes.
 
         Raises:
-            Mistake: They are no tables, or the scenario's own tracker is among the others.
+            Mistake: A table of bounds is not a table, or one is for the scenario's own tracker.
         """
         given = table.get("expect", {})
         expect = _flat(given, f"{place}: expect")
@@ -57,7 +57,7 @@ class Expected:
         return Expected(own, expect, changed, others)
 
     def made_for(self, kind: str) -> Table:
-        """Return all bounds for a kind of tracker; none where none are made for it."""
+        """Return all bounds for a kind of tracker; an empty table if the file has none for it."""
         if kind == self.own:
             return self.expect
         return self.others.get(kind, self.others.get(ANY, {})) | self.changed
@@ -70,11 +70,11 @@ class Expected:
 
     @property
     def success(self) -> Any:
-        """Return the outcome that counts as success for any tracker; None if there is none."""
+        """Return the outcome that counts as success for any tracker; None if the file has none."""
         return self.expect.get("outcome")
 
     def unjudged(self, kind: str) -> str:
-        """Return a sentence where there are bounds, but none for this kind; else nothing."""
+        """Return a sentence if the file has bounds, but not for this kind; else an empty text."""
         if self.made_for(kind) or not self.expect:
             return ""
         return f"No verdict: the bounds are made for {self.own}, and there are none for {kind}."
@@ -84,7 +84,7 @@ def _flat(bounds: Any, place: str) -> Table:
     """Return a table of bounds with those of drawn seeds by names such as drawn.servo_rms_px.
 
     Raises:
-        Mistake: It is no table, or its `drawn` is none.
+        Mistake: `bounds` or its `drawn` is not a table.
     """
     if not isinstance(bounds, dict):
         raise Mistake(f"{place} should be a table of bounds, not {bounds!r}")

@@ -1,4 +1,4 @@
-"""Tables as frozen dataclasses of settings: a wrong key, type or range is one sentence."""
+"""Conversion of tables to frozen dataclasses of settings; each error is one sentence."""
 
 import functools
 import itertools
@@ -11,10 +11,12 @@ from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, crea
 from pydantic_core import ErrorDetails
 
 from servo.mistake import Mistake, unknown
+from servo.scenario.toml import Table
 from sim.installed import Trusted
 from sim.kinds import Kinds, UnknownKind, checked, field_docs, kind_of
 
 Config = TypeVar("Config")
+Model = TypeVar("Model", bound=BaseModel)
 STRICT = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 FORMS = ("bool", "float", "int", "str")
 MESSAGES = {
@@ -22,8 +24,9 @@ MESSAGES = {
     "missing": "a value is missing",
     "tuple_type": "this should be a list",
     "model_type": "this should be a table of settings",
+    "dict_type": "this should be a table",
 }
-"""Our words where pydantic's speak of Python."""
+"""Sentences in place of those of pydantic that name types of Python."""
 
 
 class WrongSetting(Mistake):
@@ -45,7 +48,7 @@ def form(config: type[Any], *, described: bool = False) -> type[BaseModel]:
             the docstrings takes longer than loading a scenario.
 
     Raises:
-        UnknownKind: The type of a setting has no meaning here, such as one that is not imported.
+        UnknownKind: The type of a setting cannot be used, such as one that is not imported.
     """
     try:
         return _form_of(config(), described)
@@ -84,19 +87,30 @@ def fill(config: type[Config], table: object, place: str, begin: Config | None =
     Raises:
         WrongSetting: A key is unknown, or a value has the wrong type or is out of range.
     """
+    begin = config() if begin is None else begin
+    if table == {}:
+        return begin
+    return _changed(begin, validated(form(config), _values(table), f"{place}."), place)
+
+
+def validated(model: type[Model], table: object, prefix: str) -> Model:
+    """Return a table as an instance of a pydantic model.
+
+    Args:
+        model: Names the keys of the table, and their types and ranges.
+        table: As TOML has it.
+        prefix: Stands before each key in messages: "run." or "mine.toml: ".
+
+    Raises:
+        WrongSetting: A key is unknown, or a value has the wrong type or is out of range.
+    """
+    place = prefix.rstrip(".: ")
     if not isinstance(table, dict):
-        raise WrongSetting(f"{place} should be a table of settings, not {table!r}", place)
-    if not table:  # there is nothing to check
-        return config() if begin is None else begin
-    checked = form(config)
-    for key in cast(dict[str, Any], table):
-        if key not in checked.model_fields:
-            raise WrongSetting(f"{place}: {unknown(key, checked.model_fields)}", f"{place}.{key}")
+        raise WrongSetting(f"{place} should be a table of settings, not {_shown(table)!r}", place)
     try:
-        given = checked.model_validate(_values(cast(Any, table)))
+        return model.model_validate(table)
     except ValidationError as error:
-        raise _wrong(_nearest(error.errors()), place) from None
-    return _changed(config() if begin is None else begin, given, place)
+        raise _wrong(_nearest(error.errors()), prefix, model) from None
 
 
 def _values(value: Any) -> Any:
@@ -118,7 +132,7 @@ def _shown(value: Any) -> Any:
 
 
 def _changed(begin: Any, given: BaseModel, place: str) -> Any:
-    """Return settings with those that a table has given, also in the tables inside it."""
+    """Return settings with the changes of a table and of the tables inside it."""
     changes: dict[str, Any] = {}
     for name in given.model_fields_set:
         value = getattr(given, name)
@@ -132,7 +146,10 @@ def _changed(begin: Any, given: BaseModel, place: str) -> Any:
 
 
 def _nearest(errors: list[ErrorDetails]) -> ErrorDetails:
-    """Return the first error; of a value with several forms, the one that went furthest."""
+    """Return the first error, unknown keys before others; of a value with several forms, the one
+    that went furthest.
+    """
+    errors = sorted(errors, key=lambda error: error["type"] != "extra_forbidden")
     first = errors[0]["loc"]
     begin = tuple(itertools.takewhile(_is_place, first))
     rivals = errors if begin != first else errors[:1]
@@ -146,9 +163,13 @@ def _is_place(part: int | str) -> bool:
     return isinstance(part, int) or (part.isidentifier() and part not in FORMS)
 
 
-def _wrong(error: ErrorDetails, place: str) -> WrongSetting:
-    """Return what pydantic found as a sentence, with the place of the value."""
-    where = place + "".join(f".{part}" for part in error["loc"] if _is_place(part))
+def _wrong(error: ErrorDetails, prefix: str, model: type[BaseModel]) -> WrongSetting:
+    """Return an error of pydantic as a sentence, with the place of the value."""
+    key, *inside = error["loc"]
+    if error["type"] == "extra_forbidden" and not inside:
+        sentence = unknown(str(key), model.model_fields)
+        return WrongSetting(f"{prefix.rstrip('.: ')}: {sentence}", f"{prefix}{key}")
+    where = prefix + ".".join(str(part) for part in error["loc"] if _is_place(part))
     sentence = MESSAGES.get(error["type"]) or error["msg"][0].lower() + error["msg"][1:]
     found = "" if error["type"] == "missing" else f" = {_shown(error['input'])!r}"
     return WrongSetting(f"{where}{found}: {sentence}", where)
@@ -164,14 +185,14 @@ def fill_plugin(
         table: As TOML has it; a `preset` in it gives the settings that it leaves open.
         place: The table's place, with which messages begin.
         default: The kind of a table that names none.
-        own: A part that was given from Python: of its kind, it is there and need not be imported.
+        own: A part that was given from Python; its kind is not imported again.
 
     Raises:
         WrongSetting: As for `fill`, or the kind or preset is unknown.
     """
     if not isinstance(table, dict):
         raise WrongSetting(f"{place} should be a table with a kind, not {table!r}", place)
-    given = dict(cast(dict[str, Any], table))
+    given = dict(cast(Table, table))
     kind = given.pop("kind", default)
     if own is not None and kind != kind_of(own):
         own = None

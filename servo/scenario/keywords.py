@@ -27,7 +27,7 @@ def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
 
     Args:
         changes: In their order.
-        file: The place of all that no change has set.
+        file: The place of settings without a change.
         *settings: Such as "run.duration" and "disturbances[0].start".
 
     Returns:
@@ -46,7 +46,7 @@ def of_texts(items: Sequence[str]) -> list[Change]:
     """Return the changes of --set.
 
     Raises:
-        Mistake: One has not the form key=value.
+        Mistake: An item does not have the form key=value.
     """
     return [Change(*assignment(item), f"--set {item}") for item in texts(items)]
 
@@ -94,7 +94,7 @@ def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
 
 
 def own_parts(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the `Config` of each part among keywords that is no name and no table.
+    """Return the `Config` of each keyword that is a part, not a name or a table.
 
     Raises:
         Mistake: A part is neither a `Config` nor anything that its folder can adapt.

@@ -1,10 +1,9 @@
-"""A scenario is a TOML file: parsed once, strictly, into frozen values; every mistake is named with
-its place.
-"""
+"""Scenarios from TOML files, as frozen values; each error names its place."""
 
 import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,13 +18,12 @@ from servo.scenario.expected import SUCCESS_RATE, Expected, tracker_of
 from servo.scenario.fill import WrongSetting, fill, fill_plugin
 from servo.scenario.keywords import Change
 from servo.scenario.named_files import read
-from servo.scenario.tables import KEYS, SECTIONS, SETTABLE, TABLES, section_of
-from servo.scenario.toml import put, with_settings
+from servo.scenario.tables import KEYS, SECTIONS, SETTABLE, TABLES, config_of, section_of
+from servo.scenario.toml import Table, put, with_settings
 from sim import kinds
 from sim.installed import Trusted
 from sim.timing import Rates
 
-Table = dict[str, Any]
 NO_PARTS: Mapping[str, Any] = {}
 MOST_FRAMES = 360_000
 """An hour at 100 Hz: with 6 kB a frame, kept to the end, 2 GB."""
@@ -48,7 +46,7 @@ class Scenario(Setup):
 
     @property
     def unjudged(self) -> str:
-        """Return a sentence where the bounds are made for another tracker; else nothing."""
+        """Return a sentence if the bounds are made for another tracker; else an empty text."""
         return self.bounds.unjudged(kinds.kind_of(self.tracker)) if not self.expect else ""
 
     @property
@@ -105,26 +103,49 @@ def load(
     parts = {key: settings[key] for key in settings if key in PLUGINS and key not in own}
     others = {key: value for key, value in settings.items() if key not in PLUGINS}
     changes += keywords.of_keywords(parts, SETTABLE)
+    file, place = read(name)
     if others:  # the kinds are known now, and so is every setting's name
-        known = [*flat(_loaded(name, changes, own).settings(), "settings")]
+        known = _names_of_settings(_changed(file, changes), own)
         changes += keywords.of_keywords(others, SETTABLE, known)
-    return _loaded(name, changes, own)
+    return parse(_changed(file, changes), Path(name).stem, place, file, changes, own)
 
 
 SAME_TIME = {"run.latency": "run.latency_ms", "run.latency_ms": "run.latency"}
 """Settings that take each other's place."""
 
 
-def _loaded(name: str, changes: Sequence[Change], own: Mapping[str, Any]) -> Scenario:
-    table, place = read(name)
-    written = copy.deepcopy(table)
+def _changed(file: Table, changes: Sequence[Change]) -> Table:
+    """Return a copy of a scenario's table with changes."""
+    table = copy.deepcopy(file)
     for change in changes:
-        if change.key in SAME_TIME:  # what the file has in another unit
+        if change.key in SAME_TIME:  # the file may have it in the other unit
             toml.drop(table, SAME_TIME[change.key])
     for change in changes:
         toml.check({change.key: change.value}, change.place)
         put(table, *change)
-    return parse(table, Path(name).stem, place, written, changes, own)
+    return table
+
+
+def _names_of_settings(table: Table, own: Mapping[str, Any]) -> list[str]:
+    """Return the names of all settings of a scenario, such as "start.x".
+
+    Args:
+        table: The scenario's table, not checked yet: a table whose kind is wrong has no names.
+        own: Parts that are given from Python, by table.
+    """
+    found = list[str]()
+    for section in (*SECTIONS, *PLUGINS):
+        given = table.get(section)
+        kind = given.get("kind") if isinstance(given, dict) else None
+        kind = kind if isinstance(kind, str) else None
+        part = own.get(section)
+        is_own = part is not None and kind == kinds.kind_of(part)
+        config = type(part) if is_own else config_of(section, kind)
+        if config is None:
+            continue
+        with suppress(Exception):  # code of others; parsing reports it
+            found += flat({section: _described(config())}, section)
+    return found
 
 
 def parse(
@@ -198,10 +219,10 @@ def parse(
 
 
 def _check_drawn(file: Table, place: str) -> None:
-    """Refuse bounds of drawn seeds in a file in which no seed draws anything.
+    """Refuse bounds of drawn seeds in a file without draws.
 
     Raises:
-        Mistake: There are such bounds.
+        Mistake: The file has such bounds.
     """
     expect = file.get("expect", {})
     if isinstance(expect, dict) and expect.get("drawn") and not file.get("vary"):
@@ -229,7 +250,7 @@ def _drawn(draws: Sequence[Draw], table: Table, seed: int, own: Mapping[str, Any
     """Return the settings that a seed draws; each end of a law must be valid.
 
     Raises:
-        WrongSetting: One is not.
+        WrongSetting: A drawn setting is unknown, or an end of its law is out of range.
     """
     for draw in draws:
         at = f"vary.{draw.key}"

@@ -18,12 +18,12 @@ from servo.mistake import Mistake, unknown
 from servo.scenario import toml
 from servo.scenario.catalogue import shipped, studies
 from servo.scenario.tables import config_of
+from servo.scenario.toml import Table
 from sim.files.behind import files_behind
 from sim.files.shipped import warn_of_own, warn_of_shipped
 from sim.installed import Trusted
 from sim.ranges import NamesFile
 
-Table = dict[str, Any]
 MISSING = "missing"
 DIGITS = 12
 """Digits of a digest: 48 bits do not collide by chance among the files of a study."""
@@ -37,7 +37,7 @@ def read(name: str) -> tuple[Table, str]:
     Files that it names are looked for beside it first, then from the working directory.
 
     Raises:
-        Mistake: There is no such file, or it is no TOML.
+        Mistake: There is no such file, or its text is not TOML.
     """
     path = path_of(name)
     table = toml.decode(toml.read(path, "scenario"), path.name)
@@ -62,8 +62,9 @@ def path_of(name: str, what: str = "scenario") -> Path:
 
 @functools.cache
 def file_settings(config: type[Any]) -> frozenset[str]:
-    """Return the settings of a dataclass that name a file, or several; none where its types cannot
-    be evaluated, which parsing reports.
+    """Return the settings of a dataclass that name one or several files.
+
+    The set is empty if the types of the dataclass cannot be evaluated, which parsing reports.
     """
     with suppress(Exception):
         hints = get_type_hints(config, include_extras=True)
@@ -82,7 +83,7 @@ def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
     lies in this folder; other names count from the working directory.
 
     Args:
-        table: As its file has it; what the command line has set in it stays as it is.
+        table: As in its file; texts of the command line are not changed.
         folder: Where that file lies.
         *bases: The scenarios of a study, whose kinds its settings belong to.
     """
@@ -123,7 +124,7 @@ def named_by(config: Any) -> list[str]:
 
 
 def digests(names: Iterable[str]) -> dict[str, str]:
-    """Return a digest of each file, and of all that it refers to, by its name.
+    """Return the digest of each file and of the files it refers to, by its name.
 
     Shipped files, which are named without a path, belong to our source and are left out.
     """
@@ -135,7 +136,7 @@ def digests(names: Iterable[str]) -> dict[str, str]:
 
 
 def digest_of(name: str) -> str:
-    """Return the digest of a file and of all behind it; MISSING where there is none."""
+    """Return the digest of a file and of the files it refers to; MISSING if it cannot be read."""
     path = Path(name)
     try:
         files = sorted(files_behind(path)) if path.is_file() else []

@@ -56,8 +56,7 @@ def config_of(section: str, kind: str | None = None) -> type[Any] | None:
         kind: Its kind; None: the default one.
 
     Returns:
-        The class; None where there is no such table, or its kind cannot be used, which parsing it
-        reports.
+        The class; None if the table is unknown, or its kind cannot be used, which parsing reports.
     """
     if section in SECTIONS:
         return SECTIONS[section]

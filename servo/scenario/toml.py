@@ -1,4 +1,4 @@
-"""TOML texts as tables: checked, and changed by dotted paths such as "tracker.kind=frozen"."""
+"""TOML texts as tables, which are checked and changed by dotted paths such as "tracker.kind"."""
 
 import copy
 import math
@@ -14,7 +14,7 @@ from sim.installed import Trusted
 
 Table = dict[str, Any]
 LARGEST_FILE = 1_000_000
-"""Largest file [bytes], chosen by hand: a scenario has some thousand."""
+"""Largest file [bytes]; a scenario has a few thousand."""
 DEEPEST = 20
 """Most tables and lists inside each other."""
 INTEGERS = range(-(1 << 63), 1 << 63)
@@ -28,7 +28,7 @@ def read(path: Path, what: str) -> str:
 
     Args:
         path: Where it is.
-        what: What it should be, for messages: "scenario".
+        what: Kind of the file in messages, such as "scenario".
 
     Raises:
         Mistake: It cannot be read, is not a regular file, is not UTF-8 text, or is too large.
@@ -37,26 +37,22 @@ def read(path: Path, what: str) -> str:
         return reading.text(path, what, LARGEST_FILE)
 
 
-def decode(text: str, place: str) -> dict[str, Any]:
+def decode(text: str, place: str) -> Table:
     """Return the table of a TOML text; place names it in messages.
 
     Raises:
-        Mistake: It is no TOML, or as for `check`.
+        Mistake: The text is not TOML, or as for `check`.
     """
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise Mistake(f"{place}: this is not TOML: {error}") from None
-    except RecursionError:
-        raise Mistake(f"{place}: {TOO_DEEP}") from None
-    except ValueError:  # Python's own limit on the digits of an integer
-        raise Mistake(f"{place}: {TOO_LARGE}") from None
     check(table, place)
     return table
 
 
 def check(value: Any, place: str, depth: int = 0) -> None:
-    """Refuse what could not be quoted in a message, or written as JSON.
+    """Refuse a value that cannot be quoted in a message or written as JSON.
 
     Raises:
         Mistake: An integer has more than 64 bits, a text is not Unicode, or tables and lists lie
@@ -96,13 +92,13 @@ def names_of(path: str) -> list[str]:
 
 
 def assignment(item: str) -> tuple[str, Any]:
-    """Return path and value of one "a.b=value"; what is no TOML is a word.
+    """Return path and value of one "a.b=value"; a value that is not TOML is a text.
 
     >>> assignment("tracker.kind=frozen")
     ('tracker.kind', 'frozen')
 
     Raises:
-        Mistake: It does not have that form.
+        Mistake: The text does not have that form.
     """
     path, equals, text = item.partition("=")
     names = names_of(path)
@@ -118,7 +114,7 @@ def put(table: Table, path: str, value: Any, place: str) -> None:
     """Set the value at a path such as "tracker.kind"; another `kind` clears its table first.
 
     Raises:
-        Mistake: The path leads through something that is no table; place names it.
+        Mistake: The path leads through a value that is not a table; `place` begins the message.
     """
     *above, name = keys = names_of(path)
     if len(keys) > DEEPEST:
@@ -128,18 +124,16 @@ def put(table: Table, path: str, value: Any, place: str) -> None:
         at = _inside(at, key, [] if at is table and key in LISTS else {})
         if not isinstance(at, dict | list):
             raise Mistake(f"{place}: '{path}' leads through '{key}', which is not a table")
+    _forget(table, keys)
     if isinstance(at, list):  # a number of start.pose, but no whole disturbance
         if not name.isdecimal() or isinstance(_inside(at, name, None), dict | None):
             raise Mistake(f"{place}: '{path}' is not a key of a table")
         at[int(name)] = value
-        _forget(table, keys)
         return
     _, default = PLUGINS.get(keys[0], ("", None))
     if name == "kind" and at.get("kind", default) != value:
         at.clear()
         _forget(table, above)
-    elif keys[0] != "vary":
-        _forget(table, keys)
     at[name] = value
 
 
@@ -152,7 +146,7 @@ def with_settings(table: Table, settings: Table, place: str) -> Table:
 
 
 def drop(table: Table, path: str) -> None:
-    """Remove a setting of one of the tables at a path such as "run.latency", and its draw."""
+    """Remove a setting such as "run.latency" and its draw from a table."""
     section, name = names_of(path)
     at = table.get(section)
     if isinstance(at, dict):
@@ -170,7 +164,7 @@ def _forget(table: Table, keys: list[str]) -> None:
 
 
 def _inside(at: Any, key: str, usual: Any) -> Any:
-    """Return the value under a key: in a table `usual` where there is none, in a list None."""
+    """Return the value under a key; if it is missing, `usual` in a table and None in a list."""
     if isinstance(at, dict):
         return at.setdefault(key, usual)
     return at[int(key)] if key in map(str, range(len(at))) else None
@@ -179,7 +173,7 @@ def _inside(at: Any, key: str, usual: Any) -> Any:
 def _value(text: str) -> Any:
     try:
         parsed = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):  # no TOML, or no end of it
+    except (ValueError, RecursionError):  # not TOML, or too deep
         return Trusted(text)
     return plain(parsed["value"] if len(parsed) == 1 else text)
 

@@ -1,4 +1,4 @@
-"""Axes and draws of a study, as values and from TOML; their keys are spelled in one way."""
+"""Axes and draws of a study, as values and from TOML."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from servo.mistake import Mistake
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import LAWS, Draw, Value, flat, law_of
 from servo.scenario.tables import SECTIONS
+from servo.scenario.toml import Table
 from tracking.trackers import general_kinds
 
 SCENARIO = "scenario"
@@ -42,8 +43,8 @@ class Axis:
     values: tuple[Value, ...]
 
 
-def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...]]:
-    """Axes and draws from a table: a list is an axis, `{ uniform = [a, b] }` is a draw.
+def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...]]:
+    """Return axes and draws from a table: a list is an axis, `{ uniform = [a, b] }` is a draw.
 
     Raises:
         Mistake: Something is wrong in the table; `place` names its file.
@@ -73,8 +74,8 @@ def axes_of(table: dict[str, Any], place: str) -> tuple[tuple[Axis, ...], tuple[
     return tuple(axes), tuple(draws)
 
 
-def named_of(table: dict[str, Any], place: str) -> Named:
-    """Axes whose values are groups of settings with a name, from a table of tables of tables.
+def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:
+    """Return the axes whose values are named groups of settings.
 
     Raises:
         Mistake: Something is wrong in the table; `place` names its file.
@@ -84,12 +85,6 @@ def named_of(table: dict[str, Any], place: str) -> Named:
         at = f"{place}: named.{axis}"
         if axis in (*SECTIONS, *PLUGINS, *LISTS, SCENARIO, "seed"):
             raise Mistake(f"{at}: '{axis}' is a section; give the axis another name")
-        if (
-            not isinstance(groups, dict)
-            or not groups
-            or not all(isinstance(group, dict) for group in groups.values())
-        ):
-            raise Mistake(f"{at} should be a table of tables of settings, by name")
         found[axis] = {name: flat(group, f"{at}.{name}") for name, group in groups.items()}
         for name, group in found[axis].items():
             for key in group:
@@ -110,7 +105,7 @@ def check_key(key: str, at: str) -> None:
 
 
 def _plain(value: Value) -> Value:
-    """A value with all numbers as floats, so that 1 and 1.0 compare equal as text."""
+    """Return a value with all numbers as floats, so that 1 and 1.0 are equal as text."""
     match value:
         case bool():
             return value

@@ -5,21 +5,27 @@ names its place.
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Annotated
+
+from annotated_types import Ge, Le, MinLen
+from pydantic import BaseModel
 
 from servo.loop.measure import MEASURES
 from servo.mistake import Mistake, check_known
 from servo.scenario.catalogue import sentence, shipped
 from servo.scenario.draws import Value
 from servo.scenario.expected import SUCCESS_RATE
+from servo.scenario.fill import STRICT, validated
 from servo.scenario.load import parse as parse_scenario
 from servo.scenario.named_files import digests, found_beside, named_in, path_of, read
-from servo.scenario.toml import assignment, is_number
+from servo.scenario.toml import Table, assignment
 from servo.study.axes import (
     ENDS,
     MOST_VALUES,
     Axis,
+    Named,
     axes_of,
     check_apart,
     check_key,
@@ -30,17 +36,35 @@ from servo.study.bounds import check_expect
 from servo.study.plan import Study
 from servo.study.scenario_run import StudiedScenario
 
-KEYS = ("scenario", "set", "named", "axes", "seeds", "compare", "expect")
 ALL = "*"
-SEEDS = 3
 MOST_RUNS = 1_000_000
+"""Most runs of a study."""
 MOST_CHECKED = 2000
-"""Default number of seeds; most runs; and most cells that are parsed before any is run,
-so that a wrong setting is found at once."""
+"""Most cells that are parsed before any is run, so that a wrong setting is found at once."""
 TRACKERS = "trackers"
 """Axis of the trackers that a command gives."""
 COUNTABLE = 10**15
 """Larger numbers of runs are not written out."""
+Seed = Annotated[int, Ge(0)]
+
+
+class StudyTable(BaseModel):
+    """The keys of a study's file."""
+
+    model_config = STRICT
+    scenario: str | Annotated[list[str], MinLen(1)]
+    """A scenario, several, or "*" for all that are shipped."""
+    set: Table = {}
+    """Settings of all runs."""
+    named: dict[str, Annotated[dict[str, Table], MinLen(1)]] = {}
+    """Groups of settings by the name of their axis and their own."""
+    axes: Table = {}
+    seeds: Annotated[int, Ge(1), Le(MOST_RUNS)] | Annotated[list[Seed], MinLen(1)] = 3
+    """How many seeds from 0 on, or a list of them."""
+    compare: str | None = None
+    """The axis whose values are compared."""
+    expect: dict[str, float] = {}
+    """Bounds that every cell must keep."""
 
 
 def load(
@@ -63,8 +87,9 @@ def load(
     path = path_of(name, "study")
     table, place = read(str(path))
     if "sweep" in table:
-        table = {"scenario": str(path)} | _table(table["sweep"], f"{place}: sweep")
-    check_known(table, KEYS, place)
+        if not isinstance(table["sweep"], dict):
+            raise Mistake(f"{place}: sweep should be a table, not {table['sweep']!r}")
+        table = {"scenario": str(path)} | table["sweep"]
     if seeds is not None:
         if seeds > MOST_RUNS:
             raise Mistake(f"--seeds {seeds}: the limit is {MOST_RUNS:,}")
@@ -75,10 +100,8 @@ def load(
     return parsed(table, changes, path, place, title)
 
 
-def parsed(
-    table: dict[str, Any], changes: Sequence[str], path: Path, place: str, title: str
-) -> Study:
-    """Return the study of a table with the keys `KEYS`.
+def parsed(table: Table, changes: Sequence[str], path: Path, place: str, title: str) -> Study:
+    """Return the study of a table with the keys of `StudyTable`.
 
     Args:
         table: As in a TOML file.
@@ -91,50 +114,14 @@ def parsed(
     Raises:
         Mistake: The user's mistake, in one sentence.
     """
-    bases = _bases(table.get("scenario"), path, place)
+    bases = _bases(validated(StudyTable, table, f"{place}: ").scenario, path, place)
     table = found_beside(table, path.parent, *(base.table for base in bases))
-    changed = _changed(table, changes, place)
+    file = validated(StudyTable, table, f"{place}: ")
+    named = named_of(file.named, place)
+    changed = _changed(file, named, changes, place)
     if changes:
         table["set"] = changed
-    study = _study(table, changed, bases, path, place, title)
-    _check(study, place)
-    return study
-
-
-def _changed(table: dict[str, Any], changes: Sequence[str], place: str) -> dict[str, Any]:
-    """Settings of all runs, by key: those of [set] in the file, replaced by the command line's."""
-    changed = flat(_table(table.get("set", {}), f"{place}: set"), f"{place}: set")
-    places = {key: f"set.{key}" for key in changed}
-    for item in changes:
-        key, value = assignment(item)
-        own = flat({key: value}, f"--set {item}")
-        changed |= own
-        places |= dict.fromkeys(own, f"--set {item}")
-    axes = flat(_table(table.get("axes", {}), f"{place}: axes"), f"{place}: axes", ENDS)
-    for key in changed:
-        if key.split(".")[0] != "expect":
-            check_key(key, f"{place}: {places[key]}")
-        if key in axes:
-            raise Mistake(f"{place}: {places[key]}: axes.{key} varies this setting already")
-    check_apart(places | {key: f"axes.{key}" for key in axes}, place)
-    for name, groups in named_of(_table(table.get("named", {}), f"{place}: named"), place).items():
-        for key in {key for group in groups.values() for key in group}:
-            if key in places or key in axes:
-                other = places.get(key, f"axes.{key}")
-                raise Mistake(f"{place}: {other}: named.{name} varies this setting already")
-    return changed
-
-
-def _study(
-    table: dict[str, Any],
-    changed: dict[str, Any],
-    bases: tuple[StudiedScenario, ...],
-    path: Path,
-    place: str,
-    title: str,
-) -> Study:
-    axes, draws = axes_of(_table(table.get("axes", {}), f"{place}: axes"), place)
-    named = named_of(_table(table.get("named", {}), f"{place}: named"), place)
+    axes, draws = axes_of(file.axes, place)
     groups = tuple(Axis(key, tuple(groups)) for key, groups in named.items())
     files = digests(named_in(table, *(base.table for base in bases)))
     bases = tuple(
@@ -148,24 +135,53 @@ def _study(
         files=files,
         axes=(*groups, *axes),
         draws=draws,
-        seeds=_seeds(table.get("seeds", SEEDS), place),
+        seeds=_seeds(file.seeds, place),
         compare=None,
-        expect=_expect(table.get("expect", {}), place),
+        expect=_expect(file.expect, place),
     )
     if study.size > MOST_RUNS:
         runs = f"{study.size:,}" if study.size < COUNTABLE else f"more than {COUNTABLE:.0e}"
         raise Mistake(f"{place}: this makes {runs} runs; the limit is {MOST_RUNS:,}")
-    return _compared(study, table.get("compare"), place)
+    study = _compared(study, file.compare, place)
+    _check(study, place)
+    return study
 
 
-def _compared(study: Study, asked: Any, place: str) -> Study:
-    """The study with the axis that is compared; by default tracker.kind."""
+def _changed(file: StudyTable, named: Named, changes: Sequence[str], place: str) -> Table:
+    """Return the settings of all runs by key: those of the file's [set], and the command line's.
+
+    Raises:
+        Mistake: A setting is varied as well, or cannot be set for all runs.
+    """
+    changed = flat(file.set, f"{place}: set")
+    places = {key: f"set.{key}" for key in changed}
+    for item in changes:
+        own = flat(dict([assignment(item)]), f"--set {item}")
+        changed |= own
+        places |= dict.fromkeys(own, f"--set {item}")
+    for key, at in places.items():
+        if key.split(".")[0] != "expect":
+            check_key(key, f"{place}: {at}")
+    axes = flat(file.axes, f"{place}: axes", ENDS)
+    check_apart(places | {key: f"axes.{key}" for key in axes}, place)
+    varied = [(key, f"axes.{key}") for key in axes]
+    for name, groups in named.items():
+        varied += [(key, f"named.{name}") for key in dict.fromkeys(chain(*groups.values()))]
+    for key, at in varied:
+        if key in places:
+            raise Mistake(f"{place}: {places[key]}: {at} varies this setting already")
+        places[key] = at
+    return changed
+
+
+def _compared(study: Study, asked: str | None, place: str) -> Study:
+    """Return a study with the axis that is compared; by default tracker.kind."""
     keys = study.keys
     if asked is None:
         return replace(study, compare="tracker.kind" if "tracker.kind" in keys else None)
     if asked in [draw.key for draw in study.draws]:
         raise Mistake(f"{place}: compare = {asked!r}: this is drawn; compare the values of an axis")
-    if not isinstance(asked, str) or not keys:
+    if not keys:
         raise Mistake(f"{place}: compare = {asked!r}: this should be the name of an axis")
     check_known([asked], keys, f"{place}: compare", "axis")
     return replace(study, compare=asked)
@@ -200,10 +216,9 @@ def _check_base(base: StudiedScenario, place: str) -> None:
         raise Mistake(str(error) if base.place == place else f"{place}: {error}") from None
 
 
-def _bases(given: Any, path: Path, place: str) -> tuple[StudiedScenario, ...]:
-    names: list[Any] = shipped() if given == ALL else given if isinstance(given, list) else [given]
-    if not names or not all(isinstance(n, str) for n in names):
-        raise Mistake(f'{place}: scenario should name a scenario, several in a list, or "*"')
+def _bases(given: str | list[str], path: Path, place: str) -> tuple[StudiedScenario, ...]:
+    """Return the scenarios of a study, each file once."""
+    names = shipped() if given == ALL else [given] if isinstance(given, str) else given
     bases: dict[Path, StudiedScenario] = {}
     for name in names:
         beside = path.parent / name
@@ -219,33 +234,17 @@ def _bases(given: Any, path: Path, place: str) -> tuple[StudiedScenario, ...]:
     return tuple(bases.values())
 
 
-def _seeds(given: Any, place: str) -> tuple[int, ...]:
-    if _whole(given) and given > MOST_RUNS:
-        raise Mistake(f"{place}: seeds = {given}: the limit is {MOST_RUNS:,}")
-    seeds = list(range(given)) if _whole(given) else given
-    if not isinstance(seeds, list) or not seeds or not all(_whole(s) for s in seeds):
-        raise Mistake(f"{place}: seeds = {given!r}: how many, or a list of whole numbers from 0 on")
+def _seeds(given: int | list[int], place: str) -> tuple[int, ...]:
+    """Return the seeds of a study, which are counted or listed."""
+    seeds = list(range(given)) if isinstance(given, int) else given
     if len(set(seeds)) < len(seeds):
         raise Mistake(f"{place}: seeds has the same value twice")
     return tuple(seeds)
 
 
-def _expect(given: Any, place: str) -> dict[str, float]:
-    bounds = _table(given, f"{place}: expect")
+def _expect(bounds: dict[str, float], place: str) -> dict[str, float]:
+    """Return bounds on measures and on the share of runs that succeed."""
     check_known(bounds, (SUCCESS_RATE, *MEASURES), f"{place}: expect")
-    for name, bound in bounds.items():
-        if not is_number(bound):
-            raise Mistake(f"{place}: expect.{name} = {bound!r}: a bound is a finite number")
-        if name == SUCCESS_RATE and not 0 <= bound <= 1:
-            raise Mistake(f"{place}: expect.{name} = {bound!r}: a share is from 0 to 1")
-    return dict(bounds)
-
-
-def _table(given: Any, place: str) -> dict[str, Any]:
-    if not isinstance(given, dict):
-        raise Mistake(f"{place} should be a table, not {given!r}")
-    return given
-
-
-def _whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+    if not 0 <= bounds.get(SUCCESS_RATE, 1.0) <= 1:
+        raise Mistake(f"{place}: expect.{SUCCESS_RATE} should be a share from 0 to 1")
+    return bounds

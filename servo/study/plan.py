@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from servo.scenario.draws import Draw, Value
-from servo.scenario.load import Table
+from servo.scenario.toml import Table
 from servo.study.axes import SCENARIO, Axis
 from servo.study.run import Job
 from servo.study.scenario_run import StudiedScenario

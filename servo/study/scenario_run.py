@@ -23,9 +23,9 @@ from servo.output.formats import command_line
 from servo.scenario import load as scenarios
 from servo.scenario.draws import Value
 from servo.scenario.expected import tracker_of
-from servo.scenario.load import Scenario, Table
+from servo.scenario.load import Scenario
 from servo.scenario.named_files import digest_of
-from servo.scenario.toml import assignment, put
+from servo.scenario.toml import Table, assignment, put
 from servo.study.axes import SCENARIO, Named
 from servo.study.bounds import check_expect, missed_bounds, unjudged
 from servo.study.run import Job, Record

@@ -1,13 +1,17 @@
 """Sequences and trackers of a bench: a named suite, a folder of sequences, or a TOML file."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
-from servo.mistake import Mistake, as_mistake, check_known
+from annotated_types import MinLen
+from pydantic import BaseModel
+
+from servo.mistake import Mistake, as_mistake
 from servo.scenario import toml
-from servo.scenario.fill import fill_plugin
+from servo.scenario.fill import STRICT, fill_plugin, validated
+from servo.scenario.toml import Table
 from servo.study.sequence_run import Contender, Entry, Generated, Recorded
 from tracking.sequences.painted import KINDS as GENERATORS
 from tracking.sequences.sequence import is_folder
@@ -15,7 +19,7 @@ from tracking.sequences.truth import Format
 from tracking.trackers import KINDS as TRACKERS
 from tracking.trackers import general_kinds
 
-SUITES: dict[str, list[dict[str, Any]]] = {
+SUITES: dict[str, list[Table]] = {
     "clutter": [{"kind": "clutter", "level": level} for level in "abcd"],
     "hard_clutter": [{"kind": "clutter", "level": level} for level in "efgh"],
     "similarity": [{"kind": "similarity"}],
@@ -23,16 +27,32 @@ SUITES: dict[str, list[dict[str, Any]]] = {
     "camouflage": [{"kind": "camouflage"}],
 }
 CLOSED_LOOP = "closed_loop"
-KEYS = ("sequences", "trackers")
-RECORDED_KEYS = ("path", "truth_format")
+
+
+class SuiteTable(BaseModel):
+    """The keys of a suite's file."""
+
+    model_config = STRICT
+    sequences: Annotated[list[Table], MinLen(1)]
+    """Each with a path, or with a kind and its settings."""
+    trackers: list[Table] = []
+
+
+class RecordedTable(BaseModel):
+    """Recorded sequences in a suite's file."""
+
+    model_config = STRICT
+    path: str
+    """A folder, relative to that of the suite's file."""
+    truth_format: str = "auto"
 
 
 def suite(name: str, others: Sequence[str] = ()) -> tuple[list[Entry], list[Contender]]:
-    """The sequences of a suite, and the trackers that its TOML file may list.
+    """Return the sequences of a suite, and the trackers that its TOML file may list.
 
     Args:
         name: A name, a folder or a TOML file.
-        others: What else can be named where a suite is, for the sentence of an unknown name.
+        others: Other names that the command takes, for the message about an unknown name.
 
     Raises:
         Mistake: There is no such suite, or it is wrong.
@@ -49,7 +69,7 @@ def suite(name: str, others: Sequence[str] = ()) -> tuple[list[Entry], list[Cont
 
 
 def contenders(text: str | None) -> list[Contender]:
-    """Trackers by "kind" or "kind:preset", separated by commas; None: all trackers.
+    """Return trackers by "kind" or "kind:preset", separated by commas; None: all trackers.
 
     A kind of another package may be "package:kind", and a class to import "module:Name".
 
@@ -61,8 +81,8 @@ def contenders(text: str | None) -> list[Contender]:
     return _all_different([_contender(table, "--trackers") for table in chosen], "--trackers")
 
 
-def tracker_tables(text: str) -> dict[str, dict[str, Any]]:
-    """The tables of trackers by their labels; argument and errors are those of `contenders`."""
+def tracker_tables(text: str) -> dict[str, Table]:
+    """Return tables of settings of trackers by label; `text` and errors are as for `contenders`."""
     labels = [one.label for one in contenders(text)]
     words = [word.strip() for word in text.split(",")]
     return {
@@ -71,9 +91,7 @@ def tracker_tables(text: str) -> dict[str, dict[str, Any]]:
     }
 
 
-def _contender(table: Any, place: str) -> Contender:
-    if not isinstance(table, dict):
-        raise Mistake(f"{place} should be a table with a kind, not {table!r}")
+def _contender(table: Mapping[str, object], place: str) -> Contender:
     kind = table.get("kind")
     preset = table.get("preset")
     label = table.get("label", f"{kind}-{preset}" if preset else str(kind))
@@ -86,7 +104,7 @@ def _contender(table: Any, place: str) -> Contender:
         raise Mistake(f"{place}.label: {error}") from None
 
 
-def _entry(table: dict[str, Any], place: str) -> Generated:
+def _entry(table: Table, place: str) -> Generated:
     return Generated(str(table["kind"]), fill_plugin(GENERATORS, table, place))
 
 
@@ -96,31 +114,22 @@ def _recorded(folder: Path, form: Format = Format.AUTO) -> Sequence[Recorded]:
 
 
 def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
-    table = toml.decode(toml.read(path, "suite"), path.name)
-    check_known(table, KEYS, path.name)
-    for key, items in table.items():
-        if not isinstance(items, list):
-            raise Mistake(f"{path.name}: {key} should be a list of tables, not {items!r}")
+    file = validated(SuiteTable, toml.decode(toml.read(path, "suite"), path.name), f"{path.name}: ")
     entries: list[Entry] = []
-    for i, item in enumerate(table.get("sequences", [])):
+    for i, item in enumerate(file.sequences):
         entries += _entries(item, path.parent, f"{path.name}: sequences[{i}]")
-    if not entries:
-        raise Mistake(f"{path.name}: there are no [[sequences]] in this suite")
     double = _double(entry.name for entry in entries)
     if double is not None:
         raise Mistake(
             f"{path.name}: two sequences are called '{double}', and results are kept by name: "
             "leave one out, rename its folder, or put it into another suite"
         )
-    chosen = [
-        _contender(t, f"{path.name}: trackers[{i}]")
-        for i, t in enumerate(table.get("trackers", []))
-    ]
+    chosen = [_contender(t, f"{path.name}: trackers[{i}]") for i, t in enumerate(file.trackers)]
     return entries, _all_different(chosen, path.name)
 
 
 def _all_different(chosen: list[Contender], place: str) -> list[Contender]:
-    """Refuse trackers with the same label."""
+    """Return trackers, whose labels should be different."""
     double = _double(one.label for one in chosen)
     if double is not None:
         raise Mistake(
@@ -131,22 +140,25 @@ def _all_different(chosen: list[Contender], place: str) -> list[Contender]:
 
 
 def _double(names: Iterable[str]) -> str | None:
-    """A name that occurs twice; None if there is none."""
+    """Return a name that occurs twice; None where all are different."""
     return next((name for name, count in Counter(names).items() if count > 1), None)
 
 
-def _entries(item: Any, beside: Path, place: str) -> Sequence[Entry]:
-    """The sequences of an item of [[sequences]]; paths are relative to the suite's folder."""
-    if not isinstance(item, dict) or ("path" in item) == ("kind" in item):
+def _entries(item: Table, beside: Path, place: str) -> Sequence[Entry]:
+    """Return the sequences of an item of [[sequences]].
+
+    Args:
+        item: As TOML has it.
+        beside: The folder of the suite's file, which paths are relative to.
+        place: The item's place, for messages.
+    """
+    if ("path" in item) == ("kind" in item):
         raise Mistake(f"{place} should have either a path or a kind")
     if "kind" in item:
         return [_entry(item, place)]
-    check_known(item, RECORDED_KEYS, place)
-    for key, value in item.items():
-        if not isinstance(value, str):
-            raise Mistake(f"{place}.{key} = {value!r}: this should be a text")
+    recorded = validated(RecordedTable, item, f"{place}.")
     try:
-        form = Format.named(item.get("truth_format", "auto"))
+        form = Format.named(recorded.truth_format)
     except ValueError as error:
         raise Mistake(f"{place}: {error}") from None
-    return _recorded(beside / item["path"], form)
+    return _recorded(beside / recorded.path, form)
