@@ -143,6 +143,7 @@ LINES = {
     "distortion_model_name: equidistant": "fisheye",
     "lensDistortionModel: Kannala-Brandt": "fisheye",
     "model_name: fisheye": "fisheye",
+    "optics: fisheye": "fisheye",
     "camera: {model: fisheye}": "fisheye",
     "distortion: {model: equidistant}": "fisheye",
     "lens: {name: fisheye}": "fisheye",
@@ -354,6 +355,18 @@ WRONG = {
         "head",
         "head\nmirror_parameters: {xi: 1.2}",
         f"cam.yaml: mirror_parameters.xi = 1.2 {NO_LENS}",
+    ),
+    "a lens that is named by no usual key": (
+        "head",
+        "head\ncalibration_method: cv2.fisheye.calibrate",
+        "cam.yaml: calibration_method = 'cv2.fisheye.calibrate' is not known; there is "
+        f"{LENSES} (leave it out if it names no lens)",
+    ),
+    "an omnidirectional lens": (
+        "head",
+        "head\nflags: [CALIB_OMNIDIR]",
+        f"cam.yaml: flags = ['CALIB_OMNIDIR'] is not known; there is {LENSES} (leave it out if it "
+        "names no lens)",
     ),
     "a model that is called after two": (
         "head",

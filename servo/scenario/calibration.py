@@ -67,6 +67,10 @@ LENS = re.compile(
     r"^(distortion|projection)$"
 )
 """Letters of the keys whose value names a lens, and so is known or refused."""
+WIDE = re.compile("fish|equidist|kannala|omni")
+"""Letters of values that name a lens whatever their key is, but for names of cameras and files."""
+NAMES = ("name", "id", "file", "path", "serial")
+"""Ends of the keys of such names."""
 NO_DISTORTION = "none"
 UNSAID = ("", NO_DISTORTION, "pinhole", "perspective", "0", "false", "no")
 """Letters of values that leave open which distortion there is."""
@@ -263,10 +267,12 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
     """Return the distortion that the file names; else that of the number of its coefficients."""
     named: dict[Model, str] = {}
     for key, value in _leaves(document):
+        word = _letters(key)
         letters = "" if value is None else _letters(value)
-        if "fisheye" in _letters(key) and letters in YES:
+        if "fisheye" in word and letters in YES:
             letters = "fisheye"
-        if not LENS.search(_letters(key)) or letters in UNSAID:
+        is_named = WIDE.search(letters) is not None and not word.endswith(NAMES)
+        if not (LENS.search(word) or is_named) or letters in UNSAID:
             continue
         model = LENSES.get(letters)
         if model is None:
