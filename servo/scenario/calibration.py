@@ -67,10 +67,10 @@ LENS = re.compile(
     r"^(distortion|projection)$"
 )
 """Letters of the keys whose value names a lens, and so is known or refused."""
-WIDE = re.compile("fish|equidist|kannala|omni")
+WIDE = re.compile("fish|equidist|kannala|omnidir")
 """Letters of values that name a lens whatever their key is, but for names of cameras and files."""
-NAMES = ("name", "id", "file", "path", "serial")
-"""Ends of the keys of such names."""
+NAMES = re.compile("name|title|serial|file|path|id$")
+"""Letters of the keys of such names."""
 NO_DISTORTION = "none"
 UNSAID = ("", NO_DISTORTION, "pinhole", "perspective", "0", "false", "no")
 """Letters of values that leave open which distortion there is."""
@@ -271,7 +271,7 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
         letters = "" if value is None else _letters(value)
         if "fisheye" in word and letters in YES:
             letters = "fisheye"
-        is_named = WIDE.search(letters) is not None and not word.endswith(NAMES)
+        is_named = WIDE.search(letters) is not None and not NAMES.search(word)
         if not (LENS.search(word) or is_named) or letters in UNSAID:
             continue
         model = LENSES.get(letters)
