@@ -77,7 +77,7 @@ class Outputs:
 
             check_installed()
         for path in self.files:
-            _check_writable(path)
+            check_writable(path)
 
     def viewer(self) -> LiveViewer | LightPage | None:
         """A viewer, if it was asked for.
@@ -218,16 +218,14 @@ def serve(recording: Path, port: int) -> None:
     linger(viewer, Console())
 
 
-def _check_writable(path: Path) -> None:
+def check_writable(path: Path) -> None:
     """Refuse a file that exists or cannot be written.
 
     Raises:
         Mistake: It is one of them.
     """
     if not path.parent.exists():
-        raise Mistake(
-            f"{path}: there is no folder {path.parent} yet (--out is made later): make it first"
-        )
+        raise Mistake(f"{path}: there is no folder {path.parent} yet: make it first")
     try:
         path.open("xb").close()
         path.unlink()

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from servo.cli.guard import REFUSED, exit_code
+from servo.cli.guard import REFUSED, STOPPED, exit_code
 from servo.cli.outputs import Outputs, announce, linger
 from servo.cli.terminal import (
     COMPILING,
-    STOPPED,
     WAITING,
     complain,
     escape,
