@@ -115,18 +115,20 @@ def examine(given: dict[str, Any], out: Path | None) -> int:
 
 
 def _free_name() -> Path:
+    """Return the first of robot.png, robot-2.png and so on that does not exist."""
     names = (Path(f"robot-{k}.png" if k > 1 else "robot.png") for k in itertools.count(1))
     return next(name for name in names if not name.exists())
 
 
 def _robot(config: mjcf.Config) -> Robot:
+    """Return the robot of these settings in a room with a car."""
     rng = np.random.default_rng(0)
     design = config.build(rng)
     return Robot(build_model(480.0, PICTURE, design, car.Config().build(rng)), design)
 
 
 def _own_camera(model: mujoco.MjModel) -> str:
-    """The only camera that the joints of a model move; empty where there is none, or several."""
+    """Return the name of the only camera that joints move; empty if there are more or fewer."""
     moved = [i for i in range(model.ncam) if model.body_weldid[model.cam_bodyid[i]]]
     return model.camera(moved[0]).name if len(moved) == 1 else ""
 
@@ -278,6 +280,7 @@ def _actuator(model: mujoco.MjModel, joint: int, *, kept: bool) -> str:
 
 
 def _flange_table(model: mujoco.MjModel, chain: Chain) -> Table:
+    """Return the table of bodies and sites that may carry the camera."""
     found = flanges(model)
     rows = [
         [name, f"{what}{' (taken)' * (name == chain.flange)}", str(joints)]
@@ -298,6 +301,7 @@ def _reach_text(reach: Workspace) -> str:
 
 
 def _toml(config: mjcf.Config, chain: Chain) -> str:
+    """Return the [robot] table of a scenario."""
     table: dict[str, Any] = {"kind": "mjcf", "model": config.model, "base": list(config.base)}
     if config.camera:
         table["camera"] = config.camera
