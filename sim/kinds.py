@@ -22,7 +22,16 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from textwrap import dedent
-from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar, cast
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Generic,
+    Protocol,
+    Self,
+    TypeVar,
+    cast,
+    runtime_checkable,
+)
 
 from sim.installed import BrokenPart, Installed, Trusted, imported, installed, plain
 
@@ -48,6 +57,21 @@ class PartConfig(Protocol[Thing]):
             rng: Source of all random numbers of the component: the same seed gives the same run.
         """
         ...
+
+
+@runtime_checkable
+class KeptOutOfFiles(Protocol):
+    """Settings of which some may not come from a file, such as a command to start."""
+
+    @property
+    def not_from_file(self) -> tuple[str, ...]:
+        """Return the names of these settings."""
+        ...
+
+
+def not_from_file(config: object) -> tuple[str, ...]:
+    """Return the names of the settings of a `Config`, or of its class, that a file may not give."""
+    return config.not_from_file if isinstance(config, KeptOutOfFiles) else ()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -139,52 +139,11 @@ def test_an_odd_environment_is_a_sentence(tmp_path):
     assert printed(RUN, "", tmp_path, MUJOCO_GL="nonsense") == said
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "sentence"),
-    [
-        (
-            "NUMBA_NUM_THREADS",
-            "abc",
-            "Environment variable 'NUMBA_NUM_THREADS' is defined but its associated value 'abc' "
-            "could not be parsed.",
-        ),
-        ("NUMBA_NUM_THREADS", "0", "Number of threads specified must be > 0."),
-        (
-            "NUMBA_OPT",
-            "9",
-            "Environment variable 'NUMBA_OPT' is defined but its associated value '9' could not be "
-            "parsed.",
-        ),
-    ],
-)
-def test_settings_of_numba_that_it_cannot_read_are_named(tmp_path, name, value, sentence):
-    said = f"servobench: Numba cannot begin with {name}={value}: {sentence}\n"
-    assert printed(("list", "camera"), "", tmp_path, **{name: value}) == (2, said)
-
-
-def test_so_is_its_file(tmp_path):
-    (tmp_path / ".numba_config.yaml").write_text("num_threads: 0")
-    said = "Numba cannot begin with .numba_config.yaml: Number of threads specified must be > 0."
-    assert printed(("list", "camera"), "", tmp_path) == (2, f"servobench: {said}\n")
-
-
 def test_loops_run_uncompiled_where_numba_is_switched_off(tmp_path):
     told = "import tracking.loops.particle_loops; print('there')"
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
     command = [sys.executable, "-c", told]
     assert subprocess.check_output(command, env=environment, text=True) == "there\n"
-
-
-def test_no_columns_are_the_usual_ones(tmp_path):
-    ended = subprocess.run(
-        [BIN, "list", "kalman_cv"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-        env=os.environ | {"COLUMNS": "0"},
-    )
-    assert "estimator.rho" in ended.stdout
 
 
 def test_settings_of_dask_that_are_broken_are_named(tmp_path):
@@ -203,36 +162,3 @@ def test_settings_of_dask_that_are_broken_are_named(tmp_path):
     assert ended.returncode == 2
     assert ended.stderr.startswith(begin)
     assert ended.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize(("gigabytes", "options"), [(1.3, "--no-rerun"), (1.8, ""), (3.0, "")])
-def test_a_limit_of_memory_is_named_before_a_library_fails_of_it(tmp_path, gigabytes, options):
-    limit = f"ulimit -v {round(gigabytes * 1e9 / 1024)}; exec {sys.executable} -m servo run still {options}"
-    done = subprocess.run(
-        ["bash", "-c", limit], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == (
-        f"servobench: there is not enough memory for this (this process may have {gigabytes} GB of "
-        "memory, by ulimit -v; a run needs 3.6 GB, or 1.8 GB without a Rerun recording)\n"
-    )
-
-
-def test_a_malformed_entry_point_of_any_package_is_named(tmp_path):
-    info = tmp_path / "theirs-1.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: theirs\nVersion: 1\n")
-    (info / "entry_points.txt").write_text("[console_scripts]\nno equals sign\n")
-    ended = subprocess.run(
-        [BIN, "run", "still"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
-    )
-    assert ended.returncode == 2
-    assert ended.stderr == (
-        "servobench: the package theirs is damaged: its entry_points.txt cannot be read; install "
-        "it again, or remove it\n"
-    )

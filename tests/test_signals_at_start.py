@@ -14,28 +14,6 @@ from servo.cli import guard, main, run_command
 from servo.cli.guard import ending_signals
 from servo.output import run_folder
 
-MODULE = """
-import os, signal, time
-begin = time.monotonic()
-os.kill(os.getpid(), signal.SIGTERM)
-while time.monotonic() - begin < 0.1:
-    pass
-DONE = True
-"""
-
-
-def test_a_signal_waits_until_an_import_is_over(tmp_path, monkeypatch):
-    (tmp_path / "slow_to_import.py").write_text(MODULE)
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(guard, "SOON", 0.01)
-    with ending_signals() as raised, pytest.raises(guard.StopSignal):
-        import slow_to_import
-
-        assert slow_to_import.DONE
-        time.sleep(5.0)
-    assert [cause.number for cause in raised] == [signal.SIGTERM]
-    assert "slow_to_import" in sys.modules
-
 
 class Closing:
     """Its finalizer runs while a signal comes."""
@@ -71,15 +49,6 @@ def test_other_errors_there_are_told_as_ever(monkeypatch):
     assert [lost.exc_type for lost in told] == [ZeroDivisionError]
     assert sys.unraisablehook == told.append
     told.clear()  # it refers to itself
-
-
-def test_an_import_that_hangs_is_stopped(tmp_path, monkeypatch):
-    (tmp_path / "hanging_import.py").write_text(MODULE.replace("0.1", "60"))
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(guard, "SOON", 0.01)
-    monkeypatch.setattr(guard, "LONGEST_IMPORT", 0.1)
-    with ending_signals(), pytest.raises(guard.StopSignal):
-        import hanging_import  # noqa: F401
 
 
 def test_a_library_that_makes_another_exception_of_it_is_stopped_too(monkeypatch, capfd):

@@ -257,7 +257,9 @@ def test_a_flange_that_nothing_moves_is_refused(tmp_path):
 def test_the_command_takes_a_flange_that_three_joints_move(urdf, tmp_path):
     picture = ["--out", str(tmp_path / "a.png")]
     done = CliRunner().invoke(app, ["robot", str(urdf), "--flange", "elbow_link", *picture])
-    assert "Its 3 joints can follow these parts of the camera's twist there, each" in done.output
+    assert (
+        "Its 3 joints can follow these components of the camera's twist there, each" in done.output
+    )
 
 
 def test_the_command_reports_a_camera_behind_the_robot(tmp_path, seven):

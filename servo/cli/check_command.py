@@ -43,31 +43,36 @@ class CheckFile(Made):
     KIND: ClassVar[str] = "check"
 
     runs: list[dict[str, Any]]
-    """One for each run: scenario, seed, the command that repeats it, seconds of wall-clock time,
-    outcome, measures, the bounds that were missed, in `failed` why there is no outcome, and in
-    `unjudged` why there is no verdict."""
+    """An entry for each run: scenario, seed, the command that repeats it, wall-clock time in
+    seconds, outcome, measures, missed bounds, the reason why it has no outcome (`failed`) and the
+    reason why it has no verdict (`unjudged`)."""
     shares: list[DrawnShare] = field(default_factory=list[DrawnShare])
-    """How many drawn seeds ended as expected, of each scenario where some may end otherwise."""
+    """The shares of drawn seeds that ended as expected, of each scenario that bounds this share."""
 
 
 def _described(job: Job, end: Record | Failure) -> dict[str, Any]:
-    failed = isinstance(end, Failure)
-    found = {} if failed else end.measures
-    return {
-        "scenario": job.subject.name,
-        "seed": job.seed,
-        "command": job.command,
-        "seconds": 0.0 if failed else end.seconds,
-        "outcome": "" if failed else end.outcome,
-        "measures": {name: number(found[name]) for name in MEASURES if name in found},
-        "missed": [] if failed else list(end.missed),
-        "failed": end.reason if failed else "",
-        "unjudged": "" if failed else _unjudged(_scenario(job), end),
+    """Return the entry of a run in the files."""
+    entry = _entry(job.subject.name, job.seed, job.command)
+    if isinstance(end, Failure):
+        return entry | {"failed": end.reason}
+    measures = {name: number(end.measures[name]) for name in MEASURES if name in end.measures}
+    return entry | {
+        "seconds": end.seconds,
+        "outcome": end.outcome,
+        "measures": measures,
+        "missed": list(end.missed),
+        "unjudged": _unjudged(_scenario(job), end),
     }
 
 
+def _entry(name: str, seed: int, command: str) -> dict[str, Any]:
+    """Return the entry of a run that has no result."""
+    run = {"scenario": name, "seed": seed, "command": command, "seconds": 0.0, "outcome": ""}
+    return run | {"measures": {}, "missed": [], "failed": "", "unjudged": ""}
+
+
 def _unjudged(scenario: Scenario, record: Record) -> str:
-    """Return why a run has no verdict; nothing where it has one."""
+    """Return the reason why a run has no verdict; an empty text if it has one."""
     return unjudged(scenario, record.success) or NO_BOUNDS * (not scenario.expect)
 
 
@@ -82,8 +87,8 @@ def check_scenarios(
     junit: Path | None = None,
     json: Path | None = None,
 ) -> int:
-    """Run scenarios, each with `count` seeds from `seed` on, and print which bounds they keep; also
-    into files, as JUnit's XML and as JSON.
+    """Run scenarios, each with `count` seeds from `seed` on, and print the bounds that they miss;
+    write this also into the files `junit` (XML) and `json`.
 
     Returns:
         The exit code: 1 if a bound was missed or a run failed, 2 if a run failed because of the
@@ -103,8 +108,8 @@ def check_scenarios(
             try:
                 scenario = load(name, changes, s)
             except Mistake as mistake:
-                refused = [_refused(name, s, again, mistake)]
-                _write(refused, junit, json, command_line("check", *names, set=list(changes)))
+                refused = _entry(name, s, again) | {"failed": str(mistake)}
+                _write([refused], junit, json, command_line("check", *names, set=list(changes)))
                 raise
             jobs.append(Job(len(jobs), LoadedScenario(scenario), s, command=again))
             ended(name)
@@ -118,7 +123,8 @@ def check_scenarios(
     try:
         _carry_out(jobs, workers, console, done)
     except KeyboardInterrupt:
-        _write([_described(*done.get(j.number, _stopped(j))) for j in jobs], junit, json, again)
+        ends = [done.get(job.number, (job, Failure(UNFINISHED))) for job in jobs]
+        _write([_described(*end) for end in ends], junit, json, again)
         raise
     ends = [done[job.number] for job in jobs]
     records = [(job, end) for job, end in ends if isinstance(end, Record)]
@@ -138,7 +144,7 @@ def check_scenarios(
 
 
 def _print_short(errors: Console, jobs: Sequence[Job]) -> None:
-    """Say which scenarios end before their errors count, or have bounds that judge nothing."""
+    """Print which scenarios end before their errors count, or have bounds without an effect."""
     found = {job.subject.name: measures_lines(_scenario(job)) for job in jobs}
     for name, lines in found.items():
         for line in lines:
@@ -146,7 +152,7 @@ def _print_short(errors: Console, jobs: Sequence[Job]) -> None:
 
 
 def _print_unjudged(errors: Console, records: Sequence[tuple[Job, Record]], count: int) -> None:
-    """Say how many of `count` runs have no verdict because there are no bounds for them."""
+    """Print how many of `count` runs have no verdict because they have no bounds."""
     without = [job for job, _ in records if not _scenario(job).expect]
     if without:
         names = ", ".join(dict.fromkeys(job.subject.name for job in without))
@@ -167,12 +173,6 @@ def _scenario(job: Job) -> Scenario:
     return job.subject.scenario
 
 
-def _refused(name: str, seed: int, command: str, mistake: Mistake) -> dict[str, Any]:
-    """Return what stands in the files for a scenario that cannot be read: no run began."""
-    run = {"scenario": name, "seed": seed, "command": command, "seconds": 0.0, "outcome": ""}
-    return run | {"measures": {}, "missed": [], "failed": str(mistake), "unjudged": ""}
-
-
 def _write(
     runs: list[dict[str, Any]],
     junit: Path | None,
@@ -181,10 +181,7 @@ def _write(
     shares: Sequence[DrawnShare] = (),
 ) -> None:
     found = CheckFile(command=command, versions=versions(), runs=runs, shares=list(shares))
-    texts = {
-        junit: _junit(runs, shares, command),
-        json: found.text(),
-    }
+    texts = {junit: _junit(runs, shares, command), json: found.text()}
     for path, text in texts.items():
         if path is not None:
             with writing(path, "this file"):
@@ -192,19 +189,15 @@ def _write(
 
 
 def _check_changes(changes: Sequence[str]) -> None:
-    """Refuse a change of the seed, which --seed and --seeds set."""
+    """Refuse a change of run.seed, which --seed and --seeds set."""
     for item in changes:
         key, value = assignment(item)
         if key == "run.seed" or (key == "run" and isinstance(value, dict) and "seed" in value):
             raise Mistake(f"--set {item}: a check gives the seeds; use --seed and --seeds")
 
 
-def _stopped(job: Job) -> End:
-    return job, Failure(UNFINISHED)
-
-
 def _carry_out(jobs: Sequence[Job], workers: int, console: Console, ends: dict[int, End]) -> None:
-    """Do all runs, and put how each ended under its job's number."""
+    """Do all runs, and enter the end of each into `ends`, by its job's number."""
     pool = Workers(min(workers, len(jobs)))
     with pool, progress(console, "check", len(jobs)) as ended:
         try:
@@ -216,7 +209,7 @@ def _carry_out(jobs: Sequence[Job], workers: int, console: Console, ends: dict[i
 
 
 def _print_failures(ends: Sequence[End]) -> int:
-    """Print why runs failed, each mistake once; the exit code."""
+    """Print why runs failed, each mistake once; return the exit code."""
     failed = [(job, end) for job, end in ends if isinstance(end, Failure)]
     mistakes: dict[str, list[str]] = {}
     for job, end in failed:
@@ -259,7 +252,7 @@ def _table(ends: Sequence[End]) -> Table:
 
 
 def _check_place(path: Path | None, suffix: str) -> None:
-    """Refuse a file that cannot be written, or that may be the user's own, before the runs.
+    """Check, before the runs, that a file can be written.
 
     Raises:
         Mistake: Its folder is missing, it is a folder, a device or a link, or has another suffix.
@@ -273,34 +266,38 @@ def _check_place(path: Path | None, suffix: str) -> None:
 
 
 def _junit(runs: list[dict[str, Any]], shares: Sequence[DrawnShare], command: str) -> str:
-    """A test case for each run and share: what was missed, and the command that repeats it."""
+    """Return JUnit's XML: a test case for each run and each share, with what it missed and the
+    command that repeats it.
+    """
     tests = str(len(runs) + len(shares))
     suite = ElementTree.Element("testsuite", name="servobench check", tests=tests)
     for run in runs:
-        case = ElementTree.SubElement(
-            suite,
-            "testcase",
-            classname=f"servobench.{one_line(run['scenario'])}",
-            name=one_line(f"{run['scenario']}, seed {run['seed']}"),
-            time=f"{run['seconds']:.3f}",
-        )
+        case = _add_case(suite, run["scenario"], f"seed {run['seed']}")
+        case.set("time", f"{run['seconds']:.3f}")
         message = run["failed"] or "; ".join(map(str, run["missed"]))
         if run["unjudged"]:
             ElementTree.SubElement(case, "skipped", message=one_line(run["unjudged"]))
         elif message:
-            tag = "error" if run["failed"] else "failure"
-            found = ElementTree.SubElement(case, tag, message=one_line(message))
-            found.text = one_line(f"again: {run['command']}")
+            _add_fault(case, "error" if run["failed"] else "failure", message, run["command"])
     for share in shares:
-        name = one_line(share.scenario)
-        case = ElementTree.SubElement(
-            suite, "testcase", classname=f"servobench.{name}", name=f"{name}, drawn seeds"
-        )
+        case = _add_case(suite, share.scenario, "drawn seeds")
         if share.missed:
-            found = ElementTree.SubElement(case, "failure", message=one_line(str(share)))
-            found.text = one_line(f"again: {command}")
+            _add_fault(case, "failure", str(share), command)
     for plural, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
         suite.set(plural, str(len(suite.findall(f"testcase/{tag}"))))
     suite.set("time", f"{sum(run['seconds'] for run in runs):.3f}")
     ElementTree.indent(suite)
     return ElementTree.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _add_case(suite: ElementTree.Element, scenario: str, of: str) -> ElementTree.Element:
+    """Add a test case to a suite, and return it."""
+    name = one_line(scenario)
+    described = {"classname": f"servobench.{name}", "name": f"{name}, {of}"}
+    return ElementTree.SubElement(suite, "testcase", described)
+
+
+def _add_fault(case: ElementTree.Element, tag: str, message: str, command: str) -> None:
+    """Add a failure or an error to a test case, with the command that repeats it."""
+    fault = ElementTree.SubElement(case, tag, message=one_line(message))
+    fault.text = one_line(f"again: {command}")

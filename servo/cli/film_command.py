@@ -1,4 +1,4 @@
-"""What `servobench film` does: run two scenarios and film them beside each other."""
+"""The command `servobench film`: run two scenarios and film them side by side."""
 
 import shlex
 from collections.abc import Callable
@@ -20,11 +20,16 @@ from servo.study.run_report import RunReport
 def write(
     runs: tuple[str, str], asked: Callable[[list[str]], Scenario], out: Path, *, quiet: bool
 ) -> None:
-    """Write the film of two runs, each a folder or the words of a command, whose
-    scenario `asked` gives.
+    """Write the film of two runs.
+
+    Args:
+        runs: Each the folder of a run, or the words after `servobench run`.
+        asked: Returns the scenario of these words.
+        out: The film's file.
+        quiet: Whether to print nothing.
 
     Raises:
-        Mistake: A run cannot be done again, or the file cannot be written.
+        Mistake: A run cannot be repeated, or the file cannot be written.
     """
     Outputs(video=out).check()
     console = Console(quiet=quiet)
@@ -37,7 +42,7 @@ def write(
 
 
 def _words(run: str) -> list[str]:
-    """Return what follows `servobench run`, of a folder or as it was given."""
+    """Return the words after `servobench run`, as given or as a run's folder tells them."""
     if run and Path(run).is_dir():
         run = RunReport.read(Path(run) / RunReport.FILE).command.removeprefix("servobench run ")
     try:

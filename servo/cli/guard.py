@@ -3,7 +3,6 @@ signal raises an exception, as Ctrl-C does, so that files are closed.
 """
 
 import errno
-import importlib
 import io
 import logging
 import os
@@ -13,15 +12,11 @@ import sys
 import warnings
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
-from importlib import metadata
-from math import inf
 from pathlib import Path
 from threading import Timer
-from time import monotonic
-from types import FrameType
-from typing import Any, TextIO, cast
+from typing import Any, NoReturn, TextIO, cast
 
-from servo.mistake import MISPLACED, Mistake, Refused, refusal
+from servo.mistake import MISPLACED, Mistake, Refused, printable, refusal
 from sim.camera.gl import NoRenderer, check_environment
 from sim.files.notices import Notice
 from sim.kinds import UnknownKind
@@ -29,10 +24,6 @@ from sim.kinds import UnknownKind
 MISTAKEN = 2
 REFUSED = 1
 """Exit codes of a mistake that the user can correct, and of a failure of the machine."""
-NEEDED = 1_800_000_000
-NEEDED_BY_RERUN = 3_600_000_000
-"""Address space that a run needs [bytes] without and with a recording, mostly for its libraries: on
-two cores all runs had enough; with 0.2 GB less some ended in OpenBLAS or in Rerun's threads."""
 ENVIRONMENT = {
     "RUST_LOG": "off",  # Rerun
     "OPENCV_LOG_LEVEL": "SILENT",
@@ -40,10 +31,6 @@ ENVIRONMENT = {
 }
 """Settings that keep libraries from writing to the terminal: a command prints one sentence about a
 failure. Values that the user has set stay."""
-STORE = "NUMBA_CACHE_DIR"
-"""The one setting of Numba that README names; it can be any text."""
-OF_NUMBA = Path(".numba_config.yaml")
-"""Numba reads its settings in this file of the current folder, too."""
 WINDOWS = "this runs on Linux and macOS; on Windows use WSL (wsl --install)"
 
 
@@ -59,7 +46,6 @@ def guarded(command: Callable[[], Any]) -> None:
         if platform.system() == "Windows":
             raise Mistake(WINDOWS)
         check_environment()
-        _check_numba()
         command()
     except SystemExit as end:  # of every command that click has run
         printer.flush()
@@ -72,42 +58,16 @@ def guarded(command: Callable[[], Any]) -> None:
         _end(str(error), REFUSED)
     except OSError as error:
         _end(refusal(error), MISTAKEN if error.errno in MISPLACED else REFUSED)
-    except (MemoryError, ImportError) as error:
-        # A library that cannot be loaded within a limit of memory needs more of it.
-        if isinstance(error, ImportError) and not _memory_limit():
-            raise
+    except MemoryError:
         _end("there is not enough memory for this", REFUSED)
 
 
 def _set_environment() -> None:
-    """Set what libraries read from the environment, and remove what they cannot use."""
+    """Set the environment variables that the libraries read; those of `ENVIRONMENT` that the user
+    has set keep their values.
+    """
     os.environ.update(ENVIRONMENT | os.environ)
     os.environ["MPLBACKEND"] = "agg"  # plots never open a window
-    if os.environ.get("COLUMNS", "").strip("0") == "":
-        os.environ.pop("COLUMNS", None)  # rich cannot print with a width of 0
-    if os.environ.get("NO_COLOR"):
-        os.environ.pop("FORCE_COLOR", None)  # rich would still print bold words
-
-
-def _check_numba() -> None:
-    """Refuse settings of Numba that it cannot read: importing it would end in a traceback.
-
-    Raises:
-        Mistake: There are some.
-    """
-    given = [f"{k}={v}" for k, v in os.environ.items() if k.startswith("NUMBA_") and k != STORE]
-    if not given and not OF_NUMBA.exists():
-        return
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", RuntimeWarning)
-        try:
-            importlib.import_module("numba")
-        except (MemoryError, ImportError):
-            raise
-        except Exception as error:
-            reason = next(iter(str(error).splitlines()), type(error).__name__)
-            settings = ", ".join(given or [str(OF_NUMBA)])
-            raise Mistake(f"Numba cannot begin with {settings}: {reason}") from None
 
 
 def _say_warnings_in_a_line() -> None:
@@ -122,50 +82,10 @@ def _say_warnings_in_a_line() -> None:
     warnings.formatwarning = formatted
 
 
-def _end(sentence: str, code: int) -> None:
-    print(f"servobench: {sentence}{_memory_limit()}", file=sys.stderr)
+def _end(sentence: str, code: int) -> NoReturn:
+    """Print a sentence on stderr and end the program with an exit code."""
+    print(f"servobench: {sentence}", file=sys.stderr)
     sys.exit(code)
-
-
-def check_machine(*, rerun: bool = False) -> None:
-    """Refuse what libraries would end in, in their own words, before they are imported.
-
-    Raises:
-        MemoryError: Libraries of C and Rust would get too little memory, and end the process.
-        Mistake: The entry points of some package cannot be read: Numba, Dask, pydantic and Sphinx
-            read those of all packages.
-    """
-    for package in metadata.distributions():
-        try:
-            len(package.entry_points)
-        except (TypeError, ValueError):
-            raise Mistake(
-                f"the package {package.name} is damaged: its entry_points.txt cannot be read; "
-                "install it again, or remove it"
-            ) from None
-    if _address_space() < (NEEDED_BY_RERUN if rerun else NEEDED):
-        raise MemoryError
-
-
-def _memory_limit() -> str:
-    """Return the limit of this process's memory, for any failure where it is below a run's need:
-    libraries that get no memory name other causes, such as a driver or a file.
-    """
-    limit = _address_space()
-    if limit >= NEEDED_BY_RERUN:
-        return ""
-    return (
-        f" (this process may have {limit / 1e9:.1f} GB of memory, by ulimit -v; a run needs "
-        f"{NEEDED_BY_RERUN / 1e9:.1f} GB, or {NEEDED / 1e9:.1f} GB without a Rerun recording)"
-    )
-
-
-def _address_space() -> float:
-    """Return the largest size of this process [bytes]."""
-    import resource  # Windows has none
-
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    return inf if limit == resource.RLIM_INFINITY else limit
 
 
 class Printer:
@@ -210,13 +130,9 @@ ENDING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
 
-
-IMPORTER = "<frozen importlib._bootstrap>"
-"""File of Python's own code that imports modules."""
+STOPPED = "servobench: stopped; what was written is complete up to here."
 SOON = 0.02
-"""Time until a signal that comes at the wrong moment is tried again [s]."""
-LONGEST_IMPORT = 5.0
-"""From then on the import is stopped as well: it may hang [s]."""
+"""Time after which a signal is sent again whose exception was lost [s]."""
 
 
 class StopSignal(KeyboardInterrupt):
@@ -245,28 +161,24 @@ def ending_signals() -> Generator[list[StopSignal]]:
         What was raised: libraries of C make other exceptions of it.
     """
     raised = list[StopSignal]()
-    latest = inf
 
-    def stop(number: int, frame: FrameType | None) -> None:
-        nonlocal latest
-        latest = min(latest, monotonic() + LONGEST_IMPORT)
-        if _imports(frame) and monotonic() < latest:
-            _signal_soon(number)
-        elif not raised:
+    def stop(number: int, *_: object) -> None:
+        if not raised:
             raised.append(StopSignal(number))
             raise raised[0]
 
-    def try_again(lost: "sys.UnraisableHookArgs") -> None:
-        # It was raised where Python has nobody to give it to: in a function that LLVM calls while
-        # it compiles, in a finalizer.
-        if isinstance(lost.exc_value, StopSignal):
-            raised.clear()
-            _signal_soon(lost.exc_value.number)
-        else:
+    def send_again(lost: "sys.UnraisableHookArgs") -> None:
+        # Python drops an exception in a finalizer, and in a function that LLVM calls to compile.
+        if not isinstance(lost.exc_value, StopSignal):
             hook(lost)
+            return
+        raised.clear()
+        again = Timer(SOON, os.kill, (os.getpid(), lost.exc_value.number))
+        again.daemon = True
+        again.start()
 
     hook = sys.unraisablehook
-    sys.unraisablehook = try_again
+    sys.unraisablehook = send_again
     ours = (signal.SIG_DFL, signal.default_int_handler)
     before = {number: signal.getsignal(number) for number in ENDING}
     before = {number: handler for number, handler in before.items() if handler in ours}
@@ -280,17 +192,10 @@ def ending_signals() -> Generator[list[StopSignal]]:
             signal.signal(number, handler)
 
 
-def _signal_soon(number: int) -> None:
-    """Send this process a signal again."""
-    again = Timer(SOON, os.kill, (os.getpid(), number))
-    again.daemon = True
-    again.start()
+def stop(cause: KeyboardInterrupt, more: str = "") -> NoReturn:
+    """Print that Ctrl-C or another signal stopped the command, and end the program.
 
-
-def _imports(frame: FrameType | None) -> bool:
-    """Return whether a module is being imported: those of C, such as NumPy's, take an exception in
-    the middle of it for a fault of their own.
+    It imports nothing: the signal may have interrupted an import, which then cannot be repeated.
     """
-    while frame is not None and frame.f_code.co_filename != IMPORTER:
-        frame = frame.f_back
-    return frame is not None
+    print(printable(f"{STOPPED} {more}".rstrip()), file=sys.stderr)
+    raise SystemExit(exit_code(cause))

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from servo.cli.terminal import COMPILING, complain, escape, moves, plain, progress_bar, stop
+from servo.cli.guard import stop
+from servo.cli.terminal import COMPILING, complain, escape, moves, plain, progress_bar
 from servo.mistake import Mistake, Refused
 from servo.study.execute import Workers, complete, tried
 from servo.study.run import ClusterLost, Failure, Job

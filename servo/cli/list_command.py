@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from enum import Enum
 from importlib import resources
 from itertools import chain
 from typing import TYPE_CHECKING
@@ -124,6 +125,6 @@ def settings_rows(prefix: str, settings: type[BaseModel]) -> list[tuple[str, str
         if hasattr(default, "model_fields_set"):  # a table inside the table
             rows += settings_rows(f"{prefix}.{name}", type(default))
         else:
-            shown = str(getattr(default, "value", default))
+            shown = str(default.value if isinstance(default, Enum) else default)
             rows.append((f"{prefix}.{name}", shown, field.description or ""))
     return rows

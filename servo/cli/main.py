@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from servo.cli import options as opt
-from servo.cli.guard import check_machine, guarded
+from servo.cli.guard import guarded
 from servo.cli.outputs import PORT, PORTS, Outputs, output_options, serve
 from sim.ranges import LONGEST
 
@@ -39,7 +39,6 @@ def app() -> None:
 @output_options
 def run(scenario: str, no_rerun: bool, ros2: bool, outputs: Outputs, **options: Any) -> None:
     """Run a scenario; write recording, table, report and plots."""
-    check_machine(rerun=not no_rerun)
     from servo.cli.run_command import run_scenario
 
     if ros2:
@@ -67,7 +66,6 @@ def run(scenario: str, no_rerun: bool, ros2: bool, outputs: Outputs, **options: 
 @opt.quiet_option
 def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     """Test the bounds of scenarios; exit 1 if one is missed."""
-    check_machine()
     from servo.cli.check_command import check_scenarios
 
     sys.exit(check_scenarios(scenarios, count=seeds, **options))
@@ -125,7 +123,6 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
 @opt.quiet_option
 def track(**options: Any) -> None:
     """Follow a target through any pictures; write its track."""
-    check_machine(rerun=options["rerun"])
     from servo.cli import track_command
 
     sys.exit(track_command.run(track_command.TrackRequest(**options)))
@@ -193,7 +190,6 @@ def bench(
     **options: Any,
 ) -> None:
     """Compare trackers; the same command continues a stopped bench."""
-    check_machine()
     from servo.cli import bench_command, benchmark_command
 
     of_benchmarks = given, changes, band, sealed, quick, submit, verify
@@ -221,7 +217,6 @@ def bench(
 @opt.quiet_option
 def sweep(**options: Any) -> None:
     """Run a scenario over axes, draws and seeds; the same command continues a stopped study."""
-    check_machine()
     from servo.cli import sweep_command
 
     sys.exit(sweep_command.run(**options))
@@ -288,7 +283,6 @@ def papers(
     **options: Any,
 ) -> None:
     """Test the papers' claims again; exit 1 if one does not hold."""
-    check_machine()
     from servo.cli.papers_command import run as run_papers
     from servo.papers.claim import Effort
 
@@ -395,7 +389,6 @@ def film(first: str, second: str, out: Path, quiet: bool) -> None:
     A RUN is the folder of one, which is repeated, or what follows `servobench run`, in quotes: film
     reversal 'reversal --set estimator.kind=none'.
     """
-    check_machine()
     from servo.cli.film_command import write
     from servo.mistake import Mistake
     from servo.scenario.load import Scenario, load
@@ -441,7 +434,6 @@ def doctor() -> None:
 )
 def docs(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
     """Open the documentation in a browser; build it first."""
-    check_machine()
     import webbrowser
 
     from rich.console import Console

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import click
 from click.shell_completion import CompletionItem
 
-from servo.cli.guard import ending_signals
+from servo.cli.guard import ending_signals, stop
 from servo.mistake import Refused
 from servo.scenario import catalogue
 
@@ -159,8 +159,6 @@ class Commands(click.Group):
             except (Refused, OSError):
                 raise
             except (KeyboardInterrupt, Exception) as error:
-                from servo.cli.terminal import stop  # it imports rich
-
                 cause = raised[0] if raised else error
                 if isinstance(cause, KeyboardInterrupt):
                     stop(cause)

@@ -1,10 +1,10 @@
-"""The options of `run` and `track` that show and keep more than the rows: films, logs, viewers."""
+"""The options of `run` and `track` for films, logs and viewers."""
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from servo.loop.episode import Episode
-    from servo.output.light_page import LightPage
+    from servo.output.light_page import LightPage, NewestPicture
     from servo.output.recording.live import LiveViewer
     from servo.ros2.server import Server
     from tracking.sequences.sources import Source
@@ -31,31 +31,31 @@ PORT = 9090
 PORTS = click.IntRange(1024, 65_534)
 VIEWER = "the viewer"
 NEEDS = {"web": "live", "light": "web", "speed": "live", "port": "live"}
-"""Options, and the one without which each means nothing."""
+"""Options, each with the option that it needs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """What was asked for."""
+    """The values of these options."""
 
     video: Path | None = None
     mcap: Path | None = None
     live: bool = False
     web: bool = False
     light: bool | None = None
-    """Whether the browser gets the light page; None if that depends on whether there is a GPU."""
+    """Whether the browser gets the light page; None: only on a machine without a GPU."""
     speed: float | None = None
     port: int | None = None
     server: Server | None = None
-    """Serves the run to ROS 2, if that was asked for."""
+    """Connects the run to ROS 2; None: the run does without."""
 
     @property
     def files(self) -> list[Path]:
-        """The files that are written."""
+        """The films and logs to write."""
         return [path for path in (self.video, self.mcap) if path is not None]
 
     def check(self) -> None:
-        """Refuse what cannot be, before anything is written.
+        """Check the options before anything is written.
 
         Raises:
             Mistake: An option needs another one or a package, or a file cannot be written.
@@ -77,10 +77,10 @@ class Outputs:
 
             check_installed()
         for path in self.files:
-            _check_writable(path)
+            check_writable(path)
 
     def viewer(self) -> LiveViewer | LightPage | None:
-        """A viewer, if it was asked for.
+        """Return the viewer of --live; None without this option.
 
         Raises:
             Mistake: There is no display, or a port is in use.
@@ -98,21 +98,23 @@ class Outputs:
     def of_run(
         self, episode: Episode, viewer: LiveViewer | LightPage | None
     ) -> dict[Path | str, Sink]:
-        """What takes the steps of a run."""
-        found: dict[Path | str, Sink] = {}
-        title = f"{episode.scenario.name}, seed {episode.scenario.run.seed}"
-        end = episode.scenario.run.duration
-        if self.video is not None:
-            from servo.output.film import RunFilm
+        """Return the sinks that take the steps of a run, by their file or name."""
+        from servo.output.film import RunFilm
 
-            found[self.video] = RunFilm(self.video, title, end)
+        found: dict[Path | str, Sink] = {}
+        run = episode.scenario.run
+        film = partial(RunFilm, title=f"{episode.scenario.name}, seed {run.seed}", end=run.duration)
+        if self.video is not None:
+            found[self.video] = film(self.video)
         if self.mcap is not None:
             from servo.output.mcap_file import RunMcap
 
             found[self.mcap] = RunMcap(self.mcap, episode)
         if viewer is not None:
-            log = _shown_run(viewer, episode, title, end)
-            found[VIEWER] = PacedSink(log, self.speed or 1.0, lambda step: step.frame.time)
+            from servo.output.recording.log import RerunLog
+
+            sink = _shown(viewer, film, partial(RerunLog, episode=episode))
+            found[VIEWER] = PacedSink(sink, self.speed or 1.0, lambda step: step.frame.time)
         if self.server is not None:
             found["ROS 2"] = self.server.serving(episode)
         return found
@@ -120,65 +122,54 @@ class Outputs:
     def of_track(
         self, region: Region, source: Source, title: str, viewer: LiveViewer | LightPage | None
     ) -> dict[Path | str, Sink]:
-        """What takes the shots of a track."""
+        """Return the sinks that take the shots of a track, by their file or name."""
+        from tracking.drawing.annotated_video import AnnotatedVideo
+
         found: dict[Path | str, Sink] = {}
         end = None if source.count is None else (source.count - 1) / source.rate
+        film = partial(AnnotatedVideo, rate=source.rate, region=region, title=title, end=end)
         if self.video is not None:
-            from tracking.drawing.annotated_video import AnnotatedVideo
-
-            found[self.video] = AnnotatedVideo(self.video, source.rate, region, title, end)
+            found[self.video] = film(self.video)
         if self.mcap is not None:
             from servo.output.mcap_file import TrackMcap
 
             found[self.mcap] = TrackMcap(self.mcap, region)
         if viewer is not None:
-            log = _shown_track(viewer, region, source, title, end)
-            is_camera = source.count is None  # it has a pace of its own
-            found[VIEWER] = (
-                log
-                if is_camera
-                else PacedSink(log, self.speed or 1.0, lambda shot: shot.picture.time)
-            )
+            from servo.output.recording.track_log import TrackLog
+
+            found[VIEWER] = _shown(viewer, film, partial(TrackLog, region=region))
+            if source.count is not None:  # a live source has a pace of its own
+                speed = self.speed or 1.0
+                found[VIEWER] = PacedSink(found[VIEWER], speed, lambda shot: shot.picture.time)
         return found
 
 
 NOTHING_MORE = Outputs()
 
 
-def _shown_run(
-    viewer: LiveViewer | LightPage, episode: Episode, title: str, end: float | None
+def _shown(
+    viewer: LiveViewer | LightPage,
+    film: Callable[[NewestPicture], Sink],
+    log: Callable[..., Sink],
 ) -> Sink:
-    """What shows a run's steps."""
+    """Return the sink that feeds a viewer.
+
+    Args:
+        viewer: The viewer.
+        film: Makes the sink of the light page, which shows a film.
+        log: Makes the sink of Rerun's viewer, given the viewer and the time between pictures.
+    """
     from servo.output.light_page import LightPage, NowAndThen
 
     if isinstance(viewer, LightPage):
-        from servo.output.film import RunFilm
-
-        return NowAndThen(RunFilm(viewer.pictures, title, end))
+        return NowAndThen(film(viewer.pictures))
     from servo.output.recording.live import EVERY
-    from servo.output.recording.log import RerunLog
 
-    return RerunLog(viewer, episode, EVERY)
-
-
-def _shown_track(
-    viewer: LiveViewer | LightPage, region: Region, source: Source, title: str, end: float | None
-) -> Sink:
-    """What shows a track's shots."""
-    from servo.output.light_page import LightPage, NowAndThen
-
-    if isinstance(viewer, LightPage):
-        from tracking.drawing.annotated_video import AnnotatedVideo
-
-        return NowAndThen(AnnotatedVideo(viewer.pictures, source.rate, region, title, end))
-    from servo.output.recording.live import EVERY
-    from servo.output.recording.track_log import TrackLog
-
-    return TrackLog(viewer, region, EVERY)
+    return log(viewer, every=EVERY)
 
 
 def announce(viewer: LiveViewer | LightPage | None, console: Console) -> None:
-    """Print where a viewer is, if it is in a browser."""
+    """Print the address of a viewer that runs in a browser."""
     if viewer is not None and viewer.page is not None:
         from servo.cli.terminal import plain
 
@@ -186,7 +177,7 @@ def announce(viewer: LiveViewer | LightPage | None, console: Console) -> None:
 
 
 def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
-    """Keep a viewer after the end, until it is closed or Ctrl-C."""
+    """Keep a viewer open until the user closes it or presses Ctrl-C."""
     if viewer is None:
         return
     from servo.cli.terminal import plain
@@ -194,7 +185,7 @@ def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
     close = "press Ctrl-C" if viewer.page else "close the viewer, or press Ctrl-C,"
     with closing(viewer.stop):
         try:
-            # Ctrl-C may come as soon as the line is seen.
+            # The user may press Ctrl-C as soon as this line appears.
             plain(console, f"{close} to end")
             viewer.wait()
         except KeyboardInterrupt as cause:
@@ -207,7 +198,7 @@ def serve(recording: Path, port: int) -> None:
 
     Raises:
         Mistake: A port is in use.
-        Refused: The server does not start, or it is gone.
+        Refused: The server does not start, or has ended.
     """
     from rich.console import Console
 
@@ -218,16 +209,14 @@ def serve(recording: Path, port: int) -> None:
     linger(viewer, Console())
 
 
-def _check_writable(path: Path) -> None:
-    """Refuse a file that exists or cannot be written.
+def check_writable(path: Path) -> None:
+    """Check that a new file can be written.
 
     Raises:
-        Mistake: It is one of them.
+        Mistake: The file exists, its folder does not, or the file cannot be written.
     """
     if not path.parent.exists():
-        raise Mistake(
-            f"{path}: there is no folder {path.parent} yet (--out is made later): make it first"
-        )
+        raise Mistake(f"{path}: there is no folder {path.parent} yet: make it first")
     try:
         path.open("xb").close()
         path.unlink()
@@ -238,9 +227,9 @@ def _check_writable(path: Path) -> None:
 
 
 def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options; the command gets them as one argument, `outputs`."""
+    """Add these options to a command, which gets them as one argument, `outputs`."""
 
-    @functools.wraps(command)
+    @wraps(command)
     def gathered(
         *,
         video: Path | None,

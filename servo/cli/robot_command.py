@@ -1,11 +1,11 @@
-"""`servobench robot`: print a robot's joints and its table for a scenario; draw it in the room."""
+"""The command `servobench robot`: print a robot's joints and its table for a scenario; draw it."""
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
 import dataclasses
 import itertools
 import json
-from math import atan2, degrees, isfinite
+from math import degrees, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
+from servo.cli.outputs import check_writable
 from servo.cli.terminal import plain, print_table
 from servo.mistake import Mistake, check_suffix, writing
 from servo.output.room_view import RoomView
@@ -23,15 +24,15 @@ from servo.types import DOF
 from sim.camera.camera import CameraConfig, pinhole
 from sim.camera.choice import renderer_of
 from sim.camera.renderer import Unseen
-from sim.geometry import tilt
 from sim.kinds import PartConfig, kind_of
 from sim.kinematics.chain import ALL_WAYS, Chain, flanges
 from sim.kinematics.doubts import doubts
-from sim.kinematics.drives import drive_of, has_velocity_drives, kind_of_joint, random_joints
-from sim.kinematics.inverse_kinematics import Reach, comfort
+from sim.kinematics.drives import drive_of, has_velocity_drives, kind_of_joint
+from sim.kinematics.inverse_kinematics import Reach
 from sim.kinematics.model import camera_chain
 from sim.kinematics.robot import Robot
 from sim.kinematics.rollout import STEP
+from sim.kinematics.workspace import Workspace, movable_shares, sample_workspace
 from sim.models.assembly import ROBOT, build_model
 from sim.models.model_reader import read_spec
 from sim.motions import circle, line, still, wander
@@ -43,60 +44,30 @@ from sim.types import Array, Image, Pose
 from sim.world import World, WorldParts
 from tracking.drawing.picture_bytes import encoded
 
-Base = tuple[float, float, float, float]
-"""x, y, z [m] and yaw [deg]."""
 DEPTH = 1.0
-"""How far from the target a scenario begins by default [m]."""
+"""Distance of the camera from the target at the start of a scenario, by default [m]."""
 PICTURE = CameraConfig(width=640, height=480)
 SHOWN = 12
 """Largest number of candidates for the flange that are printed."""
 POSITION = 1
 RATE = 2
-"""Places of an actuator's feedback in its bias."""
+"""Indices of the position and the velocity feedback in an actuator's bias."""
 
-
-SAMPLES = 4000
-LEVEL = np.radians(25.0)
-"""A camera whose axis is nearer than this to straight down looks at the table."""
 BESIDE = (0.0, -DEPTH, 0.0, 90.0)
-"""The base of a robot that cannot be above the target, but can look there from aside."""
-BESIDE_BY = (0.0, -0.1, 0.1)
-"""Bases that are tried, from the first on, along y [m]."""
-ACROSS = line.Config()
-MOTIONS = (ACROSS, circle.Config(), wander.Config())
+"""Base of a robot that cannot bring the camera above the target, but sees it from aside."""
+MOTIONS = (line.Config(), circle.Config(), wander.Config())
 DRIVEN = 10.0
-"""How long these drive, as a scenario does by default [s]."""
+"""Duration of these motions, as in a scenario by default [s]."""
 NO_BASE = "No base was found from which a run can begin: give --base, or turn the camera (--mount)."
 FEW = (
     "Whether so few joints can follow a motion is not known before a run: from this base it may "
     "lose the target or end at a joint's limit, even while the target stands still."
 )
 ASIDE = f"No base was found from which the camera begins {DEPTH:g} m above the target. "
-BEST = 0.2
-"""The part of the postures, the most comfortable ones, from which a base is proposed."""
-
 NEAR = 0.01
-"""A camera that is nearer than this to a pose is there [m]."""
-WEAK = 1e-6
-"""A direction that is weaker than this share of the strongest is none."""
+"""Largest distance from a pose at which the camera counts as there [m]."""
 LEAST_SHARE = 0.05
-"""A part of the twist that follows less than this is not printed."""
-ONE_SIDED = 0.5
-"""Mean place over mean distance of those postures from which on an arm has a direction."""
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Workspace:
-    """The reach of the camera, in the robot's own frame."""
-
-    farthest: float
-    """From the base's origin [m]."""
-    lowest: float
-    """Height over the base at which it looks down at the table [m]; nan where it never does."""
-    highest: float
-    """Height over the base at which it looks down at the table [m]."""
-    base: Base
-    """A place at which the camera is comfortable over the table's middle."""
+"""Smaller shares of a twist's components are not printed."""
 
 
 def examine(given: dict[str, Any], out: Path | None) -> int:
@@ -109,9 +80,7 @@ def examine(given: dict[str, Any], out: Path | None) -> int:
     """
     out = out or _free_name()
     check_suffix(out, ".png")
-    with writing(out, "this picture"):
-        if out.exists():
-            raise Mistake(f"{out}: there is such a file already; choose another name")
+    check_writable(out)
     if given["model"].endswith(".toml"):
         raise Mistake(
             f"robot: {given['model']}: this looks like a scenario; give the robot's model file "
@@ -126,20 +95,18 @@ def examine(given: dict[str, Any], out: Path | None) -> int:
             config = dataclasses.replace(config, camera=_own_camera(model))
             model, chain = camera_chain(spec, config.flange, config.camera)
         robot = _robot(dataclasses.replace(config, base=(0.0, 0.0, 0.0, 0.0)))
-        reach = sample_workspace(robot, DEPTH)
-        bases = [config.base] if "base" in given else [reach.base, BESIDE]
+        workspace = sample_workspace(robot, DEPTH)
+        bases = [config.base] if "base" in given else [workspace.base, BESIDE]
         proposed = next((base for base in bases if _begins(config, base)), None)
-        if proposed is not None and proposed == reach.base and "base" not in given:
-            proposed = _inside(config, proposed)
         config = dataclasses.replace(config, base=proposed or bases[0])
-        picture, left = _drawn(config)
-        ways = _ways_text(config) if proposed else ""
+        picture, view = _drawn(config)
+        ranges = [_ranges_text(config)] if proposed else []
     except ValueError as error:
         raise Mistake(f"robot: {error}") from None
     print_table(console, _joint_table(model, chain, robot))
     print_table(console, _flange_table(model, chain))
     table = _toml(config, chain) if proposed or "base" in given else NO_BASE
-    text = "\n".join([_reach_text(reach), *doubts(robot), left, *([ways] if ways else [])])
+    text = "\n".join([_reach_text(workspace), *doubts(robot), view, *ranges])
     plain(console, f"{text}\n\n{table}\n")
     with writing(out, "this picture"):
         out.write_bytes(encoded(picture))
@@ -148,30 +115,34 @@ def examine(given: dict[str, Any], out: Path | None) -> int:
 
 
 def _free_name() -> Path:
+    """Return the first of robot.png, robot-2.png and so on that does not exist."""
     names = (Path(f"robot-{k}.png" if k > 1 else "robot.png") for k in itertools.count(1))
     return next(name for name in names if not name.exists())
 
 
 def _robot(config: mjcf.Config) -> Robot:
+    """Return the robot of these settings in a room with a car."""
     rng = np.random.default_rng(0)
     design = config.build(rng)
     return Robot(build_model(480.0, PICTURE, design, car.Config().build(rng)), design)
 
 
 def _own_camera(model: mujoco.MjModel) -> str:
-    """The only camera that the joints of a model move; empty where there is none, or several."""
+    """Return the name of the only camera that joints move; empty if there are more or fewer."""
     moved = [i for i in range(model.ncam) if model.body_weldid[model.cam_bodyid[i]]]
     return model.camera(moved[0]).name if len(moved) == 1 else ""
 
 
-def _begins(config: mjcf.Config, base: Base) -> bool:
-    """Return whether a run can begin from a base: above the target, or beside it looking there."""
+def _begins(config: mjcf.Config, base: tuple[float, float, float, float]) -> bool:
+    """Return whether a run can begin from a base: with the camera above the target, or, from
+    `BESIDE`, anywhere where it sees it.
+    """
     reach = _begun(dataclasses.replace(config, base=base), still.Config())
     return reach.there and (reach.distance < NEAR or base == BESIDE)
 
 
 def _begun(config: mjcf.Config, motion: PartConfig[Motion]) -> Reach:
-    """Return how a run with a motion begins, and how the joints follow it."""
+    """Return the start of a run with a motion of the target, and how the joints follow it."""
     rng = np.random.default_rng(0)
     parts = WorldParts(
         config.build(rng), car.Config().build(rng), motion.build(rng), camera=PICTURE
@@ -185,23 +156,8 @@ def _begun(config: mjcf.Config, motion: PartConfig[Motion]) -> Reach:
     )
 
 
-def _inside(config: mjcf.Config, base: Base) -> Base:
-    """Return a base, or the first one beside it from which the joints stay inside their ranges
-    while the target drives straight across the table; the base itself where none is.
-    """
-    x, y, z, yaw = base
-    beside = [(x, round(y + dy, 2), z, yaw) for dy in BESIDE_BY]
-    drives = (b for b in beside if _follows(_begun(dataclasses.replace(config, base=b), ACROSS)))
-    return next(drives, base)
-
-
-def _follows(reach: Reach) -> bool:
-    """Return whether a run begins and no joint comes to the end of its range."""
-    return reach.there and (reach.rollout is None or not reach.rollout.joint)
-
-
-def _ways_text(config: mjcf.Config) -> str:
-    """Return what is known of the joints' ranges along usual motions."""
+def _ranges_text(config: mjcf.Config) -> str:
+    """Return a sentence that says which usual motions keep the joints inside their ranges."""
     found = list[str]()
     for motion in MOTIONS:
         reach = _begun(config, motion)
@@ -219,7 +175,7 @@ def _ways_text(config: mjcf.Config) -> str:
 
 
 def _drawn(config: mjcf.Config) -> tuple[Image, str]:
-    """The room and the camera's view side by side, and whether the camera is over the target."""
+    """Return a picture of the room beside the camera's view, and sentences about this view."""
     rng = np.random.default_rng(0)
     design = config.build(rng)
     target = car.Config().build(rng)
@@ -247,7 +203,7 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
         text = f"From the base below the camera sees the target, {away} from the pose {above}."
     joints = len(world.robot.ids)
     if joints < ALL_WAYS:
-        text += f"\n{directions(world.robot.jacobian(world.data))}"
+        text += f"\n{_directions(world.robot.jacobian(world.data))}"
     if seen.any():
         share = 100 * seen.mean()
         text += f"\nThe robot itself fills {share:.0f} % of the picture: move it with --mount."
@@ -255,14 +211,14 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
 
 
 def _belongs(model: mujoco.MjModel, geom: int) -> bool:
-    """Return whether a geom is of the robot or of its stand; all those of the room have names."""
+    """Return whether a geom is part of the robot or its stand; all geoms of the room have names."""
     body = model.geom_bodyid[geom]
     name = model.body(body).name if body else model.geom(geom).name
     return name.startswith(f"{ROBOT}/") or not (body or name)
 
 
 def _corners(world: World, geoms: NDArray[np.bool_]) -> Array:
-    """Corners (n, 3) of the boxes around some geoms, and the middle of the table [m]."""
+    """Return the corners (n, 3) of the boxes around some geoms, and the table's middle [m]."""
     signs = np.array(list(itertools.product((-1, 1), repeat=3)))
     boxes = world.model.geom_aabb[geoms]
     local = boxes[:, None, :3] + signs * boxes[:, None, 3:]
@@ -271,29 +227,25 @@ def _corners(world: World, geoms: NDArray[np.bool_]) -> Array:
     return np.vstack([places.reshape(-1, 3), np.zeros((1, 3))])
 
 
-def directions(jacobian: Array) -> str:
-    """Return a sentence about the degrees of freedom that a few joints can move alone.
+def _directions(jacobian: Array) -> str:
+    """Return a sentence about the components of the camera's twist that a few joints can follow.
 
     Args:
         jacobian: Camera twist per joint rate (6, n).
     """
-    basis, strengths, _ = np.linalg.svd(jacobian, full_matrices=False)
-    alone = np.linalg.norm(basis[:, strengths > WEAK * strengths[0]], axis=1)
-    parts = ", ".join(
-        f"{name} {100 * part:.0f} %"
-        for name, part in zip(DOF, alone, strict=True)
-        if part > LEAST_SHARE
-    )
+    shares = zip(DOF, movable_shares(jacobian), strict=True)
+    parts = ", ".join(f"{name} {100 * s:.0f} %" for name, s in shares if s > LEAST_SHARE)
     return (
-        f"Its {jacobian.shape[1]} joint{'s' * (jacobian.shape[1] > 1)} can follow these parts of "
-        f"the camera's twist there, each if nothing else is asked for: {parts}. They share the "
-        "joints: no more parts than joints can be had at once. Of xn, yn, an and theta, a run "
-        "servoes, in this order, those that the joints can move; of points or a pose all, as "
-        "nearly as they can."
+        f"Its {jacobian.shape[1]} joint{'s' * (jacobian.shape[1] > 1)} can follow these components "
+        f"of the camera's twist there, each if it alone is commanded: {parts}. They share the "
+        "joints: no more components than joints can be followed at once. Of xn, yn, an and theta, "
+        "a run servoes, in this order, those that the joints can move; of points or a pose it "
+        "servoes all, as nearly as the joints can."
     )
 
 
 def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
+    """Return the table of all joints: range, largest rate, lag and actuator."""
     rows: list[list[str]] = []
     servos = robot.servos()
     kept = has_velocity_drives(model, chain.joints)
@@ -316,7 +268,7 @@ def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
 
 
 def _actuator(model: mujoco.MjModel, joint: int, *, kept: bool) -> str:
-    """Describe the actuator of a joint in its file, and its replacement if it is not kept."""
+    """Return the kind of a joint's actuator in the file, and whether the simulation replaces it."""
     drive = drive_of(model, joint)
     if drive is None:
         return "none: one is added"
@@ -328,6 +280,7 @@ def _actuator(model: mujoco.MjModel, joint: int, *, kept: bool) -> str:
 
 
 def _flange_table(model: mujoco.MjModel, chain: Chain) -> Table:
+    """Return the table of bodies and sites that may carry the camera."""
     found = flanges(model)
     rows = [
         [name, f"{what}{' (taken)' * (name == chain.flange)}", str(joints)]
@@ -339,6 +292,7 @@ def _flange_table(model: mujoco.MjModel, chain: Chain) -> Table:
 
 
 def _reach_text(reach: Workspace) -> str:
+    """Return a sentence about the places that the camera gets to."""
     text = f"The camera gets {reach.farthest:.2f} m away from the base's origin at most"
     if not isfinite(reach.lowest):
         return f"{text}; it never looks down: turn it with --mount."
@@ -347,6 +301,7 @@ def _reach_text(reach: Workspace) -> str:
 
 
 def _toml(config: mjcf.Config, chain: Chain) -> str:
+    """Return the [robot] table of a scenario."""
     table: dict[str, Any] = {"kind": "mjcf", "model": config.model, "base": list(config.base)}
     if config.camera:
         table["camera"] = config.camera
@@ -354,38 +309,3 @@ def _toml(config: mjcf.Config, chain: Chain) -> str:
         table |= {"flange": chain.flange, "mount": list(config.mount)}
     lines = (f"{key} = {json.dumps(value)}" for key, value in table.items())
     return "\n".join(("[robot]", *lines))
-
-
-def sample_workspace(robot: Robot, height: float) -> Workspace:
-    """Try random postures of a robot whose base is the world's origin.
-
-    Args:
-        robot: The robot.
-        height: Where the camera shall be over the table [m].
-    """
-    data = mujoco.MjData(robot.model)
-    rows: list[list[float]] = []
-    far = 0.0
-    for q in random_joints(robot.model, robot.ids, np.random.default_rng(0), SAMPLES):
-        data.qpos[robot.qpos] = q
-        robot.refresh(data)
-        eye = robot.eye(data)
-        far = max(far, float(np.linalg.norm(eye.translation)))
-        if tilt(eye.rotation) < LEVEL:
-            rows.append([comfort(robot, data), *eye.translation])
-    if not rows:
-        return Workspace(far, np.nan, np.nan, (0.0, 0.0, 0.0, 0.0))
-    found = np.array(rows)
-    return Workspace(far, found[:, 3].min(), found[:, 3].max(), _base(found, height))
-
-
-def _base(found: Array, height: float) -> tuple[float, float, float, float]:
-    """A base for the best of these postures, behind the table's middle."""
-    best = found[np.argsort(-found[:, 0])[: max(1, round(BEST * len(found)))]]
-    away = np.median(np.hypot(best[:, 1], best[:, 2]))
-    above = np.median(best[:, 3])
-    x, y = best[:, 1:3].mean(axis=0)
-    # Most arms turn about an upright axis first: all directions are then as good as along x.
-    ahead = degrees(atan2(y, x)) if np.hypot(x, y) > ONE_SIDED * away else 0.0
-    yaw = 5.0 * round(((90.0 - ahead) % 360.0 - 180.0) / 5.0)
-    return 0.0, round(float(away), 2), round(float(height - above), 2), yaw

@@ -55,10 +55,10 @@ if TYPE_CHECKING:
     from servo.ros2.server import Server
 
 HIDDEN = 0.1
-"""A target of which a smaller share is visible counts as hidden."""
+"""A target counts as hidden if a smaller share of it is visible."""
 START_NEAR = 1e-3
 START_TURNED = radians(1.0)
-"""A start pose that is missed by less [m, rad] counts as taken."""
+"""The robot takes its start pose if it is nearer than this [m, rad]."""
 
 
 def run_scenario(
@@ -71,11 +71,11 @@ def run_scenario(
     rerun: bool,
     outputs: Outputs = NOTHING_MORE,
 ) -> int:
-    """Run one scenario into a folder; the exit code: 1 if a bound was missed.
+    """Run one scenario into a folder; return the exit code: 1 if a bound was missed.
 
     Raises:
         Mistake: The scenario or a setting is wrong, or the folder cannot be used.
-        Refused: A file could not be written completely; the rows have priority.
+        Refused: A file could not be written completely; the table of steps has priority.
     """
     scenario = load(name, changes, seed, outputs.server)
     outputs.check()
@@ -125,7 +125,7 @@ def run_scenario(
 
 
 def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) -> list[float]:
-    """Add the steps to the columns of their run; how long each took to write [s]."""
+    """Add the steps to `run` and to the output; return the time to write each of them [s]."""
     writing: list[float] = []
     with closing(output.close), progress_bar(console) as progress:
         name = escape(episode.scenario.name)
@@ -143,8 +143,7 @@ def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) 
 def load(
     name: str, changes: Sequence[str], seed: int | None, server: Server | None = None
 ) -> Scenario:
-    """A scenario that can be run and whose bounds name existing measures; a server takes the place
-    of its controller.
+    """Return a scenario whose bounds name existing measures; a server replaces its controller.
 
     Raises:
         Mistake: There is no such scenario, or a setting or a bound is wrong.
@@ -159,6 +158,7 @@ def load(
 
 
 def _outline_line(outline: Array) -> str:
+    """Return a sentence about the rectangle (4, 3) [m] that was found around the target."""
     sides = Outline(outline)
     x, y = outline.mean(axis=0)[:2]
     return (
@@ -169,7 +169,7 @@ def _outline_line(outline: Array) -> str:
 
 
 def remarks(episode: Episode) -> list[str]:
-    """Return what to know of a run before it begins, a sentence each."""
+    """Return remarks about a run that is about to begin, a sentence each."""
     first, region, state = episode.shown
     lines = [
         _outline_line(episode.world.outline) if episode.world.outline_found else "",
@@ -186,7 +186,7 @@ def remarks(episode: Episode) -> list[str]:
 
 
 def _tilt_line(episode: Episode) -> str:
-    """Return a sentence about a tilt that no feature can see; else nothing."""
+    """Return a sentence about a tilt of the start that no feature measures; else an empty text."""
     scenario = episode.scenario
     tracker = kind_of(scenario.tracker)
     if traits_of(scenario.tracker) is None or reports_corners(scenario):
@@ -205,8 +205,8 @@ def _tilt_line(episode: Episode) -> str:
 
 
 def measures_lines(scenario: Setup) -> list[str]:
-    """Return sentences about measures that no frame of a run counts in, and about bounds that every
-    run misses, or none.
+    """Return sentences about measures without a value, as no frame of the run counts, and about
+    bounds that every run keeps or every run misses.
     """
     lines = list[str]()
     if scenario.run.duration <= scenario.measure.after:
@@ -220,7 +220,7 @@ def measures_lines(scenario: Setup) -> list[str]:
 
 
 def _hidden_line(episode: Episode) -> str:
-    """Return a sentence about a target that something hides in the first picture; else nothing."""
+    """Return a sentence about a target hidden in the first picture; else an empty text."""
     visible = episode.world.visible()
     if visible >= HIDDEN:
         return ""
@@ -228,7 +228,7 @@ def _hidden_line(episode: Episode) -> str:
 
 
 def _start_line(begun: Reach) -> str:
-    """Return a sentence about a start pose that a robot of few joints cannot take; else nothing."""
+    """Return a sentence about a start pose that the robot cannot take; else an empty text."""
     if begun.distance < START_NEAR and begun.angle < START_TURNED:
         return ""
     return (
@@ -238,7 +238,7 @@ def _start_line(begun: Reach) -> str:
 
 
 def _range_line(begun: Reach) -> str:
-    """Return a sentence about a joint that will come to the end of its range; else nothing."""
+    """Return a sentence about a joint that will reach the end of its range; else an empty text."""
     rollout = begun.rollout
     if rollout is None or not rollout.joint:
         return ""
@@ -249,6 +249,7 @@ def _range_line(begun: Reach) -> str:
 
 
 def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
+    """Print how a run ended, its measures beside their bounds, and its drawn settings."""
     outcome = f"{record.outcome}. {Outcome[record.outcome].sentence([*record.limits, *record.off])}"
     console.print(f"[bold]{escape(scenario.name)}[/], seed {record.seed}: {outcome}")
     rows: list[list[str]] = []
@@ -267,6 +268,7 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
 
 
 def _stage_line(run: Columns, writing: Sequence[float]) -> str:
+    """Return a sentence about the median times of a step's stages, and of writing it [s]."""
     seconds = timed(run)
     each = np.median(seconds, axis=0)
     total = np.median(seconds.sum(axis=1))
@@ -279,7 +281,7 @@ def _stage_line(run: Columns, writing: Sequence[float]) -> str:
 
 
 def print_missed(console: Console, record: Record) -> None:
-    """Print missed bounds and the command that repeats the run; nothing if none was missed."""
+    """Print missed bounds and the command that repeats the run; print nothing if it missed none."""
     for line in missed_lines(record.missed, record.measures):
         plain(console, f"missed: {line}")
     if record.missed:

@@ -22,7 +22,7 @@ from servo.scenario.fill import STRICT, form
 from servo.scenario.tables import SECTIONS
 from servo.study import parse
 from servo.study.axes import COUNTS, ENDS, MOST_VALUES
-from sim.kinds import Kinds, UnknownKind
+from sim.kinds import Kinds, UnknownKind, not_from_file
 
 Schema = dict[str, Any]
 SHARE: Schema = {"type": "number", "minimum": 0, "maximum": 1}
@@ -178,7 +178,7 @@ def _model(name: str, kinds: Kinds[Any], kind: str, default: str) -> type[BaseMo
     if presets := kinds.presets(kind):
         about = Field(None, description="Settings that are not given.")
         members["preset"] = (Literal[*presets], about)
-    members |= dict.fromkeys(getattr(config, "not_from_file", ()), (SkipJsonSchema[Any], None))
+    members |= dict.fromkeys(not_from_file(config), (SkipJsonSchema[Any], None))
     base = form(config, described=True)
     about = kinds.summary(kind)
     return create_model(f"{name} {kind}", __base__=base, __doc__=about, **members)

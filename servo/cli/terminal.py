@@ -1,18 +1,15 @@
-"""Printing that all commands share: progress bars, tables, plain lines, and the end by a signal."""
+"""Printing that all commands share: progress bars, tables and plain lines."""
 
 from contextlib import AbstractContextManager, nullcontext
-from typing import NoReturn
 
 from rich import markup
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from servo.cli.guard import exit_code
 from servo.mistake import one_line, printable
 from servo.report import words
 
-STOPPED = "servobench: stopped; what was written is complete up to here."
 COMPILING = "(the first run on a machine compiles the hot loops)"
 ROOMY = 6
 """Most columns with wide gaps."""
@@ -94,9 +91,3 @@ def plain(console: Console, text: str) -> None:
 def complain(sentence: object) -> None:
     """Print a sentence on stderr."""
     plain(Console(stderr=True), f"servobench: {one_line(str(sentence))}")
-
-
-def stop(cause: KeyboardInterrupt, more: str = "") -> NoReturn:
-    """Print that Ctrl-C or another signal stopped the command, and end the program."""
-    plain(Console(stderr=True), f"{STOPPED} {more}".rstrip())
-    raise SystemExit(exit_code(cause))

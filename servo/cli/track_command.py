@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from servo.cli.guard import REFUSED, exit_code
+from servo.cli.guard import REFUSED, STOPPED, exit_code
 from servo.cli.outputs import Outputs, announce, linger
 from servo.cli.terminal import (
     COMPILING,
-    STOPPED,
     WAITING,
     complain,
     escape,
@@ -93,7 +92,7 @@ class TrackRequest:
 
 
 def run(request: TrackRequest) -> int:
-    """Track the target and write the files; the exit code.
+    """Track the target and write the files; return the exit code.
 
     Raises:
         Mistake: The source, its truth, the region or the tracker is wrong, or the folder cannot be
@@ -121,9 +120,8 @@ def run(request: TrackRequest) -> int:
     viewer = request.outputs.viewer()  # before the first picture of a stream, which goes on
     first = _first(request, shots, name)
     folder = prepare(request.out, name)
-    comparison = None
     announce(viewer, console)
-    # A live source does not wait: what takes time beside the tracker would cost pictures.
+    # A live source does not wait: advice would take time and so cost pictures.
     if (
         first.picture.image is not None
         and source.count is not None
@@ -136,8 +134,9 @@ def run(request: TrackRequest) -> int:
         seen, code = _write(request, files, truth, itertools.chain([first], shots), source)
     except PartFailed as error:
         raise with_traceback(error, folder) from None
-    if truth is not None and seen:
-        comparison = Comparison.of(Track.of(seen, region), truth)
+    comparison = (
+        Comparison.of(Track.of(seen, region), truth) if truth is not None and seen else None
+    )
     end = _with_reason(source.end, seen, files.seconds)
     report = _report(request, folder, settings, seen, comparison, end)
     print_track(console, f"{kind} on {name}", seen, comparison, end)
@@ -152,9 +151,9 @@ def run(request: TrackRequest) -> int:
 
 
 def _warm_up(request: TrackRequest, source: Source, config: Any, console: Console) -> None:
-    """Compile and load what tracker and recording of a live source need, on pictures of noise.
+    """Run the tracker and the recording of a live source on pictures of noise, which compiles them.
 
-    It does not wait: after its first picture, a second of it would be lost.
+    A live source does not wait: compiling after its first picture would lose a second of it.
     """
     if source.count is not None:
         return
@@ -168,12 +167,17 @@ def _warm_up(request: TrackRequest, source: Source, config: Any, console: Consol
 
 
 def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
-    """Yield the shots; a ValueError of source or tracker is the user's mistake."""
+    """Yield the shots; raise a ValueError of the source or the tracker as a Mistake."""
     with as_mistake():
         yield from shots
 
 
 def _first(request: TrackRequest, shots: Iterator[Shot], name: str) -> Shot:
+    """Return the first shot.
+
+    Raises:
+        Mistake: The tracker failed, or there is no picture.
+    """
     try:
         return next(shots)
     except PartFailed as error:
@@ -183,8 +187,8 @@ def _first(request: TrackRequest, shots: Iterator[Shot], name: str) -> Shot:
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
-    """The settings of a tracker such as "kams" or "kams:paper" as a table, with changes such as
-    "tracker.particles=80"; and its `Config`.
+    """Return the settings of a tracker such as "kams" or "kams:paper" as a table, with changes such
+    as "tracker.particles=80", and its `Config`.
 
     Raises:
         Mistake: There is no such kind or setting.
@@ -198,7 +202,7 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
 
 
 def _selected(request: TrackRequest, source: Source) -> tuple[TrackRequest, Iterator[Picture]]:
-    """The request with the region, if a person draws it; and the pictures."""
+    """Return the request, with the region that the user draws for --select, and the pictures."""
     pictures = iter(source)
     if not request.select:
         return request, pictures
@@ -209,6 +213,11 @@ def _selected(request: TrackRequest, source: Source) -> tuple[TrackRequest, Iter
 
 
 def _truth(request: TrackRequest, source: Source) -> Array | None:
+    """Return the truth that the request names or that stands beside its source; None without one.
+
+    Raises:
+        Mistake: The source has no end, or the truth does not fit it.
+    """
     form = truths.Format.named(request.truth_format)
     path = request.truth or truth_beside(request.source)
     if path is None:
@@ -226,6 +235,11 @@ def _truth(request: TrackRequest, source: Source) -> Array | None:
 
 
 def _placement(request: TrackRequest, truth: Array | None) -> tuple[Region, State]:
+    """Return the target's region and its state in the first picture.
+
+    Raises:
+        Mistake: Neither the request nor the truth gives them.
+    """
     if request.region is not None:
         return region_of(request.region)
     if truth is None:
@@ -261,7 +275,7 @@ def _write(
     shots: Iterator[Shot],
     source: Source,
 ) -> tuple[list[Shot], int]:
-    """Write all shots; the shots without pictures, and the exit code."""
+    """Write all shots; return them without their pictures, and the exit code."""
     seen: list[Shot] = []
     count = min(filter(None, (source.count, request.frames)), default=None)
     code = 0
@@ -281,7 +295,7 @@ def _write(
 
 
 def _with_reason(end: End | None, seen: list[Shot], writing: float) -> End | None:
-    """Return the end of a source; where pictures were dropped, with what took the time.
+    """Return the end of a source; if it dropped pictures, its sentence also says what took time.
 
     Args:
         end: The end.
@@ -307,9 +321,10 @@ def _report(
     comparison: Comparison | None,
     end: End | None,
 ) -> Path:
+    """Write the report of a track into its folder; return the file."""
     measures = {} if comparison is None else measure_all(comparison)
     came = next((shot.picture.came for shot in seen), None)
-    report = TrackReport(
+    return TrackReport(
         command=request.command,
         versions=versions(),
         source=request.source,
@@ -327,12 +342,11 @@ def _report(
         dropped=0 if end is None else end.dropped,
         damaged=0 if end is None else end.damaged,
         notes=_notes(seen),
-    )
-    return report.write(folder)
+    ).write(folder)
 
 
 def _notes(seen: list[Shot]) -> list[str]:
-    """The sentences about the pictures, each once."""
+    """Return the notes about the pictures, each once."""
     return list(dict.fromkeys(note for shot in seen for note in shot.picture.notes))
 
 
@@ -343,10 +357,9 @@ def _count(seen: list[Shot], status: Status) -> int:
 def print_track(
     console: Console, what: str, seen: list[Shot], comparison: Comparison | None, end: End | None
 ) -> None:
-    """Print what was tracked, its measures where there is a truth, and what was odd."""
-    unsure = _count(seen, Status.UNSURE)
-    lost = _count(seen, Status.LOST)
-    console.print(f"[bold]{escape(what)}[/]: {len(seen)} frames, {unsure} UNSURE, {lost} LOST")
+    """Print how many frames were tracked, the measures if there is a truth, and complaints."""
+    counts = ", ".join(f"{_count(seen, s)} {s.name}" for s in (Status.UNSURE, Status.LOST))
+    console.print(f"[bold]{escape(what)}[/]: {len(seen)} frames, {counts}")
     if comparison is not None:
         _print_measures(console, comparison)
     _print_oddities(seen, end)
@@ -362,7 +375,7 @@ def _print_measures(console: Console, comparison: Comparison) -> None:
 
 
 def _print_oddities(seen: list[Shot], end: End | None) -> None:
-    """Print what the user should know of the pictures, and how a stream ended."""
+    """Complain about pictures that cannot be read or change size, and about a stream's end."""
     blind = [shot.picture for shot in seen if shot.blind]
     sizes = [shot for shot in seen if shot.size is not None]
     change = next((b for a, b in itertools.pairwise(sizes) if a.size != b.size), None)

@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 from servo.mistake import Mistake, unknown
 from servo.scenario.toml import Table
 from sim.installed import Trusted
-from sim.kinds import Kinds, UnknownKind, checked, field_docs, kind_of
+from sim.kinds import Kinds, UnknownKind, checked, field_docs, kind_of, not_from_file
 
 Config = TypeVar("Config")
 Model = TypeVar("Model", bound=BaseModel)
@@ -215,7 +215,7 @@ def fill_plugin(
         begin = kinds.config(kind, chosen) if own is None else own
     except UnknownKind as error:
         raise WrongSetting(f"{place}.preset: {error}", f"{place}.preset") from None
-    for key in getattr(config, "not_from_file", ()):
+    for key in not_from_file(config):
         if key in given and not isinstance(given[key], Trusted):
             raise WrongSetting(
                 f"{place}.{key}: a file may not name a command to start: give it with --set, or "

@@ -1,0 +1,78 @@
+"""The workspace of a robot's camera, found by sampling postures, and the twists it can follow."""
+
+from dataclasses import dataclass
+from math import atan2, degrees
+
+import mujoco
+import numpy as np
+
+from sim.geometry import tilt
+from sim.kinematics.drives import random_joints
+from sim.kinematics.inverse_kinematics import comfort
+from sim.kinematics.robot import Robot
+from sim.types import Array
+
+SAMPLES = 4000
+"""Number of random postures."""
+BEST = 0.2
+"""The base is proposed from this share of the postures, the most comfortable ones."""
+LEVEL = np.radians(25.0)
+"""The camera looks down if the angle between its axis and straight down is below this [rad]."""
+WEAK = 1e-6
+"""Singular values of the Jacobian below this share of the largest count as zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Workspace:
+    """The poses that the camera can take, in the frame of the robot's base."""
+
+    farthest: float
+    """Largest distance of the camera from the base's origin [m]."""
+    lowest: float
+    """Least height of the camera above the base's origin where it looks down [m]; nan if it never
+    looks down."""
+    highest: float
+    """Largest height of the camera above the base's origin where it looks down [m]; else nan."""
+    base: tuple[float, float, float, float]
+    """x, y, z [m] and yaw [deg] of a base in the room, behind the table's middle as seen from the
+    comfortable postures in which the camera looks down."""
+
+
+def sample_workspace(robot: Robot, height: float) -> Workspace:
+    """Return the workspace that random postures of a robot show.
+
+    Args:
+        robot: The robot; its base is the world's origin.
+        height: Height of the camera above the table from the proposed base [m].
+    """
+    data = mujoco.MjData(robot.model)
+    rows: list[list[float]] = []
+    farthest = 0.0
+    for q in random_joints(robot.model, robot.ids, np.random.default_rng(0), SAMPLES):
+        data.qpos[robot.qpos] = q
+        robot.refresh(data)
+        eye = robot.eye(data)
+        farthest = max(farthest, float(np.linalg.norm(eye.translation)))
+        if tilt(eye.rotation) < LEVEL:
+            rows.append([comfort(robot, data), *eye.translation])
+    if not rows:
+        return Workspace(farthest, np.nan, np.nan, (0.0, 0.0, 0.0, 0.0))
+    found = np.array(rows)
+    best = found[np.argsort(-found[:, 0])[: max(1, round(BEST * len(found)))], 1:]
+    distance = np.median(np.hypot(best[:, 0], best[:, 1]))
+    x, y, _ = best.mean(axis=0)
+    yaw = 5.0 * round(((90.0 - degrees(atan2(y, x))) % 360.0 - 180.0) / 5.0)
+    above = float(height - np.median(best[:, 2]))
+    base = (0.0, round(float(distance), 2), round(above, 2), yaw)
+    return Workspace(farthest, found[:, 3].min(), found[:, 3].max(), base)
+
+
+def movable_shares(jacobian: Array) -> Array:
+    """Return the share (0 to 1) of each component of the camera's twist (6,) that the joints follow
+    if that component alone is commanded.
+
+    Args:
+        jacobian: Camera twist per joint rate (6, n).
+    """
+    basis, strengths, _ = np.linalg.svd(jacobian, full_matrices=False)
+    return np.linalg.norm(basis[:, strengths > WEAK * strengths[0]], axis=1)
