@@ -122,7 +122,7 @@ class RerunLog:
             self._file.flush()
 
     def close(self) -> None:
-        """Write the last steps and the footer.
+        """Write the last steps, and end the recording.
 
         Raises:
             Refused: The disk cannot be written.
