@@ -225,10 +225,10 @@ def _sure(pairs: Sequence[Compared]) -> list[str]:
 def _paths(study: StudyResults) -> list[Block]:
     found = study_paths.paths(study)
     text = (
-        "Above, the camera's way around the target [m]; below, the corners' ways in the picture "
-        "[px]. Rings are starts, dots are ends; of the first seed."
+        "Runs of the first seed. Above: the path of the camera around the target [m]. Below: the "
+        "paths of the corners in the picture [px]. A ring is a start, a dot is an end."
     )
-    return [Block("Ways of the camera and of the corners", [text], pictures=found)] if found else []
+    return [Block("Paths of the camera and of the corners", [text], figures=found)] if found else []
 
 
 def _figures(title: str, figures: list[Figure]) -> list[Block]:
