@@ -34,8 +34,8 @@ MOST_LISTED = 12
 """Most contact sheets, failures and cells of a page, which should open at once."""
 TIME = "track_ms"
 COLUMNS = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct", TIME)
-WAYS = ("settle_s", "camera_path_m", "detour_m", "retreat_m", "out_of_view_pct", "lost_pct")
-"""Measures in the tables, of studies and of those that show ways; the files have all of them."""
+PATHS = ("settle_s", "camera_path_m", "detour_m", "retreat_m", "out_of_view_pct", "lost_pct")
+"""Measures in the tables, of studies and of those that show paths; the files have all of them."""
 SURE = 0.05
 """Differences with a smaller p-value, after Holm, are called differences."""
 UNITS = (
@@ -210,7 +210,7 @@ def _unsure(study: StudyResults) -> list[str]:
 
 
 def _columns(study: StudyResults) -> tuple[str, ...]:
-    return WAYS if study_paths.shows(study) else COLUMNS
+    return PATHS if study_paths.shows(study) else COLUMNS
 
 
 def _sure(pairs: Sequence[Compared]) -> list[str]:
