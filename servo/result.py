@@ -180,11 +180,11 @@ class Run(Sequence[Step]):
         return steps_table.table_of(self._light, steps_table.quantities_of(self._episode))
 
     def figure(self) -> Drawing:
-        """Errors and the target's own motion over time."""
+        """Return a figure of the errors and of the target's own motion over time."""
         return plots.figure(RunCurves.of(self._table, self._episode.loop.features), self.title)
 
     def frame(self, time: float) -> Pillow.Image:
-        """The picture nearest to a time [s], with truth (white), goal (red) and estimate."""
+        """Return the picture nearest to a time [s], with truth (white), goal (red) and estimate."""
         times = np.array([s.frame.time for s in self._light])
         (time,) = arguments.numbers((time,), "frame(time)", 1).tolist()
         if not times[0] <= time <= times[-1]:
@@ -192,7 +192,7 @@ class Run(Sequence[Step]):
         return Pillow.fromarray(annotated(self[int(np.abs(times - time).argmin())]))
 
     def film(self) -> Clip:
-        """The whole run as a film (H.264), which a notebook plays."""
+        """Return the whole run as a film (H.264), which a notebook plays."""
         from servo.output.film import write_film  # it renders the room
 
         with tempfile.TemporaryDirectory() as folder:
@@ -220,7 +220,7 @@ class Run(Sequence[Step]):
         log.close()
 
     def _repr_html_(self) -> str:
-        """Summary and the two plots."""
+        """Return the summary and the two plots as HTML."""
         missed = "; ".join(map(str, self.missed))
         verdict = f"missed: {missed}" if missed else "all bounds kept"
         verdict = verdict if self.scenario.expect else "no bounds"
@@ -244,10 +244,10 @@ class Clip:
     mp4: bytes = field(repr=False)
 
     def save(self, path: str | Path) -> None:
-        """Write it to a file.
+        """Write the film to a file.
 
         Raises:
-            Mistake: Its place is wrong.
+            Mistake: The file cannot be there.
             Refused: The disk is full.
         """
         with writing(path, "this film"):

@@ -185,8 +185,6 @@ def test_the_table_pairs_commands_with_the_frames_they_act_in(folder):
     np.testing.assert_allclose(table["motion_true_yn_m_s"][5:], 0.1 * np.sin(np.pi / 6), atol=2e-3)
 
 
-# Rerun warns that a cut file has no footer, which is what this test is about.
-@pytest.mark.filterwarnings("ignore:RRD file has no footer")
 @pytest.mark.processes
 @pytest.mark.newest
 def test_a_killed_run_keeps_its_recording_and_its_rows_to_the_last_second(tmp_path):

@@ -156,6 +156,8 @@ def test_the_recording_holds_these_values(scripted, approved):
     found = {}
     for chunk in RrdReader(str(scripted[2].folder / "run.rrd")).stream():
         batch = chunk.to_record_batch()
+        if chunk.is_static:  # the newest row counts: a slow machine writes the paths more often
+            batch = batch.slice(batch.num_rows - 1)
         frames = batch.column("frame").to_pylist() if "frame" in batch.schema.names else [0]
         for name in (n for n in batch.schema.names if ":" in n):
             at = f"{chunk.entity_path} {name}{' static' * chunk.is_static}"

@@ -71,9 +71,7 @@ def test_the_pictures_of_the_annotated_video_show_the_estimate(monkeypatch, capf
     assert green > max(red, blue) + 40  # the outline of an estimate that is LOCKED
 
 
-# Rerun warns that a cut file has no footer, which is what this test is about.
 @pytest.mark.processes
-@pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_a_killed_track_leaves_a_video_and_a_recording_of_all_but_the_last_second(folder):
     for k in range(FRAMES, 3000):
         (folder / "in" / f"{k:04}.png").hardlink_to(folder / "in" / "007.png")

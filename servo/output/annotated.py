@@ -10,13 +10,13 @@ from tracking.drawing import colours
 from tracking.drawing.contact_sheet import outline
 
 WIDTH = 640
-"""Pictures that are not as wide are enlarged by a whole number [px]."""
+"""Width up to which smaller pictures are enlarged, by a whole number [px]."""
 BAND = 24
 """Height of the band with the text [px]."""
 
 
 def annotated(step: Step) -> Image:
-    """A new RGB picture (H, W, 3) of a step with time, status and error; at least about WIDTH."""
+    """Return an RGB picture (H, W, 3), about `WIDTH` wide, with time, status and error."""
     image = step.frame.image
     factor = max(1, round(WIDTH / image.shape[1]))
     drawn = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)
@@ -41,7 +41,7 @@ def annotated(step: Step) -> Image:
 
 
 class View:
-    """A window of matplotlib's that shows one picture after another."""
+    """A window of Matplotlib that shows one picture after another."""
 
     def __init__(self, title: str) -> None:
         self.figure = pyplot.figure(title)
@@ -59,5 +59,5 @@ class View:
         self.figure.canvas.flush_events()
 
     def close(self) -> None:
-        """Close it."""
+        """Close the window."""
         pyplot.close(self.figure)

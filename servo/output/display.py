@@ -1,4 +1,4 @@
-"""Displays: windows can be opened here or not."""
+"""Whether this machine has a screen on which windows can be opened."""
 
 import os
 import sys
@@ -8,5 +8,5 @@ DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def has_display() -> bool:
-    """Return whether there is a screen for a window; macOS and Windows are taken to have one."""
+    """Return whether there is a screen; macOS and Windows always count as having one."""
     return sys.platform != "linux" or any(map(os.environ.get, DISPLAYS))

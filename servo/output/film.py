@@ -25,7 +25,7 @@ PANEL_OF_TWO = (448, 336)
 LONGEST = 46
 """Letters of a caption that fit above a picture there, beside its status."""
 TITLE_OF_TWO = "Estimate green, goal red, truth white"
-MARKS = "estimate green, goal red, truth and ways of its corners white"
+MARKS = "estimate green, goal red, truth and paths of its corners white"
 CAPTIONS = (f"Camera: {MARKS}", "The room, and beside the camera")
 CURVES = {
     "true centre to goal": colours.CURVES[0],
@@ -50,8 +50,8 @@ PARTS = 16
 class RunViews:
     """The two pictures of each step of one run: what the camera sees, and the room with it.
 
-    The camera's picture has the ways of the target's corners. The room has the camera's pyramid of
-    view and its way so far, drawn over all else, and in its corner a view that follows the camera.
+    The camera's picture has the paths of the target's corners. The room has the camera's pyramid of
+    view and its path so far, drawn over all else, and in its corner a view that follows the camera.
     """
 
     def __init__(self, camera: Camera, room: MjModel, size: tuple[int, int]) -> None:
@@ -61,17 +61,17 @@ class RunViews:
         self._size = size
         self._room = RoomView(room, *size)
         self._beside = RoomView(room, size[0] // FOLLOWING, size[1] // FOLLOWING)
-        self._way: list[Array] = []
+        self._path: list[Array] = []
         self._corners: list[Array] = []
 
     def close(self) -> None:
-        """Give back what it holds."""
+        """Release the buffers of the renderers."""
         self._room.close()
         self._beside.close()
 
     def draw(self, step: Step) -> tuple[Image, Image]:
         """Return the pictures of the camera and of the room (H, W, 3)."""
-        self._way.append(step.truth.T_world_camera.translation)
+        self._path.append(step.truth.T_world_camera.translation)
         self._corners.append(step.truth.corners)
         return self._draw_camera(step), self._draw_room(step)
 
@@ -81,8 +81,8 @@ class RunViews:
             (step.goal.corners, colours.GOAL),
             (step.estimate.outline(step.region), colours.ESTIMATE),
         )
-        ways = np.stack(self._corners, axis=1)
-        lines = [(way[np.isfinite(way).all(axis=1)], colours.TRUTH) for way in ways]
+        paths = np.stack(self._corners, axis=1)
+        lines = [(path[np.isfinite(path).all(axis=1)], colours.TRUTH) for path in paths]
         return panel(step.frame.image, *self._size, marks, step.estimate.particles, lines)
 
     def _draw_room(self, step: Step) -> Image:
@@ -105,7 +105,7 @@ class RunViews:
         pose = step.truth.T_world_camera
         corners = pose.apply(self._frustum)
         edges = [np.stack([pose.translation, corner]) for corner in corners]
-        for line in (np.stack(self._way), np.append(corners, corners[:1], axis=0), *edges):
+        for line in (np.stack(self._path), np.append(corners, corners[:1], axis=0), *edges):
             places = np.round(PARTS * view.project(line)).astype(np.int32)
             cv2.polylines(
                 picture, [places], False, colours.PARTICLES, 1, cv2.LINE_AA, PARTS.bit_length() - 1
@@ -117,8 +117,12 @@ class RunFilm:
     """Writer of one film."""
 
     def __init__(self, to: Path | Pages, title: str = "", end: float | None = None) -> None:
-        """Make a film, as a file or for what takes its frames; `end` is the run's last time [s], if
-        it is known.
+        """Prepare a film; the file is opened with the first step.
+
+        Args:
+            to: The file to write, or the receiver of the frames.
+            title: Title of the film.
+            end: Time of the last step [s]; None: unknown.
         """
         self._to = to
         self._title = title
@@ -126,7 +130,7 @@ class RunFilm:
         self._opened: tuple[FilmPage, RunViews] | None = None
 
     def add(self, step: Step) -> None:
-        """Write a step, which still has its picture.
+        """Write the frame of a step that has its picture.
 
         Raises:
             OSError: The file cannot be written.
@@ -146,7 +150,7 @@ class RunFilm:
         self._finish(whole=True)
 
     def abandon(self) -> None:
-        """Close the file as it is; it can be played up to here."""
+        """Close the file early; it can be played up to its last whole second."""
         self._finish(whole=False)
 
     def _finish(self, *, whole: bool) -> None:
@@ -165,7 +169,7 @@ def write_film(steps: Iterable[Step], path: Path, title: str = "") -> Path:
     """Write the film of a run's steps, which still have their pictures, as `servo.run` gives them.
 
     Args:
-        steps: In order; a list, or the run itself, which is then filmed on the way.
+        steps: In order; a list, or the run itself, which is then filmed while it goes on.
         path: The file to write, an MP4; an older one is replaced.
         title: Its first line.
 

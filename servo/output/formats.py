@@ -45,15 +45,15 @@ class Document:
     """Format number; it increases by one when older versions cannot read the file any more."""
 
     def write(self, folder: Path, name: str | None = None) -> Path:
-        """Write the file into a folder; its path.
+        """Write the file into a folder, and return its path.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The file cannot be written.
         """
         return atomic.write(folder, name or self.FILE, self.text())
 
     def text(self) -> str:
-        """What the file contains."""
+        """Return the content of the file."""
         return json_text({"format": self.FORMAT, "kind": self.KIND} | as_json(self))
 
     @classmethod
@@ -97,10 +97,10 @@ def check_format(path: Path, found: Any, number: int) -> None:
 
 
 def content(path: Path) -> bytes:
-    """The bytes of a file.
+    """Return the bytes of a file.
 
     Raises:
-        Mistake: It cannot be read, is not a regular file, or is too large.
+        Mistake: The file cannot be read, is not a regular file, or is too large.
     """
     with as_mistake():
         return reading.content(path, "file", LARGEST)
@@ -118,8 +118,8 @@ def _parsed(path: Path, encoded: bytes, kind: Any) -> Any:
 
 
 def command_line(command: str, *words: str, **options: object) -> str:
-    """A command line for a shell. An option that is True is a flag, a list or a tuple repeats it,
-    None and False leave it out.
+    """Return a command line for a shell. An option with the value True is a flag; each value of a
+    list or a tuple repeats the option; None and False leave the option out.
     """
     given: list[str] = []
     for name, value in options.items():

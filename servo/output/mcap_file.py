@@ -69,10 +69,10 @@ Corners = Mapping[tuple[int, int, int], Array]
 
 
 def check_installed() -> None:
-    """Refuse where the optional package is missing.
+    """Check that the optional packages are installed.
 
     Raises:
-        Mistake: It is; the sentence names the extra.
+        Mistake: A package is missing; the sentence names the extra.
     """
     try:
         import foxglove  # noqa: F401  # pyright: ignore[reportUnusedImport]

@@ -24,7 +24,7 @@ ABOVE: dict[str, Any] = {
 
 
 def figure(curves: RunCurves, title: str) -> Drawing:
-    """Both plots of a run in one figure."""
+    """Return a figure with both plots of a run."""
     rows = len(curves.moving)
     whole, axes = _figure(2 + rows, 5.4 + 2.4 * rows)
     _draw_errors(curves, literal(title), axes[:2])
@@ -33,7 +33,7 @@ def figure(curves: RunCurves, title: str) -> Drawing:
 
 
 def draw(curves: RunCurves, title: str, folder: Path) -> list[Path]:
-    """Write both plots of a run as PNG files into a folder; their paths."""
+    """Write both plots of a run as PNG files into a folder, and return their paths."""
     title = literal(title)
     motion = save(motion_figure(curves, title), folder, "target_motion.png")
     return [motion, save(error_figure(curves, title), folder, "errors.png")]

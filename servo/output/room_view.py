@@ -1,4 +1,4 @@
-"""The room as somebody in it sees it, with everything where it was at a moment: for films."""
+"""Pictures of the room with all bodies at the poses of a step: for films and model pages."""
 
 from math import radians, tan
 
@@ -12,23 +12,24 @@ from sim.models.quaternion import matrix_of
 from sim.types import Array, Camera, Image
 
 CAMERA = "room"
-"""A camera of room.xml, which is put elsewhere."""
+"""Name of a camera of room.xml, which is moved."""
 EYE = (0.9, -3.1, 1.9)
 LOOKS_AT = (0.0, 0.0, 0.5)
-"""Where from and where to, in the room [m]; recordings begin with the same view."""
+"""First position of the camera, and the point at which it looks then [m]; recordings begin with
+the same view.
+"""
 SMOOTH = 4
-"""Samples of a pixel: no steps at the edges."""
+"""Samples of a pixel, so that edges have no steps."""
 FOVY = radians(55)
-"""Vertical field of view [rad]: a whole robot is seen."""
-
+"""Vertical field of view [rad], in which a whole robot fits."""
 MARGIN = 1.1
-"""Distance over the least one from which all of some points are seen."""
+"""Distance of the camera, over the least one from which all points are in the picture."""
 
 
 class RoomView:
-    """Pictures of a model's bodies at the poses of a step. Holds GL buffers: close it.
+    """Renderer of a model's bodies at the poses of a step. It holds GL buffers: close it.
 
-    What changes the light is not part of a step, and is drawn as it is at the time of the call.
+    Lights are not part of a step: they are drawn as the model has them at the time of the call.
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
@@ -48,12 +49,12 @@ class RoomView:
         self._turned = np.stack([matrix_of(quaternion) for quaternion in model.geom_quat])
 
     def look(self, eye: Array, looks_at: Array) -> None:
-        """Stand at a point (3,) of the room, and look at another one [m]."""
+        """Move the camera to a point (3,) of the room and turn it to another point (3,) [m]."""
         self._eye = eye
         self._looks_at = looks_at
 
     def fit(self, points: Array) -> None:
-        """Look from the usual side, as near as all of some points (n, 3) [m] are in the picture."""
+        """Look from the usual side, from as near as keeps all points (n, 3) [m] in the picture."""
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         back = np.subtract(EYE, LOOKS_AT)
         aside, up, nearer = ((points - middle) @ _towards(back, np.zeros(3))).T
@@ -63,7 +64,7 @@ class RoomView:
         self.look(middle + distance * back / np.linalg.norm(back), middle)
 
     def render(self, bodies: Array) -> Image:
-        """A picture (H, W, 3) of all bodies at poses (n, 3, 4) that `World.bodies` gave."""
+        """Return a picture (H, W, 3) of all bodies at the poses (n, 3, 4) of `World.bodies`."""
         model = self._model
         data = self._data
         data.xmat[1:] = bodies[:, :, :3].reshape(-1, 9)
@@ -79,17 +80,17 @@ class RoomView:
         return self._renderer.begin(data)()
 
     def close(self) -> None:
-        """Give the buffers back."""
+        """Release the GL buffers."""
         self._renderer.close()
 
     def project(self, points: Array) -> Array:
-        """Where points (n, 3) of the world [m] are in the picture (n, 2) [px]."""
+        """Return points (n, 3) of the world [m] in pixels of the picture (n, 2)."""
         seen = (points - self._eye) @ _towards(self._eye, self._looks_at) @ VISION_FROM_MUJOCO
         return self._view.project(seen)
 
 
 def _towards(eye: Array, point: Array) -> Array:
-    """Rotation (3, 3) of a camera of MuJoCo, upright, that looks at a point."""
+    """Return the rotation (3, 3) of an upright camera of MuJoCo that looks at a point."""
     back = np.subtract(eye, point) / np.linalg.norm(np.subtract(eye, point))
     right = np.cross([0.0, 0.0, 1.0], back)
     right /= np.linalg.norm(right)

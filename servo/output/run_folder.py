@@ -20,10 +20,10 @@ RECORDING = "run.rrd"
 
 
 def prepare(asked: Path | None, name: str) -> Path:
-    """The empty folder to write to: the one asked for, or the next free runs/NAME.
+    """Return an empty folder: the one asked for, or the next free runs/NAME.
 
     Raises:
-        Mistake: It is not empty, cannot be written, or its name is not UTF-8.
+        Mistake: The folder is not empty, cannot be written, or has a name that is not UTF-8.
     """
     _check_name(asked or Path(name))
     with writing(asked or Path("runs") / name):
@@ -37,7 +37,11 @@ def prepare(asked: Path | None, name: str) -> Path:
 
 
 def with_traceback(error: PartFailed, folder: Path) -> Mistake:
-    """The same sentence, where the traceback of its cause is kept in the folder, if it has room."""
+    """Write the traceback of an error's cause into the folder, if the disk has room.
+
+    Returns:
+        The error's sentence, with the path of the traceback.
+    """
     if error.__cause__ is None:
         return error
     text = "".join(traceback.format_exception(error.__cause__))
@@ -49,7 +53,7 @@ def with_traceback(error: PartFailed, folder: Path) -> Mistake:
 
 
 def discard(folder: Path, others: Iterable[Path]) -> None:
-    """Remove the files of a run that ended before its first step: they hold nothing."""
+    """Remove the files of a run that ended before its first step: they are empty."""
     for path in (*(folder / name for name in (STREAM, TABLE, RECORDING)), *others):
         path.unlink(missing_ok=True)
 
@@ -64,7 +68,7 @@ def _check_name(folder: Path) -> None:
 
 
 def _next_free(runs: Path, name: str) -> Path:
-    """Make a new folder, safely also when other runs make theirs at the same time."""
+    """Make a new folder; other runs may make theirs at the same time."""
     runs.mkdir(parents=True, exist_ok=True)
     folder = runs / name
     again = 2
@@ -99,7 +103,7 @@ class RunFolder:
             folder: Where to write.
             episode: The run.
             rerun: Whether a recording is written.
-            more: What else takes the steps.
+            more: Other sinks of the steps, by name.
 
         Raises:
             Mistake: Another run is writing into this folder.
@@ -127,7 +131,7 @@ class RunFolder:
 
     @property
     def refused(self) -> Refused | None:
-        """Why something beside the rows is not complete; None if everything is."""
+        """The reason why a file beside the rows is not complete; None if all are."""
         return self._sinks.refused
 
     def add(self, step: Step) -> None:

@@ -46,9 +46,9 @@ class TrackFolder:
 
         Args:
             folder: Where to write.
-            region: What is tracked.
+            region: The target's region.
             recording: Whether a recording is written.
-            more: What else takes the shots.
+            more: Other sinks of the shots, by name.
 
         Raises:
             OSError: A file cannot be written.

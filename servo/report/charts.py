@@ -22,7 +22,7 @@ from matplotlib.figure import Figure as Drawing
 from numpy.typing import NDArray
 
 from servo.mistake import Mistake
-from servo.report.page import LIGHT, Figure, Key, PageImage
+from servo.report.page import LIGHT, Figure, Key
 from servo.report.words import shown
 from sim.types import Array
 from tracking.drawing.figures import plain_logarithm
@@ -232,8 +232,8 @@ def colour(i: int) -> str:
 
 
 @contextmanager
-def _styled() -> Generator[None]:
-    """Draw and save within the block as all figures are drawn."""
+def styled() -> Generator[None]:
+    """Use the style of all figures within the block, in which a figure is drawn and saved."""
     with mpl.rc_context(STYLE), warnings.catch_warnings():
         # The browser has the characters that our font lacks.
         warnings.filterwarnings("ignore", "Glyph")
@@ -243,7 +243,7 @@ def _styled() -> Generator[None]:
 @contextmanager
 def _canvas(height: float = SIZE[1]) -> Generator[tuple[Drawing, Axes]]:
     """Yield a figure with axes; draw it and turn it into SVG within the block."""
-    with _styled():
+    with styled():
         figure = Drawing(figsize=(SIZE[0], height), layout="constrained")
         axes = figure.subplots()
         axes.set_axisbelow(True)
@@ -267,7 +267,7 @@ def svg(figure: Drawing, title: str) -> Markup:
     return Markup(f'{head} role="img" aria-label="{Markup.escape(title)}">{rest}')
 
 
-def saved(figure: Figure | PageImage, kind: str, width: float | None = None) -> bytes:
+def saved(figure: Figure, kind: str, width: float | None = None) -> bytes:
     """Return a figure of a page as a file to print, with its legend.
 
     Args:
@@ -284,8 +284,8 @@ def saved(figure: Figure | PageImage, kind: str, width: float | None = None) -> 
     dated = {"pdf": "CreationDate", "svg": "Date"}
     if width is not None:
         figure.drawing.set_figwidth(width)
-    with _styled():
-        if isinstance(figure, Figure) and figure.keys:
+    with styled():
+        if figure.keys:
             figure.drawing.legend(loc="outside upper left", ncols=3, frameon=False)
         try:
             figure.drawing.savefig(

@@ -93,8 +93,6 @@ class PageImage:
     """[px]."""
     sheet: bool = True
     """A contact sheet keeps a minimum width; a plot fits the page."""
-    drawing: Drawing | None = None
-    """Matplotlib's figure, where it is one."""
 
     @staticmethod
     def read(path: Path, title: str = "", *, sheet: bool = False) -> "PageImage":
@@ -102,9 +100,7 @@ class PageImage:
         return PageImage.of(title, content(path), str(path), sheet=sheet)
 
     @staticmethod
-    def of(
-        title: str, encoded: bytes, place: str, *, sheet: bool, drawing: Drawing | None = None
-    ) -> "PageImage":
+    def of(title: str, encoded: bytes, place: str, *, sheet: bool) -> "PageImage":
         """Return the image of a PNG or JPEG file; a sheet becomes a JPEG.
 
         Raises:
@@ -122,7 +118,7 @@ class PageImage:
             is_jpeg = True
         text = base64.b64encode(encoded).decode("ascii")
         kind = "jpeg" if is_jpeg else "png"
-        return PageImage(title, f"data:image/{kind};base64,{text}", width, height, sheet, drawing)
+        return PageImage(title, f"data:image/{kind};base64,{text}", width, height, sheet)
 
 
 @dataclass(frozen=True, slots=True)

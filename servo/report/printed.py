@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from jinja2 import Environment, StrictUndefined
 
 from servo.report.charts import saved
-from servo.report.page import Figure, PageImage, Section, template
+from servo.report.page import Section, template
 
 KINDS = ("pdf", "svg", "pgf")
 """Formats of figures."""
@@ -60,7 +60,6 @@ def figures(
         Mistake: TeX, which a PGF needs, is not there.
     """
     blocks = [block for section in sections for block in section.blocks]
-    every: list[Figure | PageImage] = [f for b in blocks for f in (*b.figures, *b.pictures)]
-    drawn = [figure for figure in every if figure.drawing is not None]
+    drawn = [figure for block in blocks for figure in block.figures if figure.drawing is not None]
     for number, figure in enumerate(drawn, 1):
         yield f"{number:02}-{_label(figure.title)}.{kind}", saved(figure, kind, width)

@@ -1,30 +1,31 @@
 """Small multiples of a study's runs: paths of the camera in space, and of corners in the image."""
 
-import io
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Drawing
 
-from servo.report.page import PageImage
+from servo.report.charts import INK, styled, svg
+from servo.report.page import LIGHT, Figure
 from servo.report.study_data import Row, Series, StudyResults
 from servo.report.words import listed
 from servo.study.scenario_run import CAMERA, CORNERS
 from sim.camera.camera import CameraConfig
 from sim.types import Array
-from tracking.drawing.figures import DOTS, literal
 
 MOST = 12
-COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f")
-PATH, GREY = "#2b6cb0", "#8a8f98"
+PATH = LIGHT[1]
+"""Colour of the camera's path."""
+GREY = "#8a8f98"
+"""Colour of outlines in the image."""
 CELL = 2.1
 """Side of one small picture [inch]."""
 
 
-def paths(study: StudyResults) -> list[PageImage]:
-    """Return a picture for each combination of the other axes, with a column for each value of the
-    axis that is compared; of the first seed. Only studies of named groups have them.
+def paths(study: StudyResults) -> list[Figure]:
+    """Return a figure for each combination of the other axes, with a column for each value of the
+    compared axis, from the runs of the first seed; nothing if the study compares no named groups.
     """
     if study.compared is None or not shows(study):
         return []
@@ -34,15 +35,11 @@ def paths(study: StudyResults) -> list[PageImage]:
         if row.get("seed") == study.plan.seeds[0] and series and CAMERA[0] in series:
             other = {key: row[key] for key in study.axes if key != study.compared}
             found.setdefault(listed(other), {})[str(row[study.compared])] = row, series
-    return [
-        _picture(title, _drawn(runs, _size(study))) for title, runs in list(found.items())[:MOST]
-    ]
+    return [_figure(title, runs, _size(study)) for title, runs in list(found.items())[:MOST]]
 
 
 def shows(study: StudyResults) -> bool:
-    """Return whether the study compares named groups of settings, and not of trackers only: these
-    have such pictures.
-    """
+    """Return whether the study compares named groups of settings, and not of trackers only."""
     groups = study.plan.table.get("named", {}).get(study.compared, {})
     keys = {key.split(".")[0] for group in groups.values() for key in group}
     return bool(keys - {"tracker"})
@@ -55,36 +52,34 @@ def _size(study: StudyResults) -> tuple[int, int]:
     return camera.get("width", default.width), camera.get("height", default.height)
 
 
-def _picture(title: str, figure: Figure) -> PageImage:
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=DOTS)
-    place = f"paths of {title}"
-    return PageImage.of(title or "Paths", file.getvalue(), place, sheet=False, drawing=figure)
+def _figure(title: str, runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> Figure:
+    """Return the figure of some runs by name; `size` is that of the camera's pictures [px]."""
+    paths = {n: np.column_stack([s[k] for k in CAMERA]) for n, (_, s) in runs.items()}
+    arrived = [path for name, path in paths.items() if runs[name][0]["success"]]
+    most = 1.1 * np.max([np.abs(path).max(axis=0) for path in arrived or paths.values()], axis=0)
+    with styled():
+        figure = Drawing(figsize=(CELL * len(runs), 2.1 * CELL), layout="constrained")
+        for i, (name, (row, series)) in enumerate(runs.items()):
+            space: Any = figure.add_subplot(2, len(runs), i + 1, projection="3d")
+            _in_space(space, paths[name], max(*most[:2], 0.7 * most[2]), most[2])
+            space.set_title(f"{name}\n{row['outcome'].lower()}", fontsize=9)
+            image = figure.add_subplot(2, len(runs), len(runs) + i + 1)
+            _in_image(image, np.column_stack([series[k] for k in CORNERS]).reshape(-1, 4, 2), size)
+        title = title or "Paths"
+        return Figure(title, svg(figure, title), drawing=figure)
 
 
-def _drawn(runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> Figure:
-    figure = Figure(figsize=(CELL * len(runs), 2.1 * CELL), layout="constrained")
-    ways = {n: np.column_stack([s[k] for k in CAMERA]) for n, (_, s) in runs.items()}
-    arrived = [way for name, way in ways.items() if runs[name][0]["success"]]
-    most = 1.1 * np.max([np.abs(way).max(axis=0) for way in arrived or ways.values()], axis=0)
-    for i, (name, (row, series)) in enumerate(runs.items()):
-        space: Any = figure.add_subplot(2, len(runs), i + 1, projection="3d")
-        _in_space(space, ways[name], max(*most[:2], 0.7 * most[2]), most[2])
-        space.set_title(literal(f"{name}\n{row['outcome'].lower()}"), fontsize=9)
-        image = figure.add_subplot(2, len(runs), len(runs) + i + 1)
-        _in_image(image, np.column_stack([series[k] for k in CORNERS]).reshape(-1, 4, 2), size)
-    return figure
-
-
-def _in_space(ax: Any, way: Array, aside: float, above: float) -> None:
-    """The camera's way (n, 3) over the target, from a ring to a dot, as far as these sides [m]."""
+def _in_space(ax: Any, path: Array, aside: float, above: float) -> None:
+    """Draw the camera's path (n, 3) [m] over the target, from a ring to a dot, into a box that
+    reaches `aside` from its middle and up to `above` [m].
+    """
     box = np.array([aside, aside, above])
-    x, y, z = np.clip(way, -box, box).T * [[1], [1], [-1]]
+    x, y, z = np.clip(path, -box, box).T * [[1], [1], [-1]]
     ax.plot(x, y, z, color=PATH, lw=1.4)
     ax.scatter(x[:1], y[:1], z[:1], s=28, facecolors="none", edgecolors=PATH)
     ax.scatter(x[-1:], y[-1:], z[-1:], s=20, color=PATH)
     side = 0.1 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
-    ax.plot(*side.T, np.zeros(5), color="black", lw=1)
+    ax.plot(*side.T, np.zeros(5), color=INK, lw=1)
     ax.set(xlim=(-aside, aside), ylim=(-aside, aside), zlim=(0, above))
     ax.set_box_aspect((2 * aside, 2 * aside, above), zoom=1.25)
     ax.view_init(elev=22, azim=-60)
@@ -93,10 +88,10 @@ def _in_space(ax: Any, way: Array, aside: float, above: float) -> None:
 
 
 def _in_image(ax: Axes, corners: Array, size: tuple[int, int]) -> None:
-    """The corners' ways (n, 4, 2) [px], from a ring to a dot, and the first and last outline, in a
-    picture of a size.
+    """Draw the paths of the corners (n, 4, 2) [px], from a ring to a dot, and their first and last
+    outline into axes of this width and height [px].
     """
-    for i, colour in enumerate(COLOURS):
+    for i, colour in enumerate(LIGHT[:4]):
         u, v = corners[:, i].T
         ax.plot(u, v, color=colour, lw=1)
         ax.plot(u[:1], v[:1], "o", color=colour, ms=4, mfc="none")

@@ -34,8 +34,8 @@ MOST_LISTED = 12
 """Most contact sheets, failures and cells of a page, which should open at once."""
 TIME = "track_ms"
 COLUMNS = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct", TIME)
-WAYS = ("settle_s", "camera_path_m", "detour_m", "retreat_m", "out_of_view_pct", "lost_pct")
-"""Measures in the tables, of studies and of those that show ways; the files have all of them."""
+PATHS = ("settle_s", "camera_path_m", "detour_m", "retreat_m", "out_of_view_pct", "lost_pct")
+"""Measures in the tables, of studies and of those that show paths; the files have all of them."""
 SURE = 0.05
 """Differences with a smaller p-value, after Holm, are called differences."""
 UNITS = (
@@ -210,7 +210,7 @@ def _unsure(study: StudyResults) -> list[str]:
 
 
 def _columns(study: StudyResults) -> tuple[str, ...]:
-    return WAYS if study_paths.shows(study) else COLUMNS
+    return PATHS if study_paths.shows(study) else COLUMNS
 
 
 def _sure(pairs: Sequence[Compared]) -> list[str]:
@@ -225,10 +225,10 @@ def _sure(pairs: Sequence[Compared]) -> list[str]:
 def _paths(study: StudyResults) -> list[Block]:
     found = study_paths.paths(study)
     text = (
-        "Above, the camera's way around the target [m]; below, the corners' ways in the picture "
-        "[px]. Rings are starts, dots are ends; of the first seed."
+        "Runs of the first seed. Above: the path of the camera around the target [m]. Below: the "
+        "paths of the corners in the picture [px]. A ring is a start, a dot is an end."
     )
-    return [Block("Ways of the camera and of the corners", [text], pictures=found)] if found else []
+    return [Block("Paths of the camera and of the corners", [text], figures=found)] if found else []
 
 
 def _figures(title: str, figures: list[Figure]) -> list[Block]:

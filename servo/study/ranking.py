@@ -14,7 +14,7 @@ from servo.study.sequence_run import TRACKER
 from sim.types import Array
 from tracking.evaluation.track_measures import MEASURES
 from tracking.files.csv_text import csv_text
-from tracking.statistics.comparisons import Interval, McNemar, cells, holm, mean_of, titles
+from tracking.statistics.comparisons import Interval, McNemar, cells, mean_of, pairs_of, titles
 
 DECIDES = "frames_until_loss"
 """Measure compared in McNemar's test, as in the KAMS paper: the longer track is a success."""
@@ -71,12 +71,8 @@ def ranked(records: Sequence[Record]) -> list[Rank]:
     for record in records:
         by_label.setdefault(record.settings[TRACKER], []).append(record)
     labels = sorted(by_label, key=lambda label: -_mean(by_label[label]))
-    pairs = [(a, b) for i, b in enumerate(labels) for a in labels[i + 1 :]]
-    tests = [compare(by_label[a], by_label[b]) for a, b in pairs]
-    corrected = holm(np.array([test.p for test in tests])).tolist()
-    against = {
-        a: (t, p) for (a, b), t, p in zip(pairs, tests, corrected, strict=True) if b == labels[0]
-    }
+    pairs = pairs_of(labels, lambda best, other: compare(by_label[other], by_label[best]))
+    against = {other: (test, p) for best, other, test, p in pairs if best == labels[0]}
     return [
         Rank(
             label,

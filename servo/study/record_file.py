@@ -71,7 +71,7 @@ def table_of(batches: Iterable[Sequence[Record]]) -> pa.Table:
 
 
 def _types(record: Record) -> dict[str, pa.DataType]:
-    """The short columns of a record without its settings."""
+    """Return the types of a record's short columns, without its settings."""
     return {
         RUN: pa.int64(),
         record.subject_is: pa.string(),
@@ -118,13 +118,13 @@ class TableRow(Mapping[str, Any]):
 
 
 def rows_of(table: pa.Table) -> list[Row]:
-    """The rows of a table."""
+    """Return the rows of a table."""
     columns = _Columns(table)
     return [TableRow(columns, place) for place in range(table.num_rows)]
 
 
 def parquet(table: pa.Table) -> bytes:
-    """A table as a Parquet file with checksums."""
+    """Return a table as the content of a Parquet file with checksums."""
     sink = pa.BufferOutputStream()
     pq.write_table(table, sink, write_page_checksum=True)
     return sink.getvalue().to_pybytes()

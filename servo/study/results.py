@@ -22,9 +22,9 @@ from tracking.statistics.comparisons import (
     Interval,
     McNemar,
     cells,
-    holm,
     mean_of,
     mean_percent,
+    pairs_of,
     titles,
 )
 
@@ -52,7 +52,7 @@ class Units:
 
     @staticmethod
     def of(rows: Sequence[Row], keys: Collection[str], drawn: bool, apart: str = "") -> "Units":
-        """The units of rows.
+        """Return the units of rows.
 
         Args:
             rows: Runs of one study.
@@ -68,7 +68,7 @@ class Units:
         return Units("run", {(): list(rows)} if rows else {})
 
     def mean(self, name: str) -> Interval | None:
-        """Mean over the units of a measure's mean in each; None if no run has it."""
+        """Return the mean over the units of a measure's mean in each; None if no run has it."""
         scores = [found.mean() for rows in self.rows.values() if len(found := values(rows, name))]
         if not scores:
             return None
@@ -80,7 +80,7 @@ class Units:
 
 
 def values(rows: Iterable[Row], name: str) -> Array:
-    """The finite values of a measure (n,)."""
+    """Return the finite values (n,) of a measure."""
     found = np.array([r[name] for r in rows if r.get(name) is not None], dtype=float)
     return found[np.isfinite(found)]
 
@@ -100,7 +100,7 @@ def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
 
 
 def _varies(rows: Sequence[Row], keys: Collection[str]) -> bool:
-    """Whether two seeds of a cell differ in anything but time."""
+    """Return whether two seeds of a cell differ in anything but time."""
     cells = _by(rows, [SCENARIO, *keys]).values()
     return any(len(_by(cell, ["outcome", *UNTIMED])) > 1 for cell in cells)
 
@@ -112,7 +112,7 @@ class Cell:
     settings: dict[str, Any]
     runs: int
     unit: str
-    """What its intervals are over."""
+    """Kind of the units over which its intervals are."""
     success: Interval | None
     means: dict[str, Interval]
     """Means of the measures over the runs in which they are finite; others are left out."""
@@ -121,7 +121,7 @@ class Cell:
 
     @staticmethod
     def of(settings: dict[str, Any], rows: Sequence[Row], *, drawn: bool) -> "Cell":
-        """The cell of some rows, at least one; `drawn`: whether the seeds draw settings."""
+        """Return the cell of one or more rows; `drawn`: whether the seeds draw settings."""
         units = Units.of(rows, settings, drawn)
         found = {name: units.mean(name) for name in MEASURED}
         means = {name: mean for name, mean in found.items() if mean is not None}
@@ -149,13 +149,13 @@ class Compared:
 
 
 def grouped(keys: Sequence[str], rows: Iterable[Row]) -> list[tuple[dict[str, Any], list[Row]]]:
-    """The rows grouped by the values of axes; each group with its values, in the rows' order."""
+    """Return the rows grouped by the values of axes, in the order of the rows."""
     groups = _by(rows, keys)
     return [(dict(zip(keys, at, strict=True)), group) for at, group in groups.items()]
 
 
 def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
-    """The cells that have runs, in the order of the study."""
+    """Return the cells that have runs, in the order of the study."""
     drawn = bool(study.draws)
     return [Cell.of(settings, group, drawn=drawn) for settings, group in grouped(study.keys, rows)]
 
@@ -206,17 +206,12 @@ def comparisons(
             at = tuple(row.get(k) for k in others)
             held.setdefault(row[key], {}).setdefault(unit, {})[at] = row["success"]
     names = sorted(held, key=lambda n: -_rate(held[n]))
-    pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
-    tests = [_mcnemar(held[a], held[b]) for a, b in pairs]
-    corrected = holm(np.array([t.p for t in tests])) if tests else []
-    return [
-        Compared(a, b, units.name, test, float(p))
-        for (a, b), test, p in zip(pairs, tests, corrected, strict=True)
-    ]
+    pairs = pairs_of(names, lambda first, second: _mcnemar(held[first], held[second]))
+    return [Compared(a, b, units.name, test, p) for a, b, test, p in pairs]
 
 
 def cells_csv(study: Study, found: Sequence[Cell]) -> str:
-    """The cells as CSV.
+    """Return the cells as CSV.
 
     Columns are the axes, runs, unit, success rate and means with 95 % intervals, and the number of
     runs in which each measure is finite.
@@ -237,7 +232,7 @@ def cells_csv(study: Study, found: Sequence[Cell]) -> str:
 
 
 def _rate(held: _Held) -> float:
-    """Mean over the units of the share of successes in each."""
+    """Return the mean over the units of the share of successes in each."""
     return float(np.mean([np.mean(list(unit.values())) for unit in held.values()]))
 
 

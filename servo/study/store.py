@@ -87,7 +87,7 @@ class StudyFile(Made):
 
     @staticmethod
     def of(study: Study, command: str) -> StudyFile:
-        """The file of a study that a command line starts."""
+        """Return the file of a study that a command line starts."""
         return StudyFile(
             command=command,
             versions=versions(),
@@ -122,14 +122,14 @@ class FailureFile(Document):
 
     @staticmethod
     def of(job: Job, error: str) -> FailureFile:
-        """The file of a failed run."""
+        """Return the file of a failed run."""
         settings = job.settings | {"seed": job.seed}
         return FailureFile(run=job.number, settings=settings, command=job.command, error=error)
 
 
 @contextmanager
 def opened(folder: Path, described: StudyFile) -> Generator[Store]:
-    """The store in a folder, which is made if it is not there; locked until the block ends.
+    """Yield the store in a folder, which is made if it is missing, and is locked in the block.
 
     Nothing is written into a folder that belongs to something else.
 
@@ -238,7 +238,7 @@ def on_disk(folder: Path, action: str) -> Generator[None]:
 
 
 def _described(folder: Path, holds: str) -> StudyFile | None:
-    """The description that a folder's first session wrote."""
+    """Return the description that the first session wrote into a folder; None if there is none."""
     path = folder / StudyFile.FILE
     if not path.exists():
         if any(not _of_the_beginning(there) for there in folder.iterdir()):
@@ -400,7 +400,7 @@ class Store:
             self.write(f"{FAILURES}/{path.name}", FailureFile.of(job, failure.error).text())
 
     def write(self, name: str, content: bytes | str) -> Path:
-        """Write another file of the study; its path.
+        """Write another file of the study, and return its path.
 
         Raises:
             Refused: As for `add`.
@@ -409,7 +409,7 @@ class Store:
             return atomic.write(self.folder, name, content)
 
     def export(self, table: pa.Table) -> list[Path]:
-        """Write the runs as Parquet, for other programs; the paths of the files.
+        """Write the runs as Parquet, for other programs, and return the paths of the files.
 
         Args:
             table: All rows, as `table` returns them; the series are added in a file of their own.
@@ -436,7 +436,7 @@ class Store:
 
     @contextmanager
     def _opened(self, action: str = f"read {RUNS}") -> Generator[sqlite3.Connection]:
-        """The database; `action` and errors are those of `on_disk`."""
+        """Yield the database; `action` and errors are those of `on_disk`."""
         with on_disk(self.folder, action):
             if self._database is not None:
                 yield self._database

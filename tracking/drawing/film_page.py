@@ -55,7 +55,7 @@ def panel(
     height: int,
     marks: Marks = (),
     particles: Array | None = None,
-    ways: Marks = (),
+    paths: Marks = (),
 ) -> Image:
     """Return a panel (height, width, 3) with a picture in its middle; black without a picture.
 
@@ -65,20 +65,20 @@ def panel(
         height: Height of the panel [px].
         marks: Corners (4, 2) of outlines, in pixels of the picture.
         particles: Positions (n, 2 or more) of dots, in pixels of the picture.
-        ways: Points (n, 2) of lines, in pixels of the picture.
+        paths: Points (n, 2) of lines, in pixels of the picture.
     """
     if image is None:
         return np.zeros((height, width, 3), np.uint8)
     factor = min(width / image.shape[1], height / image.shape[0])
     size = round(factor * image.shape[1]), round(factor * image.shape[0])
-    way = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
-    drawn = cv2.resize(image, (max(size[0], 1), max(size[1], 1)), interpolation=way).astype(
+    method = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
+    drawn = cv2.resize(image, (max(size[0], 1), max(size[1], 1)), interpolation=method).astype(
         np.uint8
     )
     for x, y in () if particles is None else (factor * particles[:, :2]).round().tolist():
         if 0 <= x < size[0] and 0 <= y < size[1]:
             cv2.circle(drawn, (int(x), int(y)), DOT, PARTICLES, -1, cv2.LINE_AA)
-    for points, colour in ways:
+    for points, colour in paths:
         outline(drawn, points, colour, factor, closed=False)
     for corners, colour in marks:
         centre = corners.mean(axis=0)

@@ -1,9 +1,10 @@
 """Statistics of comparisons: McNemar's test, intervals of means, and Holm's correction."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from statistics import NormalDist
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -16,6 +17,7 @@ Z = NormalDist().inv_cdf(BELOW)
 """That quantile of the standard normal distribution."""
 NO_SKEWNESS = 1e-6
 """Skewness below which it is not removed: the transformation is then the identity."""
+Name = TypeVar("Name")
 Count = Annotated[int, Ge(0), Le(1 << 53)]
 
 
@@ -191,3 +193,19 @@ def holm(p_values: Array) -> Array:
     stepped = p_values[order] * (count - np.arange(count))
     corrected[order] = np.minimum(np.maximum.accumulate(stepped), 1.0)
     return corrected
+
+
+def pairs_of(
+    names: Sequence[Name], compare: Callable[[Name, Name], McNemar]
+) -> list[tuple[Name, Name, McNemar, float]]:
+    """Compare every two of some methods.
+
+    Returns:
+        The earlier method, the later one, their test, and its p value, which is corrected for the
+        number of pairs (Holm).
+    """
+    pairs = list(combinations(names, 2))
+    tests = [compare(first, second) for first, second in pairs]
+    corrected = holm(np.array([test.p for test in tests]))
+    every = zip(pairs, tests, corrected.tolist(), strict=True)
+    return [(first, second, test, p) for (first, second), test, p in every]

@@ -1,6 +1,7 @@
 """Destinations of a recording: a file, or a notebook; `live` has the viewers."""
 
 import ctypes
+import inspect
 import shutil
 from abc import ABC, abstractmethod
 from pathlib import Path
@@ -10,40 +11,44 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from servo.mistake import Refused
+from sim.stderr import silent_libraries
 
 PATIENCE = 10.0
-"""Longest wait for the disk, which then counts as not writable [s]."""
+"""Longest time that the disk may take; after it, the disk counts as not writable [s]."""
 FULL = 1 << 16
 """A disk with less free space counts as full [bytes]."""
-
-
 ROOM = 1 << 18
-"""Space that a recording needs to begin [bytes]."""
+"""Free space that a recording needs when it begins [bytes]."""
 
 
 class Recording(Protocol):
     """The destination of a recording."""
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """The stream to log to."""
+        """Open the destination; return the stream to log to."""
         ...
 
     def flush(self) -> None:
-        """Wait until everything that was logged has arrived.
+        """Wait until all logged data has arrived.
 
         Raises:
-            Refused: It cannot.
+            Refused: The data does not arrive.
         """
 
     def close(self) -> None:
-        """Send the last data, and end; errors are those of `flush`."""
+        """Send the last data, and end the recording; errors are those of `flush`."""
 
     def abandon(self) -> None:
-        """Leave everything as it is, without waiting for anything."""
+        """Leave the recording as it is; wait for nothing."""
 
 
 def new_stream(app: str, name: str | None) -> rr.RecordingStream:
-    """A stream that goes nowhere yet, of a recording with a name, without Rerun's own times."""
+    """Return a stream without a destination and without Rerun's own timelines.
+
+    Args:
+        app: Name of the application.
+        name: Name of the recording; None: Rerun makes one.
+    """
     rr.set_strict_mode(True)
     stream = rr.RecordingStream(app, recording_id=name)
     if hasattr(stream, "set_log_time_enabled"):  # Rerun 0.33 has not
@@ -53,19 +58,19 @@ def new_stream(app: str, name: str | None) -> rr.RecordingStream:
 
 
 class SentRecording(ABC):
-    """A recording that is sent while it is made."""
+    """The destination of a recording that is sent while it is made."""
 
     _stream: rr.RecordingStream
 
     @abstractmethod
     def refusal(self) -> Refused:
-        """The reason why what was logged does not arrive."""
+        """Return the error that says why logged data does not arrive."""
 
     def flush(self) -> None:
-        """Wait until everything that was logged has arrived.
+        """Wait until all logged data has arrived.
 
         Raises:
-            Refused: It does not; what arrived before can be read.
+            Refused: The data does not arrive; data that arrived before can be read.
         """
         try:
             self._stream.flush(timeout_sec=PATIENCE)
@@ -73,13 +78,13 @@ class SentRecording(ABC):
             raise self.refusal() from None
 
     def close(self) -> None:
-        """Send the last data, and end; errors are those of `flush`."""
+        """Send the last data, and end the stream; errors are those of `flush`."""
         self.flush()
         self._stream.disconnect()
 
     def abandon(self) -> None:
-        """Never end the stream: deleting it, and Rerun's shutdown, would wait for its last bytes
-        for ever where they cannot be written.
+        """Keep the stream without ending it, so that this process can end: deleting the stream, and
+        Rerun's shutdown, would wait for ever for bytes that the disk refuses.
         """
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._stream))
         rr.unregister_shutdown()
@@ -87,16 +92,16 @@ class SentRecording(ABC):
 
 @final
 class RecordingFile(SentRecording):
-    """A file that a recording goes to; it has the name of its folder."""
+    """The file of a recording, which has the name of the file's folder."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Open the file.
+        """Open the file; return the stream to log to.
 
         Raises:
-            OSError: There is no room for it; Rerun would wait for ever.
+            OSError: The disk has no room for the file; Rerun would wait for ever.
         """
         try:
             self.path.write_bytes(bytes(ROOM))
@@ -104,33 +109,41 @@ class RecordingFile(SentRecording):
             self.path.unlink(missing_ok=True)
             raise
         self._stream = new_stream(app, self.path.parent.name)
-        self._stream.save(self.path, default_blueprint=blueprint)
+        # Rerun would keep the index of a footer in memory, which grows with the run.
+        index = {"write_footer": False} if footer_is_optional() else {}
+        with silent_libraries():  # Rerun warns that the file has no footer
+            self._stream.save(self.path, default_blueprint=blueprint, **index)
         return self._stream
 
     def refusal(self) -> Refused:
-        """The disk cannot be written."""
+        """Return the error of a disk that cannot be written."""
         full = shutil.disk_usage(self.path.parent).free < FULL
         why = "the disk is full" if full else "the disk refuses more"
         return Refused(f"{self.path}: the recording ends too early: {why}")
 
 
+def footer_is_optional() -> bool:
+    """Return whether this version of Rerun can leave out the footer of a file."""
+    return "write_footer" in inspect.signature(rr.save).parameters
+
+
 class NotebookRecording:
-    """A recording in memory, which is shown in a notebook when it is complete."""
+    """A recording in memory, which a notebook displays when the recording is complete."""
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """The stream to log to."""
+        """Begin a recording in memory; return the stream to log to."""
         self._stream = new_stream(app, None)
         self._blueprint = blueprint
         return self._stream
 
     def flush(self) -> None:
-        """Nothing is written before the end."""
+        """Do nothing: the recording stays in memory until its end."""
 
     def close(self) -> None:
-        """Show it; do not wait for a browser to open."""
+        """Display the recording; do not wait for a browser to open."""
         from rerun.notebook import Viewer  # of the extra "notebook"
 
         Viewer(recording=self._stream, blueprint=self._blueprint).display()
 
     def abandon(self) -> None:
-        """Show nothing."""
+        """Do nothing: the recording is not displayed."""

@@ -54,11 +54,12 @@ VIOLET = (165, 110, 230)
 """Truth in plots, whose background may be white, as truth is on pictures."""
 XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
 PALETTE = (*XYZ, PARTICLES, VIOLET, GREY, ESTIMATE, GOAL)
-WAY_RADIUS = 0.004
-"""Half the thickness of the camera's way [m]."""
-WAY_GROWTH = 1.25
-"""The whole way is written anew when it is this much longer: the file has five times its length
-then, whereas once a second it would grow with the square of the run's."""
+PATH_RADIUS = 0.004
+"""Half the thickness of the camera's path [m]."""
+PATH_GROWTH = 1.25
+"""Growth of the path after which the whole path is written again: the copies in the file are then
+five times as long as the path; one copy a second would grow with the square of the run's length.
+"""
 FRUSTUM = 0.15
 """Distance from the camera at which its image plane is drawn [m]."""
 STAGES = ("render", "track", "control", "physics")
@@ -69,7 +70,7 @@ LEVELS = {Event.LOST: "ERROR"} | dict.fromkeys(
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """The lines of one plot: their names and colours, and their values at a step."""
+    """The lines of one plot."""
 
     path: str
     names: Sequence[str]
@@ -81,20 +82,20 @@ class RerunLog:
     """Writer of the recording of one run."""
 
     def __init__(self, recording: Recording, episode: Episode, every: float = 1.0) -> None:
-        """Begin a recording, to which data is sent every so many seconds of the wall clock."""
+        """Begin a recording; data is sent to it every `every` seconds of the wall clock."""
         self._episode = episode
         self._features = episode.loop.features.names
         self._moving = solids.entities(episode.world.moving)
         self._plots = _plots(episode.world.robot, self._features)
         self._every = Every(every)
-        self._next_way = 0
+        self._next_path = 0
         self._file = recording
         self.abandon = recording.abandon
         self._rec = recording.begin("servobench", blueprint_of_run(self._features))
         self._before: Step | None = None
         self._steps = list[Step]()
         self._jpegs = list[bytes]()
-        self._way = array("f")
+        self._path = array("f")
         self._corners = array("f")
         self._log_scene()
         self._name_series()
@@ -122,14 +123,14 @@ class RerunLog:
             self._file.flush()
 
     def close(self) -> None:
-        """Write the last steps and the footer.
+        """Write the last steps, and end the recording.
 
         Raises:
             Refused: The disk cannot be written.
         """
         self._send()
-        if self._way:
-            self._log_ways()
+        if self._path:
+            self._log_paths()
         self._file.close()
 
     def _log_scene(self) -> None:
@@ -168,11 +169,11 @@ class RerunLog:
         self._send_pictures(steps, jpegs, index)
         self._send_numbers(steps, index)
         for step in steps:
-            self._way.extend(step.truth.T_world_camera.translation.tolist())
+            self._path.extend(step.truth.T_world_camera.translation.tolist())
             self._corners.extend(step.truth.corners.ravel().tolist())
-        if len(self._way) >= self._next_way:
-            self._log_ways()
-            self._next_way = int(WAY_GROWTH * len(self._way))
+        if len(self._path) >= self._next_path:
+            self._log_paths()
+            self._next_path = int(PATH_GROWTH * len(self._path))
 
     def _send_pictures(
         self, steps: list[Step], jpegs: list[bytes], index: list[rr.TimeColumn]
@@ -217,14 +218,14 @@ class RerunLog:
         for i, path in enumerate(self._moving):
             self._send_poses(path, index, poses[:, i, :, 3], poses[:, i, :, :3])
 
-    def _log_ways(self) -> None:
-        """The ways so far, as lines without a time: of the camera, of the corners in the image."""
-        places = np.array(self._way).reshape(-1, 3)
-        way = rr.LineStrips3D([places], colors=PARTICLES, radii=WAY_RADIUS)
-        self._rec.log("world/way", way, static=True)
+    def _log_paths(self) -> None:
+        """Log the paths so far of camera and corners, as lines without a time."""
+        places = np.array(self._path).reshape(-1, 3)
+        path = rr.LineStrips3D([places], colors=PARTICLES, radii=PATH_RADIUS)
+        self._rec.log("world/way", path, static=True)
         corners = np.array(self._corners).reshape(-1, 4, 2).swapaxes(0, 1)
-        ways = rr.LineStrips2D(list(corners), colors=PARTICLES, radii=solids.LINE_RADIUS / 2)
-        self._rec.log(f"{IMAGE}/way", ways, static=True)
+        paths = rr.LineStrips2D(list(corners), colors=PARTICLES, radii=solids.LINE_RADIUS / 2)
+        self._rec.log(f"{IMAGE}/way", paths, static=True)
 
     def _send_poses(self, path: str, index: list[rr.TimeColumn], t: Any, R: Any) -> None:
         turned = np.asarray(R).reshape(-1, 9)
@@ -239,7 +240,7 @@ class RerunLog:
 
 
 def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
-    """All plots."""
+    """Return the lines of every plot."""
     limited = np.isfinite(robot.upper)
     low = robot.lower[limited]
     high = robot.upper[limited]

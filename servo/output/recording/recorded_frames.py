@@ -40,7 +40,7 @@ class RecordedFrame:
 
 
 def pictures(path: Path, count: int) -> list[RecordedFrame]:
-    """Up to `count` frames at equal distances, including the first and the last.
+    """Return up to `count` frames at equal distances, including the first and the last.
 
     Raises:
         Mistake: The file is missing, not a recording, or damaged.
@@ -64,7 +64,7 @@ def pictures(path: Path, count: int) -> list[RecordedFrame]:
 
 
 def _logged(path: Path) -> Iterator[tuple[str, int, float, Any]]:
-    """Name (BLOB, truth or estimate), frame, time [s] and logged value of each."""
+    """Yield name (BLOB, truth or estimate), frame, time [s] and value of all that was logged."""
     names = {f"/{IMAGE}": (BLOB, BLOB)} | {
         f"/{IMAGE}/{who}": (who, STRIPS) for who in ("truth", "estimate")
     }
@@ -92,6 +92,6 @@ def _recorded(
 
 
 def _corners(logged: tuple[float, Any] | None) -> Array:
-    """The rectangle of an outline: the first four points of its first line."""
+    """Return the rectangle (4, 2) [px] of an outline: the first points of its first line."""
     strips = None if logged is None else logged[1].as_py()
     return np.array(strips[0][:CORNERS]) if strips else np.full((CORNERS, 2), np.nan)

@@ -18,7 +18,7 @@ class TrackLog:
     """Writer of the recording of one track."""
 
     def __init__(self, recording: Recording, region: Region, every: float = 1.0) -> None:
-        """Begin a recording, to which data is sent every so many seconds of the wall clock."""
+        """Begin a recording; data is sent to it every `every` seconds of the wall clock."""
         self._region = region
         self._every = Every(every)
         self._file = recording

@@ -28,7 +28,7 @@ DRAWN_AFTER = 3.0
 
 
 def recording_in(folder: Path) -> Path:
-    """The recording in a folder of `run` or `track`."""
+    """Return the path of the recording in a folder of `run` or `track`."""
     track = folder / "track.rrd"
     return track if track.exists() else folder / "run.rrd"
 
@@ -37,7 +37,7 @@ def check(path: Path) -> None:
     """Refuse a file that is not a recording.
 
     Raises:
-        Mistake: The file is missing, or it is not one of Rerun's.
+        Mistake: The file is missing, or is not a recording of Rerun.
     """
     with as_mistake(), reading.opened(path, "recording") as file:
         begin = file.read(4)
@@ -46,7 +46,7 @@ def check(path: Path) -> None:
 
 
 def show(path: Path) -> int:
-    """Open the viewer and wait until it is closed; its exit code. It is closed where this ends.
+    """Open the viewer, wait until it is closed, and return its exit code.
 
     Raises:
         Mistake: There is no display for a window.
