@@ -48,6 +48,10 @@ COUNTABLE = 10**15
 Seed = Annotated[int, Ge(0)]
 
 
+SEEDS = 3
+"""Number of seeds of a study that names none."""
+
+
 class StudyTable(BaseModel):
     """The keys of a study's file."""
 
@@ -59,7 +63,7 @@ class StudyTable(BaseModel):
     named: dict[str, Annotated[dict[str, Table], MinLen(1)]] = {}
     """Groups of settings by the name of their axis and their own."""
     axes: Table = {}
-    seeds: Annotated[int, Ge(1), Le(MOST_RUNS)] | Annotated[list[Seed], MinLen(1)] = 3
+    seeds: Annotated[int, Ge(1), Le(MOST_RUNS)] | Annotated[list[Seed], MinLen(1)] = SEEDS
     """How many seeds from 0 on, or a list of them."""
     compare: str | None = None
     """The axis whose values are compared."""
