@@ -1,4 +1,4 @@
-"""`servobench bench` on short painted sequences: its files, its order, how it goes on."""
+"""`servobench evaluate` on short painted sequences: its files, its order, how it goes on."""
 
 import csv
 
@@ -35,7 +35,7 @@ def place(tmp_path, monkeypatch):
 
 
 def call(monkeypatch, capfd, *arguments):
-    monkeypatch.setattr("sys.argv", ["servobench", "bench", *arguments])
+    monkeypatch.setattr("sys.argv", ["servobench", "evaluate", *arguments])
     with pytest.raises(SystemExit) as left:
         main.main()
     out, err = capfd.readouterr()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from servo.cli import bench_command, jobs, list_command, sweep_command
+from servo.cli import evaluate_command, jobs, list_command, sweep_command
 from servo.cli.main import app
 from servo.loop.measure import MEASURES as OF_RUNS
 from servo.mistake import Mistake
@@ -86,17 +86,17 @@ def results(families, seeds=8):
     return found
 
 
-@pytest.mark.parametrize("count", [1, 3, bench_command.WIDE, bench_command.WIDE + 1])
+@pytest.mark.parametrize("count", [1, 3, evaluate_command.WIDE, evaluate_command.WIDE + 1])
 @pytest.mark.newest
 def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_path):
     found = results([f"family{i}" for i in range(count)])
     ranks = ranking.ranked(found)
-    bench_command.print_ranks(printed, ranks)
+    evaluate_command.print_ranks(printed, ranks)
     approved(f"tables/bench-{count}", lines(printed))
     if count == 3:
         store = Store(tmp_path)
         store.table = lambda: table_of([found[:1]])
-        bench_command._write(store, found, ranks, "x")
+        evaluate_command._write(store, found, ranks, "x")
         names = ("runs.csv", "table.csv")
         texts = {name: (tmp_path / name).read_text().splitlines() for name in names}
         approved("tables/bench-files", texts)

@@ -27,12 +27,11 @@ KEYS = ("sequences", "trackers")
 RECORDED_KEYS = ("path", "truth_format")
 
 
-def suite(name: str, others: Sequence[str] = ()) -> tuple[list[Entry], list[Contender]]:
+def suite(name: str) -> tuple[list[Entry], list[Contender]]:
     """The sequences of a suite, and the trackers that its TOML file may list.
 
     Args:
         name: A name, a folder or a TOML file.
-        others: What else can be named where a suite is, for the sentence of an unknown name.
 
     Raises:
         Mistake: There is no such suite, or it is wrong.
@@ -43,7 +42,7 @@ def suite(name: str, others: Sequence[str] = ()) -> tuple[list[Entry], list[Cont
     if path.suffix == ".toml":
         return _of_toml(path)
     if not is_folder(path):
-        there = ", ".join([*SUITES, CLOSED_LOOP, *others])
+        there = ", ".join([*SUITES, CLOSED_LOOP])
         raise Mistake(f"there is no suite '{name}'; there is {there}, or give a folder or a .toml")
     return list(_recorded(path)), []
 
