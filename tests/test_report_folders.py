@@ -223,7 +223,7 @@ BAD = {
     "no folder": (None, "{}: there is no such folder"),
     "nothing known": (
         {"notes.txt": b""},
-        "{}: nothing in this folder is of `servobench run`, `bench`, `papers` or `sweep`",
+        "{}: nothing in this folder is of `servobench run`, `evaluate`, `benchmark`, `papers` or `sweep`",
     ),
     "a track": (
         {"report.json": b"{}"},
