@@ -127,5 +127,6 @@ def _section(folder: Path, measures: Sequence[str] | None = None) -> Section:
             f"{folder / RunReport.FILE}: there is no {TABLE} beside it; is this a run's folder?"
         )
     raise Mistake(
-        f"{folder}: nothing in this folder is of `servobench run`, `evaluate`, `benchmark`, `papers` or `sweep`"
+        f"{folder}: nothing in this folder is of `servobench run`, `evaluate`, `benchmark`, "
+        "`papers` or `sweep`"
     )
