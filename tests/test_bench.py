@@ -1,4 +1,4 @@
-"""`servobench bench` on short painted sequences: its files, its order, how it goes on."""
+"""`servobench evaluate` on short painted sequences: its files, its order, how it goes on."""
 
 import csv
 
@@ -35,7 +35,7 @@ def place(tmp_path, monkeypatch):
 
 
 def call(monkeypatch, capfd, *arguments):
-    monkeypatch.setattr("sys.argv", ["servobench", "bench", *arguments])
+    monkeypatch.setattr("sys.argv", ["servobench", "evaluate", *arguments])
     with pytest.raises(SystemExit) as left:
         main.main()
     out, err = capfd.readouterr()
@@ -154,7 +154,7 @@ def test_folders_of_sequences_and_presets_are_benched(monkeypatch, capfd, place)
         (place / "all" / name / "groundtruth.txt").write_text("\n".join(lines))
     arguments = ["--trackers", "mean_shift,mean_shift:paper", "--seeds", "1", "--workers", "1"]
     assert call(monkeypatch, capfd, "all", *arguments)[0] == 0
-    rows = rows_of(place / "runs" / "bench-all" / "runs.csv")
+    rows = rows_of(place / "runs" / "evaluate-all" / "runs.csv")
     assert [(r["tracker"], r["sequence"]) for r in rows] == [
         ("mean_shift", "one"),
         ("mean_shift", "two"),
@@ -168,7 +168,7 @@ BAD = {
     "no suite": (
         ["magic"],
         "there is no suite 'magic'; there is clutter, hard_clutter, similarity, texture, "
-        "camouflage, closed_loop, loop-v1, servo-v1, or give a folder or a .toml",
+        "camouflage, closed_loop, or give a folder or a .toml",
     ),
     "no tracker": (
         ["clutter", "--trackers", "kams:book"],

@@ -36,7 +36,7 @@ def test_the_baseline_does_not_close_it():
 
 def test_a_bench_in_the_closed_loop_prints_and_writes_a_table(monkeypatch, capfd, tmp_path):
     monkeypatch.chdir(tmp_path)
-    arguments = ["bench", "closed_loop", "--trackers", "mk_ssd,kams:paper", "--seeds", "1"]
+    arguments = ["evaluate", "closed_loop", "--trackers", "mk_ssd,kams:paper", "--seeds", "1"]
     monkeypatch.setattr("sys.argv", ["servobench", *arguments, "--workers", "1", "--out", "out"])
     with pytest.raises(SystemExit) as left:
         main.main()

@@ -25,13 +25,13 @@ def test_a_command_that_does_nothing_about_it(monkeypatch, capfd):
 
 def test_a_bench_whose_workers_still_start(tmp_path):
     """One at work is stopped in `test_kills.py`, as a sweep is."""
-    words = "bench clutter --trackers sok --seeds 300 --workers 2 --out out --quiet"
+    words = "evaluate clutter --trackers sok --seeds 300 --workers 2 --out out --quiet"
     bench = begin(words, tmp_path)
     wait_for(lambda: len(workers_of(bench)) == 2)
     os.killpg(bench.pid, signal.SIGINT)  # as a terminal does: to everybody
     assert ended(bench) == (
         130,
         f"{STOPPED} 0 of 1200 runs are finished; go on with: "
-        "servobench bench clutter --trackers sok --seeds 300 --out out\n",
+        "servobench evaluate clutter --trackers sok --seeds 300 --out out\n",
     )
     assert not (tmp_path / "out" / "table.csv").exists()  # of half the runs it would mislead

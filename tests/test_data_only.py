@@ -170,7 +170,7 @@ def test_a_bench_reads_other_folders_and_writes_into_its_own_only(monkeypatch, c
     Path("suite.toml").write_text(text)
     before = outside(home, home / "out")
     more = ("--seeds", "1", "--workers", "1", "--quiet", "--out", "../out")
-    assert call(monkeypatch, capfd, "bench", "suite.toml", *more) == (0, "")
+    assert call(monkeypatch, capfd, "evaluate", "suite.toml", *more) == (0, "")
     assert outside(home, home / "out") == before
     assert (home / "out" / "tracks" / "1, $x^$ [b]" / "pictures-0.csv").exists()
 
@@ -180,7 +180,7 @@ def test_a_bench_with_an_evil_label_exits_2_and_writes_nothing(monkeypatch, capf
     trackers = f'[[trackers]]\nkind = "frozen"\nlabel = "{label}"\n'
     Path("suite.toml").write_text(f"[[sequences]]\n{QUICK}{trackers}")
     before = outside(home, home / "nothing")
-    code, err = call(monkeypatch, capfd, "bench", "suite.toml", "--out", "../out")
+    code, err = call(monkeypatch, capfd, "evaluate", "suite.toml", "--out", "../out")
     assert code == 2
     assert err == (
         f"servobench: suite.toml: trackers[0].label: '{label}' names a folder: 1 to 60 characters "

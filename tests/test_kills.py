@@ -186,7 +186,7 @@ def test_two_of_four_workers_of_a_cluster_may_die_at_work(place, undisturbed, cl
     assert same_as(undisturbed)
 
 
-BENCH = "bench clutter --trackers frozen --seeds 200 --out out"
+BENCH = "evaluate clutter --trackers frozen --seeds 200 --out out"
 BUSY = {
     "run": f"run still {QUICK} --set run.duration=600 --out out -q",
     "track": "track pictures --region 10,10,40,40 --tracker frozen --out out -q",

@@ -146,11 +146,11 @@ def call(monkeypatch, capfd, *arguments):
             f"these are 1,000,000,000,000 runs; the limit is {workers.MOST_RUNS:,}",
         ),
         (
-            ["bench", "clutter", "--trackers", "kams", "--seeds", "1000000000000"],
+            ["evaluate", "clutter", "--trackers", "kams", "--seeds", "1000000000000"],
             f"these are 4,000,000,000,000 runs; the limit is {workers.MOST_RUNS:,}",
         ),
         (
-            ["bench", "closed_loop", "--trackers", "kams", "--seeds", "1000000000000"],
+            ["evaluate", "closed_loop", "--trackers", "kams", "--seeds", "1000000000000"],
             "--seeds 1000000000000: the limit is 1,000,000",
         ),
     ],

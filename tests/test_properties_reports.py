@@ -19,7 +19,7 @@ AT_THE_TOP, BELOW, EACH = 6, 3, 1
 QUICK = ("run.duration=0.2", "tracker.kind=frozen", "estimator.kind=none", "expect={}")
 KINDS = {
     "run": ("run", "still", "--no-rerun", *(w for s in QUICK for w in ("--set", s))),
-    "bench": ("bench", "clutter", "--trackers", "frozen,mean_shift", "--seeds", "1"),
+    "bench": ("evaluate", "clutter", "--trackers", "frozen,mean_shift", "--seeds", "1"),
     "sweep": ("sweep", "mine.toml"),
     "papers": ("papers", "P1-3", "--quick"),
 }

@@ -175,16 +175,16 @@ def test_too_many_runs_of_one_command_are_refused():
 def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(
     suite, asked, labels, tmp_path
 ):
-    from servo.cli import bench_command
+    from servo.cli import evaluate_command
 
     text = '[[sequences]]\nkind = "clutter"\n'
     if suite == "listed":
         text += '[[trackers]]\nkind = "frozen"\nlabel = "nothing"\n'
     (tmp_path / "s.toml").write_text(text)
-    request = bench_command.BenchRequest(
+    request = evaluate_command.EvaluateRequest(
         str(tmp_path / "s.toml"), asked, seeds=2, workers=1, out=None, quiet=True
     )
-    assert [s.contender.label for s in bench_command._subjects(request)] == labels
+    assert [s.contender.label for s in evaluate_command._subjects(request)] == labels
 
 
 def test_a_scenario_of_a_study_is_a_file_only_by_its_ending(monkeypatch, tmp_path):

@@ -324,7 +324,7 @@ def test_tables_have_labels_and_those_too_wide_say_so(tmp_path):
     section = Section("study", "study", "", Badge("2 runs", Tone.PLAIN), [], [block], "")
     wide = '% "All runs" has 1 rows and 17 columns and fits no page'
     assert f"{wide}; --measures chooses columns." in latex([section])
-    assert f"{wide}." in latex([replace(section, kind="bench")])  # which refuses --measures
+    assert f"{wide}." in latex([replace(section, kind="evaluate")])  # which refuses --measures
 
 
 def test_measures_and_tables_are_refused_where_they_do_not_fit(make_papers, tmp_path):

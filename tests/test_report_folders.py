@@ -34,9 +34,9 @@ def text_of(folder, tmp_path):
 def make_bench(folder):
     (folder / "sheets").mkdir(parents=True)
     StudyFile(
-        command=f"servobench bench mine.toml --trackers kams,{EVIL} --seeds 1",
+        command=f"servobench evaluate mine.toml --trackers kams,{EVIL} --seeds 1",
         versions={"servobench": "0.1.0"},
-        holds="bench",
+        holds="evaluate",
         name="mine",
         title="Trackers against each other on sequences with a truth.",
         axes={"tracker": ["kams", EVIL], "sequence": list("abcdefghijk")},
@@ -168,7 +168,7 @@ def test_a_bench_ranks_its_trackers_and_shows_its_curves(tmp_path):
     )
     assert (page.count("<svg"), page.count("<img")) == (2, 1)  # curves, and a contact sheet
     assert page.count("<script") == 1  # the page's own
-    assert "servobench bench mine.toml --trackers kams,&lt;script&gt;" in page
+    assert "servobench evaluate mine.toml --trackers kams,&lt;script&gt;" in page
 
 
 def test_the_curves_of_a_bench_are_files(tmp_path):
@@ -223,7 +223,7 @@ BAD = {
     "no folder": (None, "{}: there is no such folder"),
     "nothing known": (
         {"notes.txt": b""},
-        "{}: nothing in this folder is of `servobench run`, `bench`, `papers` or `sweep`",
+        "{}: nothing in this folder is of `servobench run`, `evaluate`, `benchmark`, `papers` or `sweep`",
     ),
     "a track": (
         {"report.json": b"{}"},
@@ -238,7 +238,7 @@ BAD = {
         "{}/papers.json: command: field required",
     ),
     "an empty bench": (
-        {"study.json": json.dumps(json.loads(STUDY) | {"holds": "bench"}).encode()},
+        {"study.json": json.dumps(json.loads(STUDY) | {"holds": "evaluate"}).encode()},
         "{}: there are no runs in this bench",
     ),
     "papers that were stopped": (

@@ -8,7 +8,7 @@ import pytest
 
 from servo.cli import main
 
-BENCH = ("bench", "suite.toml", "--seeds", "2", "--workers", "1", "--out", "out")
+BENCH = ("evaluate", "suite.toml", "--seeds", "2", "--workers", "1", "--out", "out")
 SUITE = """
 [[sequences]]
 kind = "clutter"
@@ -46,7 +46,7 @@ def place(finished, tmp_path, monkeypatch):
 
 
 def test_results_of_another_command_are_refused(monkeypatch, capfd, place):
-    words = ("bench", "closed_loop", "--trackers", "frozen", "--seeds", "1")
+    words = ("evaluate", "closed_loop", "--trackers", "frozen", "--seeds", "1")
     assert call(monkeypatch, capfd, *words, "--workers", "1", "--out", "out", "-q") == (
         2,
         "servobench: out: this folder holds results of another command; choose another folder "
@@ -59,7 +59,7 @@ def test_a_folder_of_something_else_is_refused(monkeypatch, capfd, place):
     assert call(monkeypatch, capfd, *BENCH, "-q") == (
         2,
         "servobench: out: there is something in this folder, but no study.json of `servobench "
-        "bench`; choose another folder with --out\n",
+        "evaluate`; choose another folder with --out\n",
     )
 
 

@@ -218,7 +218,7 @@ def test_more_workers_than_the_machine_holds_are_refused(monkeypatch, capfd, pla
         "servobench: --workers 1000: this machine has 24.0 GB of memory and 2 cores, and a worker "
         "takes 0.3 GB: the limit is 16, the best number 2\n"
     )
-    for words in ("sweep mine.toml", "bench clutter", "papers P0-2", "check --seeds 50"):
+    for words in ("sweep mine.toml", "evaluate clutter", "papers P0-2", "check --seeds 50"):
         found = call(monkeypatch, capfd, *words.split(), "--workers", "1000", "-q")
         assert found == (2, sentence)
     assert [path.name for path in place.iterdir()] == ["mine.toml"]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from servo.cli import bench_command, jobs, list_command, sweep_command
+from servo.cli import evaluate_command, jobs, list_command, sweep_command
 from servo.cli.main import app
 from servo.loop.measure import MEASURES as OF_RUNS
 from servo.mistake import Mistake
@@ -20,7 +20,7 @@ from servo.scenario.catalogue import shipped, studies
 from servo.scenario.load import SECTIONS
 from servo.study import ranking
 from servo.study.execute import Workers
-from servo.study.parse import KEYS, load
+from servo.study.parse import StudyTable, load
 from servo.study.record_file import table_of
 from servo.study.results import SHOWN, Cell, moved
 from servo.study.run import Failure, Job, Record
@@ -86,17 +86,17 @@ def results(families, seeds=8):
     return found
 
 
-@pytest.mark.parametrize("count", [1, 3, bench_command.WIDE, bench_command.WIDE + 1])
+@pytest.mark.parametrize("count", [1, 3, evaluate_command.WIDE, evaluate_command.WIDE + 1])
 @pytest.mark.newest
 def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_path):
     found = results([f"family{i}" for i in range(count)])
     ranks = ranking.ranked(found)
-    bench_command.print_ranks(printed, ranks)
+    evaluate_command.print_ranks(printed, ranks)
     approved(f"tables/bench-{count}", lines(printed))
     if count == 3:
         store = Store(tmp_path)
         store.table = lambda: table_of([found[:1]])
-        bench_command._write(store, found, ranks, "x")
+        evaluate_command._write(store, found, ranks, "x")
         names = ("runs.csv", "table.csv")
         texts = {name: (tmp_path / name).read_text().splitlines() for name in names}
         approved("tables/bench-files", texts)
@@ -323,7 +323,10 @@ def test_a_section_is_listed_with_all_its_settings(section, printed):
     at = head.index("default"), head.index("meaning")
     names = [row[: at[0]].strip() for row in rows]
     config = SECTIONS.get(section)
-    known = {"expect": ["outcome", *OF_RUNS, "drawn", "tracker"], "sweep": KEYS}.get(section)
+    known = {
+        "expect": ["outcome", *OF_RUNS, "drawn", "tracker"],
+        "sweep": [*StudyTable.model_fields],
+    }.get(section)
     fields = dataclasses.fields(config) if config else ()
     assert [n for n in names if n] == [f"{section}.{n}" for n in known or [f.name for f in fields]]
     assert all(row[at[1] :].strip() for row in rows)

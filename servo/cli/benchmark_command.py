@@ -1,4 +1,4 @@
-"""`servobench bench loop-v1` and `servo-v1`: contestants in a public benchmark, and their rows."""
+"""The command `servobench benchmark`: contestants in a public benchmark, and their rows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,11 +17,10 @@ from servo.bench.audit import (
     repeated,
     sample,
 )
-from servo.bench.benchmark import NAMES, QUICK, Band, Benchmark, World, load
+from servo.bench.benchmark import QUICK, Band, Benchmark, World, load
 from servo.bench.contestant import Contestant, Division, contestants, home_of, scale_of
 from servo.bench.row import Row, check_version, file_name, row_of, shipped_rows
 from servo.bench.world_run import CONTESTANT, SLOW, WORLD, jobs_of
-from servo.cli.bench_command import SEEDS, BenchRequest
 from servo.cli.jobs import complete_jobs, go_on, print_estimate, progress
 from servo.cli.terminal import plain, print_table
 from servo.mistake import Mistake, as_mistake, writing
@@ -39,16 +38,12 @@ from tracking.trackers import trax
 from tracking.types import Region, State
 from tracking.wrapped.trax_client import TraxClient
 
-ONLY_PUBLIC = (
-    "--contestant, --set, --band, --sealed, --quick, --submit and --verify belong to "
-    f"{' and '.join(NAMES)}"
-)
-
 
 @dataclass(frozen=True, slots=True)
 class BenchmarkRequest:
     """The options of the command line."""
 
+    name: str
     given: Sequence[str]
     """Contestants."""
     changes: Sequence[str]
@@ -57,15 +52,22 @@ class BenchmarkRequest:
     quick: bool
     submit: Path | None
     verify: Path | None
-    common: BenchRequest
-    """The options that all benches have."""
+    workers: int
+    out: Path | None
+    quiet: bool
+    dry_run: bool
+
+    @property
+    def folder(self) -> Path:
+        """Where the results are written."""
+        return self.out or Path("runs") / f"benchmark-{self.name}"
 
     @property
     def command(self) -> str:
         """The command line, without --out and --workers."""
         return command_line(
-            "bench",
-            self.common.suite,
+            "benchmark",
+            self.name,
             contestant=list(self.given),
             set=list(self.changes),
             band=self.band,
@@ -81,18 +83,15 @@ def run(request: BenchmarkRequest) -> int:
         Mistake: A contestant is wrong, or the folder cannot be used.
         Refused: A file cannot be written, or the workers cannot work.
     """
-    common = request.common
-    console = Console(quiet=common.quiet)
-    benchmark = load(common.suite)
-    if common.trackers is not None or common.seeds != SEEDS:
-        raise Mistake(f"{benchmark.name} has seeds of its own, and takes --contestant NAME")
+    console = Console(quiet=request.quiet)
+    benchmark = load(request.name)
     benchmark.check_frozen()
     chosen = contestants(benchmark, request.given, request.changes)
     gl.is_there()
     if request.verify is not None:
         given = chosen if request.given else None
         rng = np.random.default_rng()
-        return _verify(benchmark, request.verify, given, common.workers, console, rng)
+        return _verify(benchmark, request.verify, given, request.workers, console, rng)
     band = _band(request, chosen)
     worlds = benchmark.every_world(band, QUICK if request.quick else None)
     for one in chosen:  # what is wrong with it is said before anything is run
@@ -101,14 +100,14 @@ def run(request: BenchmarkRequest) -> int:
     every = chosen if known else [*scale_of(benchmark), *chosen]
     jobs = jobs_of(benchmark, every, worlds)
     check_number(len(jobs))
-    if common.dry_run:
-        return print_estimate(jobs, common.workers, console, Store(common.folder))
-    workers = Workers(common.workers)
-    again = go_on(request.command, common.out)
+    if request.dry_run:
+        return print_estimate(jobs, request.workers, console, Store(request.folder))
+    workers = Workers(request.workers)
+    again = go_on(request.command, request.out)
     plain(console, f"{benchmark.name} {benchmark.hash}, worlds: {band.name}")
-    with opened(common.folder, _described(request, benchmark, every, len(jobs))) as store, workers:
+    with opened(request.folder, _described(request, benchmark, every, len(jobs))) as store, workers:
         store.find(jobs)
-        title = f"bench {benchmark.name}"
+        title = f"benchmark {benchmark.name}"
         failed = complete_jobs(jobs, store, workers, console, title, again)
         records = store.records(jobs)
         rows = known + _rows(benchmark, band, every, worlds, records, request.command)

@@ -132,42 +132,8 @@ def track(**options: Any) -> None:
 @click.argument(
     "suite",
     type=opt.SOURCE,
-    help="loop-v1 or servo-v1 (the public benchmarks), clutter, hard_clutter, similarity, texture, "
-    "camouflage, closed_loop, a folder of sequences (OTB, VOT, GOT-10k), or a .toml file.",
-)
-@click.option(
-    "--contestant",
-    "--tracker",
-    "--law",
-    "given",
-    multiple=True,
-    metavar="NAME[=WHAT]",
-    help="Of loop-v1 and servo-v1: a shipped one, mine=module:Class, mine='trax:COMMAND' or "
-    "mine=onnx:FILE (default: all shipped ones).",
-)
-@click.option(
-    "--band",
-    type=click.Choice(["dev", "v1"]),
-    help="Of loop-v1 and servo-v1: worlds to tune on (default), or those of the published table.",
-)
-@click.option(
-    "--sealed",
-    metavar="VALUE",
-    help="Of loop-v1 and servo-v1: worlds drawn from a public value of a later date.",
-)
-@opt.changes_option
-@click.option("--quick", is_flag=True, help="Of loop-v1 and servo-v1: two worlds a condition.")
-@click.option(
-    "--submit",
-    type=opt.PATH,
-    metavar="FILE.json",
-    help="Of loop-v1 and servo-v1: write the contestant's row, to be published.",
-)
-@click.option(
-    "--verify",
-    type=opt.PATH,
-    metavar="FILE.json",
-    help="Of loop-v1 and servo-v1: repeat a tenth of a row's worlds; exit 1 if one differs.",
+    help="clutter, hard_clutter, similarity, texture, camouflage, closed_loop, a folder of "
+    "sequences (OTB, VOT, GOT-10k), or a .toml file.",
 )
 @click.option(
     "--trackers", help="Which, such as kams,sok,kams:paper (default: all, or the file's)."
@@ -176,30 +142,71 @@ def track(**options: Any) -> None:
     "--seeds", type=opt.COUNT, default=3, show_default=True, help="Number of seeds from 0 on."
 )
 @opt.workers_option
-@opt.out_option("runs/bench-SUITE, also to continue")
+@opt.out_option("runs/evaluate-SUITE, also to continue")
 @opt.dry_run_option
 @opt.quiet_option
-def bench(
-    given: tuple[str, ...],
-    changes: tuple[str, ...],
-    band: str | None,
-    sealed: str | None,
-    quick: bool,
-    submit: Path | None,
-    verify: Path | None,
-    **options: Any,
-) -> None:
-    """Compare trackers; the same command continues a stopped bench."""
-    from servo.cli import bench_command, benchmark_command
+def evaluate(**options: Any) -> None:
+    """Compare trackers on sequences; the same command continues a stopped evaluation."""
+    from servo.cli import evaluate_command
 
-    of_benchmarks = given, changes, band, sealed, quick, submit, verify
-    request = bench_command.BenchRequest(**options)
-    if request.suite in benchmark_command.NAMES:
-        public = benchmark_command.BenchmarkRequest(*of_benchmarks, request)
-        sys.exit(benchmark_command.run(public))
-    if any(of_benchmarks):
-        raise click.UsageError(benchmark_command.ONLY_PUBLIC)
-    sys.exit(bench_command.run(request))
+    sys.exit(evaluate_command.run(evaluate_command.EvaluateRequest(**options)))
+
+
+@app.command()
+@click.argument("name", type=click.Choice(["loop-v1", "servo-v1"]), help="Which benchmark.")
+@click.option(
+    "--contestant",
+    "--tracker",
+    "--law",
+    "given",
+    multiple=True,
+    metavar="NAME[=WHAT]",
+    help="A shipped one, mine=module:Class, mine='trax:COMMAND' or "
+    "mine=onnx:FILE (default: all shipped ones).",
+)
+@click.option(
+    "--band",
+    type=click.Choice(["dev", "v1"]),
+    help="Worlds to tune on (default), or those of the published table.",
+)
+@click.option(
+    "--sealed",
+    metavar="VALUE",
+    help="Worlds drawn from a public value of a later date.",
+)
+@opt.changes_option
+@click.option("--quick", is_flag=True, help="Two worlds a condition.")
+@click.option(
+    "--submit",
+    type=opt.PATH,
+    metavar="FILE.json",
+    help="Write the contestant's row, to be published.",
+)
+@click.option(
+    "--verify",
+    type=opt.PATH,
+    metavar="FILE.json",
+    help="Repeat a tenth of a row's worlds; exit 1 if one differs.",
+)
+@opt.workers_option
+@opt.out_option("runs/benchmark-NAME, also to continue")
+@opt.dry_run_option
+@opt.quiet_option
+def benchmark(**options: Any) -> None:
+    """Run trackers or laws in a public benchmark; the same command continues a stopped one."""
+    from servo.cli import benchmark_command
+
+    sys.exit(benchmark_command.run(benchmark_command.BenchmarkRequest(**options)))
+
+
+@app.command(hidden=True, add_help_option=False, context_settings={"ignore_unknown_options": True})
+@click.argument("words", nargs=-1, type=click.UNPROCESSED)
+def bench(**_: Any) -> None:
+    """Name the two commands that took the place of this one."""
+    raise click.UsageError(
+        "bench is now two commands: `servobench evaluate SUITE` compares trackers on sequences, "
+        "`servobench benchmark loop-v1` (or servo-v1) runs a public benchmark"
+    )
 
 
 @app.command()
@@ -308,8 +315,8 @@ def papers(
     "--measures", help="Columns of a study's tables, such as servo_rms_px,age_ms (default: a few)."
 )
 def report(folders: tuple[Path, ...], out: Path | None, **printed: Any) -> None:
-    """Write a page about folders of run, bench, papers, sweep and compare; loop-v1 and servo-v1
-    name the published rows of a benchmark.
+    """Write a page about folders of run, evaluate, benchmark, papers, sweep and compare; loop-v1
+    and servo-v1 name the published rows of a benchmark.
     """
     from servo.cli.report_command import Printed, write
 

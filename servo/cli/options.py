@@ -125,9 +125,9 @@ To begin with:
 
 GROUPS = {
     "Run": ("run", "track", "view", "film", "report"),
-    "Compare": ("compare", "sweep", "bench"),
+    "Compare": ("compare", "sweep", "evaluate"),
     "Measure": ("check", "identify", "robot", "doctor"),
-    "Publish": ("papers", "docs"),
+    "Publish": ("benchmark", "papers", "docs"),
     "Connect your own parts": ("new", "list", "schema"),
 }
 """The commands by what they are for, in the order of the help."""

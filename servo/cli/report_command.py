@@ -35,7 +35,7 @@ def _study(folder: Path, measures: Sequence[str] | None) -> Section:
     study = StudyFile.read(folder / StudyFile.FILE)
     if measures is not None and study.holds != "sweep":
         raise Mistake(f"{folder}: {ONLY_STUDIES}")
-    if study.holds == "bench":
+    if study.holds == "evaluate":
         return bench_section.section(folder, study)
     if study.holds == "benchmark":
         return benchmark_section.section(folder, study)
@@ -127,5 +127,6 @@ def _section(folder: Path, measures: Sequence[str] | None = None) -> Section:
             f"{folder / RunReport.FILE}: there is no {TABLE} beside it; is this a run's folder?"
         )
     raise Mistake(
-        f"{folder}: nothing in this folder is of `servobench run`, `bench`, `papers` or `sweep`"
+        f"{folder}: nothing in this folder is of `servobench run`, `evaluate`, `benchmark`, "
+        "`papers` or `sweep`"
     )

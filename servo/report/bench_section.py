@@ -72,7 +72,7 @@ def section(folder: Path, study: StudyFile) -> Section:
     whole = len(records) == study.runs
     verdict = f"best: {best.tracker}" if whole else f"{len(records)} of {study.runs} runs"
     return Section(
-        "bench",
+        "evaluate",
         folder.resolve().name,
         study.title,
         Badge(verdict, Tone.PLAIN),

@@ -47,12 +47,11 @@ class RecordedTable(BaseModel):
     truth_format: str = "auto"
 
 
-def suite(name: str, others: Sequence[str] = ()) -> tuple[list[Entry], list[Contender]]:
+def suite(name: str) -> tuple[list[Entry], list[Contender]]:
     """Return the sequences of a suite, and the trackers that its TOML file may list.
 
     Args:
         name: A name, a folder or a TOML file.
-        others: Other names that the command takes, for the message about an unknown name.
 
     Raises:
         Mistake: There is no such suite, or it is wrong.
@@ -63,7 +62,7 @@ def suite(name: str, others: Sequence[str] = ()) -> tuple[list[Entry], list[Cont
     if path.suffix == ".toml":
         return _of_toml(path)
     if not is_folder(path):
-        there = ", ".join([*SUITES, CLOSED_LOOP, *others])
+        there = ", ".join([*SUITES, CLOSED_LOOP])
         raise Mistake(f"there is no suite '{name}'; there is {there}, or give a folder or a .toml")
     return list(_recorded(path)), []
 

@@ -1,6 +1,6 @@
 """Whether the ranks of loop-v1 are those on recordings: python tests/tools/predicts.py RUNS-OF-BENCH.
 
-RUNS-OF-BENCH is the folder of `servobench bench SEQUENCES --trackers ...`. Kendall's tau-b between the mean points and
+RUNS-OF-BENCH is the folder of `servobench evaluate SEQUENCES --trackers ...`. Kendall's tau-b between the mean points and
 the mean success AUC of the trackers in both, and between worlds with no and with 100 ms for a picture; intervals from
 2,000 bootstrap draws of worlds and recordings.
 """

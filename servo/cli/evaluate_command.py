@@ -1,4 +1,4 @@
-"""The command `servobench bench`: compare trackers on sequences or in the closed loop."""
+"""The command `servobench evaluate`: compare trackers on sequences or in the closed loop."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -7,7 +7,6 @@ from pathlib import Path
 
 from rich.console import Console
 
-from servo.bench.benchmark import NAMES as BENCHMARKS
 from servo.cli.jobs import complete_jobs, go_on, print_estimate
 from servo.cli.sweep_command import run_study
 from servo.cli.terminal import complain, plain, print_table
@@ -31,14 +30,12 @@ from tracking.files.csv_text import csv_text
 
 COLUMNS = (TRACKER, "sequence", "family", "seed", "drawn", "frames")
 """Columns of runs.csv before those of the measures."""
-SEEDS = 3
-"""Number of seeds, where none is given."""
 WIDE = 7
 """Most columns of a table that fit beside its names."""
 
 
 @dataclass(frozen=True, slots=True)
-class BenchRequest:
+class EvaluateRequest:
     """The options of the command line."""
 
     suite: str
@@ -52,15 +49,15 @@ class BenchRequest:
     @property
     def folder(self) -> Path:
         """Where the results are written."""
-        return self.out or Path("runs") / f"bench-{Path(self.suite).stem}"
+        return self.out or Path("runs") / f"evaluate-{Path(self.suite).stem}"
 
     @property
     def command(self) -> str:
         """The command line, without --out and --workers."""
-        return command_line("bench", self.suite, trackers=self.trackers, seeds=self.seeds)
+        return command_line("evaluate", self.suite, trackers=self.trackers, seeds=self.seeds)
 
 
-def run(request: BenchRequest) -> int:
+def run(request: EvaluateRequest) -> int:
     """Compare trackers; the exit code: 1 if a run failed.
 
     Raises:
@@ -86,7 +83,7 @@ def run(request: BenchRequest) -> int:
     with opened(request.folder, _described(request, subjects)) as store, workers:
         store.find(jobs)
         _forget_lost_tracks(jobs, store)
-        failed = complete_jobs(jobs, store, workers, console, f"bench {title}", again)
+        failed = complete_jobs(jobs, store, workers, console, f"evaluate {title}", again)
         records = store.records(jobs)
         if records:
             ranks = ranking.ranked(records)
@@ -118,7 +115,7 @@ def _length(path: Path) -> int:
         return 0
 
 
-def _closed_loop(request: BenchRequest, console: Console) -> int:
+def _closed_loop(request: EvaluateRequest, console: Console) -> int:
     chosen = None if request.trackers is None else suites.tracker_tables(request.trackers)
     study = load(suites.CLOSED_LOOP, seeds=request.seeds, trackers=chosen)
     workers = Workers(request.workers)
@@ -128,17 +125,17 @@ def _closed_loop(request: BenchRequest, console: Console) -> int:
     )
 
 
-def _subjects(request: BenchRequest) -> list[TrackedSequence]:
-    entries, listed = suites.suite(request.suite, BENCHMARKS)
+def _subjects(request: EvaluateRequest) -> list[TrackedSequence]:
+    entries, listed = suites.suite(request.suite)
     chosen = listed if listed and request.trackers is None else suites.contenders(request.trackers)
     return [TrackedSequence(c, e) for c in chosen for e in entries]
 
 
-def _described(request: BenchRequest, subjects: Sequence[TrackedSequence]) -> StudyFile:
+def _described(request: EvaluateRequest, subjects: Sequence[TrackedSequence]) -> StudyFile:
     return StudyFile(
         command=request.command,
         versions=versions(),
-        holds="bench",
+        holds="evaluate",
         name=Path(request.suite).stem,
         title="Trackers against each other on sequences with a truth.",
         axes={
