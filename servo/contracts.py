@@ -1,12 +1,12 @@
-"""The contract of each kind of part: the methods that it has, and what they may return.
+"""The contracts of a run's components: the methods of each, and the values that these may return.
 
-`guarded` makes a part whose calls are checked. The loop, `servo.testing` and our own tests call
-parts that way, so that all of them agree.
+`guarded` wraps a component so that each of its calls is checked. The loop, `servo.testing` and our
+own tests call components through it, so that all of them accept and refuse the same.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from numbers import Real
 from typing import Any, TypeVar, cast, final
@@ -22,112 +22,232 @@ from sim.types import Array, Effect, Pose
 from tracking.types import Estimate, State, Status, goes_around
 
 Built = TypeVar("Built")
+Value = TypeVar("Value")
 Check = Callable[..., None]
-"""Checks what a method of a part returned; it also gets the arguments of the call."""
+"""Checks the value that a method returned; it also gets the arguments of the call."""
 ROUNDING = 1e-9
-"""A variance may be negative by this much: the difference of two nearly equal ones. So may the
-product of a rotation with its transpose leave the identity."""
+"""Rounding errors that are tolerated: of a variance below zero (the difference of two nearly equal
+ones), and of a rotation's product with its transpose against the identity."""
 SMALLEST_AREA = 1e-6
 """Area of corners below which no pose of a rectangle can be computed from them [px^2]."""
 LARGEST = 1e9
 """Largest number of a state: products of larger ones would overflow."""
-
 MOST = 2**63 - 1
 """Largest whole number of a table."""
 
 
 class BrokenContract(AssertionError):
-    """A part does not do what its kind must do; the sentence says what, and what would be right."""
+    """A component breaks its contract; the sentence says how, and what would be right."""
 
 
 def require(holds: object, sentence: str, *values: object) -> None:
-    """Raise a sentence where something does not hold.
+    """Raise an error if a condition does not hold.
 
     Args:
-        holds: What should be true.
-        sentence: What is wrong, and what would be right; {} where a value stands.
-        values: They are written only where it is raised: to write an array takes long.
+        holds: The condition; any object is taken as true or false.
+        sentence: What is wrong and what would be right, with {} in place of each value.
+        values: Values to insert; they are formatted only on failure, as formatting arrays is slow.
 
     Raises:
-        BrokenContract: It does not hold.
+        BrokenContract: The condition is false.
     """
     if not holds:
         raise BrokenContract(sentence.format(*values) if values else sentence)
 
 
-def check_estimate(estimate: object, *_: object) -> None:
-    """Check what a tracker reports for a picture.
+def require_type(value: object, kind: type[Value], method: str) -> Value:
+    """Return the value that a method returned, which must have a type.
 
     Raises:
-        BrokenContract: It is no `Estimate`, or a number in it has no meaning.
+        BrokenContract: It has another type.
     """
-    e = estimate
-    if not isinstance(e, Estimate):
-        raise BrokenContract(f"update returned {type(e).__name__}; return an Estimate")
-    s = e.state
-    require(type(s) is State, "the state is {}; use tracking.types.State", type(s).__name__)
-    numbers = (s.x, s.y, s.theta, s.scale)
-    right = all(isinstance(n, Real) and abs(n) <= LARGEST for n in numbers)  # nan is not
-    require(
-        right and s.scale * LARGEST >= 1,
-        "the state is {}; its numbers must be finite, scale above 0, none over {:g}",
-        s,
-        LARGEST,
-    )
-    require(
-        isinstance(e.distance, Real) and 0 <= e.distance <= 1,
-        "the distance is {}; it goes from 0 to 1",
-        e.distance,
-    )
-    require(type(e.status) is Status, "the status is {!r}; use tracking.types.Status", e.status)
-    require(
-        isinstance(e.ess, Real) and not e.ess < 0,
-        "the effective sample size is {!r}; it is a number from 0 on, or nan",
-        e.ess,
-    )
-    whole = isinstance(e.evaluations, Real) and 0 <= e.evaluations <= MOST
-    require(
-        whole and e.evaluations == int(e.evaluations),
-        "evaluations is {!r}; it is a whole number from 0 on",
-        e.evaluations,
-    )
-    flags = np.asarray(e.follows)
-    require(
-        flags.shape == (2,) and flags.dtype == np.bool_,
-        "follows is not two flags: whether angle, and size, are followed",
-    )
-    require(
-        _is_array(e.covariance, (4, 4), finite=False),
-        "the covariance is not (4, 4); a tracker without one gives unknown_covariance()",
-    )
-    variances = np.diagonal(e.covariance)
-    negative = (variances < -ROUNDING).any()
-    require(not negative, "the variances are {}; none can be negative", variances)
-    _check_corners(e.corners)
-    count = len(e.particles) if isinstance(e.particles, np.ndarray) and e.particles.ndim else 0
-    require(
-        e.particles is None or _is_array(e.particles, (count, 5)),
-        "the particles are not (N, 5): x, y, theta, scale, weight",
+    if not isinstance(value, kind):
+        name = kind.__name__
+        article = "an" if name[0] in "AEIOU" else "a"
+        found = type(value).__name__
+        raise BrokenContract(f"{method} returned {found}; return {article} {name}")
+    return value
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """The condition for one field of a value that a component returned."""
+
+    field: str
+    """Name of the field."""
+    holds: Callable[[Any], object]
+    """Returns whether a value of the field is valid."""
+    right: str
+    """The end of the sentence for an invalid value, such as "it should be from 0 to 1"."""
+
+
+def require_fields(value: object, rules: Iterable[Rule], prefix: str = "") -> None:
+    """Check the fields of a value.
+
+    Args:
+        value: The object that has the fields.
+        rules: One rule for each field that is checked.
+        prefix: Beginning of the sentence, such as "skip: ".
+
+    Raises:
+        BrokenContract: A field is invalid.
+    """
+    for rule in rules:
+        found = getattr(value, rule.field)
+        if not rule.holds(found):
+            text = str(found) if isinstance(found, np.ndarray) else repr(found)
+            field = f"{type(value).__name__}.{rule.field}"
+            raise BrokenContract(f"{prefix}{field} is {text}; {rule.right}")
+
+
+def is_array(values: object, shape: tuple[int, ...], *, finite: bool = True) -> bool:
+    """Return whether a value is a NumPy array of real numbers with a shape.
+
+    Args:
+        values: Any object.
+        shape: The required shape.
+        finite: Whether nan and infinities are refused.
+    """
+    return (
+        isinstance(values, np.ndarray)
+        and values.shape == shape
+        and values.dtype.kind in "fiu"
+        and (not finite or bool(np.isfinite(values).all()))
     )
 
 
-def _check_corners(corners: object) -> None:
-    """Refuse corners that no picture of a rectangle has."""
-    if corners is None:
-        return
-    found = np.asarray(corners)
-    right = _is_array(corners, (4, 2)) and bool((np.abs(found) <= LARGEST).all())
-    require(right, "the corners are not four points (4, 2) of finite numbers up to {:g}", LARGEST)
-    require(
-        goes_around(found) and area(found) >= SMALLEST_AREA,
-        "the corners are {}; they should lie around an area in the order of Region.corners",
-        found.tolist(),
+def _is_exactly(kind: type, value: object) -> bool:
+    return type(value) is kind
+
+
+def _is_number(value: object, least: float = -LARGEST, most: float = LARGEST) -> bool:
+    return isinstance(value, Real) and bool(least <= cast(float, value) <= most)  # nan is not
+
+
+def _is_state(state: State) -> bool:
+    numbers = (state.x, state.y, state.theta, state.scale)
+    return all(map(_is_number, numbers)) and state.scale * LARGEST >= 1
+
+
+def _is_sample_size(ess: object) -> bool:
+    return isinstance(ess, Real) and not ess < 0  # nan: a tracker without particles
+
+
+def _is_count(value: Any) -> bool:
+    return _is_number(value, 0, MOST) and value == int(value)
+
+
+def _is_flag(value: object) -> bool:
+    return type(value) in (bool, np.bool_)
+
+
+def _is_trace(value: object) -> bool:
+    return value is None or isinstance(value, Trace)
+
+
+def _are_flags(value: object) -> bool:
+    flags = np.asarray(value)
+    return flags.shape == (2,) and flags.dtype == np.bool_
+
+
+def _has_variances(covariance: Array) -> bool:
+    return not (np.diagonal(covariance) < -ROUNDING).any()  # nan: unknown
+
+
+def _are_points(corners: Array | None) -> bool:
+    return corners is None or (
+        is_array(corners, (4, 2)) and bool((np.abs(corners) <= LARGEST).all())
     )
+
+
+def _are_corners(corners: Array | None) -> bool:
+    return corners is None or (goes_around(corners) and area(corners) >= SMALLEST_AREA)
+
+
+def _are_particles(particles: object) -> bool:
+    count = len(particles) if isinstance(particles, np.ndarray) and particles.ndim else 0
+    return particles is None or is_array(particles, (count, 5))
+
+
+def _are_names(names: object) -> bool:
+    return isinstance(names, tuple) and all(type(each) is str for each in cast(Any, names))
+
+
+ESTIMATE = (
+    Rule("state", partial(_is_exactly, State), "use tracking.types.State"),
+    Rule(
+        "state",
+        _is_state,
+        f"its numbers must be finite, scale above 0, none over {LARGEST:g}",
+    ),
+    Rule("distance", partial(_is_number, least=0, most=1), "it should be from 0 to 1"),
+    Rule("status", partial(_is_exactly, Status), "use tracking.types.Status"),
+    Rule("ess", _is_sample_size, "it should be a number from 0 on, or nan"),
+    Rule("evaluations", _is_count, "it should be a whole number from 0 on"),
+    Rule("follows", _are_flags, "it should be two flags: whether it follows angle, and size"),
+    Rule(
+        "covariance",
+        partial(is_array, shape=(4, 4), finite=False),
+        "it should be an array (4, 4); a tracker without one gives unknown_covariance()",
+    ),
+    Rule("covariance", _has_variances, "its variances cannot be negative"),
+    Rule(
+        "corners",
+        _are_points,
+        f"it should be an array of four points (4, 2) of finite numbers up to {LARGEST:g}",
+    ),
+    Rule(
+        "corners",
+        _are_corners,
+        "they should lie around an area in the order of Region.corners",
+    ),
+    Rule(
+        "particles",
+        _are_particles,
+        "it should be an array (N, 5) of finite numbers: x, y, theta, scale, weight",
+    ),
+)
+"""The rules of `tracking.types.Estimate`."""
+COMMAND = (
+    Rule(
+        "twist",
+        partial(is_array, shape=(6,)),
+        "it should be a NumPy array of six finite numbers (vx, vy, vz, wx, wy, wz)",
+    ),
+    Rule("saturated", _is_flag, "it should be True or False"),
+    Rule("mode", partial(_is_exactly, Mode), "use servo.types.Mode"),
+    Rule("limits", _are_names, "it should be a tuple of names"),
+    Rule("violated", _are_names, "it should be a tuple of names"),
+    Rule("trace", _is_trace, "use a servo.types.Trace, or None"),
+)
+"""The rules of `servo.types.Command`."""
+EFFECT = tuple(
+    Rule(field, partial(_is_number, least=0), "it should be a factor from 0 on")
+    for field in ("gain", "lamp")
+)
+"""The rules of `sim.types.Effect`."""
+POSE = (
+    Rule("translation", partial(is_array, shape=(3,)), "it should be finite numbers (3,)"),
+    Rule("rotation", partial(is_array, shape=(3, 3)), "it should be finite numbers (3, 3)"),
+)
+"""The rules of `sim.types.Pose`."""
+
+
+def check_estimate(estimate: object, *_: object) -> None:
+    """Check the estimate that a tracker returned for a picture.
+
+    Raises:
+        BrokenContract: It is no `Estimate`, or one of its fields is invalid.
+    """
+    require_fields(require_type(estimate, Estimate, "update"), ESTIMATE)
 
 
 def outline_fault(outline: Array) -> str:
-    """Return what is wrong with the corners (4, 3) of a reference rectangle; nothing where they are
-    those of one, level and clockwise as seen from above.
+    """Return what is wrong with the corners of a reference rectangle; "" if they are valid.
+
+    Args:
+        outline: Corners (4, 3) in the target's frame [m], which should be those of a level
+            rectangle, clockwise as seen from above.
     """
     given = np.asarray(outline, float)
     sides = np.diff(given, axis=0, append=given[:1])
@@ -142,55 +262,46 @@ def outline_fault(outline: Array) -> str:
     return ""
 
 
-def _is_array(values: object, shape: tuple[int, ...], *, finite: bool = True) -> bool:
-    """Return whether values are an array of real numbers of a shape, all of them finite."""
-    return (
-        isinstance(values, np.ndarray)
-        and values.shape == shape
-        and values.dtype.kind in "fiu"
-        and (not finite or bool(np.isfinite(values).all()))
-    )
-
-
-def _require_array(values: object, what: str) -> None:
-    """Refuse a list, and an array of something else than numbers: both are printed as numbers."""
-    if not isinstance(values, np.ndarray):
-        kind = type(values).__name__
-    elif values.dtype.kind in "fiu":
-        return
-    else:
-        kind = f"array of {values.dtype}"
-    raise BrokenContract(f"{what} is of type {kind}; it should be a NumPy array of six floats")
-
-
 def check_features(features: FeatureSet, method: str, found: object, *_: object) -> None:
-    """Check what a method of a feature set returned: for each name a number, six in the matrix.
+    """Check the array that a method of a feature set returned.
+
+    Args:
+        features: The feature set, with k names.
+        method: "matrix" must return (k, 6), the other methods (k,).
+        found: The returned value.
 
     Raises:
-        BrokenContract: It has another shape or type, or a number in it has no meaning.
+        BrokenContract: It has another shape or type, or a number in it is invalid.
     """
     k = len(features.names)
     shape = (k, 6) if method == "matrix" else (k,)
-    if not isinstance(found, np.ndarray):
-        raise BrokenContract(f"{method} returned {type(found).__name__}; it should be {shape}")
-    require(found.shape == shape, "{} returned {}; it should be {}", method, found.shape, shape)
+    values = require_array(found, shape, method)
     if method == "known":
-        require(found.dtype == np.bool_, "known returned {}; it should be {} flags", found, k)
+        require(values.dtype == np.bool_, "known returned {}; it should be {} flags", values, k)
         return
     # An error may hold nan: that of a feature which was not measured.
-    right = _is_array(found, shape, finite=method != "error")
-    right = right and (method != "error" or not np.isinf(found).any())
-    require(right, "{} returned {}; all must be finite", method, found)
-    require(
-        method != "scales" or (found > 0).all(), "scales returned {}; all must be above 0", found
-    )
+    right = is_array(values, shape, finite=method != "error") and not np.isinf(values).any()
+    require(right, "{} returned {}; all must be finite", method, values)
+    right = method != "scales" or (values > 0).all()
+    require(right, "scales returned {}; all must be above 0", values)
+
+
+def require_array(found: object, shape: tuple[int, ...], method: str) -> Array:
+    """Return the value that a method returned, which must be an array with a shape.
+
+    Raises:
+        BrokenContract: It is no NumPy array, or has another shape.
+    """
+    what = found.shape if isinstance(found, np.ndarray) else type(found).__name__
+    require(what == shape, "{} returned {}; it should be {}", method, what, shape)
+    return cast(Array, found)
 
 
 def check_names(features: FeatureSet) -> None:
-    """Check the names of a feature set, and what it gives for each of them.
+    """Check the names of a feature set, and the properties that it states for each of them.
 
     Raises:
-        BrokenContract: Two have one name, or what is said is not of these names.
+        BrokenContract: Two features have one name, or a property does not fit the names.
     """
     names = features.names
     k = len(names)
@@ -200,34 +311,32 @@ def check_names(features: FeatureSet) -> None:
     require(set(features.feed_forward) <= {*names}, "feed_forward names features that do not exist")
     right = set(features.sole_dof) <= {*names} and set(features.sole_dof.values()) <= {*DOF}
     require(right, "sole_dof maps names of features to some of {}", ", ".join(DOF))
-    require(
-        _is_array(features.noise, (k,)) and (features.noise > 0).all(),
-        "noise is not {} numbers above 0",
-        k,
-    )
+    right = is_array(features.noise, (k,)) and (features.noise > 0).all()
+    require(right, "noise is not {} numbers above 0", k)
 
 
 def check_prediction(method: str, prediction: object, given: Array | OwnMotion, *_: object) -> None:
-    """Check what an estimator returned: finite numbers, as many as there are features.
+    """Check the prediction that an estimator returned.
 
     Args:
         method: "update" or "skip"; the latter has no measurement, so no innovation.
-        prediction: What it returned.
-        given: The first argument: the error, or the camera's own part of its change.
+        prediction: The returned value.
+        given: The first argument of the call: the error (k,), or the camera's own motion.
 
     Raises:
-        BrokenContract: It is no `Prediction`, or a number in it has no meaning.
+        BrokenContract: It is no `Prediction`, or an array in it has no k valid numbers.
     """
-    p = prediction
-    if not isinstance(p, Prediction):
-        raise BrokenContract(f"{method} returned {type(p).__name__}, not a Prediction")
+    p = require_type(prediction, Prediction, method)
     k = len(given.past if isinstance(given, OwnMotion) else given)
-    for name in ("error", "motion", "innovation", "nis"):
-        values = getattr(p, name)
-        finite = name in ("error", "motion")
-        kind = "finite numbers" if finite else "numbers, nan for none"
-        right = _is_array(values, (k,), finite=finite)
-        require(right, "{}: {} is {}; it should be {} {}", method, name, values, k, kind)
+    finite = f"it should be {k} finite numbers"
+    measured = f"it should be {k} numbers, nan for features that were not measured"
+    rules = (
+        Rule("error", partial(is_array, shape=(k,)), finite),
+        Rule("motion", partial(is_array, shape=(k,)), finite),
+        Rule("innovation", partial(is_array, shape=(k,), finite=False), measured),
+        Rule("nis", partial(is_array, shape=(k,), finite=False), measured),
+    )
+    require_fields(p, rules, f"{method}: ")
     require(
         method == "update" or np.isnan(p.innovation).all(),
         "skip: nothing was measured, so the innovation is nan; "
@@ -236,93 +345,54 @@ def check_prediction(method: str, prediction: object, given: Array | OwnMotion, 
 
 
 def check_command(command: object, *_: object) -> None:
-    """Check what a controller asks for: six finite numbers.
+    """Check the command that a controller returned.
 
     Raises:
-        BrokenContract: It is no `Command`, or no robot can follow it.
+        BrokenContract: It is no `Command`, or one of its fields is invalid.
     """
-    if not isinstance(command, Command):
-        raise BrokenContract(f"command returned {type(command).__name__}; return a Command")
-    _require_array(command.twist, "the twist")
-    require(
-        _is_array(command.twist, (6,)),
-        "the twist is {}; it should be six finite numbers (vx, vy, vz, wx, wy, wz)",
-        command.twist,
-    )
-    flag = command.saturated
-    require(type(flag) in (bool, np.bool_), "saturated is {!r}; it is True or False", flag)
-    require(type(command.mode) is Mode, "the mode is {!r}; use servo.types.Mode", command.mode)
-    named: dict[str, object] = {"limits": command.limits, "violated": command.violated}
-    for name, limits in named.items():
-        right = isinstance(limits, tuple) and all(type(each) is str for each in limits)
-        require(right, "{} is {!r}; it is a tuple of names", name, limits)
-    _check_trace(command.trace)
-
-
-def _check_trace(trace: object) -> None:
-    """Check how a law says that it came to its twist: numbers, as many as there are features."""
-    if trace is None:
-        return
-    if not isinstance(trace, Trace):
-        raise BrokenContract(f"the trace is {type(trace).__name__}; use a Trace or None")
-    k = np.size(trace.features)
-    for name in ("features", "error", "scales", "own"):
-        values = getattr(trace, name)
-        right = _is_array(values, (k,), finite=False)
-        require(
-            right, "the trace's {} is {!r}; it should be {} numbers, nan for none", name, values, k
-        )
+    c = require_type(command, Command, "command")
+    require_fields(c, COMMAND)
+    if c.trace is not None:
+        k = np.size(c.trace.features)
+        numbers = partial(is_array, shape=(k,), finite=False)
+        names = ("features", "error", "scales", "own")
+        right = f"it should be {k} numbers, nan for unknown ones"
+        require_fields(c.trace, [Rule(name, numbers, right) for name in names])
 
 
 def check_same_features(command: Command, names: tuple[str, ...]) -> None:
-    """Check that a law says this of the features of its scenario.
+    """Check that a command's trace has the features of its scenario, which have these names.
 
     Raises:
-        BrokenContract: The law has another number of features.
+        BrokenContract: The trace has another number of features.
     """
     count = len(names) if command.trace is None else len(command.trace.features)
-    require(
-        count == len(names),
-        "the trace has {} features, but the scenario has {}: {}",
-        count,
-        len(names),
-        ", ".join(names),
-    )
+    sentence = "the trace has {} features, but the scenario has {}: {}"
+    require(count == len(names), sentence, count, len(names), ", ".join(names))
 
 
 def check_pose(pose: object, time: float) -> None:
-    """Check where a motion puts the target.
+    """Check the pose of the target that a motion returned for a time [s].
 
     Raises:
-        BrokenContract: It is no `Pose`, a number in it is not finite, or its rotation is wrong.
+        BrokenContract: It is no `Pose`, or its matrix is no rotation.
     """
-    if not isinstance(pose, Pose):
-        raise BrokenContract(f"at returned {type(pose).__name__}, not a Pose")
-    R = pose.rotation
-    require(
-        _is_array(R, (3, 3)) and _is_array(pose.translation, (3,)),
-        "the target's position is {}, its rotation {}; these must be finite numbers (3,) and "
-        "(3, 3)",
-        pose.translation,
-        R,
-    )
-    require(is_rotation(R, ROUNDING), "at({:g}) is no pose: its matrix (3, 3) is no rotation", time)
+    p = require_type(pose, Pose, "at")
+    require_fields(p, POSE)
+    right = is_rotation(p.rotation, ROUNDING)
+    require(right, "at({:g}) is no pose: its matrix (3, 3) is no rotation", time)
 
 
 def check_effect(effect: object, time: float) -> None:
-    """Check what a disturbance does to the world.
+    """Check the effect that a disturbance returned for a time [s].
 
     Raises:
-        BrokenContract: It is no `Effect`, a factor in it has no meaning, or it is early.
+        BrokenContract: It is no `Effect`, a factor in it is invalid, or it acts before time 0.
     """
-    if not isinstance(effect, Effect):
-        raise BrokenContract(f"at returned {type(effect).__name__}; return an Effect")
-    for name, factor in (("gain", effect.gain), ("lamp", effect.lamp)):
-        right = isinstance(factor, Real) and 0 <= factor <= LARGEST
-        require(right, "the {} is {!r}; it is a factor from 0 on", name, factor)
-    require(
-        time >= 0 or effect == Effect(), "it does something before time 0; return Effect() there"
-    )
+    e = require_type(effect, Effect, "at")
+    require_fields(e, EFFECT)
+    right = time >= 0 or e == Effect()
+    require(right, "it does something before time 0; return Effect() there")
 
 
 CONTRACTS: Mapping[str, Mapping[str, Check | None]] = {
@@ -336,10 +406,10 @@ CONTRACTS: Mapping[str, Mapping[str, Check | None]] = {
     "motion": {"at": check_pose},
     "disturbances": {"at": check_effect},
 }
-"""The methods that each part must have, by its place in a scenario, and the check of what each
-returns."""
+"""The methods that each component must have, by its place in a scenario, and the check of the value
+that each returns."""
 FEATURES = ("values", "matrix", "error", "known", "scales")
-"""The methods of features, whose number decides what is right."""
+"""The methods of feature sets; their checks need the set, for its number of features."""
 
 
 def _checks_of(place: str, part: object) -> Mapping[str, Check | None]:
@@ -350,79 +420,84 @@ def _checks_of(place: str, part: object) -> Mapping[str, Check | None]:
 
 
 def check_built(place: str, built: object) -> None:
-    """Check what a `Config` built: that it has the methods, or the type, of its kind.
+    """Check the component that a `Config` built: its methods, or its type.
 
     Args:
         place: Its place in a scenario, such as "tracker".
-        built: What it built.
+        built: The component.
 
     Raises:
         BrokenContract: A method is missing, it has another type, or its outline is no rectangle.
     """
     kind = type(built).__name__
     for name in _checks_of(place, built):
-        if not callable(getattr(built, name, None)):
-            raise BrokenContract(f"build returned {kind}, which has no method {name}")
-    if place == "features":
-        check_names(cast(FeatureSet, built))
-    if place == "controller":
-        require(
-            not hasattr(built, "aim"),
-            "it has a method aim, which is not called: command finds the goal in seen.goal",
-        )
-    if place == "disturbances":
-        right = isinstance(getattr(built, "props", None), tuple)
-        require(right, "it has no tuple `props`; () if it needs nothing in the scene")
-    if place in ("robot", "target"):
-        _check_model(place, built)
+        has_it = callable(getattr(built, name, None))
+        require(has_it, "build returned {}, which has no method {}", kind, name)
+    match place:
+        case "features":
+            check_names(cast(FeatureSet, built))
+        case "controller":
+            require(
+                not hasattr(built, "aim"),
+                "it has a method aim, which is not called: command finds the goal in seen.goal",
+            )
+        case "disturbances":
+            right = isinstance(getattr(built, "props", None), tuple)
+            require(right, "it has no tuple `props`; () if it needs nothing in the scene")
+        case "robot" | "target":
+            _check_model(place, built)
+        case _:
+            pass
 
 
 def check_sees(config: object, built: object) -> None:
-    """Check that a part can be given the channels that its `Config` declares.
+    """Check that a component can take the channels that its `Config` declares.
 
     Raises:
         BrokenContract: It has no method `see`.
     """
     viewed = needs_of(config) & VIEWED
-    require(
-        not viewed or isinstance(built, Sees),
-        "its Config needs {}, but it has no method see(view) to take that",
-        " and ".join(sorted(channel.name for channel in viewed)),
-    )
+    names = " and ".join(sorted(channel.name for channel in viewed))
+    right = not viewed or isinstance(built, Sees)
+    require(right, "its Config needs {}, but it has no method see(view) to take that", names)
 
 
 def _check_model(place: str, built: object) -> None:
     from sim.kinematics.robot import Design
     from sim.models.target import Target  # MuJoCo: not for a tracker alone
 
-    kind = Design if place == "robot" else Target
-    if not isinstance(built, kind):
-        raise BrokenContract(f"build returned {type(built).__name__}; return a {kind.__name__}")
-    if isinstance(built, Target):
-        right = _is_array(built.outline, (4, 3))
+    found = require_type(built, Design if place == "robot" else Target, "build")
+    if isinstance(found, Target):
+        right = is_array(found.outline, (4, 3))
         require(right, "the outline is not four corners (4, 3) of finite numbers")
-        fault = outline_fault(built.outline)
+        fault = outline_fault(found.outline)
         require(not fault, "the outline: {}", fault)
 
 
 def check_followed(features: FeatureSet, estimate: Estimate, goal: Sight) -> None:
-    """Check that features can be measured by a tracker that has reported what it follows.
+    """Check that features can be measured with a tracker that has reported what it follows.
+
+    Args:
+        features: The feature set.
+        estimate: The first estimate of a visible target.
+        goal: The desired sight.
 
     Raises:
-        BrokenContract: None of them is known by what it follows.
+        BrokenContract: The tracker measures none of the features.
     """
     angle, size = (follows or estimate.corners is not None for follows in estimate.follows)
     sight = replace(goal, angle_known=angle, size_known=size)
-    if not (angle and size) and not features.known(sight).any():
-        missing = " nor ".join(["angle"] * (not angle) + ["size"] * (not size))
-        raise BrokenContract(
-            f"the tracker follows no {missing} of this target, without which none of them is known"
-        )
+    missing = " nor ".join(["angle"] * (not angle) + ["size"] * (not size))
+    require(
+        not missing or features.known(sight).any(),
+        "the tracker follows no {} of this target, without which none of the features is known",
+        missing,
+    )
 
 
 @final
 class _Guarded:
-    """A part whose calls are checked; everything else is its own."""
+    """A component whose method calls are checked; other attributes pass through."""
 
     def __init__(
         self,
@@ -443,33 +518,32 @@ class _Guarded:
         if not callable(found):
             return found
         check = self._checks.get(name)
-        naming = self._naming(name)
 
         def call(*arguments: Any, **named: Any) -> Any:
-            with naming:
+            with self._naming(name):
                 result = found(*arguments, **named)
                 if check is not None:
                     check(result, *arguments)
                 return result
 
-        setattr(self, name, call)  # the next call finds it without coming here
+        setattr(self, name, call)  # later calls find it without `__getattr__`
         return call
 
 
 def guarded(
     part: Built,
     place: str,
-    naming: Callable[[str], AbstractContextManager[Any]] = nullcontext,
+    naming: Callable[[str], AbstractContextManager[object]] = nullcontext,
     *,
     checked: bool = True,
 ) -> Built:
-    """Return the part with all its calls checked.
+    """Return a wrapper of a component that checks each of its method calls.
 
     Args:
-        part: What a `Config` built.
+        part: The component that a `Config` built.
         place: Its place in a scenario, such as "tracker".
-        naming: Gives the context, used again and again, in which a method of this name is called:
-            it may turn an exception into one that names the part.
-        checked: Whether what the methods return is checked too.
+        naming: Returns a context manager for a call of the method of this name, which may turn an
+            exception into one that names the component.
+        checked: Whether returned values are checked too.
     """
     return cast(Built, _Guarded(part, _checks_of(place, part) if checked else {}, naming))

@@ -65,9 +65,9 @@ def predicted(error):
 
 
 OTHER_PARTS = {
-    "skip returned NoneType, not a Prediction": (
+    "skip returned NoneType; return a Prediction": (
         check_estimator, estimator(skip=lambda r: None)),
-    "update: error is [0. 0. 0.]; it should be 4 finite numbers": (
+    "update: Prediction.error is [0. 0. 0.]; it should be 4 finite numbers": (
         check_estimator, estimator(update=lambda r: Prediction.unmeasured(*np.zeros((2, 3))))),
     "nothing was measured, so the innovation is nan": (
         check_estimator, estimator(skip=lambda r: Prediction(*np.zeros((4, 4))))),
@@ -78,14 +78,14 @@ OTHER_PARTS = {
             start=print, aim=print, command=lambda *a: None))),
     "command returned NoneType; return a Command": (check_controller, config_for(
         lambda rng: SimpleNamespace(start=print, command=lambda *a: None))),
-    "it should be six finite numbers (vx, vy, vz, wx, wy, wz)": (check_controller, config_for(
+    "it should be a NumPy array of six finite numbers (vx, vy, vz, wx, wy, wz)": (check_controller, config_for(
         lambda rng: SimpleNamespace(
             start=lambda t: None, command=lambda *a: Command(np.zeros(5))))),
     "the same sights gave other twists the second time": (check_controller, config_for(
         lambda rng: SimpleNamespace(
             start=lambda t: None,
             command=lambda *a: Command(np.random.default_rng().random(6))))),
-    "at returned NoneType, not a Pose": (
+    "at returned NoneType; return a Pose": (
         check_motion, config_for(lambda rng: SimpleNamespace(at=lambda t: None))),
     "at(-0.1) is no pose": (check_motion, config_for(
         lambda rng: SimpleNamespace(at=lambda t: Pose(2 * np.eye(3), np.zeros(3))))),

@@ -175,10 +175,13 @@ SQUARE = np.array([[10.0, 10.0], [50.0, 12.0], [48.0, 40.0], [12.0, 38.0]])
         (SQUARE * [1, 0], "they should lie around an area"),
         (np.array([*SQUARE[:3], [45.0, 30.0]]), "they should lie around an area"),  # a dent
         (SQUARE * 1e-9, "they should lie around an area"),  # OpenCV finds no pose of it
-        (SQUARE * 1e300, "are not four points (4, 2) of finite numbers up to 1e+09"),
-        (SQUARE * np.nan, "are not four points (4, 2) of finite numbers"),
-        (SQUARE[:3], "are not four points (4, 2)"),
-        (SQUARE.tolist(), "are not four points (4, 2)"),
+        (
+            SQUARE * 1e300,
+            "it should be an array of four points (4, 2) of finite numbers up to 1e+09",
+        ),
+        (SQUARE * np.nan, "it should be an array of four points (4, 2) of finite numbers"),
+        (SQUARE[:3], "it should be an array of four points (4, 2)"),
+        (SQUARE.tolist(), "it should be an array of four points (4, 2)"),
     ],
 )
 def test_corners_that_no_picture_of_a_rectangle_has_are_refused(corners, sentence):

@@ -74,58 +74,58 @@ FAILURES = {
     "tracker 'odd': the network gave nothing": tracker(
         update=raises(ValueError("the network gave nothing"))),
     "tracker 'odd': update returned NoneType; return an Estimate": tracker(lambda e: None),
-    "tracker 'odd': the state is State(x=nan, y=1.0, theta=0.0, scale=1.0); its numbers must be "
+    "tracker 'odd': Estimate.state is State(x=nan, y=1.0, theta=0.0, scale=1.0); its numbers must be "
     "finite, scale above 0": tracker(
         lambda e: dataclasses.replace(e, state=State(float("nan"), 1.0))),
-    "tracker 'odd': the state is State(x=1.0, y=1.0, theta=0.0, scale=-1.0); its numbers must be "
+    "tracker 'odd': Estimate.state is State(x=1.0, y=1.0, theta=0.0, scale=-1.0); its numbers must be "
     "finite, scale above 0": tracker(
         lambda e: dataclasses.replace(e, state=State(1.0, 1.0, 0.0, -1.0))),
-    "tracker 'odd': the distance is 1.5; it goes from 0 to 1": tracker(
+    "tracker 'odd': Estimate.distance is 1.5; it should be from 0 to 1": tracker(
         lambda e: dataclasses.replace(e, distance=1.5)),
     "tracker 'odd': build returned SimpleNamespace, which has no method start": {
         "tracker": Given(lambda rng: SimpleNamespace())},
-    "tracker 'odd': the status is 'LOST'; use tracking.types.Status": tracker(
+    "tracker 'odd': Estimate.status is 'LOST'; use tracking.types.Status": tracker(
         lambda e: dataclasses.replace(e, status="LOST")),
-    "tracker 'odd': the corners are not four points (4, 2) of finite numbers":
+    "tracker 'odd': Estimate.corners is [[nan nan]":
         tracker(lambda e: dataclasses.replace(e, corners=np.full((4, 2), np.nan))),
-    "tracker 'odd': evaluations is 'x'; it is a whole number from 0 on": tracker(
+    "tracker 'odd': Estimate.evaluations is 'x'; it should be a whole number from 0 on": tracker(
         lambda e: dataclasses.replace(e, evaluations="x")),
-    "tracker 'odd': evaluations is -5; it is a whole number from 0 on": tracker(
+    "tracker 'odd': Estimate.evaluations is -5; it should be a whole number from 0 on": tracker(
         lambda e: dataclasses.replace(e, evaluations=-5)),
-    "tracker 'odd': evaluations is 2.5; it is a whole number from 0 on": tracker(
+    "tracker 'odd': Estimate.evaluations is 2.5; it should be a whole number from 0 on": tracker(
         lambda e: dataclasses.replace(e, evaluations=2.5)),
-    f"tracker 'odd': evaluations is {2**63}; it is a whole number from 0 on": tracker(
+    f"tracker 'odd': Estimate.evaluations is {2**63}; it should be a whole number from 0 on": tracker(
         lambda e: dataclasses.replace(e, evaluations=2**63)),
-    "tracker 'odd': evaluations is nan; it is a whole number from 0 on": tracker(
+    "tracker 'odd': Estimate.evaluations is nan; it should be a whole number from 0 on": tracker(
         lambda e: dataclasses.replace(e, evaluations=np.nan)),
-    "tracker 'odd': the effective sample size is 'a'; it is a number from 0 on, or nan": tracker(
+    "tracker 'odd': Estimate.ess is 'a'; it should be a number from 0 on, or nan": tracker(
         lambda e: dataclasses.replace(e, ess="a")),
-    "tracker 'odd': the effective sample size is -1.0; it is a number from 0 on, or nan": tracker(
+    "tracker 'odd': Estimate.ess is -1.0; it should be a number from 0 on, or nan": tracker(
         lambda e: dataclasses.replace(e, ess=-1.0)),
-    "controller 'odd': saturated is 'no'; it is True or False": controller(
+    "controller 'odd': Command.saturated is 'no'; it should be True or False": controller(
         Command(np.zeros(6), saturated="no")),
-    "controller 'odd': the mode is 'SERVOING'; use servo.types.Mode": controller(
+    "controller 'odd': Command.mode is 'SERVOING'; use servo.types.Mode": controller(
         Command(np.zeros(6), mode="SERVOING")),
-    "controller 'odd': limits is 'speed'; it is a tuple of names": controller(
+    "controller 'odd': Command.limits is 'speed'; it should be a tuple of names": controller(
         Command(np.zeros(6), limits="speed")),
-    "controller 'odd': violated is (3,); it is a tuple of names": controller(
+    "controller 'odd': Command.violated is (3,); it should be a tuple of names": controller(
         Command(np.zeros(6), violated=(3,))),
-    "controller 'odd': the trace is str; use a Trace or None": controller(
-        Command(np.zeros(6), trace="x")),
-    "controller 'odd': the trace's error is 'x'; it should be 4 numbers, nan for none": controller(
+    "controller 'odd': Command.trace is 'how'; use a servo.types.Trace, or None": controller(
+        Command(np.zeros(6), trace="how")),
+    "controller 'odd': Trace.error is 'x'; it should be 4 numbers, nan for unknown ones": controller(
         Command(np.zeros(6), trace=Trace(np.zeros(4), "x", None, np.ones(4), np.zeros(4)))),
     "controller 'odd': command returned list; return a Command": controller([0.0] * 6),
-    "controller 'odd': the twist is [nan  0.  0.  0.  0.  0.]; it should be six finite numbers":
+    "controller 'odd': Command.twist is [nan  0.  0.  0.  0.  0.]; it should be a NumPy array of six finite numbers":
         controller(Command(np.array([np.nan, 0, 0, 0, 0, 0]))),
-    "controller 'odd': the twist is of type list; it should be a NumPy array of six floats":
+    "controller 'odd': Command.twist is [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]; it should be a NumPy array of six":
         controller(Command([0.0] * 6)),
-    "controller 'odd': the twist is of type array of object; it should be a NumPy array of six ":
+    "controller 'odd': Command.twist is [0 0 0 0 0 0]; it should be a NumPy array of six ":
         controller(Command(np.zeros(6, object))),
-    "controller 'odd': the twist is [0. 0. 0.]; it should be six finite numbers":
+    "controller 'odd': Command.twist is [0. 0. 0.]; it should be a NumPy array of six finite numbers":
         controller(Command(np.zeros(3))),
-    "motion 'odd': the target's position is [ 0. nan  0.], its rotation ": at(
+    "motion 'odd': Pose.translation is [ 0. nan  0.]; it should be finite numbers (3,)": at(
         lambda t: Pose(np.eye(3), ORIGIN if t < 0.05 else np.array([0.0, np.nan, 0.0]))),
-    "motion 'odd': at returned NoneType, not a Pose": at(lambda t: None),
+    "motion 'odd': at returned NoneType; return a Pose": at(lambda t: None),
     "still: robot: wrong base": {"robot": Given(raises(ValueError("wrong base")).__get__(0))},
     "target 'odd': TypeError: no mesh": {"target": Given(raises(TypeError("no mesh")).__get__(0))},
 }  # fmt: skip
@@ -188,7 +188,7 @@ def test_an_estimate_that_is_not_finite_is_named():
     with pytest.raises(PartFailed) as failed:
         list(run(dataclasses.replace(load("still", SHORT), estimator=Given(lambda rng: Lost()))))
     assert str(failed.value) == (
-        "estimator 'odd': update: error is [nan nan nan nan]; it should be 4 finite numbers"
+        "estimator 'odd': update: Prediction.error is [nan nan nan nan]; it should be 4 finite numbers"
     )
 
 

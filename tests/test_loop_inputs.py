@@ -73,8 +73,10 @@ SETUPS = {
 }
 SENTENCES = {
     "a name": "scenario: expected a Setup, got a str",
-    "a camera with half a pixel": ("camera: sides should be whole numbers of pixels, got 320.5"),
-    "a camera with a flag as height": "camera: sides should be whole numbers of pixels, got True",
+    "a camera with half a pixel": (
+        "camera: sides should be whole numbers of pixels, got (320.5, 240)"
+    ),
+    "a camera with a flag as height": "camera: sides should be whole numbers of pixels, got (320, True)",
     "a camera of huge numbers": "camera: expected finite numbers up to 1e+09, got [1e+300, ",
     "a tilted outline": "outline: expected four corners of one height, got the heights [",
     "a bent outline": "outline: expected the four corners of a rectangle, clockwise",

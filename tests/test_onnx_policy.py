@@ -102,8 +102,8 @@ def test_what_cannot_be_used_is_one_sentence(tmp_path, monkeypatch):
     assert refused(path).startswith(f"line: controller: file = '{path}': Load model from ")
     for weights, sentence in (
         (np.ones((3, 6)), "controller 'onnx': Got invalid dimensions for input: joints"),
-        (np.ones((6, 3)), "it should be six finite numbers (vx, vy, vz, wx, wy, wz)"),
-        (np.full((6, 6), np.nan), "the twist is [nan nan nan nan nan nan]"),
+        (np.ones((6, 3)), "it should be a NumPy array of six finite numbers (vx, "),
+        (np.full((6, 6), np.nan), "Command.twist is [nan nan nan nan nan nan]"),
     ):
         taken, given = weights.shape
         shapes = {"joints": (1, taken)}, {"twist": (1, given)}

@@ -86,9 +86,15 @@ def test_plain_laws_are_checked_as_others():
 @pytest.mark.parametrize(
     ("law", "sentence"),
     [
-        (lambda seen, task: np.zeros(3), "the twist is [0. 0. 0.]; it should be six finite numb"),
-        (lambda seen, task: np.full(6, 1j), "the twist is of type array of complex128; it should"),
-        (lambda seen, task: None, "the twist is nan; it should be six finite numbers"),
+        (
+            lambda seen, task: np.zeros(3),
+            "Command.twist is [0. 0. 0.]; it should be a NumPy array of six finite numb",
+        ),
+        (lambda seen, task: np.full(6, 1j), "Command.twist is ["),
+        (
+            lambda seen, task: None,
+            "Command.twist is nan; it should be a NumPy array of six finite numbers",
+        ),
         (type("Bare", (), {"command": print}), "build returned Bare, which has no method start"),
         (lambda: 3, "TypeError: "),
         (3, "controller: '3' is no Config: "),

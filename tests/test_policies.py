@@ -125,10 +125,13 @@ def test_policies_are_checked_as_laws():
 @pytest.mark.parametrize(
     ("policy", "sentence"),
     [
-        (lambda a, b, c: np.zeros(3), "the twist is [0. 0. 0.]; it should be six finite numbers"),
+        (
+            lambda a, b, c: np.zeros(3),
+            "Command.twist is [0. 0. 0.]; it should be a NumPy array of six finite numbers",
+        ),
         (
             lambda a, b, c: np.full(6, np.nan),
-            "the twist is [nan nan nan nan nan nan]; it should be",
+            "Command.twist is [nan nan nan nan nan nan]; it should be",
         ),
         (lambda a, b, c: a.nothing, "AttributeError: 'numpy.ndarray' object has no attribute"),
     ],

@@ -1,4 +1,4 @@
-"""Controllers, one a file: `Config.build(rng)` gives a `Controller`."""
+"""Controllers, one a file: `Config.build(rng)` returns a `Controller`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear bounds on a camera twist, of its speed, of joints and of the view, each with its name."""
+"""Named linear bounds on a camera twist: of its speed, of the joints and of the view."""
 
 from dataclasses import dataclass, replace
 
@@ -14,29 +14,30 @@ from sim.types import Array, Camera, Posture
 SINGULAR = 0.01
 """Singular values of a robot's Jacobian below this share of the largest count as zero."""
 RANGE_MARGIN = 0.01
-"""Way to the end of a joint's range that is kept [m or rad]: the robot itself stops there."""
+"""Distance that a joint keeps from the ends of its range [m or rad]; the robot itself stops there.
+"""
 RANGE_GAIN = 8.0
-"""How fast a joint may use up its way to there [1/s], as the robot has it; at most the frame rate
-counts."""
+"""Largest rate at which a joint may approach the end of its range, over the distance left [1/s]:
+the robot's own. At most the frame rate counts."""
 STEP = 1e-6
-"""Step of the differences by which the bending of a lens is linearised."""
+"""Step of the finite differences that linearise a lens, in normalised coordinates."""
 NEVER = 1e30
-"""DAQP takes a bound of this size for none."""
+"""DAQP ignores bounds of this size."""
 SIDES = (*[("view left", "view right")] * 4, *[("view top", "view bottom")] * 4)
 
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """lower <= A v <= upper, for camera twists v (6,)."""
+    """Bounds lower <= A v <= upper of a camera twist v (6,)."""
 
     A: Array
-    """(m, 6)."""
+    """Rows (m, 6), one for each bound."""
     lower: Array
-    """(m,)."""
+    """Lower bounds (m,)."""
     upper: Array
-    """(m,)."""
+    """Upper bounds (m,)."""
     names: tuple[tuple[str, str], ...]
-    """Of each lower and upper bound."""
+    """Names of each row's lower and upper bound, such as ("view left", "view right")."""
 
     def __add__(self, other: "Bounds") -> "Bounds":
         return Bounds(
@@ -47,39 +48,50 @@ class Bounds:
         )
 
     def excess(self, v: Array) -> Array:
-        """Return by how much a twist (6,) is outside (m,): below a lower bound negative, inside
-        zero.
+        """Return by how much (m,) a twist (6,) exceeds the upper bounds (positive) or the lower
+        bounds (negative); 0 for bounds that it keeps.
         """
         at = self.A @ v
         return at - at.clip(self.lower, self.upper)
 
     def names_at(self, sides: NDArray[np.generic]) -> tuple[str, ...]:
-        """Return the names of the upper bounds where sides (m,) are positive, of the lower where
-        negative.
+        """Return the names of bounds, each once.
+
+        Args:
+            sides: For each row (m,): positive for its upper bound, negative for its lower bound, 0
+                for none of both.
         """
         found = (self.names[i][int(sides[i] > 0)] for i in np.flatnonzero(sides))
         return tuple(dict.fromkeys(found))
 
 
+UNBOUNDED = Bounds(np.zeros((0, 6)), np.zeros(0), np.zeros(0), ())
+"""No bounds."""
+
+
 def speed_bounds(fastest: float, fastest_turn: float) -> Bounds:
-    """Return those of each part of the twist by itself [m/s, rad/s]: the box around all twists that
-    are slow enough.
+    """Return bounds of each component of the twist: the box around all twists that keep both
+    limits.
+
+    Args:
+        fastest: Largest speed [m/s].
+        fastest_turn: Largest angular speed [rad/s].
     """
     most = np.repeat([fastest, fastest_turn], 3)
     return Bounds(np.eye(6), -most, most, (("speed", "speed"),) * 6)
 
 
 def joint_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
-    """Return those of the joint rates J# v that drives make of a twist; a joint that stands always
-    keeps them.
+    """Return bounds of the joint rates J# v, by the joints' ranges and largest rates. Joints at
+    rest keep them.
 
     Args:
-        posture: The robot.
-        way: What the camera still moves (6,) before the twist acts [m, rad].
+        posture: Joints, limits and Jacobian of the robot.
+        way: Displacement (6,) of the camera before the twist acts [m, rad].
         dt: Time since the last frame [s].
 
     Returns:
-        None where the posture has no joints, or no Jacobian that can be used.
+        The bounds; None if the robot has no joints, or no finite Jacobian.
     """
     ranges = range_bounds(posture, way, dt)
     if ranges is None:
@@ -90,13 +102,15 @@ def joint_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
 
 
 def range_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
-    """Return those of `joint_bounds` that come from the joints' ranges."""
+    """Return the bounds of the joint rates by the joints' ranges alone; arguments and result are
+    those of `joint_bounds`.
+    """
     p = posture
     J = posture.jacobian
     if J.size == 0 or not np.isfinite(J).all():
         return None
     A = inverse_of(J)
-    q = p.joints + A @ way
+    q = p.joints + A @ way  # where the joints are when the twist begins to act
     gain = min(RANGE_GAIN, 1 / dt)
     back = (gain * (p.lower + RANGE_MARGIN - q)).clip(-NEVER, 0.0)
     on = (gain * (p.upper - RANGE_MARGIN - q)).clip(0.0, NEVER)
@@ -106,7 +120,7 @@ def range_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
 
 
 def inverse_of(J: Array) -> Array:
-    """Return J# (n, 6), without its singular part."""
+    """Return the pseudo-inverse J# (n, 6) of a Jacobian (6, n), without its singular directions."""
     plain = inverse_if_strong(J, SINGULAR) if J.shape[0] == J.shape[1] else None
     return np.linalg.pinv(J, SINGULAR).astype(np.float64) if plain is None else plain
 
@@ -114,14 +128,14 @@ def inverse_of(J: Array) -> Array:
 def view_bounds(
     desired: DesiredTwist, seen: Sight, camera: Camera, margin: float, gain: float
 ) -> Bounds:
-    """Return those of the target's corners, towards the sides of the picture [px/s].
+    """Return bounds of the corners' velocities towards the sides of the picture [px/s].
 
     Args:
-        desired: What the law asks for, and what it knows.
+        desired: The law's twist, with the motions of camera and target.
         seen: The target, with its corners.
-        camera: Picture and lens.
-        margin: Way to the sides that is kept [px].
-        gain: How fast a corner may use up the rest [1/s].
+        camera: Size of the picture, and intrinsics.
+        margin: Distance that the corners keep from the sides [px].
+        gain: Largest velocity towards a side, over the distance left [1/s].
     """
     pixels = camera.to_pixels(corners_of(seen))
     A = _pixel_rows(seen, camera)
@@ -132,12 +146,11 @@ def view_bounds(
 
 
 def _pixel_rows(seen: Sight, camera: Camera) -> Array:
-    """Return the interaction matrix (8, 6) of the corners in the picture [px]: four rows of u, four
-    of v.
-    """
+    """Return the interaction matrix (8, 6) of the corners in pixels: four rows of u, four of v."""
     rows = corner_rows(seen)
     if camera.distortion is None:
         return np.concatenate([camera.fx * rows[0], camera.fy * rows[1]])
+    # A lens: the chain rule, with the derivatives of the pixel by x and by y.
     corners = corners_of(seen)
     here = camera.to_pixels(corners)
     there = camera.to_pixels(corners + STEP * np.eye(2)[:, None])

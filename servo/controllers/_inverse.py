@@ -1,6 +1,4 @@
-"""The weighted pseudo-inverse of an interaction matrix, and secondary tasks for the motions
-that it leaves free.
-"""
+"""The weighted pseudo-inverse of an interaction matrix, and secondary tasks in its null space."""
 
 from dataclasses import dataclass
 from math import sqrt
@@ -14,15 +12,15 @@ from sim.geometry import inverse_if_strong
 from sim.types import Array, Posture
 
 RANK_TOLERANCE = 1e-6
-"""Singular values below this share of the largest count as zero: far above rounding, far below
-what features of different units differ by."""
+"""Singular values below this share of the largest count as zero: far above rounding errors, far
+below the ratios between features of different units."""
 INDEPENDENT = 0.05
-"""A feature is servoed where the joints move it, without moving those before it, by more than this
-share of what the camera could; chosen by hand."""
+"""A feature is servoed if the joints can move it, without moving the features before it, by more
+than this share of what a free camera could; chosen by hand."""
 Secondary = Literal["level", "avoid_limits", "centre"]
 FAR = 0.75
-"""A joint farther than this from its middle, over half its range, is near its limit (the threshold
-of Chaumette and Marchand 2001)."""
+"""Distance of a joint from mid-range, over half its range, from which it is near its limit (the
+threshold of Chaumette and Marchand 2001)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +28,7 @@ class Inverse:
     """The map from a desired de/dt to a camera twist."""
 
     pseudo: Array
-    """L# (6, k): of all twists that give the desired de/dt, the one least in weighted norm."""
+    """L# (6, k), which gives the twist of least weighted norm for a desired de/dt."""
     L: Array
     """The interaction matrix (k, 6) itself."""
     moves: NDArray[np.bool_]
@@ -38,15 +36,15 @@ class Inverse:
 
     @property
     def free(self) -> Array:
-        """I - L# L (6, 6), over what may move: takes any twist to the part of it that changes no
-        feature.
+        """I - L# L (6, 6), for the degrees of freedom that may move: projects a twist onto the part
+        that changes no feature.
         """
         return (np.eye(len(self.moves)) - self.pseudo @ self.L) * self.moves
 
     @staticmethod
     def through_joints(L: Array, rows: NDArray[np.bool_], jacobian: Array) -> "Inverse":
-        """Return the inverse over what the joints of a robot can do: J (L J)+, the twist of the
-        joint rates that come nearest to the desired de/dt.
+        """Return the inverse J (L J)+ of a robot with few joints: the twist of the joint rates that
+        come nearest to the desired de/dt.
 
         Args:
             L: Interaction matrix (k, 6).
@@ -81,9 +79,9 @@ class Inverse:
 
 
 def servoed_by(L: Array, jacobian: Array) -> NDArray[np.bool_]:
-    """Return the features (k,) that the joints of a robot can servo: of a set with at most as many
-    features as a camera has degrees of freedom, those that move independently, in their order; of
-    a larger one all, as nearly as the joints can.
+    """Return True (k,) for each feature that the joints of a robot can servo. Of up to six
+    features, these are the ones that the joints move independently of those before them; more than
+    six are all servoed, by least squares.
 
     Args:
         L: Interaction matrix (k, 6).
@@ -102,7 +100,7 @@ def servoed_by(L: Array, jacobian: Array) -> NDArray[np.bool_]:
 
 
 def _pinv(A: Array) -> Array:
-    """Return the pseudo-inverse; of a square matrix that is strong enough, the plain inverse."""
+    """Return the pseudo-inverse; the plain inverse of a well-conditioned square matrix."""
     if A.size == 0:
         return A.T
     if A.shape[0] == A.shape[1]:
@@ -117,25 +115,24 @@ def _pinv(A: Array) -> Array:
 
 
 def level(posture: Posture) -> Array:
-    """Return the turn (6,), per unit of gain, of the optical axis to straight down: z x down."""
+    """Return the twist (6,), per unit of gain, that rotates the optical axis z to straight down:
+    its angular velocity is z x down.
+    """
     x, y, _ = posture.down.tolist()
     return np.array([0.0, 0.0, 0.0, -y, x, 0.0])
 
 
 def centre(posture: Posture) -> Array:
-    """Return the twist (6,), per unit of gain, that takes all limited joints to the middles of
-    their ranges.
-    """
+    """Return the twist (6,), per unit of gain, that moves all limited joints towards mid-range."""
     limited, away, half = _ranges(posture)
     return -posture.jacobian[:, limited] @ (away * half)
 
 
 def avoid_limits(posture: Posture) -> Array:
-    """Return the twist (6,), per unit of gain, that takes joints away from limits that they are
-    near to.
+    """Return the twist (6,), per unit of gain, that moves joints away from near limits.
 
-    The negative gradient of h = sum max(0, |away| - FAR)^2 / 2, over the joints' ranges (Chaumette
-    and Marchand 2001).
+    It is the negative gradient of h = sum max(0, |away| - FAR)^2 / 2, over the joints' ranges
+    (Chaumette and Marchand 2001).
     """
     limited, away, half = _ranges(posture)
     excess = np.sign(away) * np.maximum(np.abs(away) - FAR, 0.0)
@@ -143,8 +140,8 @@ def avoid_limits(posture: Posture) -> Array:
 
 
 def _ranges(posture: Posture) -> tuple[NDArray[np.intp], Array, Array]:
-    """Return the joints that are limited, their distances from the middles (-1..1), and half their
-    ranges.
+    """Return the indices of the limited joints, their distances from mid-range (-1 to 1), and half
+    their ranges [m or rad].
     """
     limited = np.flatnonzero(np.isfinite(posture.lower) & np.isfinite(posture.upper))
     low = posture.lower[limited]
@@ -157,5 +154,5 @@ TASKS = {"level": level, "avoid_limits": avoid_limits, "centre": centre}
 
 
 def twist_of(tasks: tuple[Secondary, ...], posture: Posture) -> Array:
-    """Return the sum (6,) of the tasks' twists, per unit of gain."""
+    """Return the sum (6,) of the twists of secondary tasks, per unit of gain."""
     return sum((TASKS[name](posture) for name in tasks), start=np.zeros(6))

@@ -1,4 +1,4 @@
-"""The settings of the control law, and the gain that adapts."""
+"""The settings of the control law, and its adaptive gain."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -15,7 +15,7 @@ from sim.types import Array
 
 Dof = Literal["vx", "vy", "vz", "wx", "wy", "wz"]
 UNTILTED = ("vx", "vy", "vz", "wz")
-"""Degrees of freedom that leave the camera's axis as it is."""
+"""Degrees of freedom that do not tilt the optical axis."""
 Weight = Annotated[float, Ge(0), Le(1e6)]
 Gain = Annotated[float, Ge(1e-6), Le(1000)]
 Limit = Annotated[float, Ge(1e-6), Le(100)]
@@ -24,47 +24,46 @@ LimitOfChange = Annotated[float, Ge(1e-3), Le(1e6)]
 
 @dataclass(frozen=True, slots=True)
 class LawSettings:
-    """The control law."""
+    """Settings of the control law."""
 
     gain: Gain = 2.0
-    """lambda [1/s], at the goal; with one frame of delay and period T the loop is unstable from
+    """Gain lambda at the goal [1/s]; with one frame of delay and period T the loop is unstable from
     lambda T = 1 on.
     """
     gain_far: Gain | None = None
-    """lambda far from the goal [1/s], for a gain that adapts; by default it is the same."""
+    """Gain lambda far from the goal [1/s], for an adaptive gain; by default equal to `gain`."""
     gain_slope: Annotated[float, Ge(0), Le(1e6)] = 30.0
-    """How fast lambda falls from the goal outwards: -d lambda / d |L# e| there, |.| the largest
-    component as in ViSP's vpAdaptiveGain."""
+    """Slope -d lambda / d |L# e| of the adaptive gain at the goal, where |.| is the largest
+    component, as in ViSP's vpAdaptiveGain."""
     smooth_start: Annotated[float, Ge(0), Le(1000)] = 0.0
-    """mu [1/s]: the first velocity is taken away at first, and fades in as 1 - exp(-mu t), from the
-    first picture on in which all features are known; 0: the camera starts at once.
+    """Rate mu of a smooth start [1/s]: the first velocity fades in as 1 - exp(-mu t), from the
+    first picture in which all features are known; 0: the camera starts at once.
     """
     dof: tuple[Dof, ...] | None = None
-    """Parts of the camera twist that may move; by default all six where there are six features or
-    more and the tilt of the target's plane is seen, else vx, vy, vz, wz."""
+    """Components of the camera twist that may move; by default all six if there are six features or
+    more and the tilt of the target's plane is measured, else vx, vy, vz, wz."""
     weights: tuple[Weight, Weight, Weight, Weight, Weight, Weight] = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
-    """How readily each part of the twist moves, where several could; 0.1 on wx and wy keeps a
-    camera with all six almost level."""
+    """Weights of the components of the twist, if several could reduce the error; 0.1 for wx and wy
+    keeps a camera with six degrees of freedom almost level."""
     secondary: tuple[Secondary, ...] = ()
-    """What the motions that change no feature are used for: "level" (optical axis straight down),
-    "avoid_limits" (of the joints), "centre" (joints to the middles of their ranges)."""
+    """Secondary tasks for the motions that change no feature: "level" (optical axis straight down),
+    "avoid_limits" (of the joints), "centre" (joints to mid-range)."""
     secondary_gain: Gain = 1.0
     """Gain of the secondary tasks [1/s]."""
     feed_forward: tuple[str, ...] | None = None
-    """Features whose target motion is compensated; those that do not move only add noise. By
-    default those that the feature set names: xn and yn of "moments"."""
+    """Features whose target motion is compensated; features that do not move would only add noise.
+    By default those of the feature set: xn and yn of "moments"."""
     matrix: Literal["current", "desired", "mean"] = "current"
-    """Where the interaction matrix is taken: at s, at s*, or the mean of both."""
+    """Point at which the interaction matrix is computed: at s, at s*, or the mean of both."""
     interval: Literal["mean", "end"] = "mean"
-    """Where the matrix is taken for what the camera causes in a frame interval: the mean of both
-    ends, or the end, as in ViSP, which is half a frame off."""
+    """Interaction matrix for the effect of the camera's motion in a frame interval: the mean of
+    both ends, or that of the end, as in ViSP, which is half a frame late."""
     coast: Time = 1.0
-    """How long the estimated motion is still followed while the target is not seen [s]; then hold.
-    """
+    """Time for which the camera follows the estimated motion while the target is not seen [s]; then
+    it holds."""
     search_after: Time | None = None
-    """How long the camera holds before it searches the target on a spiral [s]; by default it never
-    does.
-    """
+    """Time for which the camera holds before it searches the target on a spiral [s]; by default it
+    never searches."""
     search_speed: Limit = 0.1
     """Speed of the camera while it searches [m/s]."""
     fastest: Limit = 0.6
@@ -93,8 +92,10 @@ class LawSettings:
             )
 
     def moves(self, *, six: bool) -> NDArray[np.bool_]:
-        """Return the degrees of freedom (6,) that may move, where six can be controlled or only
-        four.
+        """Return True (6,) for each degree of freedom that may move.
+
+        Args:
+            six: Whether the features control all six, or four (vx, vy, vz, wz).
         """
         chosen = self.dof if self.dof is not None else DOF if six else UNTILTED
         return np.array([name in chosen for name in DOF])
@@ -102,13 +103,13 @@ class LawSettings:
     def moves_for(
         self, features: FeatureSet, known: NDArray[np.bool_], *, tilt_seen: bool
     ) -> NDArray[np.bool_]:
-        """Return the degrees of freedom (6,) that may move: while the depth or the angle is not
-        known, the part of the twist that it alone controls is zero.
+        """Return True (6,) for each degree of freedom that may move. A degree of freedom that one
+        feature alone controls does not move while this feature is not measured.
 
         Args:
-            features: What is servoed.
-            known: Which of the features (k,) are known.
-            tilt_seen: Whether the tilt of the target's plane is.
+            features: The feature set.
+            known: True (k,) for each feature that is measured.
+            tilt_seen: Whether the tilt of the target's plane is measured.
         """
         moves = self.moves(six=tilt_seen and len(known) >= len(DOF))
         for name, dof in features.sole_dof.items():
@@ -117,11 +118,11 @@ class LawSettings:
 
 
 def adaptive_gain(config: LawSettings, ahead: Array) -> float:
-    """Return lambda(x) = (l0 - linf) exp(-l0' x / (l0 - linf)) + linf, as in ViSP.
+    """Return the gain lambda(x) = (l0 - linf) exp(-l0' x / (l0 - linf)) + linf [1/s], as in ViSP.
 
     Args:
-        config: l0 is its gain, linf its gain_far, l0' its gain_slope.
-        ahead: L# e (6,); x is its largest part.
+        config: Gives l0 (gain), linf (gain_far) and l0' (gain_slope).
+        ahead: The twist L# e (6,); x is its largest component.
     """
     if config.gain_far is None or config.gain_far == config.gain:
         return config.gain

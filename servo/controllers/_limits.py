@@ -1,4 +1,4 @@
-"""Limits of a law's twist: of speed and acceleration, and those of a guard."""
+"""Limits of a law's twist: of speed and acceleration, and the protocol of further limits."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -14,22 +14,22 @@ from sim.types import Array, Posture
 
 @dataclass(frozen=True, slots=True)
 class DesiredTwist:
-    """What the law asks for, and what it knows."""
+    """The twist that a law desires, and the state that limits depend on."""
 
     twist: Array
     """Camera twist (6,) of the law, before any limit [m/s, rad/s]."""
     target: Array
-    """The target's own motion, as the twist (6,) of a camera that sees a still target move so."""
+    """The twist (6,) with which a camera would see a target at rest move as this one does."""
     L: Array
     """Interaction matrix (k, 6) of the features that are known, over their scales."""
     moves: NDArray[np.bool_]
     """Degrees of freedom (6,) that may move."""
     way: Array
-    """What the camera still moves (6,) before this command acts [m, rad]."""
+    """Displacement (6,) of the camera before this command acts [m, rad]."""
     seen: Sight | None
-    """The target; None where it is not seen."""
+    """The target; None if it is not seen."""
     posture: Posture
-    """What the robot knows of itself."""
+    """Joints, limits and Jacobian of the robot."""
     dt: float
     """Time since the last frame [s]."""
 
@@ -43,14 +43,14 @@ class LimitedTwist:
     limits: tuple[str, ...] = ()
     """Names of the limits that changed it."""
     violated: tuple[str, ...] = ()
-    """Those that it does not keep."""
+    """Names of the limits that the twist does not keep."""
 
 
 class Guard(Protocol):
-    """Changes the law's twist where it would break a limit."""
+    """Changes a law's twist if it would break a limit."""
 
     def start(self, task: Task) -> None:
-        """Begin a task.
+        """Begin a run.
 
         Raises:
             ValueError: A setting does not fit the task.
@@ -58,13 +58,13 @@ class Guard(Protocol):
         ...
 
     def limited(self, desired: DesiredTwist) -> LimitedTwist:
-        """Return the twist instead of the one that is desired."""
+        """Return the allowed twist that replaces the desired one."""
         ...
 
 
 @final
 class Limits:
-    """Shortens twists, and changes of twists, as a whole, so that they keep their direction."""
+    """Limits of speed and acceleration: twists, and their changes, keep their direction."""
 
     def __init__(
         self,
@@ -73,7 +73,14 @@ class Limits:
         acceleration: float | None,
         acceleration_turn: float | None,
     ) -> None:
-        """Begin at rest, with limits in m/s, rad/s, m/s^2 and rad/s^2; None: there is none."""
+        """Begin at rest.
+
+        Args:
+            speed: Largest speed [m/s].
+            turn: Largest angular speed [rad/s].
+            acceleration: Largest acceleration [m/s^2]; None: unlimited.
+            acceleration_turn: Largest angular acceleration [rad/s^2]; None: unlimited.
+        """
         self._speed = speed
         self._turn = turn
         self._most_change = None
@@ -82,7 +89,7 @@ class Limits:
         self._last = np.zeros(6)
 
     def apply(self, twist: Array, dt: float) -> tuple[Array, bool]:
-        """Return the twist (6,) that is allowed now, and whether it differs from the one asked for.
+        """Return the allowed twist (6,), and whether it differs from the given one.
 
         Args:
             twist: Camera twist (6,) [m/s, rad/s].
@@ -99,6 +106,8 @@ class Limits:
 
 
 def excess(twist: Array, speed: float, turn: float) -> float:
-    """Return how many times as fast as allowed a twist (6,) is, in m/s or in rad/s."""
+    """Return the speed of a twist (6,) over the limit [m/s], or its angular speed over the limit
+    [rad/s], whichever is larger.
+    """
     vx, vy, vz, wx, wy, wz = twist.tolist()
     return max(hypot(vx, vy, vz) / speed, hypot(wx, wy, wz) / turn)

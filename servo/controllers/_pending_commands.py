@@ -1,4 +1,4 @@
-"""Commands that do not act yet, and how much of them the robot's limits will let through."""
+"""Commands that have not acted yet, and the share of them that the robot's limits will allow."""
 
 from collections import deque
 from math import ceil
@@ -9,31 +9,35 @@ import numpy as np
 from sim.types import Array, Posture
 
 WHOLE_FRAMES = 1e-6
-"""A latency that is longer than whole frame intervals by less than this is rounded."""
+"""Excess of a latency over whole frame intervals that counts as rounding [frame intervals]."""
 WHOLE = 1 - 1e-6
-"""A share from here on counts as all of it: rates and twists are rounded."""
+"""Share from which a command counts as fully accepted: rates and twists are rounded."""
 
 
 @final
 class PendingCommands:
-    """The last commands: the one that acted until the last picture, and those that come."""
+    """The command that acted until the last picture, and those that will act."""
 
     def __init__(self, latency: float) -> None:
-        """Begin with none; each acts this many frame intervals after it was asked for."""
+        """Begin at rest; each command acts `latency` frame intervals after its picture."""
         count = ceil(latency - WHOLE_FRAMES)
         self._twists = deque([np.zeros(6)] * (count + 1), maxlen=count + 1)
         self._first = latency - (count - 1)
 
     def add(self, twist: Array) -> None:
-        """Ask for a twist (6,)."""
+        """Add the newest commanded twist (6,)."""
         self._twists.append(twist)
 
     def coming(self, posture: Posture, dt: float) -> list[tuple[Array, float]]:
-        """Return the twists (6,) that will act before the next command does, the next one first,
-        and how long each will, over the interval dt [s] since the last picture.
+        """Return the twists (6,) that will act before the next command, in order, each with its
+        duration over dt.
 
-        Where the drives accepted only a part of the last command, because a joint is at its limit,
-        they will accept no more of another one in its direction.
+        If the drives accepted only a share of the last command, because a joint is at its limit,
+        they are expected to accept no more of another command in its direction.
+
+        Args:
+            posture: The robot; its `accepted` is the twist that the drives accepted.
+            dt: Time since the last picture [s].
         """
         acted, *own = self._twists
         shares = [self._first, *[1.0] * len(own)]

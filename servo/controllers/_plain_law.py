@@ -1,9 +1,9 @@
-"""A control law without a `Config`: a class with `start` and `command`, or a function; and a
-policy: a class with `act`, or a function of three.
+"""Control laws and policies without a `Config`.
 
-A law is called as law(seen, task) for each picture in which the target is seen, and returns the
-twist (6,) or a `Command`; the camera stands still in the others. A policy is called as
-act(picture, goal_picture, posture) for each picture. Arguments with a default are the settings.
+A law is a class with `start` and `command`, or a function law(seen, task) that is called for each
+picture in which the target is seen and returns the twist (6,) or a `Command`; without a target the
+camera stands still. A policy is a class with a method, or a function, act(picture, goal_picture,
+posture) that is called for each picture. Arguments with a default value are settings.
 """
 
 import inspect
@@ -23,13 +23,13 @@ from sim.types import Array, Image, Posture
 Law = Callable[..., Array | Command]
 Act = Callable[[Image, Image, Posture], Array]
 SEES_PICTURES = frozenset({Channel.PICTURE, Channel.GOAL_PICTURE})
-"""The channels of a policy."""
+"""Channels that a policy needs."""
 PICTURES = 3
-"""Arguments of a function that is a policy: picture, goal_picture, posture."""
+"""Number of arguments of a policy: picture, goal_picture, posture."""
 
 
 def adapted(found: Any) -> type[Any] | None:
-    """Return a `Config` class for a law or a policy of one's own; None for what is none."""
+    """Return a `Config` class for a user's law or policy; None for any other object."""
     if has_methods(found, "command"):
         return plain_config(found, "command")
     if has_methods(found, "act"):
@@ -49,26 +49,26 @@ def _of_object(policy: Any) -> "PolicyLaw":
 
 
 def _asks_for(law: Callable[..., Any]) -> int:
-    """Return how many arguments have no default."""
+    """Return the number of arguments without a default value."""
     taken = inspect.signature(law).parameters.values()
     return sum(p.default is p.empty and p.kind is p.POSITIONAL_OR_KEYWORD for p in taken)
 
 
 @final
 class FunctionLaw:
-    """A function as a controller."""
+    """A controller that calls a function."""
 
     def __init__(self, law: Law, settings: dict[str, Any]) -> None:
-        """Take the function, and its arguments besides `seen` and `task`."""
+        """Store the function, and the values of its arguments other than `seen` and `task`."""
         self._law = law
         self._settings = settings
 
     def start(self, task: Task) -> None:
-        """Begin a task."""
+        """Begin a run."""
         self._task = task
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return what the function asks for; without a target, no motion."""
+        """Return the command of the function; a twist of zero if the target is not seen."""
         if seen is None:
             return Command(np.zeros(6), mode=Mode.HOLDING)
         asked = self._law(
@@ -79,21 +79,21 @@ class FunctionLaw:
 
 @final
 class PolicyLaw:
-    """A policy as a controller: it acts on every picture, whatever the tracker reports."""
+    """A controller that calls a policy for each picture, whatever the tracker reports."""
 
     def __init__(self, act: Act, reset: Callable[[], object] | None = None) -> None:
-        """Take the policy, and what makes it forget the run before, if it remembers anything.
+        """Store the policy.
 
         Args:
-            act: Gives the twist (6,) of the camera, in its frame [m/s, rad/s], for a picture
-                (H, W, 3), the picture of the goal (H, W, 3), and what the robot knows of itself.
-            reset: Is called when a run begins.
+            act: Returns the camera twist (6,) in the camera frame [m/s, rad/s] from a picture
+                (H, W, 3), the goal's picture (H, W, 3), and the robot's posture.
+            reset: Called when a run begins, so that the policy forgets the one before.
         """
         self._act = act
         self._reset = reset
 
     def start(self, task: Task) -> None:
-        """Begin a task.
+        """Begin a run.
 
         Raises:
             ValueError: There is no picture of the goal.
@@ -105,13 +105,13 @@ class PolicyLaw:
         self._goal = task.goal.picture.image
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return what the policy asks for; for a dropped frame, no motion."""
+        """Return the command of the policy; a twist of zero for a dropped frame."""
         if seen is None or seen.picture is None:
             return Command(np.zeros(6), mode=Mode.HOLDING)
         return Command(_floats(self._act(seen.picture.image, self._goal, posture)))
 
 
 def _floats(twist: object) -> Array:
-    """Return whole numbers and lists as floats; what is no real number stays, to be refused."""
+    """Return a twist as floats; complex numbers stay as they are, and are refused later."""
     found = np.asarray(twist)
     return found if np.iscomplexobj(found) else np.asarray(twist, float)

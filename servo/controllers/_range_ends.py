@@ -1,6 +1,4 @@
-"""Joints at the ends of their ranges: they leave the solution, and the law goes on with what the
-others can do.
-"""
+"""Joints at the ends of their ranges: the law goes on with the other joints alone."""
 
 from dataclasses import dataclass, replace
 
@@ -12,30 +10,30 @@ from servo.types import DOF
 from sim.types import Array, Posture
 
 ROUNDING = 1e-9
-"""Largest excess over a bound that rounding explains [m/s or rad/s]."""
+"""Largest excess over a bound that counts as rounding error [m/s or rad/s]."""
 WEAK = 0.02
-"""A direction in which joints move the camera by less than this, over their rates, is closed to
-them: the drives damp it, too [m/s or rad/s]."""
+"""Camera speed over joint rate below which joints cannot move the camera in a direction [m/s or
+rad/s]; the drives damp such directions, too."""
 
 
 @dataclass(frozen=True, slots=True)
 class RangeEnds:
-    """The joints that the ends of their ranges hold."""
+    """Joints of a robot that are held at the ends of their ranges."""
 
     jacobian: Array
     """Camera twist per joint rate (6, n)."""
     bounds: Bounds
-    """Of the ranges."""
+    """Bounds of the joint rates by the ranges."""
     rates: Array
-    """How fast the joints that are held may still be (n,) [m/s or rad/s]; nan for the others."""
+    """Rates (n,) of the held joints [m/s or rad/s]; nan for free joints."""
 
     @staticmethod
     def of(posture: Posture, way: Array, dt: float) -> "RangeEnds | None":
-        """Return those of a robot, with no joint that is held; None where it has no ranges.
+        """Return the range ends of a robot, with all joints free; None if it has no ranges.
 
         Args:
-            posture: The robot.
-            way: What the camera still moves (6,) before the twist acts [m, rad].
+            posture: Joints, limits and Jacobian of the robot.
+            way: Displacement (6,) of the camera before the twist acts [m, rad].
             dt: Time since the last frame [s].
         """
         bounds = range_bounds(posture, way, dt)
@@ -45,12 +43,12 @@ class RangeEnds:
 
     @property
     def held(self) -> NDArray[np.bool_]:
-        """True for the joints (n,) that are held."""
+        """True (n,) for each joint that is held."""
         return ~np.isnan(self.rates)
 
     def holding(self, twist: Array) -> "RangeEnds":
-        """Return these with the joints too that a twist (6,) would take beyond their ranges; the
-        same object where there is none.
+        """Return the range ends that also hold the joints which a twist (6,) would move out of
+        their ranges; the same object if there is no such joint.
         """
         needed = self.rates.copy()
         free = ~self.held
@@ -60,21 +58,24 @@ class RangeEnds:
         return replace(self, rates=np.where(over, allowed, self.rates)) if over.any() else self
 
     def left(self, moves: NDArray[np.bool_]) -> tuple[Array, Array] | None:
-        """Return twists (6, m) that span what the other joints can do, and the twist (6,) that
-        those that are held still make; None where the others can do all that may move.
+        """Return twists (6, m) that span the motions of the free joints, and the twist (6,) of the
+        held joints; None if the free joints can make every motion that is allowed.
 
         Args:
-            moves: Degrees of freedom (6,) that may move, of a robot of six joints or more: all that
-                the others can do would also tilt a camera that is to stay level.
+            moves: True (6,) for each degree of freedom that may move. It counts for robots of six
+                or more joints: their free joints alone would tilt a camera that has to stay level.
         """
         others = self.jacobian[:, ~self.held]
         made = self._made()
         if self.jacobian.shape[1] < len(DOF):
             return others, made
+        # Directions that are closed to the free joints, as rows.
         basis, strengths, _ = np.linalg.svd(others)
         closed = basis[:, int((strengths > WEAK).sum()) :].T
         if not len(closed):
             return None
+        # Of the allowed motions those that need no closed direction, and the part of the held
+        # joints' twist that lies in one.
         moving = np.eye(len(DOF))[:, moves]
         U, strengths, Vt = np.linalg.svd(closed @ moving)
         rank = int((strengths > WEAK).sum())

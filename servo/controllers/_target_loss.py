@@ -1,4 +1,4 @@
-"""What a controller does while it does not see the target: coast, hold, search."""
+"""The modes of a controller while the target is not seen: coast, hold, search."""
 
 from typing import final
 
@@ -8,21 +8,22 @@ from servo.types import Mode
 from sim.types import Array
 
 PITCH = 0.12
-"""Distance between the windings of the search [m]: a view of the goal's depth covers it twice."""
+"""Distance between the turns of the search spiral [m]: the view at the goal's depth covers it
+twice."""
 REACH = 0.6
-"""The search ends this far from where it began [m]; then the camera holds for good."""
+"""Distance from the start at which the search ends [m]; the camera then holds for good."""
 
 
 @final
 class TargetLoss:
-    """Counts how long the target has not been seen."""
+    """Chooses the mode by the time for which the target has not been seen."""
 
     def __init__(self, coast: float, hold: float | None, speed: float) -> None:
-        """Begin with the target in sight.
+        """Begin with a visible target.
 
         Args:
-            coast: How long the estimate is still followed [s].
-            hold: How long the camera then stands before it searches [s]; None: it never does.
+            coast: Time for which the camera follows the predicted motion [s].
+            hold: Time for which it then stands before it searches [s]; None: it never searches.
             speed: Speed of the search [m/s].
         """
         self._coast = coast
@@ -31,12 +32,14 @@ class TargetLoss:
         self._unseen = self._turned = 0.0
 
     def seen(self) -> Mode:
-        """Take the target for seen."""
+        """Record that the target is visible, and return the mode."""
         self._unseen = self._turned = 0.0
         return Mode.SERVOING
 
     def wait(self, dt: float) -> Mode:
-        """Take the target for not seen for another interval [s]."""
+        """Record that the target has not been seen for another interval dt [s], and return the
+        mode.
+        """
         self._unseen += dt
         if self._unseen <= self._coast:
             return Mode.COASTING
@@ -46,8 +49,8 @@ class TargetLoss:
         return Mode.SEARCHING
 
     def search(self, dt: float) -> Array:
-        """Return the next camera twist (6,) along a spiral r = b phi, at constant speed in the
-        image's plane.
+        """Return the next camera twist (6,) [m/s], of constant speed, along a spiral r = b phi in
+        the plane of the image.
         """
         b = PITCH / (2 * np.pi)
         phi = self._turned

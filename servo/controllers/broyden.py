@@ -6,8 +6,8 @@ pictures,
 
     L <- L + (ds - L dx) dx' / (rho + dx' dx),    v = -lambda L+ e
 
-It knows neither the lens nor the target nor any depth; that the robot makes the twist that it is
-asked for, it takes from the robot. It begins with a small motion in each direction.
+It needs no model of the lens, the target or its depth, only the measured twist of the camera. It
+begins with a small motion in each direction.
 """
 
 from dataclasses import dataclass
@@ -23,25 +23,25 @@ from servo.types import DOF, Command, Mode, Sight
 from sim.types import Array, Posture
 
 SEEN = 1e-3
-"""Motion between two pictures [m, rad] of which half is believed: it moves a corner by about a
-pixel, so less of it is the corners' noise."""
+"""Square root of rho: motion between two pictures [m, rad] at which half of the correction is
+applied. It moves a corner by about a pixel; smaller changes are mostly noise."""
 WEAK = 0.005
-"""Directions that move the features by less than this share of the strongest are left out: what
-was learned of them is noise. A shift against a tilt moves a small target's corners by 0.008."""
+"""Directions that move the features by less than this share of the strongest one are left out:
+their learned rows are noise. A shift against a tilt moves a small target's corners by 0.008."""
 BACK = 0.01
-"""Share of a frame interval: a camera that is nearer than this to where it began is back."""
+"""Distance from the start of a probe at which the camera is back [frame intervals of motion]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """The law, and how it explores."""
+    """Settings of the law and of its first motions."""
 
     gain: Gain = 1.0
-    """lambda [1/s]."""
+    """Gain lambda [1/s]."""
     probe: Annotated[float, Gt(0), Le(1)] = 0.06
     """Speed of the first motions [m/s, rad/s]."""
     probe_time: Annotated[float, Gt(0), Le(10)] = 0.4
-    """Time of each of them, forth and back [s]."""
+    """Time of each first motion, forth and back [s]."""
     fastest: Limit = 0.6
     """Largest speed of the camera [m/s]."""
     fastest_turn: Limit = 2.0
@@ -54,14 +54,14 @@ class Config:
 
 @final
 class Broyden:
-    """The law, and the matrix that it has learned so far."""
+    """The control law, with the interaction matrix that it has learned so far."""
 
     def __init__(self, config: Config) -> None:
-        """Take the settings."""
+        """Store the settings."""
         self._config = config
 
     def start(self, task: Task) -> None:
-        """Begin a task: nothing is known."""
+        """Begin a run with an interaction matrix of zero."""
         c = self._config
         self._features = task.features
         self._goal = task.goal
@@ -69,15 +69,17 @@ class Broyden:
         self._matrix = np.zeros((len(self._features.names), len(DOF)))
         self._before: Array | None = None
         self._direction = 0
-        """The one that is probed."""
+        """Index of the direction that is probed."""
         self._pace = 0.0
-        """What the last command makes of the probe's speed: 1 forth, -1 back."""
+        """Speed of the last command over the probe's speed: 1 forth, -1 back."""
         self._away = 0.0
-        """How far the camera is from where the probe began, over the probe's speed [s]."""
+        """Distance of the camera from the start of the probe, over the probe's speed [s]."""
         self._returns = False
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the twist for what is seen now; where it is not seen, none."""
+        """Return the command after a picture: a probe at first, then the law; a twist of zero if
+        the target is not seen.
+        """
         self._away += self._pace * dt
         self._pace = 0.0
         if seen is None or not self._features.known(seen).all():
@@ -99,10 +101,10 @@ class Broyden:
         self._matrix += np.outer(surprise, motion) / (SEEN**2 + motion @ motion)
 
     def _probe(self, dt: float) -> Array | None:
-        """Return a twist that moves in one direction, forth and then back to where it began; None
-        once it has been through all.
+        """Return a twist (6,) that moves the camera in one direction, forth and then back to the
+        start; None after all six directions.
 
-        It moves for whole frame intervals, at least for one, and goes by the time that they took.
+        Each motion lasts whole frame intervals, at least one; their measured times count.
         """
         if self._returns and abs(self._away) < BACK * dt:
             self._direction += 1

@@ -1,4 +1,4 @@
-"""The camera stays where it is. The baseline, and the way to test a tracker by itself."""
+"""The camera stays at rest: the baseline, and a test of the tracker alone."""
 
 from dataclasses import dataclass
 from typing import final
@@ -21,11 +21,11 @@ class Config:
 
 @final
 class Hold:
-    """Asks for no motion, whatever is seen."""
+    """Commands a twist of zero after each picture."""
 
     def start(self, task: Task) -> None:
-        """Begin a task."""
+        """Begin a run."""
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Ask for no motion."""
+        """Return a command with a twist of zero."""
         return Command(np.zeros(6), mode=Mode.HOLDING)

@@ -1,16 +1,16 @@
-"""Image-based visual servoing with the target's motion fed forward.
+"""Image-based visual servoing with feed-forward of the target's motion.
 
-After Teuliere, Marchand, Eck, equation 17, with L# the weighted pseudo-inverse and z a secondary
-task:
+The law is equation 17 of Teuliere, Marchand and Eck, with L# the weighted pseudo-inverse and z the
+twist of secondary tasks:
 
     v = -lambda L# e - L# de/dt + (I - L# L) z
 
-The paper prints both lines of its law without lambda. All six degrees of freedom with the
-minimum-norm pseudo-inverse tilt the camera while every error is small, so the default moves only
-vx, vy, vz and wz.
+The paper prints both lines of its law without lambda. With all six degrees of freedom, the
+minimum-norm pseudo-inverse tilts the camera although every error is small, so that the default
+moves only vx, vy, vz and wz.
 
-A joint at the end of its range leaves the solution: the law goes on with what the others can do,
-and where that is not all features, with the first of them.
+A joint at the end of its range is left out: the law goes on with the other joints and, if these
+cannot control all features, with the first features of the set.
 """
 
 from dataclasses import dataclass, replace
@@ -31,14 +31,15 @@ from servo.types import DOF, Command, Mode, OwnMotion, Prediction, Sight, Trace
 from sim.types import Array, Posture
 
 FORESEEN = 3.0
-"""Frames for which the matrix is taken to go on changing as it did; chosen by hand."""
+"""Number of frames over which the change of the interaction matrix is extrapolated; chosen by
+hand."""
 PRESETS = {"paper": {"gain": 1.0, "dof": DOF, "feed_forward": ("xn", "yn", "an", "theta")}}
 """The law as Teuliere, Marchand and Eck print it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config(LawSettings):
-    """The control law."""
+    """Settings of the control law."""
 
     def build(self, rng: np.random.Generator) -> "Ibvs":
         """Return the controller, which uses no random numbers."""
@@ -46,10 +47,10 @@ class Config(LawSettings):
 
 
 def _fed_forward(config: LawSettings, features: FeatureSet) -> Array:
-    """Return 1 for the features (k,) whose target motion is compensated, 0 for the others.
+    """Return 1 (k,) for each feature whose target motion is compensated, 0 for the others.
 
     Raises:
-        ValueError: There is no such feature.
+        ValueError: The settings name a feature that does not exist.
     """
     names = features.names
     chosen = features.feed_forward if config.feed_forward is None else config.feed_forward
@@ -64,18 +65,40 @@ def _fed_forward(config: LawSettings, features: FeatureSet) -> Array:
     return np.array([float(name in chosen) for name in names])
 
 
+@dataclass(frozen=True, slots=True)
+class _Measured:
+    """The features of a sight."""
+
+    values: Array
+    """Features s (k,)."""
+    matrix: Array
+    """Interaction matrix (k, 6) at s."""
+    known: NDArray[np.bool_]
+    """True (k,) for each feature that the sight measures."""
+
+    @staticmethod
+    def of(features: FeatureSet, sight: Sight) -> "_Measured":
+        """Return the features of a sight."""
+        return _Measured(features.values(sight), features.matrix(sight), features.known(sight))
+
+
 @final
 class Ibvs:
-    """The law, and what it must remember between frames."""
+    """The control law, with its memory of earlier frames."""
 
     def __init__(self, config: LawSettings, guard: Guard | None = None) -> None:
-        """Build it; a guard may change each twist that follows what is seen."""
+        """Store the settings.
+
+        Args:
+            config: The settings.
+            guard: Limits the twists of modes that follow the target; None: no such limits.
+        """
         self._config = config
         self._guard = guard
         self._weights = np.array(config.weights)
 
     def start(self, task: Task) -> None:
-        """Begin a task.
+        """Begin a run.
 
         Raises:
             ValueError: feed_forward names a feature that the set does not have.
@@ -89,15 +112,13 @@ class Ibvs:
         if self._guard is not None:
             self._guard.start(task)
         self._aim(task.goal)
-        self._scales = self._features.scales(self._goal)
-        self._known = self._features.known(task.goal)
+        self._scales = self._features.scales(self._goal.values)
+        self._measured = self._goal
         self._tilt_seen = False
-        self._seen = self._goal
-        self._matrix_seen = self._goal_matrix
         self._loss = TargetLoss(c.coast, c.search_after, c.search_speed)
         self._limits = Limits(c.fastest, c.fastest_turn, c.acceleration, c.acceleration_turn)
         self._pending = PendingCommands(task.latency)
-        self._before: Array | None = None
+        self._was_seen = False
         self._change: Array | None = None
         self._first = np.zeros(6)
         self._faded_features = np.zeros(len(self._scales), bool)
@@ -106,21 +127,20 @@ class Ibvs:
         self._ends: RangeEnds | None = None
 
     def _aim(self, goal: Sight) -> None:
-        """Take over another goal."""
+        """Replace the desired sight."""
         self._aimed_at = goal
-        self._goal = self._features.values(goal)
-        self._goal_matrix = self._features.matrix(goal)
+        self._goal = _Measured.of(self._features, goal)
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the twist for what is seen now; where it is not seen, that of the estimated
-        motion, then none, or that of a search.
+        """Return the command after a picture. While the target is not seen, the camera follows the
+        estimated motion for a time, then holds, then searches.
         """
         self._see(seen)
-        error = self._features.error(self._seen, self._goal)
+        error = self._features.error(self._measured.values, self._goal.values)
         scales = self._scales
         own = self._own(posture, dt)
         if seen is not None:
-            measured = np.where(self._known, error / scales, np.nan)
+            measured = np.where(self._measured.known, error / scales, np.nan)
             predicted = self._estimator.update(measured, own, dt)
             mode = self._loss.seen()
         else:
@@ -138,7 +158,7 @@ class Ibvs:
             saturated or bool(limits),
             mode,
             Trace(
-                self._seen,
+                self._measured.values,
                 error,
                 predicted,
                 scales,
@@ -151,33 +171,29 @@ class Ibvs:
         )
 
     def _see(self, seen: Sight | None) -> None:
-        """Take over what is seen; `_change` is that of the matrix since the last frame, None unless
-        the same features were known in both.
+        """Store the features of a sight. `_change` is then the change (k, 6) of the interaction
+        matrix since the last frame, or None unless both frames measure the same features.
         """
+        before = self._measured
+        was_seen = self._was_seen
+        self._was_seen = seen is not None
+        self._change = None
         if seen is None:
-            self._before = None
-            self._change = None
             return
         if seen.goal is not None and seen.goal is not self._aimed_at:
             self._aim(seen.goal)
-        known_before = self._known
-        self._known = self._features.known(seen)
+        self._measured = _Measured.of(self._features, seen)
         self._tilt_seen = seen.tilt_known
-        self._seen = self._features.values(seen)
-        self._matrix_seen = self._features.matrix(seen)
-        before = self._before
-        self._before = self._matrix_seen
-        self._change = None
-        same = bool((known_before == self._known).all())
-        if before is not None and same and self._config.interval == "mean":
-            self._change = self._matrix_seen - before
+        same = bool((before.known == self._measured.known).all())
+        if was_seen and same and self._config.interval == "mean":
+            self._change = self._measured.matrix - before.matrix
 
     def _own(self, posture: Posture, dt: float) -> OwnMotion:
-        """Return what the camera does to the features, over their scales. The matrix is taken in
-        the middle of each interval, where its change is known: going on as it did for those to
-        come.
+        """Return the effect of the camera's motion on the features, over their scales. The matrix
+        is that of the middle of each interval if its change is known, and extrapolated for the
+        intervals to come.
         """
-        L = self._matrix_seen / self._scales[:, None]
+        L = self._measured.matrix / self._scales[:, None]
         change = 0.0 * L if self._change is None else self._change / self._scales[:, None]
         coming = list[Array]()
         begins = 0.0
@@ -192,8 +208,8 @@ class Ibvs:
     def _twist(
         self, predicted: Prediction, mode: Mode, posture: Posture, dt: float, seen: Sight | None
     ) -> LimitedTwist:
-        """Return the twist of the law before limits of speed; a guard has limited it. `_ends` are
-        then those of the joints that it left out.
+        """Return the twist of the law before limits of speed, but after the guard's. `_ends` then
+        has the joints that it left out.
         """
         self._ends = None
         if mode is Mode.HOLDING:
@@ -211,21 +227,21 @@ class Ibvs:
             twist = twist + c.secondary_gain * inverse.free @ twist_of(c.secondary, posture)
         if self._guard is None:
             return LimitedTwist(twist)
-        L = (inverse.L / self._scales[:, None])[self._known]
+        L = (inverse.L / self._scales[:, None])[self._measured.known]
         moves = inverse.moves & (self._weights > 0)
         return self._guard.limited(DesiredTwist(twist, target, L, moves, way, seen, posture, dt))
 
     def _asked(
         self, inverse: Inverse, predicted: Prediction, made: Array | None
     ) -> tuple[Array, Array, Array]:
-        """Return the twist (6,) of the law, and its two parts with the other sign: for the error,
-        and for the target's own motion.
+        """Return the twist (6,) of the law, and the negatives of its two parts: for the error, and
+        for the target's own motion.
 
         Args:
-            inverse: Of what may move.
-            predicted: What the twist answers.
-            made: What joints at the ends of their ranges still make (6,); the others answer that,
-                too.
+            inverse: Inverse for the motions that are allowed.
+            predicted: Error and motion of the target.
+            made: Twist (6,) of the joints at the ends of their ranges, which the others
+                compensate; None: there are no such joints.
         """
         ahead = inverse.pseudo @ predicted.error
         asked = adaptive_gain(self._config, ahead) * ahead
@@ -238,13 +254,13 @@ class Ibvs:
     def _left_by_ranges(
         self, predicted: Prediction, posture: Posture, way: Array, dt: float
     ) -> tuple[Inverse, Array | None]:
-        """Return the inverse over what joints inside their ranges can do, and the twist (6,) that
-        the others still make; None where there are no others.
+        """Return the inverse for the motions of joints inside their ranges, and the twist (6,) of
+        the joints at the ends; None if there are no such joints.
 
         Args:
-            predicted: What the twist shall answer.
-            posture: The robot.
-            way: What the camera still moves (6,) before the twist acts [m, rad].
+            predicted: Error and motion of the target.
+            posture: Joints, limits and Jacobian of the robot.
+            way: Displacement (6,) of the camera before the twist acts [m, rad].
             dt: Time since the last frame [s].
         """
         inverse = self._inverse(posture)
@@ -252,6 +268,7 @@ class Ibvs:
         ends = RangeEnds.of(posture, way, dt)
         moves = inverse.moves
         may_move = moves & (self._weights > 0)
+        # Without the joints held so far, others may be driven to their ends: repeat until none is.
         while ends is not None:
             twist, _, _ = self._asked(inverse, predicted, made)
             fast = max(1.0, excess(twist, self._config.fastest, self._config.fastest_turn))
@@ -261,52 +278,55 @@ class Ibvs:
                 break
             self._ends = ends = more
             motions, made = left
-            rows = servoed_by(self._goal_matrix, motions)
-            # Both of the centre: in the order alone, the first took a direction from the second.
+            rows = servoed_by(self._goal.matrix, motions)
+            # Keep both features of the centre: by the order alone, the first took the direction
+            # that the second needs.
             rows[:2] = True
-            rows &= self._known
-            # A guard weighs only the features that are servoed still.
+            rows &= self._measured.known
+            # A guard weighs only the features that are still servoed.
             L = self._chosen_matrix() * rows[:, None]
             inverse = replace(Inverse.through_joints(L, rows, motions), moves=moves)
         return inverse, made
 
     def _faded(self, asked: Array, dt: float, seen: Sight | None) -> Array:
-        """Return the part of a twist (6,) that a smooth start takes away. It begins again where
-        more features are known than before, as when the tracker first reports angle and size.
+        """Return the twist (6,) that a smooth start adds, against the law's `asked` (6,). It begins
+        again when more features are measured than before, as when the tracker first reports angle
+        and size.
         """
-        if seen is not None and (self._known & ~self._faded_features).any():
+        if seen is not None and (self._measured.known & ~self._faded_features).any():
             self._first = asked
-            self._faded_features |= self._known
+            self._faded_features |= self._measured.known
             self._time = 0.0
         faded = self._first * np.exp(-self._config.smooth_start * self._time)
         self._time += dt
         return faded
 
     def _inverse(self, posture: Posture) -> Inverse:
-        """Return the inverse over the known features and the degrees of freedom that may move. With
-        fewer than six joints these decide what may move.
+        """Return the inverse for the measured features and the degrees of freedom that may move;
+        with fewer than six joints, for the motions of the joints.
         """
-        if 0 < posture.jacobian.shape[1] < len(DOF):  # none: a robot that takes any twist
-            rows = self._known & self._servoed_by(posture)
+        if 0 < posture.jacobian.shape[1] < len(DOF):  # 0: a robot that takes any twist
+            rows = self._measured.known & self._servoed_by(posture)
             return Inverse.through_joints(self._chosen_matrix(), rows, posture.jacobian)
-        if self._own_inverse is not None and self._known.all():
+        if self._own_inverse is not None and self._measured.known.all():
             L = self._chosen_matrix()
-            pseudo = self._own_inverse.inverse(L, self._seen, self._camera)
+            pseudo = self._own_inverse.inverse(L, self._measured.values, self._camera)
             return Inverse(pseudo, L, np.ones(len(DOF), bool))
-        moves = self._config.moves_for(self._features, self._known, tilt_seen=self._tilt_seen)
-        return Inverse.of(self._chosen_matrix(), self._known, moves, self._weights)
+        known = self._measured.known
+        moves = self._config.moves_for(self._features, known, tilt_seen=self._tilt_seen)
+        return Inverse.of(self._chosen_matrix(), known, moves, self._weights)
 
     def _servoed_by(self, posture: Posture) -> NDArray[np.bool_]:
-        """Return the features (k,) that the robot's joints can servo, as found in the beginning."""
+        """Return True (k,) for each feature that the robot's joints can servo, as found first."""
         if self._servoed is None:
-            self._servoed = servoed_by(self._goal_matrix, posture.jacobian)
+            self._servoed = servoed_by(self._goal.matrix, posture.jacobian)
         return self._servoed
 
     def _chosen_matrix(self) -> Array:
         match self._config.matrix:
             case "current":
-                return self._matrix_seen
+                return self._measured.matrix
             case "desired":
-                return self._goal_matrix
+                return self._goal.matrix
             case "mean":
-                return (self._matrix_seen + self._goal_matrix) / 2
+                return (self._measured.matrix + self._goal.matrix) / 2

@@ -1,4 +1,4 @@
-"""A policy that is a network's file (ONNX): pictures in, the twist of the camera out."""
+"""A policy from a network's file (ONNX): pictures in, the camera twist out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,45 +19,45 @@ INPUTS: dict[str, tuple[int | str, ...]] = {
     "goal_picture": (1, 3, "height", "width"),
     "joints": (1, "n"),
 }
-"""What a network may take, and its shape; a word stands for any number."""
+"""Inputs that a network may have, and their shapes; a word stands for any number."""
 EXTRA = "it needs the extra 'onnx': pip install 'servobench[onnx]'"
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """The network."""
+    """The network's file, and its time limit."""
 
     file: File = ""
     """ONNX file, which ONNX Runtime runs on one core. Its inputs by name, of 32-bit floats: picture
     and goal_picture (1, 3, height, width), red, green and blue from 0 to 1, resized to the
-    network's height and width; joints (1, n) [m or rad]. It may take some of them only. Its first
-    output is the camera's twist (1, 6) in the camera's frame [m/s, rad/s]."""
+    network's height and width; joints (1, n) [m or rad]. Each input is optional. Its first output
+    is the camera twist (1, 6) in the camera frame [m/s, rad/s]."""
     timeout: Annotated[float, Ge(0.1), Le(3600.0)] = 30.0
-    """Longest wait for the network's answer [s]: one with a loop may never end."""
+    """Longest wait for the network's output [s]; a network with a loop may never end."""
     needs = SEES_PICTURES
 
     def build(self, rng: np.random.Generator) -> PolicyLaw:
         """Return the controller, which uses no random numbers.
 
         Raises:
-            ValueError: The file cannot be read, or its network takes something else.
+            ValueError: The file cannot be read, or its network has other inputs.
         """
         return PolicyLaw(Network(self.file, self.timeout).act)
 
 
 @final
 class Network:
-    """A network that is ready to act."""
+    """A network that has been loaded from an ONNX file."""
 
     def __init__(self, file: str, timeout: float) -> None:
-        """Read a file.
+        """Load an ONNX file.
 
         Args:
-            file: Its path.
-            timeout: Longest wait for an answer [s].
+            file: Path of the file.
+            timeout: Longest wait for an output [s].
 
         Raises:
-            ValueError: It cannot be read, or the network takes something else.
+            ValueError: The file cannot be read, or its network has other inputs.
         """
         try:
             import onnxruntime
@@ -80,11 +80,16 @@ class Network:
             _check_input(file, each.name, each.type, each.shape)
 
     def act(self, picture: Image, goal_picture: Image, posture: Posture) -> Array:
-        """Return the twist (6,).
+        """Return the network's camera twist (6,) in the camera frame [m/s, rad/s].
+
+        Args:
+            picture: The camera's picture (H, W, 3).
+            goal_picture: The picture (H, W, 3) at the goal.
+            posture: Gives the joint positions.
 
         Raises:
-            ValueError: The network cannot use what it is given, such as another number of joints,
-                or does not end in time.
+            ValueError: An input does not fit the network, such as another number of joints, or the
+                network exceeds the time limit.
         """
         given = {"picture": picture, "goal_picture": goal_picture, "joints": posture.joints}
         inputs = {name: _filled(given[name], shape) for name, shape in self._shapes.items()}
@@ -102,10 +107,10 @@ class Network:
 
 
 def _check_input(file: str, name: str, kind: str, shape: Sequence[int | str | None]) -> None:
-    """Refuse an input that nobody can fill.
+    """Check an input of a network.
 
     Raises:
-        ValueError: It has another name, type or shape.
+        ValueError: It has an unknown name, or another type or shape.
     """
     if name not in INPUTS:
         raise ValueError(f"{file}: the input '{name}' is none of {', '.join(INPUTS)}")
@@ -122,7 +127,9 @@ def _check_input(file: str, name: str, kind: str, shape: Sequence[int | str | No
 
 
 def _filled(value: Array | Image, shape: Sequence[int | str | None]) -> np.ndarray[Any, Any]:
-    """Return a value as the network takes it; a picture keeps its size where any will do."""
+    """Return a picture or a vector as a network's input; a picture is resized to sides that the
+    network fixes.
+    """
     if value.ndim == 1:
         return value[None].astype(np.float32)
     sides = zip(shape[2:], value.shape[:2], strict=True)
@@ -132,5 +139,5 @@ def _filled(value: Array | Image, shape: Sequence[int | str | None]) -> np.ndarr
 
 
 def _sentence(error: Exception) -> str:
-    """Return the last part of what ONNX Runtime says, in one line."""
+    """Return the last part of an error message of ONNX Runtime, in one line."""
     return " ".join(str(error).split()).rpartition(" : ")[2]

@@ -1,20 +1,21 @@
-"""The law of `ibvs` inside limits of speed, joints and view (control barrier functions, Ames et al.
-2019), by one quadratic programme a frame.
+"""The law of `ibvs` within limits of speed, joints and view (control barrier functions, Ames et al.
+2019), by one quadratic programme per frame.
 
-With v* the twist that `ibvs` asks for, and L the interaction matrix of the features:
+With v* the twist of `ibvs`, and L the interaction matrix of the features:
 
     minimise |L (v - v*)|^2 + DAMPING |v - v*|^2, so that
     |v_i| <= fastest, |w_i| <= fastest_turn                                          (speed)
     RANGE_GAIN (lower - q) <= J# v <= RANGE_GAIN (upper - q), and the joints' rates  (joints)
-    dh/dt >= -VIEW_GAIN h, for the way h of each corner to each side of the picture  (view)
+    dh/dt >= -VIEW_GAIN h, for the distance h of each corner from each side          (view)
 
-Where nothing limits it, v is v*. With the last line h is a control barrier function: it decays
-exponentially at most, and stays positive. Speed and joints are hard limits, which a camera that
-stands keeps; the view is soft, so that each programme has a solution: where the view cannot be
-kept, the squares of the violations are least. At last the whole twist is shortened to `fastest` and
-`fastest_turn`, and by the limits of acceleration, which the programme does not know.
+Without active limits v is v*. In the last line h is a control barrier function: it decays at most
+exponentially, and stays positive. Speed and joints are hard limits, which a camera at rest keeps;
+the view is a soft limit, so that each programme has a solution: if the view cannot be kept, the sum
+of squared violations is minimal. Finally the whole twist is shortened to `fastest` and
+`fastest_turn`, and by the limits of acceleration, which the programme does not contain.
 
-It decides about the next moment only, so it may stop at the side of the view, away from the goal.
+The programme looks no further than one frame, so the camera may stop at a side of the picture, away
+from the goal.
 
 Ames, Coogan, Egerstedt, Notomista, Sreenath, Tabuada 2019 (Control barrier functions: theory and
 applications, European Control Conference). Solved by DAQP: Arnstrom, Bemporad, Axehill 2022 (A dual
@@ -33,31 +34,31 @@ from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from servo.controllers import ibvs
-from servo.controllers._bounds import Bounds, joint_bounds, speed_bounds, view_bounds
+from servo.controllers._bounds import UNBOUNDED, Bounds, joint_bounds, speed_bounds, view_bounds
 from servo.controllers._law_settings import LawSettings
 from servo.controllers._limits import DesiredTwist, LimitedTwist, excess
 from servo.parts import Task
 from sim.types import Array
 
 SOFT = 8
-"""DAQP's flag of a constraint that may be violated."""
+"""DAQP's flag of a soft constraint."""
 DAMPING = 1e-3
-"""Weight of a change of the twist, over that of a change of the features."""
+"""Weight of changes of the twist, relative to changes of the features."""
 EXACT = 1e-9
-"""Largest excess over a bound that rounding explains."""
+"""Largest excess over a bound that counts as rounding error."""
 VIEW_GAIN = 5.0
-"""How fast a corner may use up its way to a side [1/s]; at most the frame rate counts. Chosen by
-hand: a way is used up to 1 % in a second."""
+"""Largest rate at which a corner may approach a side, over the distance left [1/s]; at most the
+frame rate counts. Chosen by hand: the distance may shrink to 1 % in a second."""
 LEAVING = 1.0
-"""A corner that is faster than the view allows by more than this violates it [px/s]."""
+"""Excess speed of a corner from which the limit of the view counts as violated [px/s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config(LawSettings):
-    """The law of `ibvs`, and its limits."""
+    """Settings of the law of `ibvs`, and the margin of the view."""
 
     margin: Annotated[float, Ge(0), Le(10_000)] = 10.0
-    """Way between the target's corners and the sides of the picture that is kept [px]."""
+    """Distance that the target's corners keep from the sides of the picture [px]."""
 
     def build(self, rng: np.random.Generator) -> ibvs.Ibvs:
         """Return the controller, which uses no random numbers."""
@@ -66,7 +67,7 @@ class Config(LawSettings):
 
 @final
 class Programme:
-    """The quadratic programme of a frame."""
+    """Limits the twist of `ibvs` by one quadratic programme per frame."""
 
     def __init__(self, config: Config) -> None:
         self._margin = config.margin
@@ -75,61 +76,56 @@ class Programme:
         self._speed = speed_bounds(config.fastest, config.fastest_turn)
 
     def start(self, task: Task) -> None:
-        """Begin a task.
+        """Begin a run.
 
         Raises:
-            ValueError: The margin leaves nothing of the picture.
+            ValueError: The margin is half a side of the picture or more.
         """
         self._camera = task.camera
-        margin = self._margin
-        width = task.camera.width
-        height = task.camera.height
-        if margin >= min(width, height) / 2:
+        most = min(task.camera.width, task.camera.height) / 2
+        if self._margin >= most:
             raise ValueError(
-                f"controller.margin = {margin:g}: nothing is left of a picture of {width} x "
-                f"{height} px; it should be less than {min(width, height) / 2:g}"
+                f"controller.margin = {self._margin:g}: nothing is left of a picture of "
+                f"{task.camera.width} x {task.camera.height} px; it should be less than {most:g}"
             )
 
     def limited(self, desired: DesiredTwist) -> LimitedTwist:
-        """Return the twist that changes the features most nearly as desired, inside the limits."""
+        """Return the twist within the limits that changes the features most nearly as desired."""
         fast = max(1.0, excess(desired.twist, self._fastest, self._fastest_turn))
         law = desired.twist / fast
         limits = ("speed",) * (fast > 1.0)
         hard, view = self._bounds(desired)
-        bounds = hard if view is None else hard + view
+        bounds = hard + view
         over = bounds.excess(law)
-        # What is not a number passes: the loop then names the part that it came from.
+        # A twist of nan passes: the loop then names the component that it came from.
         if not (desired.moves.any() and (np.abs(over) > EXACT).any()):
             return LimitedTwist(law, limits)
         sense = np.zeros(len(over), np.intc)
         sense[len(hard.A) :] = SOFT
         change, active = _change(desired, bounds, law, sense)
         names = dict.fromkeys((*limits, *bounds.names_at(active)))
-        if view is None:
-            return LimitedTwist(law + change, tuple(names))
         left = view.excess(law + change)
         violated = view.names_at(left * (np.abs(left) > LEAVING))
         return LimitedTwist(law + change, tuple(names), violated)
 
-    def _bounds(self, desired: DesiredTwist) -> tuple[Bounds, Bounds | None]:
-        """Return the hard bounds, and those of the view where the target's corners are seen."""
-        seen = desired.seen
-        view = None
+    def _bounds(self, desired: DesiredTwist) -> tuple[Bounds, Bounds]:
+        """Return the hard bounds, and those of the view: none unless the corners are seen."""
         joints = joint_bounds(desired.posture, desired.way, desired.dt)
-        if seen is not None and seen.corners is not None:
-            view = view_bounds(
-                desired, seen, self._camera, self._margin, min(VIEW_GAIN, 1 / desired.dt)
-            )
-        return self._speed if joints is None else self._speed + joints, view
+        hard = self._speed if joints is None else self._speed + joints
+        seen = desired.seen
+        if seen is None or seen.corners is None:
+            return hard, UNBOUNDED
+        gain = min(VIEW_GAIN, 1 / desired.dt)
+        return hard, view_bounds(desired, seen, self._camera, self._margin, gain)
 
 
 def _change(
     desired: DesiredTwist, bounds: Bounds, law: Array, sense: NDArray[np.intc]
 ) -> tuple[Array, Array]:
-    """Return the least change (6,) of a twist with which it keeps its bounds, and their multipliers
-    (m,).
+    """Return the least change (6,) of the law's twist that keeps the bounds, and the bounds'
+    multipliers (m,), nonzero for active ones.
 
-    Where DAQP finds none, the camera stands; it then keeps all hard bounds.
+    If DAQP finds no solution, the camera stops, which keeps all hard bounds.
     """
     L = desired.L[:, desired.moves]
     A = np.ascontiguousarray(bounds.A[:, desired.moves])

@@ -1,4 +1,4 @@
-"""Estimators of the target's own motion, one a file: `Config.build(rng)` gives an `Estimator`."""
+"""Estimators of the target's own motion, one a file: `Config.build(rng)` returns an `Estimator`."""
 
 from __future__ import annotations
 

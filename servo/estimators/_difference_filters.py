@@ -1,4 +1,4 @@
-"""Kalman filters of the plain difference, as ViSP has them, and constants of both rates."""
+"""Kalman filters of differences, as in ViSP, and constants interpolated between two rates."""
 
 from collections.abc import Callable
 from functools import cache
@@ -14,43 +14,43 @@ from servo.types import OwnMotion, Prediction
 from sim.types import Array
 
 Ratio = Annotated[float, Ge(1e-9), Le(1e9)]
-"""Of a variance to the measurement's."""
+"""Ratio of a variance to the measurement's."""
 Memory = Annotated[float, Ge(0), Le(0.999)]
 """Share of the velocity's change that is left after a frame: at 1 its variance has no limit."""
 Noise = Literal["position", "difference"]
 
 
 def between(at_30_hz: float, at_5_hz: float, dt: float) -> float:
-    """Return a constant for a frame interval [s]: a power of it through what was tuned at two
-    rates.
+    """Return a constant at a frame interval [s], interpolated by a power law between the values
+    tuned at 30 Hz and at 5 Hz.
     """
     return float(at_30_hz * (30 * dt) ** (np.log(at_5_hz / at_30_hz) / np.log(30 / 5)))
 
 
 def difference_variance(variance: float, dt: float) -> float:
-    """Return the variance of the difference of two measurements of this variance, an interval [s]
-    apart, over that interval [1/s^2].
+    """Return the variance of the difference of two measurements over their interval dt [s], each
+    measurement with this variance.
     """
     return float(2 * variance / dt**2)
 
 
 @final
 class DifferenceFilters:
-    """One filter for each feature's plain difference, with noise that is taken for white, which the
-    noise of differences is not; the model is that of the interval.
+    """One filter for the difference of each feature. The filters assume white noise, although the
+    noise of successive differences is correlated.
     """
 
     def __init__(self, model_at: Callable[[float, float], Model]) -> None:
         """Build filters that begin with the first difference.
 
         Args:
-            model_at: The model at an interval between pictures [s], for a feature that is measured
-                with this variance; that of the others is scaled by their own variance.
+            model_at: Returns the model of the first feature from the frame interval [s] and the
+                variance of its noise; the other features scale its covariances by their own.
         """
         self._model_at = model_at
 
     def start(self, features: FeatureSet) -> None:
-        """Begin with these features."""
+        """Begin a run with a feature set."""
         variance = np.square(features.noise)
         self._first = float(variance[0])
         self._relative = variance / variance[0]
@@ -60,9 +60,7 @@ class DifferenceFilters:
         self._filters: KalmanFilters | None = None
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Predict and correct; the first measurement starts the filter of a feature and is its own
-        estimate.
-        """
+        """Predict and correct; the first difference of a feature starts its filter."""
         if self._filters is None:
             self._filters = KalmanFilters(self._model(dt), len(error))
         self._filters.use(self._model(dt))
@@ -81,7 +79,7 @@ class DifferenceFilters:
         return Prediction(shown, f.x[:, 0].copy(), y * dt, nis)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the prediction; the next measurement needs two frames in a row."""
+        """Return the prediction; the next difference needs two successive frames."""
         self._difference.forget()
         zero = np.zeros(len(self._begun))
         if self._filters is None:

@@ -25,42 +25,44 @@ from sim.channels import View
 from sim.types import Array
 
 PERSISTENT = 0.5
-"""phi: the tracker's error against the truth, a frame later, correlates by 0.3 to 0.8."""
+"""phi: errors of trackers in successive frames correlate by 0.3 to 0.8."""
 SLOW_ERROR = 6.0
 """Standard deviation of the part of a tracker's error that lasts for seconds, over the features'
-noise; from seeds 1 to 6 of `line`, `sine`, `wander` and `circle`. No innovation shows it: to a
-filter it is a part of the target's place."""
+noise; fitted to seeds 1 to 6 of `line`, `sine`, `wander` and `circle`. Innovations do not show it:
+a filter takes it as a part of the target's position."""
 DIFFUSE = 100.0
-"""Standard deviation of an unknown velocity, in the measurement's per frame; its square is that of
-an unknown error."""
+"""Standard deviation of an unknown velocity, in those of the measurement per frame; its square is
+the standard deviation of an unknown error."""
 
 
 @dataclass(frozen=True, slots=True)
 class TargetModel:
-    """How a target moves; all noise is over the measurement's variance."""
+    """Linear model of a target's motion; covariances are over the measurement's variance."""
 
     M: Array
     """Transition (m, m) per frame; the first number of the state is de/dt."""
     r: Array
-    """What it adds to the error in a frame (m,)."""
+    """Change of the error in a frame, per state (m,)."""
     Q: Array
     """Process noise (m, m) per frame."""
     P: Array
-    """Covariance at first (m, m), of all but de/dt, which is unknown."""
+    """Initial covariance (m, m), without that of de/dt, which is unknown."""
 
 
 class JumpTest(Protocol):
     """Decides when a feature's filter no longer fits."""
 
     def jumped(self, normalised: Array) -> Flags:
-        """Return for each feature (k,) whether it jumped, from innovations over their standard
+        """Return True (k,) for each feature that jumped, given innovations (k,) over their standard
         deviations.
         """
         ...
 
 
 def model_of(motion: TargetModel, dt: float) -> Model:
-    """Return the filter of (e, m, n) at a frame interval [s], for a measurement of variance 1."""
+    """Return the model of the state (e, m, n) at a frame interval [s], for a measurement of
+    variance 1.
+    """
     n = len(motion.r) + 2
     F = _diagonal(1.0, motion.M, PERSISTENT)
     F[0, 1:-1] = motion.r
@@ -71,7 +73,7 @@ def model_of(motion: TargetModel, dt: float) -> Model:
 
 
 def models(motion_at: Callable[[float], TargetModel]) -> Callable[[float], Model]:
-    """Return the model at an interval [s], kept for the next time."""
+    """Return a cached function from a frame interval [s] to the model of the filter."""
     return cache(lambda dt: model_of(motion_at(dt), dt))
 
 
@@ -84,7 +86,7 @@ def _diagonal(error: float, motion: Array, noise: float) -> Array:
 
 @final
 class ErrorFilters:
-    """One filter for each feature; the model is that of the interval."""
+    """One filter for the error of each feature, with the model of each frame interval."""
 
     def __init__(
         self,
@@ -96,16 +98,16 @@ class ErrorFilters:
         """Build filters that begin with the first measurement.
 
         Args:
-            motion_at: The target's motion at an interval between pictures [s].
-            predicts: Return the error as it will be when the command acts, not as it was seen.
-            test: Makes what finds features whose motion is to be taken anew.
+            motion_at: Returns the target's motion model at a frame interval [s].
+            predicts: Return the error at the time when the command acts, not the measured one.
+            test: Makes the test that finds features whose velocity jumped; None: no test.
         """
         self._predicts = predicts
         self._new_test = test
         self._model = models(motion_at)
 
     def start(self, features: FeatureSet) -> None:
-        """Begin with these features."""
+        """Begin a run with a feature set."""
         self._features = features
         self._level = Level(np.square(features.noise))
         self._spread = Level(np.square(features.noise))
@@ -114,7 +116,7 @@ class ErrorFilters:
         self._test = None if self._new_test is None else self._new_test()
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Predict and correct; the first error starts the filter of a feature."""
+        """Predict and correct; the first error of a feature starts its filter."""
         if self._filters is None:
             self._filters = KalmanFilters(self._model(dt), len(error))
         self._filters.use(self._model(dt))
@@ -145,14 +147,17 @@ class ErrorFilters:
         return Prediction(shown, motion, innovation, nis, variance)
 
     def see(self, view: View) -> None:
-        """Where the target is hidden, take back the last measurement: it was partly hidden then.
-        The first one of a feature stays.
+        """Take back the last measurement if the target is now hidden: it was partly hidden then.
+        The first measurement of a feature stays.
+
+        Args:
+            view: Its `seen` says whether the target is seen.
         """
         if view.seen is False and self._filters is not None:
             self._filters.forget(self._corrected)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the prediction, less certain with each frame."""
+        """Return the prediction for a frame without measurement; its variance grows."""
         if self._filters is None:
             none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)
@@ -175,8 +180,13 @@ class ErrorFilters:
 
 
 def stated(variance: Array, level: Array, features: FeatureSet) -> Array:
-    """Return the variances (2, k) of error and motion against the truth, from those over the level
-    (k,): the filter's own, and the slow part of the tracker's error.
+    """Return the variances (2, k) of error and motion against the truth: those of the filter, and
+    for the error the slow part of the tracker's error, too.
+
+    Args:
+        variance: Variances (2, k) of the filter, over the level.
+        level: Variance (k,) of each feature's noise.
+        features: The feature set.
     """
     slow = np.square(SLOW_ERROR * features.noise)
     return variance * level + np.stack([slow, np.zeros(len(slow))])
@@ -189,11 +199,11 @@ def look_ahead(
     (k,) while it does, and the variances (2, k) of both over the level.
 
     Args:
-        x: States (k, n) as of the frame.
+        x: States (k, n) at the time of the frame.
         covariance: Their covariances (k, n, n), over the level.
-        own: The commands that act before.
+        own: The camera's own motion until the command acts.
         model: The filter's model.
-        model_at: The model at another interval [s].
+        model_at: Returns the model at another interval [s].
     """
     parts = [model] * len(own.coming)
     if own.durations is not None:

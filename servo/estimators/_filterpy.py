@@ -1,7 +1,7 @@
-"""filterpy's Kalman filter, without what its packages import beside it.
+"""filterpy's Kalman filter, imported without the rest of filterpy.
 
 `import filterpy` imports scipy.stats and scipy.ndimage, 0.6 s of CPU in each process, for densities
-and filters that nobody asks for here.
+and filters that are not used here.
 """
 
 import importlib

@@ -18,9 +18,9 @@ Flags = NDArray[np.bool_]
 # The constants of a level were chosen by hand so that the NIS of `line`, `sine` and `wander` stays
 # between 0.5 and 2 (tests/test_estimation.py).
 MEMORY = 60
-"""Frames over which a level is learned."""
+"""Largest number of frames over which a level averages."""
 FIRST = 5
-"""Frames that the given level counts for at first."""
+"""Number of frames for which the given level counts at first."""
 LARGEST_NIS = 9.0
 """A larger NIS of one innovation counts as this: a target that turns is not noise."""
 SMALLEST_LEVEL = 0.01
@@ -31,14 +31,14 @@ UNMEASURED = 1e12
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """The filter of one feature; its state has n numbers."""
+    """Linear model of the filter of one feature, with a state of n numbers."""
 
     F: Array
     """Transition per frame (n, n)."""
     B: Array
-    """What a known input adds per frame (n,)."""
+    """Effect of a known input on the state, per frame (n,)."""
     H: Array
-    """The measurement (n,)."""
+    """Measurement row (n,)."""
     Q: Array
     """Process noise per frame (n, n)."""
     R: float
@@ -52,7 +52,7 @@ class KalmanFilters:
     """States x (k, n) and covariances (k, n, n) of k features, as the blocks of one filter."""
 
     def __init__(self, model: Model, count: int) -> None:
-        """Begin with states of zero."""
+        """Begin with states of zero for a number of features."""
         self._all = np.arange(count)
         self._each = np.eye(count)
         self._filter = f = kalman_filter()(dim_x=count * len(model.H), dim_z=count, dim_u=count)
@@ -64,7 +64,7 @@ class KalmanFilters:
         self._take(model)
 
     def use(self, model: Model) -> None:
-        """Go on with the model of another interval."""
+        """Replace the model by that of another frame interval."""
         if model is not self.model:
             self._take(model)
 
@@ -77,7 +77,12 @@ class KalmanFilters:
         f.B = blocks(each, model.B[:, None])  # pyright: ignore[reportAttributeAccessIssue]
 
     def predict(self, u: Array, begun: Flags) -> None:
-        """Go on by a frame, with a known input (k,), where a feature has been measured before."""
+        """Predict the next frame.
+
+        Args:
+            u: Known input (k,).
+            begun: True (k,) for features that have been measured; the others stay as they are.
+        """
         f = self._filter
         x = self.x
         P = self.covariance
@@ -100,7 +105,7 @@ class KalmanFilters:
 
     @property
     def expected(self) -> Array:
-        """What the next measurement should be (k,)."""
+        """Expected next measurement (k,)."""
         return self.x @ self.model.H
 
     @property
@@ -110,7 +115,7 @@ class KalmanFilters:
         return (self.covariance @ H) @ H + self.model.R
 
     def update(self, innovation: Array, measured: Flags) -> None:
-        """Correct the features that were measured, by their innovations (k,)."""
+        """Correct the states of the measured features by their innovations (k,)."""
         f = self._filter
         self._before = (self.x, self.covariance)
         f.x = self.x.reshape(-1, 1)
@@ -119,7 +124,9 @@ class KalmanFilters:
         self.x = f.x.reshape(self.x.shape)
 
     def forget(self, which: Flags) -> bool:
-        """Take back the correction of some features (k,), if it came last; whether it did."""
+        """Undo the last correction of some features, and return True; return False if a prediction
+        followed it.
+        """
         if self._before is None:
             return False
         (x, P) = self._before
@@ -129,18 +136,18 @@ class KalmanFilters:
         return True
 
     def _blocks(self) -> Array:
-        """Return the filter's covariance (k, n, k, n); writing to it changes the filter's."""
+        """Return a view of the filter's covariance (k, n, k, n)."""
         shape = self.x.shape
         return self._filter.P.reshape(*shape, *shape)
 
 
 def where(flags: Flags, a: Array, b: Array) -> Array:
-    """Return the rows of a where the flags (k,) are set, else those of b."""
+    """Return the rows of a for flags (k,) that are True, else those of b."""
     return np.where(flags.reshape(-1, *[1] * (a.ndim - 1)), a, b)
 
 
 def blocks(each: Array, of_one: Array) -> Array:
-    """Return the Kronecker product: a block for each feature."""
+    """Return the Kronecker product, which has one block for each feature."""
     return np.kron(each, of_one).astype(np.float64)
 
 
@@ -149,19 +156,23 @@ class Level:
     """Variance (k,) of each feature's noise, learned from innovations, older ones discounted.
 
     After West and Harrison, Bayesian Forecasting and Dynamic Models, 2nd edition, Springer 1997,
-    sections 4.5 and 10.8: a tracker's noise differs between targets, and between one that rests and
-    one that moves over a ground.
+    sections 4.5 and 10.8. A tracker's noise differs between targets, and between targets at rest
+    and in motion.
     """
 
     def __init__(self, given: Array) -> None:
-        """Begin with states of zero."""
+        """Begin with the given variances (k,)."""
         self.value = given.copy()
         self._least = SMALLEST_LEVEL * given
         self._frames = np.full(len(given), float(FIRST))
 
     def learn(self, ratio: Array, measured: Flags, but: Flags | None = None) -> Array:
-        """Return the NIS (k,) of innovations whose squares over the filter's variance S are given;
-        nan where nothing was measured. The level changes afterwards, except for those in `but`.
+        """Return the NIS (k,), nan for features that were not measured, and then update the level.
+
+        Args:
+            ratio: Squared innovations over the filter's variance S (k,).
+            measured: True (k,) for features that were measured.
+            but: True (k,) for features whose level stays; None: no such feature.
         """
         nis = np.where(measured, ratio / self.value, np.nan)
         learns = measured if but is None else measured & ~but

@@ -1,5 +1,5 @@
-"""The plain difference (Teuliere, Marchand, Eck, equation 18): what the camera's motion does not
-explain.
+"""The change of the error that the camera's motion does not explain (Teuliere, Marchand, Eck,
+equation 18).
 """
 
 from dataclasses import dataclass
@@ -24,18 +24,20 @@ class Config:
 
 @final
 class Plain:
-    """The difference as it is."""
+    """Returns the measured difference, unfiltered."""
 
     def start(self, features: FeatureSet) -> None:
-        """Begin with these features."""
+        """Begin a run with a feature set."""
         self._difference = Difference(features)
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Return the last measurement."""
+        """Return the difference since the last frame as the target's motion; features that were not
+        measured in both frames keep their last one.
+        """
         motion, _ = self._difference.measure(error, own.past, dt)
         return Prediction.unmeasured(np.nan_to_num(error), motion)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the last measurement, kept."""
+        """Return the last measured difference."""
         self._difference.forget()
         return Prediction.unmeasured(np.zeros_like(self._difference.value), self._difference.value)

@@ -1,8 +1,8 @@
 """Kalman filter on the error itself, with the measured camera motion as known input.
 
-A difference of two frames doubles the noise and is half a frame old; this filter has neither fault.
-It knows the commands that are under way, so it predicts the error over the delay, and goes on
-predicting where the target is not seen. The motion of the target, with T the frame interval:
+A difference of two frames doubles the noise and is half a frame old; this filter avoids both. It
+knows the commands that have not acted yet, so it predicts the error over the delay, and goes on
+predicting while the target is not seen. The target's motion, with the frame interval T:
 
     d+ = d + T a + w1    a+ = rho a + w2    added to the error in a frame: T d + T^2/2 a
 """
@@ -20,11 +20,11 @@ from sim.channels import Channel
 ACCELERATION_AT_30_HZ = 0.03
 ACCELERATION_AT_5_HZ = 2.0
 RHO = 0.95
-"""Memory of the acceleration from picture to picture, up to `SLOWEST` apart; chosen by hand on the
-same scenarios."""
+"""Share of the acceleration that is left in the next picture, for intervals up to `SLOWEST`; chosen
+by hand on the same scenarios."""
 SLOWEST = 0.2
-"""Interval [s] above which a past acceleration says little: the memory then falls with its square,
-or else each reversal is taken for the beginning of a faster drive."""
+"""Frame interval [s] above which the share falls with the interval's square: otherwise the filter
+would take each reversal for the beginning of a faster motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Config:
 
 
 def motion(dt: float, jump: float = 0.0) -> TargetModel:
-    """Return the model of the target's motion.
+    """Return the model of the target's motion: velocity and acceleration of the error.
 
     Args:
         dt: Frame interval [s].

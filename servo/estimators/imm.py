@@ -1,9 +1,8 @@
-"""Interacting multiple models of the error: a target drives smoothly or manoeuvres.
+"""Interacting multiple models of the error: the target moves smoothly or manoeuvres.
 
 Blom and Bar-Shalom, The Interacting Multiple Model Algorithm for Systems with Markovian Switching
 Coefficients, IEEE Transactions on Automatic Control 33(8), 1988. Both models are those of
-error_kalman; the second one lets the velocity jump. How likely each is now decides how much it
-counts.
+error_kalman; the second one lets the velocity jump. Each is weighted by its current probability.
 """
 
 from collections.abc import Callable
@@ -23,11 +22,11 @@ from sim.types import Array
 
 # Both were chosen by hand on the scenarios whose target reverses or weaves.
 JUMP = 0.3
-"""Noise of the velocity of a manoeuvring target over the measurement's, per frame."""
+"""Velocity noise of a manoeuvring target relative to the measurement's noise, per frame."""
 STAY = 0.95
-"""Probability that a target drives on as it does, from frame to frame."""
+"""Probability that a target keeps its model from one frame to the next."""
 IMPOSSIBLE = 1e-300
-"""Likelihood of a model that fits not at all: both may, and their sum must not be zero."""
+"""Smallest likelihood of a model, so that the sum of both is never zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,16 +42,23 @@ class Config:
 
 @final
 class Imm:
-    """Two models for each feature, mixed for each by itself; arrays begin with the model (2,)."""
+    """Two filters for each feature, mixed by their probabilities; arrays begin with the model
+    (2,).
+    """
 
     def __init__(self, motions: tuple[Callable[[float], TargetModel], ...]) -> None:
-        """Build it from the smooth and the manoeuvring motion, each at an interval [s]."""
+        """Build the estimator.
+
+        Args:
+            motions: Return the model of the smooth and of the manoeuvring motion at a frame
+                interval [s].
+        """
         self._model_at = tuple(models(each) for each in motions)
         go = 1 - STAY
         self._switch = np.array([[STAY, go], [go, STAY]])
 
     def start(self, features: FeatureSet) -> None:
-        """Begin with these features."""
+        """Begin a run with a feature set."""
         k = len(features.names)
         self._features = features
         self._level = Level(np.square(features.noise))
@@ -61,7 +67,9 @@ class Imm:
         self._mu = np.full((2, k), 0.5)
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Mix, predict and correct; the first error starts the filters of a feature."""
+        """Mix, predict and correct the filters, and return the error at the time when the command
+        acts; the first error starts the filters of a feature.
+        """
         if not self._filters:
             self._filters = tuple(KalmanFilters(at(dt), len(error)) for at in self._model_at)
         seen = np.isfinite(error)
@@ -86,8 +94,11 @@ class Imm:
         return Prediction(error, motion, innovation, nis, variance)
 
     def see(self, view: View) -> None:
-        """Where the target is hidden, take back the last measurement: it was partly hidden then.
-        The first one of a feature stays.
+        """Take back the last measurement if the target is now hidden: it was partly hidden then.
+        The first measurement of a feature stays.
+
+        Args:
+            view: Its `seen` says whether the target is seen.
         """
         if view.seen is not False:
             return
@@ -96,7 +107,7 @@ class Imm:
             self._mu = np.where(self._corrected, self._mixed, self._mu)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the prediction, less certain with each frame."""
+        """Return the prediction for a frame without measurement; its variance grows."""
         if not self._filters:
             none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)
@@ -118,7 +129,7 @@ class Imm:
         return error, motion, stated(variance, level, self._features)
 
     def _mix_and_predict(self, own: OwnMotion, dt: float) -> None:
-        """Begin each model with what both know, and predict the features that have begun."""
+        """Mix the states of both models, then predict features that have been measured."""
         x, P = (np.array([getattr(f, name) for f in self._filters]) for name in ("x", "covariance"))
         coming = np.einsum("ij,ik->jk", self._switch, self._mu)
         for j, f in enumerate(self._filters):

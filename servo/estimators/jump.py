@@ -1,10 +1,10 @@
-"""The filter of kalman_cv, restarted where the target's velocity jumps (CUSUM, Page 1954).
+"""The filter of kalman_cv, restarted when the target's velocity jumps (CUSUM, Page 1954).
 
 Two sums for each feature run over the innovation nu, divided by its standard deviation:
 
     g+ = max(0, g+ + nu - drift)    g- = max(0, g- - nu - drift)
 
-Where one passes the threshold the velocity has jumped: the filter takes its velocity anew.
+If a sum passes the threshold, the velocity has jumped: the filter then forgets its velocity.
 """
 
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ from sim.channels import Channel
 from sim.types import Array
 
 RATIO_AT_30_HZ = 0.15
-"""Tuned sQ / sR: between the jumps too, the velocity of a target that weaves changes."""
+"""Ratio sQ / sR at 30 Hz, tuned on the scenarios: velocities also change between jumps."""
 # Chosen by hand on the scenarios whose target reverses. With both, white noise alone passes the
 # threshold of a feature once in some 470 frames.
 DRIFT = 0.75
-"""What the innovation may be without being summed, in standard deviations."""
+"""Innovation that is not counted [standard deviations]."""
 THRESHOLD = 3.5
-"""The sum that is a jump, in standard deviations."""
+"""Sum from which a jump is detected [standard deviations]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ def _model(dt: float) -> TargetModel:
 
 @final
 class Cusum:
-    """Cumulative sums in both directions."""
+    """Cumulative sums of innovations in both directions, to detect jumps."""
 
     def __init__(self, drift: float, threshold: float) -> None:
         self._drift = drift
@@ -55,7 +55,11 @@ class Cusum:
         self._sums = np.zeros((2, 1))
 
     def jumped(self, normalised: Array) -> Flags:
-        """Return where a sum passed the threshold (k,); that sum begins anew."""
+        """Return True (k,) for each feature with a sum above the threshold, and reset its sums.
+
+        Args:
+            normalised: Innovations (k,) over their standard deviations; 0 if not measured.
+        """
         both = np.stack([normalised, -normalised])
         self._sums = np.maximum(0.0, self._sums + both - self._drift)
         found = np.any(self._sums > self._threshold, axis=0)

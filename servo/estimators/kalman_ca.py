@@ -1,6 +1,6 @@
 """Kalman filter of a nearly constant target acceleration (ViSP's model with a third state).
 
-For each feature by itself, with the plain difference z as measurement and T the frame interval:
+For each feature separately, with its difference z as measurement and the frame interval T:
 
     x+ = x + nu + T a    nu+ = rho nu + w1    a+ = a + w2
     F = [[1, 1, T], [0, rho, 0], [0, 0, 1]]    H = [1, 0, 0]    Q = diag(0, sQ, sQ2)    R = sR
@@ -38,17 +38,20 @@ class Config:
     """Constants of the filter; only the ratios of the variances matter to the estimate."""
 
     rho: Memory = 0.5
-    """Memory of the velocity's change from frame to frame."""
+    """Share of the velocity's change that is left in the next frame."""
     ratio: Ratio | None = None
-    """sQ / sR, per frame; by default what suits the camera's rate."""
+    """sQ / sR, per frame; by default tuned for the camera's rate."""
     acceleration_ratio: Ratio | None = None
-    """sQ2 T^2 / sR, per frame; by default what suits the camera's rate."""
+    """sQ2 T^2 / sR, per frame; by default tuned for the camera's rate."""
     noise: Noise = "position"
-    """Where the noise is white: on the "position", or on the "difference", as in ViSP."""
+    """Which noise is taken as white: that of the "position", or that of the "difference", as in
+    ViSP."""
 
     @property
     def needs(self) -> Channels:
-        """Whether the target is seen; the filter of differences begins anew without being told."""
+        """Channels of the estimator: the filter of positions needs to know whether the target is
+        seen.
+        """
         return frozenset() if self.noise == "difference" else frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> Estimator:
@@ -58,11 +61,11 @@ class Config:
         return ErrorFilters(self.motion)
 
     def model(self, dt: float, variance: float) -> Model:
-        """Return ViSP's filter of a feature.
+        """Return ViSP's model of a feature, for a filter of its differences.
 
         Args:
             dt: Frame interval [s].
-            variance: Variance of the feature's measurement.
+            variance: Variance of the feature's measurement noise.
         """
         sR = difference_variance(variance, dt)
         rho = self.rho
@@ -81,7 +84,11 @@ class Config:
         return Model(self._F(T), np.zeros(3), np.eye(3)[0], np.diag([0.0, sQ, sQ2]), sR, P)
 
     def motion(self, dt: float) -> TargetModel:
-        """Return the same model for a filter of the error, at a frame interval [s]."""
+        """Return the model of the target's motion for a filter of the error.
+
+        Args:
+            dt: Frame interval [s].
+        """
         sR = difference_variance(1.0, dt)
         M = self._F(dt)
         ratio, acceleration = self._ratios(dt)

@@ -1,13 +1,13 @@
 """Kalman filter of a nearly constant target velocity (Teuliere, Marchand, Eck, equation 19).
 
-ViSP's model; for each feature by itself, z its plain difference:
+ViSP's model, for each feature separately, with its difference z as measurement:
 
     x+ = x + nu    nu+ = rho nu + w
     F = [[1, 1], [0, rho]]    H = [1, 0]    Q = diag(0, sQ)    R = sR
 
 Two differences in a row share the noise of a position, so R is not white. By default the same model
-filters the error itself, where the noise is. A slow filter is worse than none where the target
-reverses, so the constants must fit the camera's rate: the default comes from two tuned rates.
+filters the error itself, whose noise is white. If the target reverses, a filter that is too slow is
+worse than none, so the default constants depend on the camera's rate.
 """
 
 from dataclasses import dataclass
@@ -39,15 +39,18 @@ class Config:
     """Constants of the filter; only the ratio of the variances matters to the estimate."""
 
     rho: Memory = RHO
-    """Memory of the velocity's change from frame to frame."""
+    """Share of the velocity's change that is left in the next frame."""
     ratio: Ratio | None = None
-    """sQ / sR, per frame; by default what suits the camera's rate."""
+    """sQ / sR, per frame; by default tuned for the camera's rate."""
     noise: Noise = "position"
-    """Where the noise is white: on the "position", or on the "difference", as in ViSP."""
+    """Which noise is taken as white: that of the "position", or that of the "difference", as in
+    ViSP."""
 
     @property
     def needs(self) -> Channels:
-        """Whether the target is seen; the filter of differences begins anew without being told."""
+        """Channels of the estimator: the filter of positions needs to know whether the target is
+        seen.
+        """
         return frozenset() if self.noise == "difference" else frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> Estimator:
@@ -57,11 +60,11 @@ class Config:
         return ErrorFilters(lambda dt: motion(dt, self.rho, self.ratio))
 
     def model(self, dt: float, variance: float) -> Model:
-        """Return ViSP's filter of a feature.
+        """Return ViSP's model of a feature, for a filter of its differences.
 
         Args:
             dt: Frame interval [s].
-            variance: Variance of the feature's measurement.
+            variance: Variance of the feature's measurement noise.
         """
         sR = difference_variance(variance, dt)
         rho = self.rho
@@ -72,12 +75,12 @@ class Config:
 
 
 def motion(dt: float, rho: float, ratio: float | None) -> TargetModel:
-    """Return the same model for a filter of the error.
+    """Return the model of the target's motion for a filter of the error.
 
     Args:
         dt: Frame interval [s].
-        rho: As in `Config`.
-        ratio: As in `Config`.
+        rho: Share of the velocity's change that is left in the next frame.
+        ratio: sQ / sR, per frame; None: tuned for the frame interval.
     """
     ratio = ratio or between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt)
     sQ = ratio * difference_variance(1.0, dt)

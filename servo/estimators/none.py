@@ -1,4 +1,4 @@
-"""No estimate: the target is taken to stand still, and a moving one is followed with a lag."""
+"""No estimate: the law assumes a target at rest, and follows a moving one with a lag."""
 
 from dataclasses import dataclass
 from typing import final
@@ -24,13 +24,13 @@ class Nothing:
     """Predicts a target at rest."""
 
     def start(self, features: FeatureSet) -> None:
-        """Begin with these features."""
+        """Begin a run with a feature set."""
         self._zero = np.zeros(len(features.names))
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Return no motion."""
+        """Return the error as it was measured, and a motion of zero."""
         return Prediction.unmeasured(np.nan_to_num(error), self._zero)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return no motion."""
+        """Return an error and a motion of zero."""
         return Prediction.unmeasured(self._zero, self._zero)

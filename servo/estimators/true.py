@@ -1,6 +1,5 @@
-"""The true motion of the target, for comparison only: ideal feed-forward, which no camera can see.
-
-The loop does not know it; the simulation tells it (`true_motion` of `Loop.start`).
+"""The true motion of the target, for comparison only: an ideal feed-forward that no camera can
+measure. The simulation provides it (`true_motion` of `Loop.start`).
 """
 
 from dataclasses import dataclass
@@ -27,21 +26,21 @@ class Config:
 
 @final
 class Ideal:
-    """Returns the motion that was given last; zero before."""
+    """Returns the true motion that it was given last; zero before the first."""
 
     def start(self, features: FeatureSet) -> None:
-        """Begin with these features."""
+        """Begin a run with a feature set."""
         self._motion = np.zeros(len(features.names))
 
     def see(self, view: View) -> None:
-        """Take the target's true motion while the next command acts."""
+        """Store the target's true mean motion (k,) while the next command acts, over the scales."""
         if view.true_motion is not None:
             self._motion = view.true_motion
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Return the truth, and the error as it was seen."""
+        """Return the true motion, and the error as it was measured."""
         return Prediction.unmeasured(np.nan_to_num(error), self._motion)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the truth."""
+        """Return the true motion, and an error of zero."""
         return Prediction.unmeasured(np.zeros_like(self._motion), self._motion)

@@ -1,4 +1,4 @@
-"""Feature sets, one a file."""
+"""Feature sets, one a file: `Config.build(outline)` returns a `FeatureSet`."""
 
 from __future__ import annotations
 

@@ -19,7 +19,8 @@ from servo.types import Moments, Plane
 from sim.types import Array
 
 LEAST_ELONGATION = 1.1
-"""Long over short axis from which an orientation is servoed on: below, its row of L explodes."""
+"""Ratio of the long to the short axis from which the orientation is servoed; its row of L grows
+without limit as the shape becomes round."""
 ROUND = 1e-9
 """Below this difference of the principal moments, over their sum, a shape has no orientation."""
 Row = tuple[float, float, float, float, float, float]
@@ -27,7 +28,7 @@ Row = tuple[float, float, float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Second moments over area, as the rows below use them."""
+    """Second moments over the area, as the rows of the interaction matrix use them."""
 
     e11: float
     e12: float
@@ -37,7 +38,7 @@ class Spread:
 
     @staticmethod
     def of(m: Moments, plane: Plane) -> "Spread":
-        """Return those of these moments, in this plane."""
+        """Return the spread of a silhouette's moments in a plane."""
         n20 = 4 * m.mu20 / m.area
         n11 = 4 * m.mu11 / m.area
         n02 = 4 * m.mu02 / m.area
@@ -110,7 +111,7 @@ def row_theta(m: Moments, plane: Plane) -> Row:
 
 
 def oriented(m: Moments, elongation: float = LEAST_ELONGATION) -> bool:
-    """Whether the shape's long axis is more than this many times its short one."""
+    """Return whether the long axis of a shape is more than `elongation` times its short one."""
     spread = hypot(m.mu20 - m.mu02, 2 * m.mu11)
     total = m.mu20 + m.mu02
     return total + spread > elongation**2 * (total - spread)

@@ -1,10 +1,9 @@
-"""The corners and the pose together: what laws choose from that trust neither alone."""
-
-from collections.abc import Mapping
+"""Corners and pose together, for feature sets that combine both."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from servo.features._base import Features
 from servo.features.points import PointFeatures
 from servo.features.pose import PoseFeatures
 from servo.types import Sight
@@ -12,16 +11,16 @@ from sim.types import Array
 
 POINTS = slice(0, 8)
 TRANSLATION = slice(8, 11)
-"""Where they are in the set."""
+"""Places of the corners' coordinates and of the translation in the set."""
 
 
-class PointsAndPose:
-    """s = (x0, y0, ..., x3, y3, t, theta u): corners, normalised, and pose c*Mc."""
-
-    sole_dof: Mapping[str, str] = {}
+class PointsAndPose(Features):
+    """The features s = (x0, y0, ..., x3, y3, t, theta u): the corners in normalised image
+    coordinates, and translation [m] and rotation vector [rad] of the pose c*Mc.
+    """
 
     def __init__(self) -> None:
-        """Put both together."""
+        """Combine both feature sets."""
         self._parts = PointFeatures(), PoseFeatures("cdMc")
         points, pose = self._parts
         self.names = points.names + pose.names
@@ -30,23 +29,19 @@ class PointsAndPose:
         self.noise = np.concatenate([points.noise, pose.noise])
 
     def values(self, sight: Sight) -> Array:
-        """Return s (14,)."""
+        """Return the features (14,)."""
         return np.concatenate([part.values(sight) for part in self._parts])
 
     def matrix(self, sight: Sight) -> Array:
-        """Return L (14, 6)."""
+        """Return the interaction matrix L (14, 6)."""
         return np.concatenate([part.matrix(sight) for part in self._parts])
 
     def error(self, values: Array, goal: Array) -> Array:
-        """Return e = s - s* (14,)."""
+        """Return the error e = s - s* (14,)."""
         points, pose = self._parts
         place, turn = (part[POINTS.stop :] for part in (values, goal))
         return np.concatenate([points.error(values[POINTS], goal[POINTS]), pose.error(place, turn)])
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return fourteen flags."""
+        """Return True (14,) for each feature that the sight measures."""
         return np.concatenate([part.known(sight) for part in self._parts])
-
-    def scales(self, goal: Array) -> Array:
-        """Return ones (14,)."""
-        return np.ones(len(self.names))

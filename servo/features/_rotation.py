@@ -6,43 +6,43 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from servo.features._base import Features
 from servo.types import Sight
 from sim.geometry import skew
 from sim.types import Array
 
 SOLE_DOF: Mapping[str, str] = {"rx": "wx", "ry": "wy", "rz": "wz"}
-"""Rotations that one part of theta u alone controls."""
+"""The component of the twist that each component of theta u alone controls."""
 SMALL = 1e-4
 """Below this angle [rad] the series is exact to rounding and the closed form is not."""
 
 
-class WithRotation:
-    """What feature sets share that end in theta u of c*Rc."""
+class WithRotation(Features):
+    """Six features of which the last three are theta u of c*Rc."""
 
     def error(self, values: Array, goal: Array) -> Array:
-        """Return e = s - s* (6,); of the two rotation vectors of a rotation, the nearer one."""
+        """Return the error e = s - s* (6,); of the two rotation vectors of a rotation, the nearer
+        one counts.
+        """
         return np.concatenate([values[:3], nearest_turn(values[3:], goal[3:])]) - goal
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return six flags: a similarity has no tilt."""
+        """Return True (6,) for each feature that the sight measures."""
         tilt = sight.tilt_known
         return np.array([True, True, sight.size_known, tilt, tilt, sight.angle_known])
 
-    def scales(self, goal: Array) -> Array:
-        """Return ones (6,)."""
-        return np.ones(6)
-
 
 def theta_u(R: Array) -> Array:
-    """Return the rotation vector (3,) [rad] of a rotation, by up to half a turn."""
+    """Return the rotation vector (3,) of a rotation matrix (3, 3), at most pi long [rad]."""
     return Rotation.from_matrix(R).as_rotvec()
 
 
 def rotation_rows(w: Array) -> Array:
-    """Return Lw (3, 3): d(theta u)/dt of c*Rc over the camera's angular velocity.
+    """Return Lw (3, 3), which maps the camera's angular velocity to d(theta u)/dt of c*Rc.
 
     Malis, Chaumette and Boudet 1999 (2 1/2 D visual servoing, IEEE Transactions on Robotics and
-    Automation 15), equation 12. No closed loop can see an error in it, as Lw^-1 theta u = theta u.
+    Automation 15), equation 12. An error in it does not show in a closed loop, as
+    Lw^-1 theta u = theta u.
 
     Args:
         w: theta u of c*Rc [rad].
@@ -55,11 +55,12 @@ def rotation_rows(w: Array) -> Array:
 
 
 def nearest_turn(w: Array, other: Array) -> Array:
-    """Return the rotation vector (3,) of the same rotation as w that is nearest to another: at half
-    a turn the axis changes its sign, but nothing jumps.
+    """Return the rotation vector (3,) [rad] of the same rotation as w that is nearest to another
+    one: theta u and (theta - 2 pi) u are the same rotation, so that an error of half a turn does
+    not jump.
     """
     angle = float(np.linalg.norm(w))
     if angle == 0.0:
         return w
-    other_way = w * (1 - 2 * np.pi / angle)
-    return min(w, other_way, key=lambda v: float(np.linalg.norm(v - other)))
+    opposite = w * (1 - 2 * np.pi / angle)
+    return min(w, opposite, key=lambda v: float(np.linalg.norm(v - other)))

@@ -1,4 +1,4 @@
-"""A straight way of the camera, and a turn that moves the corners least (Deguchi 1998)."""
+"""A straight path of the camera, with the rotation that moves the corners least (Deguchi 1998)."""
 
 from dataclasses import dataclass
 from typing import final
@@ -14,21 +14,23 @@ class Config:
     """No settings."""
 
     def build(self, outline: Array) -> "DecoupledFeatures":
-        """Return the features of any target."""
+        """Return the feature set, which is the same for any outline (4, 3)."""
         return DecoupledFeatures()
 
 
 @final
 class DecoupledFeatures(PointsAndPose):
-    """The translation from the pose, the rotation from what the corners then still lack.
+    """Corners and pose: the pose controls the translation, the remaining error of the corners the
+    rotation.
 
     Deguchi 1998 (Optimal motion control for image-based visual servoing by decoupling translation
     and rotation, IROS), as Gans, Hutchinson and Corke 2003 describe it: v = -lambda t in the
-    camera's frame, and w = Lw+ (-lambda e - Lv v) over the corners. Written without the text.
+    camera's frame, and w = Lw+ (-lambda e - Lv v) over the corners. Written from their description,
+    without Deguchi's text.
     """
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the map (6, 14) from the error to the twist."""
+        """Return the matrix (6, 14) that maps the error to the twist."""
         inverse = np.zeros(L.T.shape)
         inverse[:3, TRANSLATION] = L[TRANSLATION, :3].T
         left = np.eye(POINTS.stop, len(L)) - L[POINTS, :3] @ inverse[:3]

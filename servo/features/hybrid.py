@@ -21,16 +21,17 @@ class Config:
     """No settings."""
 
     def build(self, outline: Array) -> "HybridFeatures":
-        """Return the features of any target."""
+        """Return the feature set, which is the same for any outline (4, 3)."""
         return HybridFeatures()
 
 
 @final
 class HybridFeatures(WithRotation):
-    """s = (x, y, log(Z / Z*), theta u of c*Rc), of the target's centre.
+    """The features s = (x, y, log(Z / Z*), theta u): normalised image coordinates and depth Z of
+    the target's centre, and the rotation vector [rad] of c*Rc.
 
     Malis, Chaumette and Boudet 1999 (2 1/2 D visual servoing, IEEE Transactions on Robotics and
-    Automation 15). The centre goes straight in the image, and stays in view.
+    Automation 15). The centre moves on a straight line in the image, and stays in view.
     """
 
     names = ("x", "y", "logZ", "rx", "ry", "rz")
@@ -40,14 +41,14 @@ class HybridFeatures(WithRotation):
     noise = np.array(NOISE)
 
     def values(self, sight: Sight) -> Array:
-        """Return s (6,)."""
+        """Return the features (6,)."""
         X, Y, Z = sight.pose.translation.tolist()
         goal = sight.aim.pose
         turn = theta_u(goal.rotation @ sight.pose.rotation.T)
         return np.array([X / Z, Y / Z, log(Z / goal.translation[2]), *turn])
 
     def matrix(self, sight: Sight) -> Array:
-        """Return L (6, 6)."""
+        """Return the interaction matrix L (6, 6)."""
         X, Y, Z = sight.pose.translation
         x = X / Z
         y = Y / Z

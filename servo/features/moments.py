@@ -30,7 +30,7 @@ over their variance, and what is decided by them, on these too."""
 class Scaling(Enum):
     """The unit of an, xn and yn.
 
-    The control is the same with both; thresholds, gains that adapt and plots are not.
+    The camera's motion is the same with both; thresholds, adaptive gains and plots differ.
     """
 
     METRIC = "metric"
@@ -43,7 +43,7 @@ class Scaling(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """How the features are scaled."""
+    """Choice of the unit of xn, yn and an."""
 
     scaling: Scaling = Scaling.METRIC
     """Unit of xn, yn and an: "metric" (an is the depth in m) or "paper" (an is 1 / sqrt(area))."""
@@ -55,54 +55,54 @@ class Config:
 
 @final
 class MomentFeatures:
-    """The feature set of one target."""
+    """The features s = (xn, yn, an, theta) of one target: centre, size and angle [rad]."""
 
     names = ("xn", "yn", "an", "theta")
     feed_forward = ("xn", "yn")
     sole_dof: Mapping[str, str] = {"an": "vz", "theta": "wz"}
 
     def __init__(self, scaling: Scaling, root_area: float) -> None:
-        """Scale the features.
+        """Set the scale.
 
         Args:
-            scaling: Which K.
+            scaling: The choice of K.
             root_area: Square root of the target's metric area [m].
         """
         metric = scaling is Scaling.METRIC
         self.scale = root_area if metric else 1.0
-        """K."""
+        """The scale K."""
         self.units = (*(("m" if metric else "1",) * 3), "rad")
         self.noise = NOISE
 
     def values(self, sight: Sight) -> Array:
-        """Return s (4,)."""
+        """Return the features (4,)."""
         return of_moments(sight.moments, self.scale)
 
     def matrix(self, sight: Sight) -> Array:
-        """Return L (4, 6)."""
+        """Return the interaction matrix L (4, 6)."""
         return interaction(sight.moments, sight.plane, self.scale)
 
     def error(self, values: Array, goal: Array) -> Array:
-        """Return e = s - s* (4,). Moments do not distinguish front from back: theta is wrapped to a
-        half turn.
+        """Return the error e = s - s* (4,). Moments do not distinguish front from back: the error
+        of theta is wrapped to a half turn.
         """
         e = values - goal
         e[3] = half_turn(e[3])
         return e
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return four flags: a round shape has no angle."""
+        """Return True (4,) for each feature that the sight measures; a round shape has no angle."""
         angle = sight.angle_known and oriented(sight.moments)
         return np.array([True, True, sight.size_known, angle])
 
     def scales(self, goal: Array) -> Array:
-        """Return the goal's an for xn, yn and an; 1 for theta."""
+        """Return the divisors (4,): the goal's an for xn, yn and an; 1 for theta."""
         an = goal[2]
         return np.array([an, an, an, 1.0])
 
 
 def of_moments(m: Moments, scale: float) -> Array:
-    """Return the features (4,) of a silhouette; scale is K."""
+    """Return the features (xn, yn, an, theta) of a silhouette with the scale K."""
     an = scale / sqrt(m.area)
     theta = atan2(2 * m.mu11, m.mu20 - m.mu02) / 2
     return np.array([an * m.xg, an * m.yg, an, theta])

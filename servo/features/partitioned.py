@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from servo.features._points import OfCorners
+from servo.features._base import OfCorners
 from servo.features.points import NOISE, PointFeatures
 from servo.sight.point_rows import corner_rows, corners_of
 from servo.types import Sight
@@ -26,35 +26,37 @@ class Config:
     """No settings."""
 
     def build(self, outline: Array) -> "PartitionedFeatures":
-        """Return the features of any target."""
+        """Return the feature set, which is the same for any outline (4, 3)."""
         return PartitionedFeatures()
 
 
 @final
 class PartitionedFeatures(OfCorners):
-    """s = (x0, y0, ..., x3, y3, ln sigma, theta): the corners, the root of the area that they
-    enclose, and the angle of the side from the first to the second.
+    """The features s = (x0, y0, ..., x3, y3, ln sigma, theta): the four corners, the square root
+    sigma of the area that they enclose, and the angle [rad] of the side from the first to the
+    second.
 
     Corke and Hutchinson 2001 (A new partitioned approach to image-based visual servo control, IEEE
     Transactions on Robotics and Automation 17), equations 8 to 11, without the potential that
-    repels the corners from the border. vz takes ln sigma and wz takes theta to the goal, each by
-    its own entry of the interaction matrix; the other four the corners, as those two leave them.
+    repels the corners from the border. vz controls ln sigma and wz controls theta, each by its
+    own entry of the interaction matrix; the other four velocities control the corners, given the
+    first two.
     """
 
     names = (*PointFeatures.names, "sigma", "theta")
     units = (*PointFeatures.units, "1", "rad")
-    turns = slice(ANGLE, None)
+    angles = slice(ANGLE, None)
     feed_forward = names
     noise = np.array([NOISE] * 8 + [*NOISES])
 
     def values(self, sight: Sight) -> Array:
-        """Return s (10,)."""
+        """Return the features (10,)."""
         corners = corners_of(sight)
         (dx, dy) = corners[1] - corners[0]
         return np.array([*corners.ravel(), np.log(_area(corners)) / 2, np.arctan2(dy, dx)])
 
     def matrix(self, sight: Sight) -> Array:
-        """Return L (10, 6)."""
+        """Return the interaction matrix L (10, 6)."""
         corners = corners_of(sight)
         Lx, Ly = corner_rows(sight)
         # The area changes with each corner by half the vector between its neighbours, turned.
@@ -66,8 +68,9 @@ class PartitionedFeatures(OfCorners):
         return np.vstack([points, wider / (2 * _area(corners)), turned])
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the map (6, 10) from the error to the twist."""
+        """Return the matrix (6, 10) that maps the error to the twist."""
         inverse = np.zeros(L.T.shape)
+        # vz and wz first; the other four then answer the rest of the corners' error.
         inverse[ALONG, SIGMA] = 1 / L[SIGMA, ALONG]
         inverse[ABOUT, ANGLE] = 1 / L[ANGLE, ABOUT]
         others = [i for i in range(len(inverse)) if i not in (ALONG, ABOUT)]

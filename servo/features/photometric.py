@@ -1,13 +1,12 @@
-"""Brightness of all pixels against the goal's, no tracker (Collewet, Marchand 2011)."""
+"""Brightness of all pixels against the goal's, without a tracker (Collewet, Marchand 2011)."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from servo.features._base import Features
 from servo.mistake import Mistake
 from servo.sight.point_rows import point_rows
 from servo.types import CameraImage, Sight
@@ -29,23 +28,24 @@ class Config:
     needs = frozenset({Channel.PICTURE, Channel.GOAL_PICTURE})
 
     def build(self, outline: Array) -> "PhotometricFeatures":
-        """Return the features of any picture."""
+        """Return the feature set, which is the same for any outline (4, 3)."""
         return PhotometricFeatures()
 
 
 @final
-class PhotometricFeatures:
-    """s = L+ (I - I*) (6,): what the camera's six degrees of freedom explain of the difference of
-    the pixels' brightness I and I*. So ds/dt is the camera's twist, to first order.
+class PhotometricFeatures(Features):
+    """The features s = L+ (I - I*) (6,): the camera displacement [m, rad] that explains best how
+    the pixels' brightness I differs from the goal's I*. So ds/dt is the camera's twist, to first
+    order.
 
     Collewet and Marchand 2011 (Photometric visual servoing, IEEE Transactions on Robotics 27). One
-    depth stands for all pixels. It needs texture, light that stays, and a start near the goal.
+    depth stands for all pixels. The method needs texture, constant light, and a start near the
+    goal.
     """
 
     names = ("x", "y", "z", "rx", "ry", "rz")
     units = (*(("m",) * 3), *(("rad",) * 3))
     feed_forward = ()
-    sole_dof: Mapping[str, str] = {}
     noise = np.full(6, 1e-4)
 
     def __init__(self) -> None:
@@ -53,7 +53,7 @@ class PhotometricFeatures:
         self._goal_inverse = np.zeros((6, 0))
 
     def values(self, sight: Sight) -> Array:
-        """Return s (6,)."""
+        """Return the features (6,) of a sight with a picture, whose goal has one too."""
         goal = sight.aim
         if goal is not self._goal:
             L = brightness_matrix(_picture(goal), 1 / goal.plane.C)
@@ -63,24 +63,12 @@ class PhotometricFeatures:
         return self._goal_inverse @ e
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the identity (6, 6)."""
+        """Return the interaction matrix (6, 6), the identity."""
         return np.eye(6)
-
-    def error(self, values: Array, goal: Array) -> Array:
-        """Return e = s - s* (6,)."""
-        return values - goal
-
-    def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return six flags: all are known."""
-        return np.full(6, True)
-
-    def scales(self, goal: Array) -> Array:
-        """Return ones (6,)."""
-        return np.ones(6)
 
 
 def brightness(picture: CameraImage) -> Array:
-    """Return the grey values (h, w) of the pixels that count."""
+    """Return the grey values (h, w), 0 to 255, of a picture without its border."""
     return _inside(_grey(picture))
 
 
@@ -89,8 +77,8 @@ def brightness_matrix(picture: CameraImage, depth: float) -> Array:
     rows of the pixels as points (Collewet and Marchand 2011, equation 9).
 
     Args:
-        picture: What is seen.
-        depth: Of all pixels [m].
+        picture: The picture, from which the gradients Ix and Iy are computed.
+        depth: Depth of all pixels [m].
     """
     grey = _grey(picture)
     camera = picture.camera

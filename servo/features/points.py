@@ -5,7 +5,7 @@ from typing import final
 
 import numpy as np
 
-from servo.features._points import OfCorners
+from servo.features._base import OfCorners
 from servo.sight.point_rows import corner_rows, corners_of
 from servo.types import Sight
 from sim.types import Array
@@ -19,17 +19,17 @@ class Config:
     """No settings."""
 
     def build(self, outline: Array) -> "PointFeatures":
-        """Return the features of any target."""
+        """Return the feature set, which is the same for any outline (4, 3)."""
         return PointFeatures()
 
 
 @final
 class PointFeatures(OfCorners):
-    """s = (x0, y0, ..., x3, y3), normalised.
+    """The features s = (x0, y0, ..., x3, y3): normalised image coordinates of the four corners.
 
     Chaumette and Hutchinson 2006 (Visual servo control, part I: basic approaches, IEEE Robotics
-    and Automation Magazine 13). A turn about the optical axis makes the camera retreat (matrix
-    "current") or approach ("desired"); by half a turn it fails.
+    and Automation Magazine 13). To correct a rotation about the optical axis, the camera also
+    retreats (`matrix = "current"`) or approaches ("desired"); with half a turn it fails.
     """
 
     names = tuple(f"{axis}{i}" for i in range(4) for axis in "xy")
@@ -38,9 +38,9 @@ class PointFeatures(OfCorners):
     noise = np.full(8, NOISE)
 
     def values(self, sight: Sight) -> Array:
-        """Return s (8,)."""
-        return corners_of(sight).flatten()  # a copy: a law may change it in place
+        """Return the features (8,): x and y of each corner, normalised."""
+        return corners_of(sight).flatten()  # a copy, so that callers may change it in place
 
     def matrix(self, sight: Sight) -> Array:
-        """Return L (8, 6), with the depth of each corner."""
+        """Return the interaction matrix L (8, 6), with the depth of each corner."""
         return np.stack(corner_rows(sight), axis=1).reshape(8, 6)

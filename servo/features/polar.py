@@ -1,11 +1,11 @@
-"""Polar coordinates of the four corners: best for pure turns (Iwatsuki, Okiyama 2005)."""
+"""Polar coordinates of the four corners: best for pure rotations (Iwatsuki, Okiyama 2005)."""
 
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
-from servo.features._points import OfCorners
+from servo.features._base import OfCorners
 from servo.sight.point_rows import corner_rows, corners_of
 from servo.types import Sight
 from sim.types import Array
@@ -20,34 +20,36 @@ class Config:
     """No settings."""
 
     def build(self, outline: Array) -> "PolarFeatures":
-        """Return the features of any target."""
+        """Return the feature set, which is the same for any outline (4, 3)."""
         return PolarFeatures()
 
 
 @final
 class PolarFeatures(OfCorners):
-    """s = (rho0, theta0, ..., rho3, theta3) of the corners.
+    """The features s = (rho0, theta0, ..., rho3, theta3): polar coordinates of the four corners
+    about the optical axis, normalised and in rad.
 
     Iwatsuki and Okiyama 2005 (A new formulation of visual servoing based on cylindrical coordinate
-    system, IEEE Transactions on Robotics 21). Ill-conditioned where a corner is near the middle of
-    the image: never a default.
+    system, IEEE Transactions on Robotics 21). Ill-conditioned if a corner is near the middle of the
+    image.
     """
 
     names = tuple(f"{axis}{i}" for i in range(4) for axis in ("rho", "theta"))
     units = ("1", "rad") * 4
-    turns = slice(1, None, 2)
+    angles = slice(1, None, 2)
     feed_forward = names
     noise = np.array(NOISE * 4)
 
     def values(self, sight: Sight) -> Array:
-        """Return s (8,)."""
+        """Return the features (8,): distance (normalised) and direction [rad] of each corner."""
         x, y = corners_of(sight).T
         return np.column_stack([np.hypot(x, y), np.arctan2(y, x)]).ravel()
 
     def matrix(self, sight: Sight) -> Array:
-        """Return L (8, 6): that of the corners, turned into their own directions."""
+        """Return the interaction matrix L (8, 6)."""
         (x, y) = corners_of(sight).T[..., None]
         (Lx, Ly) = corner_rows(sight)
+        # Rows of x and y, rotated into the radial and the tangential direction of each corner.
         rho = np.hypot(x, y)
         along = (x * Lx + y * Ly) / rho
         around = (x * Ly - y * Lx) / rho**2

@@ -20,23 +20,23 @@ NOISE = (2e-4, 2e-4, 2e-3, 5e-3, 5e-3, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Which translation is servoed."""
+    """Choice of the translation that is servoed."""
 
     error: Error = "cdMc"
     """"cdMc": of the camera as the goal's camera sees it, so that the camera goes straight; "cMo":
     of the target, so that its centre goes straight in the image."""
 
     def build(self, outline: Array) -> "PoseFeatures":
-        """Return the features of any target."""
+        """Return the feature set, which is the same for any outline (4, 3)."""
         return PoseFeatures(self.error)
 
 
 @final
 class PoseFeatures(WithRotation):
-    """s = (t, theta u): translation of c*Mc or cMo, and rotation of c*Rc.
+    """The features s = (t, theta u): translation [m] of c*Mc or cMo, rotation vector [rad] of c*Rc.
 
     Chaumette and Hutchinson 2006 (Visual servo control, part I: basic approaches, IEEE Robotics
-    and Automation Magazine 13), equations 16 to 19. With "cdMc" corners may leave the view.
+    and Automation Magazine 13), equations 16 to 19. With "cdMc" the corners may leave the picture.
     """
 
     names = ("x", "y", "z", "rx", "ry", "rz")
@@ -49,17 +49,17 @@ class PoseFeatures(WithRotation):
         self._camera_moves = error == "cdMc"
 
     def values(self, sight: Sight) -> Array:
-        """Return s (6,)."""
+        """Return the features (6,) [m, rad]."""
         moved = sight.aim.pose @ sight.pose.inverse()
         t = moved.translation if self._camera_moves else sight.pose.translation
         return np.concatenate([t, theta_u(moved.rotation)])
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return six flags: without the angle there is no pose."""
+        """Return True (6,) for each feature that the sight measures; without the angle none is."""
         return super().known(sight) & sight.angle_known
 
     def matrix(self, sight: Sight) -> Array:
-        """Return L (6, 6)."""
+        """Return the interaction matrix L (6, 6)."""
         R = sight.aim.pose.rotation @ sight.pose.rotation.T
         L = np.zeros((6, 6))
         L[3:, 3:] = rotation_rows(theta_u(R))

@@ -5,7 +5,7 @@ from typing import final
 
 import numpy as np
 
-from servo.features._points import OfCorners
+from servo.features._base import OfCorners
 from servo.sight.point_rows import corner_rows, corners_of
 from servo.types import Sight
 from sim.types import Array
@@ -19,20 +19,21 @@ NOISE = (2e-4, 2e-4, 3e-4, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Which functions of the segments."""
+    """Choice between the plain features of the segments and the normalised ones."""
 
     normalised: bool = False
-    """Whether xc/l, yc/l, 1/l stand for xc, yc, l: the matrix is then simpler where the target
-    faces the camera."""
+    """Whether xc/l, yc/l and 1/l replace xc, yc and l: the interaction matrix is then simpler
+    for a target that faces the camera."""
 
     def build(self, outline: Array) -> "SegmentFeatures":
-        """Return the features of any target."""
+        """Return the feature set, which is the same for any outline (4, 3)."""
         return SegmentFeatures(self.normalised)
 
 
 @final
 class SegmentFeatures(OfCorners):
-    """s = (xc, yc, l, alpha) of each of two segments; normalised (xc/l, yc/l, 1/l, alpha).
+    """The features s = (xc, yc, l, alpha) of each of the two long sides: its middle, length and
+    angle [rad] in normalised image coordinates; with `normalised` (xc/l, yc/l, 1/l, alpha).
 
     Espiau, Chaumette and Rives 1992 (A new approach to visual servoing in robotics, IEEE
     Transactions on Robotics and Automation 8); alpha points from the segment's end to its start,
@@ -40,7 +41,7 @@ class SegmentFeatures(OfCorners):
     """
 
     units = ("1", "1", "1", "rad") * 2
-    turns = slice(3, None, 4)
+    angles = slice(3, None, 4)
 
     def __init__(self, normalised: bool) -> None:
         self._normalised = normalised
@@ -50,7 +51,7 @@ class SegmentFeatures(OfCorners):
         self.noise = np.array(NOISE * 2) * ([10, 10, 10, 1] * 2 if normalised else 1.0)
 
     def values(self, sight: Sight) -> Array:
-        """Return s (8,)."""
+        """Return the features (8,), four of each segment."""
         middle, back, length = self._segments(sight)
         alpha = np.arctan2(back[:, 1], back[:, 0])
         if self._normalised:
@@ -58,7 +59,9 @@ class SegmentFeatures(OfCorners):
         return np.column_stack([middle, length, alpha]).ravel()
 
     def matrix(self, sight: Sight) -> Array:
-        """Return L (8, 6), from those of the corners at the segments' ends."""
+        """Return the interaction matrix L (8, 6), from the rows of the corners at the segments'
+        ends.
+        """
         middle, back, length = self._segments(sight)
         Lx, Ly = corner_rows(sight)
         xc, yc = ((L[FROM] + L[TO]) / 2 for L in (Lx, Ly))

@@ -10,8 +10,8 @@ from servo.features._points_and_pose import POINTS, PointsAndPose
 from sim.types import Array, Camera
 
 LARGEST = 1e3
-"""A corner at the border, or outside, weighs so much: far above 1, far below what drowns the pose
-in rounding."""
+"""Weight of a corner at the border or outside: far above 1, yet small enough that rounding errors
+do not swamp the pose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,16 +19,18 @@ class Config:
     """Where the corners begin to count."""
 
     border: Annotated[float, Gt(0), Lt(1)] = 0.3
-    """Width of the border in which they count, over half the picture's."""
+    """Width of the border in which corners count, over half the width (or height) of the
+    picture."""
 
     def build(self, outline: Array) -> "WeightedFeatures":
-        """Return the features of any target."""
+        """Return the feature set, which is the same for any outline (4, 3)."""
         return WeightedFeatures(self.border)
 
 
 @final
 class WeightedFeatures(PointsAndPose):
-    """Weights h: 1 for the pose; for a corner's coordinate 0 inside and more towards the border.
+    """Corners and pose, weighted: the pose by 1; a corner's coordinate by h = 0 in the inner part
+    of the picture, and more towards the border.
 
     Kermorgant and Chaumette 2011 (Combining IBVS and PBVS to ensure the visibility constraint,
     IROS) and 2014 (Dealing with constraints in sensor-based robot control, IEEE Transactions on
@@ -36,18 +38,18 @@ class WeightedFeatures(PointsAndPose):
     """
 
     def __init__(self, border: float) -> None:
-        """Take the width of the border."""
+        """Set the width of the border, over half the picture's."""
         super().__init__()
         self._border = border
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the map (6, 14) from the error to the twist."""
+        """Return the matrix (6, 14) that maps the error to the twist."""
         h = np.ones(len(L))
         h[POINTS] = self._weights(values[POINTS].reshape(-1, 2), camera).ravel()
         return np.linalg.pinv(h[:, None] * L) * h
 
     def _weights(self, corners: Array, camera: Camera) -> Array:
-        """Return those of corners (4, 2)."""
+        """Return the weights (4, 2) of corners (4, 2) in normalised image coordinates."""
         pixels = camera.to_pixels(corners)
         half = np.array([camera.width, camera.height]) / 2
         out = np.abs(pixels - half) / half  # 0 in the middle, 1 at the border

@@ -1,6 +1,5 @@
-"""Checks of what a caller gives to a loop, before a part of it sees a wrong value.
-
-A camera or a robot that reports a number without a meaning must not become a motion.
+"""Checks of the arguments of a loop, so that an invalid number of a camera or robot never becomes a
+motion.
 """
 
 from math import isfinite
@@ -15,14 +14,14 @@ from sim.types import Array, Camera, DepthPicture, Frame, Image, Pose, Posture
 from tracking.types import Region, State
 
 ROUNDING = 1e-6
-"""A rotation of single precision is a rotation still."""
+"""Tolerated rounding error of a rotation matrix: that of single precision."""
 
 
 def check_setup(setup: Setup, camera: Camera, outline: Array) -> None:
-    """Check what a loop is built from.
+    """Check the arguments of `Loop`: a scenario, a camera and an outline (4, 3) [m].
 
     Raises:
-        ValueError: One of them is of another type, or has numbers without a meaning.
+        ValueError: An argument has the wrong type, or invalid numbers.
     """
     check_type("scenario", setup, Setup)
     check_type("camera", camera, Camera)
@@ -30,19 +29,19 @@ def check_setup(setup: Setup, camera: Camera, outline: Array) -> None:
     _check_numbers("camera", numbers, (6,))
     if min(camera.fx, camera.fy, camera.width, camera.height) <= 0:
         raise ValueError(f"camera: focal lengths and sides should be above 0, got {camera}")
-    for side in (camera.width, camera.height):
-        if type(side) is bool or not isinstance(side, Integral):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise ValueError(f"camera: sides should be whole numbers of pixels, got {side!r}")
+    sides = camera.width, camera.height
+    if any(type(s) is bool or not isinstance(s, Integral) for s in sides):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise ValueError(f"camera: sides should be whole numbers of pixels, got {sides}")
     _check_numbers("outline", outline, (4, 3))
     if fault := outline_fault(outline):
         raise ValueError(f"outline: {fault}")
 
 
 def check_start(frame: Frame, camera: Camera, region: Region, state: State) -> None:
-    """Check what a loop is started with; whether the region is one, the tracker decides.
+    """Check the arguments of `Loop.start`; the tracker itself checks the numbers of the region.
 
     Raises:
-        ValueError: One of them is of another type, or the picture is not the camera's.
+        ValueError: An argument has the wrong type, or the picture does not fit the camera.
     """
     check_frame(frame, camera)
     check_type("region", region, Region)
@@ -64,31 +63,36 @@ def check_frame(frame: Frame, camera: Camera) -> None:
 
 
 def check_picture(name: str, image: Image, camera: Camera) -> None:
-    """Check that an array is a picture of a camera.
+    """Check that an array is a picture of a camera: (height, width, 3) of uint8.
 
     Raises:
-        ValueError: It has another shape or type.
+        ValueError: It has another shape or type; the sentence begins with the name.
     """
     shape = camera.height, camera.width, 3
-    if not isinstance(image, np.ndarray) or image.shape != shape or image.dtype != np.uint8:  # pyright: ignore[reportUnnecessaryIsInstance]
-        found = f"{np.shape(image)} of {getattr(image, 'dtype', type(image).__name__)}"
+    if np.shape(image) != shape or _type_of(image) != "uint8":
+        found = f"{np.shape(image)} of {_type_of(image)}"
         raise ValueError(f"{name}: expected a picture {shape} of uint8, got {found}")
 
 
 def _check_depth(depth: DepthPicture, shape: tuple[int, int]) -> None:
-    """Check that an array can be a depth picture; whole numbers are millimetres.
+    """Check that an array is a depth picture; whole numbers would be millimetres.
 
     Raises:
         ValueError: It has another shape or type.
     """
-    is_real = np.issubdtype(getattr(depth, "dtype", np.object_), np.floating)
-    if np.shape(depth) != shape or not is_real:
-        found = f"{np.shape(depth)} of {getattr(depth, 'dtype', type(depth).__name__)}"
+    if np.shape(depth) != shape or not _type_of(depth).startswith("float"):
+        found = f"{np.shape(depth)} of {_type_of(depth)}"
         raise ValueError(f"frame: expected a depth picture {shape} of floats [m], got {found}")
 
 
+def _type_of(values: object) -> str:
+    """Return the type of an array's elements, such as "uint8"; the type of any other object."""
+    return values.dtype.name if isinstance(values, np.ndarray) else type(values).__name__
+
+
 def check_posture(posture: Posture) -> None:
-    """Check what the robot reports. Its Jacobian need not be finite: laws then leave it alone.
+    """Check the posture that a robot reports. Its Jacobian may be infinite or nan: laws then do not
+    use it.
 
     Raises:
         ValueError: A number is not finite, an array has another shape, or a matrix is no rotation.
@@ -110,17 +114,17 @@ def check_posture(posture: Posture) -> None:
             f"posture: expected {n} limits with lower <= upper, got {p.lower} and {p.upper}"
         )
     _check_numbers("posture.twist", p.twist, (6,))
-    for name in ("accepted", "asked"):
-        twist = getattr(p, name)
+    twists = {"accepted": p.accepted, "asked": p.asked}
+    for name, twist in twists.items():
         if twist is not None:
             _check_numbers(f"posture.{name}", twist, (6,))
 
 
 def check_type(name: str, value: object, kind: type) -> None:
-    """Refuse an argument of another type.
+    """Check the type of an argument.
 
     Raises:
-        ValueError: It is; the sentence begins with its name.
+        ValueError: It has another type; the sentence begins with the argument's name.
     """
     if not isinstance(value, kind):
         raise ValueError(f"{name}: expected a {kind.__name__}, got a {type(value).__name__}")

@@ -54,7 +54,8 @@ class Law:
             estimator.build(draws["estimator"]),
             controller.build(draws["controller"]),
         )
-        self._naming = {part.place: part.naming() for part in (features, controller)}
+        self._features = features
+        self._controller = controller
         self.features: FeatureSet = features.guarded(built[0])
         self.features_of_truth: FeatureSet = features.guarded(built[0], checked=False)
         """The same for records: values of what the camera cannot see need not be finite."""
@@ -126,7 +127,7 @@ class Law:
         Raises:
             PartFailed: None of the features is known by what it follows.
         """
-        with self._naming["features"]:
+        with self._features.naming():
             check_followed(self.features, estimate, self._goal)
 
     def command(
@@ -150,7 +151,7 @@ class Law:
         for viewer, needs in self._viewers:
             viewer.see(view(needs))
         command = self.controller.command(sight, posture, interval)
-        with self._naming["controller"]:
+        with self._controller.naming():
             check_same_features(command, self.features.names)
         return command
 

@@ -1,8 +1,8 @@
-"""A part of a run by its place and kind, so that what goes wrong in its code names it."""
+"""A component of a run with its place and kind, so that errors in its code name it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any, Protocol, TypeVar, final
 
 from servo.contracts import BrokenContract, check_built, check_sees, guarded
@@ -11,39 +11,40 @@ from sim.kinds import kind_of
 
 Built = TypeVar("Built")
 ENDS = (KeyboardInterrupt, MemoryError)
-"""What ends a run from outside, whatever part is at work."""
+"""Exceptions that are never attributed to a component: they end a run from outside."""
 
 
 class PartFailed(Mistake):
-    """A sentence that names the part; the exception that it raised is the cause."""
+    """A component raised an exception or broke its contract; the sentence names the component."""
 
 
 class PartConfig(Protocol):
-    """The settings of a part."""
+    """The settings of a component."""
 
     @property
     def build(self) -> Callable[[Any], Any]:
-        """Build it, from a generator of random numbers or, for features, from an outline."""
+        """Builds the component from a random generator; features from an outline (4, 3) [m]."""
         ...
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part of a run: its place in the scenario, such as "tracker", and its `Config`."""
+    """A component of a run: its place in the scenario, such as "tracker", and its `Config`."""
 
     place: str
     config: PartConfig
 
     def build(self, given: object) -> Any:
-        """Build the part.
+        """Build the component.
 
         Args:
-            given: What its `Config` builds from.
+            given: The argument of `Config.build`: a random generator, or an outline (4, 3) [m] for
+                features.
 
         Raises:
-            PartFailed: An exception of its code, or it breaks the contract of its kind.
-            Mistake: It refuses its settings with a ValueError.
+            PartFailed: Its code raised an exception, or it breaks its contract.
+            Mistake: `Config.build` refused the settings with a ValueError.
         """
         with self.naming():
             try:
@@ -55,50 +56,47 @@ class Part:
         return built
 
     def guarded(self, built: Built, *, checked: bool = True) -> Built:
-        """Return what was built so that each of its calls is checked and names the part."""
-        return guarded(built, self.kind_of_place, self.naming, checked=checked)
-
-    def naming(self, method: str = "") -> "Naming":
-        """Return a context that turns an exception of the part's code into a `PartFailed`.
+        """Return a wrapper of the built component whose method calls raise errors that name it.
 
         Args:
-            method: The method that is called in it. A ValueError of `start` refuses the user's
-                settings or first picture, so it stays as it is.
+            built: The component.
+            checked: Whether returned values are checked against the contract, too.
         """
-        return Naming(self, refuses=method == "start")
+        return guarded(built, self.kind_of_place, self.naming, checked=checked)
+
+    @contextmanager
+    def naming(self, method: str = "") -> Generator[None]:
+        """Turn an exception in the block, in which a method of the component is called, into a
+        `PartFailed`.
+
+        Args:
+            method: Name of the method. A ValueError of `start` passes unchanged: it refuses the
+                user's settings or first picture.
+
+        Raises:
+            PartFailed: The block raised an exception; it is the cause, unless it already says
+                which contract was broken.
+        """
+        try:
+            yield
+        except (Mistake, *ENDS):
+            raise
+        except BrokenContract as error:
+            raise self.failed(str(error)) from None
+        except BaseException as error:  # also SystemExit: a component must not end the program
+            if isinstance(error, ValueError) and method == "start":
+                raise
+            text = str(error)
+            if not isinstance(error, ValueError) or not text:
+                text = f"{type(error).__name__}: {text}".removesuffix(": ")
+            raise self.failed(text) from error
 
     def failed(self, what: str) -> PartFailed:
-        """Return the sentence that the part did something."""
+        """Return the error that names this component and what it did."""
         kind = kind_of(self.config)  # a wrapped tracker begins its messages with its own name
         return PartFailed(f"{self.place} '{kind}': {what.removeprefix(f'{kind}: ')}")
 
     @property
     def kind_of_place(self) -> str:
-        """The place without its number in a list: "disturbances" for "disturbances[1]"."""
+        """The place without an index: "disturbances" for "disturbances[1]"."""
         return self.place.partition("[")[0]
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Naming:
-    """A context that may be entered again, also within itself."""
-
-    part: Part
-    refuses: bool
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        passing = (Mistake, *ENDS, ValueError) if self.refuses else (Mistake, *ENDS)
-        if error is None or isinstance(error, passing):
-            return
-        text = str(error)
-        spoken = isinstance(error, ValueError | BrokenContract) and text
-        what = text if spoken else f"{type(error).__name__}: {text}".removesuffix(": ")
-        raise self.part.failed(what) from (None if isinstance(error, BrokenContract) else error)

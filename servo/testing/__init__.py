@@ -1,12 +1,12 @@
-"""The contracts of all parts, as functions that anyone may run on a part of their own.
+"""Functions that check whether a component of yours keeps its contract.
 
     from servo.testing import check_tracker
 
     def test_my_tracker():
         check_tracker(Config)
 
-Each one takes a `Config` (class or instance), the name of a kind, or "module:Name", and raises
-`BrokenContract` with a sentence that says what to change.
+Each takes a `Config` (class or instance), the name of a kind such as "kalman_cv", or "module:Name",
+and raises `BrokenContract` with a sentence that says what to change.
 """
 
 from servo.contracts import BrokenContract

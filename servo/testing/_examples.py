@@ -1,4 +1,4 @@
-"""Pictures, postures and sights for the parts to work on."""
+"""Pictures, postures and sights on which components are tested."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,7 +13,7 @@ from sim.types import Camera, Frame, Image, Pose, Posture
 from tracking.types import Region, State
 
 FIRST = State(80.0, 60.0, 0.3, 1.0)
-"""Place of the target of `film` in the first picture."""
+"""State of the target of `film` in the first picture."""
 REGION = Region(40.0, 20.0)
 """Size of the target of `film`."""
 CAMERA = Camera(290.0, 290.0, 160.0, 120.0, 320, 240)
@@ -30,8 +30,8 @@ def film(
 
     Args:
         count: Number of pictures.
-        gone_after: From this one on the target is gone; None: it stays.
-        picture: What the target shows (H, W, 3), 40 px wide; None: two colours.
+        gone_after: Number of the first picture without the target; None: it stays.
+        picture: Appearance of the target (H, W, 3), shown 40 px wide; None: two colours.
     """
     rng = np.random.default_rng(3)
     ground = cv2.GaussianBlur(rng.integers(60, 140, (120, 160, 3)).astype(np.uint8), (0, 0), 2)
@@ -68,18 +68,18 @@ def _show(picture: Image, image: Image, shift: int) -> None:
 
 
 def posture() -> Posture:
-    """Return that of a robot without joints that stands still, its camera `DOWN`."""
+    """Return the posture of a robot without joints, at rest, with its camera at `DOWN`."""
     return Posture(DOWN, np.zeros(6), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros((6, 0)))
 
 
 def seen_from(T_room_camera: Pose, T_room_target: Pose, *, pixels: bool) -> Sight:
-    """Return all that is seen of the reference rectangle, exactly; the goal is to see it at the
-    room's origin from `DOWN`.
+    """Return the exact sight of the reference rectangle; its goal is the rectangle at the room's
+    origin, seen from `DOWN`.
 
     Args:
         T_room_camera: Pose of the camera.
         T_room_target: Pose of the rectangle.
-        pixels: Whether a picture of it is needed too.
+        pixels: Whether the sight has a picture, too.
     """
     goal = _seen(DOWN, Pose.planar(0.0, 0.0, 0.0), pixels)
     return replace(_seen(T_room_camera, T_room_target, pixels), goal=goal)

@@ -1,25 +1,25 @@
-"""The part that a check was given, by whatever names it."""
+"""The component under test, and the tests that all components share."""
 
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from servo.contracts import BrokenContract, check_built, guarded
+from servo.contracts import BrokenContract, check_built, guarded, require
 from servo.scenario.catalogue import LISTS, PLUGINS
 from sim.installed import Trusted
 from sim.kinds import UnknownKind
 
-T = TypeVar("T")
 REGISTRIES = {place: registry for place, (registry, _) in PLUGINS.items()} | LISTS
-"""The kinds of each part, by its place in a scenario."""
+"""The registry of each component's kinds, by its place in a scenario."""
+DRAWS = "the second time; draw random numbers from the generator given to build(rng) only"
 REMEMBERS = "a second start did not forget the first; reset in start all that a run changes"
 
 
 def contract(check: Callable[..., None]) -> Callable[..., None]:
-    """Make an exception of the part itself a sentence of the check."""
+    """Wrap a check so that an exception of the component itself raises `BrokenContract`."""
 
     @functools.wraps(check)
     def checked(*part: Any, **more: Any) -> None:
@@ -34,14 +34,14 @@ def contract(check: Callable[..., None]) -> Callable[..., None]:
 
 
 def config_of(place: str, part: Any) -> Any:
-    """Return the `Config` instance of what a check was given.
+    """Return the `Config` instance of the component that a check was given.
 
     Args:
-        place: The part's place in a scenario, such as "tracker".
+        place: The component's place in a scenario, such as "tracker".
         part: Its `Config` (class or instance), the name of its kind, or "module:Name".
 
     Raises:
-        BrokenContract: It is no part of this kind.
+        BrokenContract: There is no such kind, or the object is no `Config`.
     """
     if dataclasses.is_dataclass(part) and not isinstance(part, type):
         return part
@@ -55,28 +55,38 @@ def config_of(place: str, part: Any) -> Any:
 
 
 def built(place: str, config: Any, given: Any = None) -> Any:
-    """Return what a `Config` builds; its calls are checked.
+    """Return the component that a `Config` builds, with its calls checked.
 
     Args:
-        place: The part's place in a scenario, such as "tracker".
+        place: The component's place in a scenario, such as "tracker".
         config: Its `Config`.
-        given: What it is built from; None: a generator of random numbers, the same each time.
+        given: The argument of `build`; None: a random generator with a fixed seed.
 
     Raises:
-        BrokenContract: It lacks what its kind has.
+        BrokenContract: The component lacks a method, or has the wrong type.
     """
     found = config.build(np.random.default_rng(0) if given is None else given)
     check_built(place, found)
     return found if place in ("robot", "target") else guarded(found, place)
 
 
-def used_twice(place: str, config: Any, use: Callable[[Any], T]) -> tuple[T, T]:
-    """Return what a part gives when it is used, and used again as the loop does for a second run:
-    its generator of random numbers is then as it was after `build`.
+def check_repetition(place: str, config: Any, use: Callable[[Any], Any], what: str) -> None:
+    """Check that a component gives the same results when it is built again, and when it is started
+    again for a second run.
+
+    Args:
+        place: The component's place in a scenario, such as "tracker".
+        config: Its `Config`.
+        use: Starts the component and returns its results.
+        what: Beginning of the sentence, such as "the same pictures gave other states".
+
+    Raises:
+        BrokenContract: The results differ.
     """
     rng = np.random.default_rng(0)
     part = built(place, config, rng)
     state = rng.bit_generator.state
     first = use(part)
-    rng.bit_generator.state = state
-    return first, use(part)
+    require(np.array_equal(first, use(built(place, config))), f"{what} {DRAWS}")
+    rng.bit_generator.state = state  # as the loop does before each start
+    require(np.array_equal(first, use(part)), REMEMBERS)

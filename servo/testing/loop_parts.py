@@ -1,4 +1,4 @@
-"""The contracts of feature sets, estimators and controllers."""
+"""Checks of feature sets, estimators and controllers."""
 
 from dataclasses import replace
 from functools import partial
@@ -11,18 +11,18 @@ from servo.estimators.none import Config as NoEstimate
 from servo.features.moments import Config as MomentsConfig
 from servo.parts import Controller, Estimator, FeatureSet, Task
 from servo.testing._examples import CAMERA, DOWN, OUTLINE, posture, seen_from
-from servo.testing._subject import REMEMBERS, built, config_of, contract, used_twice
+from servo.testing._subject import built, check_repetition, config_of, contract
 from servo.types import DOF, OwnMotion, Sight
 from sim.channels import Channel, needs_of
 from sim.geometry import exp_se3
 from sim.types import Array, Pose
 
 STEP = 1e-6
-"""Twist times time of the finite differences."""
+"""Displacement of the camera for finite differences [m, rad]."""
 TOLERANCE = 1e-4
-"""Of an interaction matrix against finite differences, relative to its largest entry."""
+"""Largest difference of an interaction matrix from finite differences, over its largest entry."""
 POSES = ((0.02, 0.01, 0.2, 0.1), (-0.1, 0.05, -0.4, 0.0), (0.05, -0.08, 0.8, -0.15))
-"""Targets: x, y [m], heading [rad], and the tilt of the table [rad]."""
+"""Test poses of the target: x, y [m], heading [rad], and tilt of the table [rad]."""
 DT = 0.1
 """Time between two frames [s]."""
 
@@ -31,13 +31,17 @@ DT = 0.1
 def check_features(features: Any) -> None:
     """Check that a feature set keeps the contract of `servo.parts.FeatureSet`.
 
-    Its matrix is compared with finite differences of its values, unless it is made of pixels.
+    The interaction matrix is compared with finite differences of the features, unless these are
+    made of pixels.
+
+    Args:
+        features: A `Config` (class or instance), the name of a kind, or "module:Name".
 
     Example:
         >>> check_features("moments")
 
     Raises:
-        BrokenContract: It does not; the sentence says what to change.
+        BrokenContract: It breaks its contract; the sentence says what to change.
     """
     config = config_of("features", features)
     found: FeatureSet = built("features", config, OUTLINE)
@@ -64,7 +68,7 @@ def _check_matrix(features: FeatureSet, target: Pose, *, pixels: bool) -> None:
     zero = features.error(values, values)
     require(not np.any(zero), f"error(s, s) is {zero}; it should be zero")
     if pixels:
-        return  # the depth of a pixel is a guess, and its brightness a whole number
+        return  # one depth stands for all pixels, and brightness is a whole number
     found: list[Array] = []
     for twist in STEP * np.eye(6):
         after, before = (
@@ -82,22 +86,20 @@ def _check_matrix(features: FeatureSet, target: Pose, *, pixels: bool) -> None:
 
 @contract
 def check_estimator(estimator: Any) -> None:
-    """Check that an estimator keeps the contract of `servo.parts.Estimator`.
+    """Check that an estimator keeps the contract of `servo.parts.Estimator`: numbers of the right
+    shape, the same results for the same errors, and no memory of an earlier run.
+
+    Args:
+        estimator: A `Config` (class or instance), the name of a kind, or "module:Name".
 
     Example:
         >>> check_estimator("kalman_cv")
 
     Raises:
-        BrokenContract: It does not; the sentence says what to change.
+        BrokenContract: It breaks its contract; the sentence says what to change.
     """
     config = config_of("estimator", estimator)
-    once, restarted = used_twice("estimator", config, _estimates)
-    require(
-        np.array_equal(once, _estimates(built("estimator", config))),
-        "the same errors gave other estimates the second time; draw random numbers from the "
-        "generator given to build(rng) only",
-    )
-    require(np.array_equal(once, restarted), REMEMBERS)
+    check_repetition("estimator", config, _estimates, "the same errors gave other estimates")
 
 
 def _estimates(estimator: Estimator) -> Array:
@@ -119,24 +121,22 @@ def _estimates(estimator: Estimator) -> Array:
 
 @contract
 def check_controller(controller: Any) -> None:
-    """Check that a controller keeps the contract of `servo.parts.Controller`.
+    """Check that a controller keeps the contract of `servo.parts.Controller`: valid twists, the
+    same results for the same sights, and no memory of an earlier run.
+
+    Args:
+        controller: A `Config` (class or instance), the name of a kind, or "module:Name".
 
     Example:
         >>> check_controller("ibvs")
 
     Raises:
-        BrokenContract: It does not; the sentence says what to change.
+        BrokenContract: It breaks its contract; the sentence says what to change.
     """
     config = config_of("controller", controller)
     for latency in (0, 2):
         twists = partial(_twists, latency, Channel.PICTURE in needs_of(config))
-        once, restarted = used_twice("controller", config, twists)
-        require(
-            np.array_equal(once, twists(built("controller", config))),
-            "the same sights gave other twists the second time; "
-            "draw random numbers from the generator given to build(rng) only",
-        )
-        require(np.array_equal(once, restarted), REMEMBERS)
+        check_repetition("controller", config, twists, "the same sights gave other twists")
 
 
 def _twists(latency: int, pixels: bool, controller: Controller) -> Array:

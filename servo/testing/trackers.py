@@ -1,4 +1,4 @@
-"""The contract of a tracker."""
+"""Check of trackers."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ import numpy as np
 
 from servo.contracts import BrokenContract, require
 from servo.testing._examples import FIRST, film, region_of
-from servo.testing._subject import REMEMBERS, built, config_of, contract, used_twice
+from servo.testing._subject import built, check_repetition, config_of, contract
 from sim.types import Frame, Image
 from tracking.types import Estimate, Region, State, Status, Tracker
 
 ODD = {"black": ((120, 160, 3), 0), "white": ((120, 160, 3), 255), "tiny": ((7, 9, 3), 0)}
-"""Pictures that come from any camera sooner or later: size and grey level."""
+"""Unusual pictures that any camera may deliver: their shapes and grey levels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +41,17 @@ class _Subject:
 
 @contract
 def check_tracker(tracker: Any, picture: Image | None = None) -> None:
-    """Check that a tracker keeps the contract of `tracking.types.Tracker`.
+    """Check that a tracker keeps the contract of `tracking.types.Tracker`: valid estimates, the
+    same results for the same pictures, loss of a target that is gone, no exceptions for unusual
+    pictures.
 
     Args:
-        tracker: Its `Config`, its kind, "module:Name", or a class that `tracking.wrap` takes.
-        picture: What the target shows (H, W, 3), for a tracker that follows certain targets only.
+        tracker: A `Config` (class or instance), the name of a kind, "module:Name", or a class that
+            `tracking.wrap` accepts.
+        picture: Appearance of the target (H, W, 3), for a tracker of certain targets only.
 
     Raises:
-        BrokenContract: It does not; the sentence says what to change.
+        BrokenContract: It breaks its contract; the sentence says what to change.
     """
     subject = _Subject(config_of("tracker", tracker), picture)
     _check_pictures_are_kept(subject)
@@ -69,13 +72,8 @@ def _check_pictures_are_kept(subject: _Subject) -> None:
 
 
 def _check_repetition(subject: _Subject) -> None:
-    once, restarted = used_twice("tracker", subject.config, subject.states)
-    require(
-        once == subject.states(built("tracker", subject.config)),
-        "the same pictures gave other states the second time; draw random "
-        "numbers from the generator given to build(rng) only",
-    )
-    require(once == restarted, REMEMBERS)
+    same = "the same pictures gave other states"
+    check_repetition("tracker", subject.config, subject.states, same)
 
 
 def _check_buffer(subject: _Subject) -> None:

@@ -1,4 +1,4 @@
-"""The contracts of what is in the world: robots, targets, motions, disturbances."""
+"""Checks of robots, targets, motions and disturbances."""
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
@@ -19,11 +19,11 @@ from sim.types import Array, Pose
 
 PHYSICS_RATE = 480.0
 TIMES = (-0.1, 0.0, 0.4, 1.0, 2.5, 10.0)
-"""Moments to ask for [s]; one frame before the start is asked for in every run."""
+"""Test times [s]; every run asks for one frame before its start."""
 SOON = 1e-3
-"""Time between two places of a target that are compared [s]."""
+"""Time between two compared positions of a target [s]."""
 NEAR = 0.01
-"""A target goes no farther in that time [m]: that would be 10 m/s, so it is a jump."""
+"""Largest path of a target in that time [m]: farther would be a jump, faster than 10 m/s."""
 STEP = 1e-6
 """Step of the finite differences of a Jacobian [rad or m]."""
 LONGEST_SIDE = 2.0
@@ -34,13 +34,14 @@ SHORTEST_SIDE = 1e-3
 
 @contract
 def check_motion(motion: Any) -> None:
-    """Check that a motion keeps the contract of `sim.stage.Motion`.
+    """Check that a motion keeps the contract of `sim.stage.Motion`: valid poses without jumps, and
+    the same motion for the same random numbers.
 
     Example:
         >>> check_motion("line")
 
     Raises:
-        BrokenContract: It does not; the sentence says what to change.
+        BrokenContract: It breaks its contract; the sentence says what to change.
     """
     config = config_of("motion", motion)
     once, again = (built("motion", config) for _ in range(2))
@@ -54,10 +55,11 @@ def check_motion(motion: Any) -> None:
 
 @contract
 def check_disturbance(disturbance: Any) -> None:
-    """Check that a disturbance keeps the contract of `sim.stage.Disturbance`.
+    """Check that a disturbance keeps the contract of `sim.stage.Disturbance`: valid effects, none
+    before time 0.
 
     Raises:
-        BrokenContract: It does not; the sentence says what to change.
+        BrokenContract: It breaks its contract; the sentence says what to change.
     """
     found = built("disturbances", config_of("disturbances", disturbance))
     for time in TIMES:
@@ -66,11 +68,11 @@ def check_disturbance(disturbance: Any) -> None:
 
 @contract
 def check_robot(robot: Any) -> None:
-    """Check that a robot keeps the contract of `sim.kinematics.robot.Design`: it can be put into
-    the room, and its joints move the camera as its Jacobian says.
+    """Check that a robot keeps the contract of `sim.kinematics.robot.Design`: it fits into the
+    room, and its Jacobian agrees with finite differences of its camera pose.
 
     Raises:
-        BrokenContract: It does not; the sentence says what to change.
+        BrokenContract: It breaks its contract; the sentence says what to change.
     """
     design: Design = built("robot", config_of("robot", robot))
     try:
@@ -105,11 +107,11 @@ def _check_jacobian(machine: Robot, data: Any, home: Array) -> None:
 
 @contract
 def check_target(target: Any) -> None:
-    """Check that a target keeps the contract of `sim.models.target.Target`: it can be put into the
-    room, moves as one, and its reference rectangle is on it.
+    """Check that a target keeps the contract of `sim.models.target.Target`: it fits into the room,
+    moves as one rigid body, and has a valid reference rectangle.
 
     Raises:
-        BrokenContract: It does not; the sentence says what to change.
+        BrokenContract: It breaks its contract; the sentence says what to change.
     """
     found: Target = built("target", config_of("target", target))
     outline = found.outline
