@@ -19,7 +19,7 @@ Millimetres = Annotated[float, Ge(-1000), Le(1000)]
 
 @dataclass(frozen=True, slots=True)
 class BelievedConfig:
-    """Errors of calibration: of camera, hand-eye pose, joints, clock, target size. Default: none."""
+    """Errors of calibration: camera, hand-eye pose, joints, clock, target size. Default: none."""
 
     fx_factor: Annotated[float, Ge(0.1), Le(10)] = 1.0
     """Believed over true focal length, along u and v."""

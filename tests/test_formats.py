@@ -153,8 +153,8 @@ factor = 0.5
 """
 COMMANDS = {
     "run": ("run mine.toml --set run.duration=0.1 --seed 4 --no-rerun", "steps.parquet"),
-    "bench": ("evaluate clutter --trackers frozen --seeds 1", "runs.csv"),
-    "closed_loop": ("bench closed_loop --trackers frozen --seeds 1", "results.parquet"),
+    "evaluate": ("evaluate clutter --trackers frozen --seeds 1", "runs.csv"),
+    "closed_loop": ("evaluate closed_loop --trackers frozen --seeds 1", "results.parquet"),
     "papers": ("papers P1-3 --quick", "papers.json"),
     "sweep": ("sweep study.toml --set camera.rate=20.0 --seeds 1", "results.parquet"),
 }

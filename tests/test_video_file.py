@@ -430,6 +430,7 @@ def test_frames_are_freed_though_python_looks_for_cycles_seldom(tmp_path):
     for k in range(150):
         writer.write(np.full((HEIGHT, WIDTH, 3), k, np.uint8))
     writer.release()
+    gc.collect()  # frames that other tests left
     gc.disable()
     try:
         assert len(list(Video.of(path))) == 150
