@@ -15,7 +15,7 @@ from sim.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This estimator has no settings."""
 
     def build(self, rng: np.random.Generator) -> "Plain":
         """Return the estimator, which uses no random numbers."""

@@ -31,7 +31,7 @@ IMPOSSIBLE = 1e-300
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This estimator has no settings."""
 
     needs = frozenset({Channel.SEEN})
 

@@ -12,7 +12,7 @@ from sim.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This estimator has no settings."""
 
     def build(self, rng: np.random.Generator) -> "Nothing":
         """Return the estimator, which uses no random numbers."""

@@ -15,7 +15,7 @@ from sim.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This estimator has no settings."""
 
     needs = frozenset({Channel.TRUE_MOTION})
 
