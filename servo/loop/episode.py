@@ -210,16 +210,20 @@ class Episode:
         if start.pose is not None:
             turn = exp_so3(np.radians(start.pose[3:]))
             return self.world.start_facing(Pose(turn, np.array(start.pose[:3])), way)
-        first = self.world.goal()
-        if first is None:
-            goal, theta, depth = self.goal.pixel, self.goal.theta, self.scenario.goal.depth
-        else:
-            goal, theta, depth = first.centre, first.theta, self._goal_pose(first).translation[2]
-        pixel = goal + (start.x, start.y)
-        theta = theta + radians(start.angle_deg)
-        depth = float(depth) / start.scale
-        tilt = radians(start.tilt_deg), radians(start.tilt_towards_deg)
-        return self.world.start(pixel, theta, depth, *tilt, way)
+        # Relative to the goal: beside a leader that of the first picture.
+        led = self.world.goal()
+        pixel = self.goal.pixel if led is None else led.centre
+        theta = self.goal.theta if led is None else led.theta
+        pose = None if led is None else self._goal_pose(led)
+        depth = self.scenario.goal.depth if pose is None else float(pose.translation[2])
+        return self.world.start(
+            pixel + (start.x, start.y),
+            theta + radians(start.angle_deg),
+            depth / start.scale,
+            radians(start.tilt_deg),
+            radians(start.tilt_towards_deg),
+            way,
+        )
 
     def _start_loop(self, first: Frame, truth: Truth, goal: Image | None, *, steered: bool) -> None:
         """Start the loop with the first picture, and the region of the scenario."""
@@ -329,7 +333,7 @@ class Episode:
             twist_acting=np.zeros(6),
             limited=False,
             joint_limits=(),
-            seconds=Seconds(rendering, *timeline.seconds, 0.0),
+            seconds=Seconds(rendering, timeline.track_seconds, timeline.law_seconds, 0.0),
         )
 
     @property

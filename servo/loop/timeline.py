@@ -111,8 +111,10 @@ class Timeline:
         self._is_first = True
         self.latest = TimedDecision(running.decision)
         """The last decision."""
-        self.seconds = (0.0, 0.0)
-        """Wall-clock time of tracker and law in the last frame interval [s]."""
+        self.track_seconds = 0.0
+        """Wall-clock time of the tracker in the last frame interval [s]."""
+        self.law_seconds = 0.0
+        """Wall-clock time of the law in the last frame interval [s]."""
         self._asked = np.zeros(6)
         """Mean twist (6,) asked for since the last picture."""
         # With a latency of whole frames, one zero command for each frame until the first acts: the
@@ -131,7 +133,8 @@ class Timeline:
         self._now = frame.time
         end = self._now + self._schedule.period - SAME
         self.decided = 0
-        self.seconds = (0.0, 0.0)
+        self.track_seconds = 0.0
+        self.law_seconds = 0.0
         if not self._plain:
             self._record.add(frame.index, replace(posture, asked=self._asked))
         self._arrival = max(self._arrival, self._now + self._transport())
@@ -195,8 +198,7 @@ class Timeline:
         is_first = self._is_first
         self._is_first = False
         observation = self._running.track(frame, posture)
-        track, law = self.seconds
-        self.seconds = track + observation.seconds, law
+        self.track_seconds += observation.seconds
         self._skipped += max(0, len(pictures) - 1)
         takes = self._schedule.run.tracker_ms
         lasts = observation.seconds if isinstance(takes, str) else 1e-3 * takes
@@ -216,8 +218,7 @@ class Timeline:
         if not self._plain:
             posture = replace(posture, under_way=self._under_way(frame.time, acts))
         decision = self._running.decide(work.observation, posture, acts)
-        track, law = self.seconds
-        self.seconds = track, law + decision.seconds
+        self.law_seconds += decision.seconds
         self._commands.append((acts, decision.command.twist))
         self.decided += 1
         age = work.done - frame.time
