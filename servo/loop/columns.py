@@ -68,6 +68,7 @@ class Columns:
             self.first = step.light()
             self._kind = np.dtype([(name, _kind(each), each.shape) for name, each in row.items()])
         self._rows += np.array(tuple(row.values()), self._kind).tobytes()
+        # Pictures and particles are left out: they are most of a step's memory.
         light = step.light()
         _append(self.final, light)
         if step.estimate.status is not Status.LOST:

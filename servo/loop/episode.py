@@ -167,6 +167,7 @@ class Episode:
         unused = rng.bit_generator.state
         with self._refusals():
             built = part.build(rng)
+        # A component that drew random numbers depends on the seed, so it is not kept.
         if part.place in KEPT and rng.bit_generator.state == unused:
             self._kept[part.place] = part.config, built
         return part.guarded(built) if hasattr(built, "at") else built
@@ -178,6 +179,7 @@ class Episode:
 
     def _way(self) -> list[Pose]:
         """Return the poses of the camera at the goal, along the run."""
+        # A camera whose features do not control the angle keeps its heading.
         known = self.loop.law.features.known
         goal = self.goal.sight_at(0.0)
         turns = bool((known(goal) & ~known(replace(goal, angle_known=False))).any())
@@ -311,6 +313,7 @@ class Episode:
         self._truths[frame.index] = now.truth
         timeline.advance(frame, now.believed)
         latest = timeline.latest
+        # Only the pictures that the tracker may still report on are needed.
         self._truths = {i: t for i, t in self._truths.items() if i >= latest.picture}
         return Step(
             scene=self._scene,
@@ -362,6 +365,8 @@ class Episode:
         """
         if twist is not None:
             self._timeline.steer(twist)
+        # Ahead of the loop the world has already moved on to the next picture: begin the one after
+        # it, whose commands are known.
         if not self._advances:
             self._pass(self._timeline.acting())
         elif self._moment is not None:

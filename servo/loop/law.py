@@ -149,6 +149,7 @@ class Law:
         Raises:
             PartFailed: A component raised an exception, or returned an invalid value.
         """
+        # Channels first, so that each component knows this picture when it is called.
         for viewer, needs in self._viewers:
             viewer.see(view(needs))
         command = self.controller.command(sight, posture, interval)

@@ -251,6 +251,7 @@ class Running:
         interval = self._period
         if self._shown is not None:
             interval = elapsed(self._shown, frame.time, self._period)
+            # The first picture was given to `start`: tracking begins with the second.
             had_reported = self._perception.has_reported
             self._estimate = self._perception.track(
                 frame, posture, interval, self._truth_at(frame, self._perception.needs)
@@ -283,6 +284,7 @@ class Running:
         self.goal_sight = goal or self.goal_sight
         # Without a goal there is no error, as if the target were not seen.
         sight = None if goal is None else self._sight(frame, observation.estimate, posture)
+        # A policy has decided in `track` already, where its time counts.
         command = observation.command or self._law.command(
             sight, posture, interval, self._view(frame, sight, motion)
         )

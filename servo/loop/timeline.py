@@ -137,6 +137,7 @@ class Timeline:
         self.law_seconds = 0.0
         if not self._plain:
             self._record.add(frame.index, replace(posture, asked=self._asked))
+        # Transport takes a random time, but pictures arrive in their order.
         self._arrival = max(self._arrival, self._now + self._transport())
         self._coming.append(_Arrival(self._arrival, frame, posture))
         while (estimated := self._estimated_before(end)) is not None:
@@ -228,6 +229,7 @@ class Timeline:
         """Return the first update of the drives at a time [s] or after it."""
         period = self._schedule.period
         ticks = self._schedule.ticks
+        # The updates of the drives have the same times in each frame interval.
         frame = int((time + SAME) // period)
         at = frame * period
         later = ticks[ticks >= time - at - SAME]
