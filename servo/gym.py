@@ -51,16 +51,17 @@ ID = "servobench/Servo-v0"
 OBSERVATIONS = ("features", "picture", "both")
 ACTIONS = ("twist", "residual")
 LARGEST_FEATURE = 10.0
-"""Values of the observation "features" are cut at this: errors are of the order of 1 at the most,
-and a network should not see one that exploded."""
+"""Largest absolute value in the observation "features": errors are of the order of 1, and larger
+values would disturb a network."""
 REDRAW = 20
-"""Seeds drawn for one start: on "line" one of 60 starts cannot be, so that this many never fail."""
+"""Default number of further seeds for an impossible start: on "line" 1 of 60 starts is impossible,
+so that this many never all fail."""
 LAST_SEED = 2**31
-"""A seed that is drawn is below this."""
+"""Upper bound of drawn seeds."""
 DRAWS_AGAIN = "so many more seeds were drawn for such a start; a larger number allows more"
 SEED = "the seed of a run is given as reset(seed=...)"
 LEVEL_DOF = [0, 1, 2, 5]
-"""Parts of the twist of a law that does not say which it moves: vx, vy, vz, wz."""
+"""Components of the twist in an action, by default: vx, vy, vz, wz."""
 
 
 class ServoEnv(gymnasium.Env[Any, Any]):
@@ -81,24 +82,24 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         redraw: int = REDRAW,
         **settings: Any,
     ) -> None:
-        """Prepare; nothing is rendered before `reset`.
+        """Load the scenario; nothing is rendered before `reset`.
 
         Args:
-            scenario: A name or a file.
+            scenario: Name of a shipped scenario, or a file.
             overrides: As for `servo.load`, such as "estimator.kind=none".
             observation: "features", "picture" or "both".
             action: "twist" or "residual".
-            reach: What an action of 1 means, for speeds [m/s] and angular speeds [rad/s].
-            dof: Parts of the twist that an action has; by default those that the law moves.
+            reach: Speed [m/s] and angular speed [rad/s] of an action of 1.
+            dof: Components of the twist in an action; by default those that the law moves.
             render_mode: "rgb_array", "human" (a window) or None.
-            goal_picture: Whether `reset` tells the picture that the camera takes at the goal, as
-                info["goal_picture"]. It is taken first, so noise of the sensor is drawn anew.
-            redraw: How often `reset` draws another seed where a drawn start cannot be, such as one
-                out of reach of an arm; 0: never. Each search for one takes seconds.
+            goal_picture: Whether `reset` returns the camera's picture at the goal, as
+                info["goal_picture"]. It is taken first, which changes the sensor noise of the run.
+            redraw: How often `reset` draws another seed if the start is impossible, such as out of
+                an arm's reach; 0: never. Each draw takes seconds.
             **settings: As for `servo.load`, such as gain=1.0 or vary={}.
 
         Raises:
-            Mistake: There is no such scenario, setting or choice, or no display.
+            Mistake: The scenario, a setting or a choice does not exist, or there is no display.
         """
         one_of(observation, "observation", OBSERVATIONS)
         one_of(action, "action", ACTIONS)
@@ -153,14 +154,17 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         """Begin a run.
 
         Args:
-            seed: The scenario's, 0 for the scenario as it is written.
-            options: Settings of this run alone, as for `servo.load`, also `overrides` (after those
-                of the environment) and `scenario`.
+            seed: Seed of the scenario, 0 for the scenario as it is written; None: a drawn one.
+            options: Settings for this run only, as for `servo.load`, with `overrides` (added to
+                those of the environment) and `scenario`.
+
+        Returns:
+            The first observation, and the info.
 
         Raises:
-            Mistake: A setting is wrong, or the observations would have another shape.
-            ImpossibleStart: The start cannot be, nor that of any of the seeds that `redraw` drew;
-                where nothing is drawn, no other is tried.
+            Mistake: A setting is wrong, or would change the shape of the observations.
+            ImpossibleStart: The start is impossible, also for `redraw` further seeds; these are not
+                tried if the scenario does not depend on the seed.
         """
         super().reset(seed=seed)
         drawn = self._seed() if seed is None else seed
@@ -199,7 +203,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return seen, info
 
     def _seed(self) -> int:
-        """Return the next seed of this environment's own stream."""
+        """Return a seed drawn from this environment's own generator."""
         return int(self.np_random.integers(1, LAST_SEED))
 
     def _prepared(self, scenario: Scenario) -> Episode:
@@ -213,7 +217,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         )
 
     def _scenario(self, seed: int, options: Any) -> Scenario:
-        """Return the scenario with a seed's draws."""
+        """Return the scenario for a seed, with the settings of `options`."""
         name, overrides, settings = self._given
         if not isinstance(options, dict) or not all(isinstance(k, str) for k in options):  # pyright: ignore[reportUnknownVariableType]
             raise Mistake(f"options: expected settings by name, got {options!r}")
@@ -228,10 +232,16 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return parse(table, base.name, name, own=own_parts(settings))
 
     def step(self, action: Array) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Let an action act as the law's command would, and look again.
+        """Apply an action until the next picture.
+
+        Args:
+            action: Camera velocities (n,) over `reach`, from -1 to 1, for the components `dof`.
+
+        Returns:
+            Observation, reward, terminated, truncated and info.
 
         Raises:
-            Mistake: The run has not begun, or is over, or the action is not finite.
+            Mistake: No run has begun, it is over, or the action is not finite.
         """
         if self._episode is None:
             raise Mistake("step: there is no run; call reset first")
@@ -251,7 +261,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
     @property
     def frames(self) -> int:
-        """Number of pictures of this run, or the next; a step less is made."""
+        """Number of pictures of this run, or of the next one; there is one step less."""
         return self._frames
 
     def _look(self) -> Step:
@@ -287,9 +297,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         }
 
     def _observed(self, step: Step) -> Any:
-        """Return the observation. Its features: k errors and k parts of the target's own motion as
-        the estimator has it, over `FeatureSet.scales`; the camera's measured twist (6); the last
-        action; whether it is seen.
+        """Return the observation. Its features are: k errors and k components of the target's
+        estimated motion, over `FeatureSet.scales`; the camera's measured twist (6); the last
+        action; and 1 if the target is seen, else 0.
         """
         picture = step.frame.image
         if self._observation == "picture":
@@ -311,8 +321,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return own if self._observation == "features" else {"features": own, "picture": picture}
 
     def _errors(self, step: Step) -> Array:
-        """Return the errors (k,) over their scales, as they were seen last: also of a law that has
-        no features of its own, as a policy or one that moves nothing.
+        """Return the last measured errors (k,) over their scales, also for a law without features,
+        such as a policy.
         """
         trace = step.command.trace
         if trace is not None:
@@ -326,18 +336,18 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return self._error
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy or another process gets.
+        """Return the state for a copy or another process.
 
         Raises:
-            Mistake: A run has begun, which is not copied.
+            Mistake: A run has begun, which cannot be copied.
         """
         if self._episode is not None:
             raise Mistake("an environment can be copied or pickled before its first reset")
         return vars(self)
 
     def render(self) -> Any:
-        """Return the picture of now with truth (white), goal (red) and estimate, in mode
-        "rgb_array".
+        """Return the current picture (H, W, 3) with truth (white), goal (red) and estimate drawn
+        in; None unless the render mode is "rgb_array".
         """
         if not hasattr(self, "_now"):
             raise Mistake("render: there is no run; call reset first")
@@ -349,7 +359,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self._episode = None
 
     def close(self) -> None:
-        """Give the renderer's buffers and the window back."""
+        """End the run, and close its renderer and the window."""
         self._end()
         if self._window is not None:
             self._window.close()

@@ -96,6 +96,7 @@ def joint_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
     ranges = range_bounds(posture, way, dt)
     if ranges is None:
         return None
+    # The tighter of both limits counts.
     lower = np.maximum(ranges.lower, posture.slowest)
     upper = np.minimum(ranges.upper, posture.fastest)
     return replace(ranges, lower=lower, upper=upper)
@@ -111,6 +112,7 @@ def range_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
         return None
     A = inverse_of(J)
     q = p.joints + A @ way  # where the joints are when the twist begins to act
+    # A larger gain than the frame rate would overshoot within one frame.
     gain = min(RANGE_GAIN, 1 / dt)
     back = (gain * (p.lower + RANGE_MARGIN - q)).clip(-NEVER, 0.0)
     on = (gain * (p.upper - RANGE_MARGIN - q)).clip(0.0, NEVER)
@@ -140,6 +142,7 @@ def view_bounds(
     pixels = camera.to_pixels(corners_of(seen))
     A = _pixel_rows(seen, camera)
     at = pixels.T.ravel() + A @ desired.way
+    # The target moves the corners too: the bound is on both motions together.
     drift = A @ desired.target
     size = np.repeat([camera.width, camera.height], 4)
     return Bounds(A, gain * (margin - at) - drift, gain * (size - margin - at) - drift, SIDES)

@@ -72,6 +72,7 @@ class Inverse:
         """
         (known,) = rows.nonzero()
         (moving,) = moves.nonzero()
+        # Over the largest weight: only the ratios matter.
         w = weights[moving] / (weights[moving].max(initial=0.0) or 1.0)
         pseudo = np.zeros(L.shape[::-1])
         pseudo[moving[:, None], known] = w[:, None] * _pinv(L[known[:, None], moving] * w)
@@ -89,6 +90,7 @@ def servoed_by(L: Array, jacobian: Array) -> NDArray[np.bool_]:
     """
     if jacobian.shape[1] >= len(DOF) or len(L) > len(DOF):
         return np.ones(len(L), bool)
+    # Features move only in the span of the Jacobian: Gram-Schmidt over their rows in it.
     basis, strengths, _ = np.linalg.svd(jacobian, full_matrices=False)
     moved = L @ basis[:, strengths > RANK_TOLERANCE * strengths.max(initial=0.0)]
     servoed = np.zeros(len(L), bool)

@@ -97,6 +97,7 @@ class Limits:
         """
         allowed = twist / max(1.0, excess(twist, self._speed, self._turn))
         if self._most_change is not None:
+            # Shorten the change as a whole, so that it keeps its direction.
             change = allowed - self._last
             excessive = excess(change, *(dt * most for most in self._most_change))
             if excessive > 1.0:

@@ -39,15 +39,18 @@ class PendingCommands:
             posture: The robot; its `accepted` is the twist that the drives accepted.
             dt: Time since the last picture [s].
         """
+        # Oldest first: `acted` moved the camera until the last picture, `own` are still to act.
         acted, *own = self._twists
         shares = [self._first, *[1.0] * len(own)]
         coming = list(zip(own, shares, strict=False))
+        # The loop states what is under way if delays are no whole frames, or twists are replaced.
         if posture.under_way is not None:
             coming = [(twist, held / dt) for twist, held in posture.under_way]
         acted = acted if posture.asked is None else posture.asked
         asked = float(acted @ acted)
         if posture.accepted is None or asked == 0.0:
             return coming
+        # The accepted part of the command, along its direction.
         most = max(0.0, float(posture.accepted @ acted))
         if most >= WHOLE * asked:
             return coming

@@ -54,6 +54,7 @@ class TargetLoss:
         """
         b = PITCH / (2 * np.pi)
         phi = self._turned
+        # Tangent of the spiral, d(r cos phi, r sin phi) / d phi.
         along = b * np.array([np.cos(phi) - phi * np.sin(phi), np.sin(phi) + phi * np.cos(phi)])
         length = float(np.linalg.norm(along))
         self._turned += self._speed * dt / length

@@ -83,6 +83,7 @@ class Broyden:
         self._away += self._pace * dt
         self._pace = 0.0
         if seen is None or not self._features.known(seen).all():
+            # A change over a gap would mix several motions: learn from the next pair of pictures.
             self._before = None
             return Command(np.zeros(6), mode=Mode.HOLDING)
         values = self._features.values(seen)
@@ -97,6 +98,7 @@ class Broyden:
         return Command(twist, saturated)
 
     def _learn(self, change: Array, motion: Array) -> None:
+        # Broyden's update, with rho = SEEN^2 against noise of small motions.
         surprise = change - self._matrix @ motion
         self._matrix += np.outer(surprise, motion) / (SEEN**2 + motion @ motion)
 

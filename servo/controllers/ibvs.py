@@ -152,6 +152,7 @@ class Ibvs:
         joints = () if ends is None else ends.bounds.names_at(ends.held)
         limits = tuple(dict.fromkeys((*joints, *asked.limits)))
         twist, saturated = self._limits.apply(asked.twist, dt)
+        # What is stored is the limited twist: it is the one that will act.
         self._pending.add(twist)
         return Command(
             twist,
@@ -243,11 +244,13 @@ class Ibvs:
             made: Twist (6,) of the joints at the ends of their ranges, which the others
                 compensate; None: there are no such joints.
         """
+        # v = -lambda L# e - L# de/dt, the latter for the features that are fed forward.
         ahead = inverse.pseudo @ predicted.error
         asked = adaptive_gain(self._config, ahead) * ahead
         target = inverse.pseudo @ (self._fed * predicted.motion)
         twist = -asked - target
         if made is not None:
+            # The free joints compensate what the held joints' motion changes in the features.
             twist += made - inverse.pseudo @ (inverse.L @ made)
         return twist, asked, target
 

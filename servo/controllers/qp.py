@@ -100,6 +100,7 @@ class Programme:
         # A twist of nan passes: the loop then names the component that it came from.
         if not (desired.moves.any() and (np.abs(over) > EXACT).any()):
             return LimitedTwist(law, limits)
+        # Only the rows of the view may be violated.
         sense = np.zeros(len(over), np.intc)
         sense[len(hard.A) :] = SOFT
         change, active = _change(desired, bounds, law, sense)
@@ -127,6 +128,7 @@ def _change(
 
     If DAQP finds no solution, the camera stops, which keeps all hard bounds.
     """
+    # The unknown of the programme is the change from the law's twist.
     L = desired.L[:, desired.moves]
     A = np.ascontiguousarray(bounds.A[:, desired.moves])
     n = L.shape[1]

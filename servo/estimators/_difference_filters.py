@@ -69,6 +69,7 @@ class DifferenceFilters:
         z, fresh = self._difference.measure(error, own.past, dt)
         first = fresh & ~self._begun
         measured = fresh & self._begun
+        # Differences have no known input: the camera's part is already taken out.
         f.predict(np.zeros(len(error)), self._begun)
         y = z - f.expected
         nis = y**2 / (f.S * self._relative)

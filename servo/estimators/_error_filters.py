@@ -68,6 +68,7 @@ def model_of(motion: TargetModel, dt: float) -> Model:
     F[0, 1:-1] = motion.r
     Q = _diagonal(0.0, motion.Q, 1 - PERSISTENT**2)
     P = _diagonal(DIFFUSE**4, motion.P, 1.0)
+    # Error and velocity are unknown at first: a diffuse prior, far above the noise.
     P[1, 1] += (DIFFUSE / dt) ** 2
     return Model(F, dt * np.eye(n)[0], np.eye(n)[0] + np.eye(n)[-1], Q, 0.0, P)
 
@@ -122,6 +123,7 @@ class ErrorFilters:
         self._filters.use(self._model(dt))
         f = self._filters
         seen = np.isfinite(error)
+        # A feature that is measured for the first time has no expectation, so no innovation.
         self._corrected = measured = seen & self._begun
         before = f.x, f.covariance
         f.predict(own.past, self._begun)

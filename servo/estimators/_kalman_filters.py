@@ -119,6 +119,7 @@ class KalmanFilters:
         f = self._filter
         self._before = (self.x, self.covariance)
         f.x = self.x.reshape(-1, 1)
+        # filterpy corrects all features at once: those without measurement get a huge variance.
         f.R = np.diag(np.where(measured, self.model.R, UNMEASURED * self.S))
         f.update(self.expected + np.where(measured, innovation, 0.0))
         self.x = f.x.reshape(self.x.shape)
@@ -175,6 +176,7 @@ class Level:
             but: True (k,) for features whose level stays; None: no such feature.
         """
         nis = np.where(measured, ratio / self.value, np.nan)
+        # Recursive mean of the NIS with at most MEMORY frames; outliers are clipped.
         learns = measured if but is None else measured & ~but
         self._frames = np.minimum(self._frames + learns, MEMORY)
         change = np.where(learns, (np.minimum(nis, LARGEST_NIS) - 1) / self._frames, 0.0)

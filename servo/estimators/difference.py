@@ -7,6 +7,7 @@ from typing import final
 
 import numpy as np
 
+from servo.estimators._unfiltered import Unfiltered
 from servo.parts import FeatureSet
 from servo.sight.difference import Difference
 from servo.types import OwnMotion, Prediction
@@ -15,7 +16,7 @@ from sim.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This estimator has no settings."""
 
     def build(self, rng: np.random.Generator) -> "Plain":
         """Return the estimator, which uses no random numbers."""
@@ -23,21 +24,21 @@ class Config:
 
 
 @final
-class Plain:
+class Plain(Unfiltered):
     """Returns the measured difference, unfiltered."""
 
     def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set."""
+        """Begin a run with a feature set, and a motion of zero."""
+        super().start(features)
         self._difference = Difference(features)
 
-    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Return the difference since the last frame as the target's motion; features that were not
-        measured in both frames keep their last one.
+    def measure(self, error: Array, own: OwnMotion, dt: float) -> None:
+        """Set the motion to the difference since the last frame; features that were not measured in
+        both frames keep their last one.
         """
-        motion, _ = self._difference.measure(error, own.past, dt)
-        return Prediction.unmeasured(np.nan_to_num(error), motion)
+        self.motion, _ = self._difference.measure(error, own.past, dt)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the last measured difference."""
+        """Return an error of zero, and the last motion; the next difference needs two frames."""
         self._difference.forget()
-        return Prediction.unmeasured(np.zeros_like(self._difference.value), self._difference.value)
+        return super().skip(own, dt)

@@ -29,7 +29,7 @@ would take each reversal for the beginning of a faster motion."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This estimator has no settings."""
 
     needs = frozenset({Channel.SEEN})
 

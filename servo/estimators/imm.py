@@ -31,7 +31,7 @@ IMPOSSIBLE = 1e-300
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This estimator has no settings."""
 
     needs = frozenset({Channel.SEEN})
 
@@ -77,12 +77,14 @@ class Imm:
         self._mix_and_predict(own, dt)
         each = np.array([f.expected for f in self._filters])
         expected = (self._mu * each).sum(axis=0)
+        # Differences of angles are wrapped around the mixed expectation, common to both models.
         z = expected + self._features.error(np.where(seen, error, expected), expected)
         y = z - each
         S = np.array([f.S for f in self._filters])
         spread = (self._mu * (S + (each - expected) ** 2 / self._level.value)).sum(axis=0)
         level = self._level.value
         nis = self._level.learn((z - expected) ** 2 / spread, measured)
+        # Bayes: prior probability times the Gaussian likelihood of each model's innovation.
         fits = self._mu * np.exp(-(y**2) / (2 * S * level)) / np.sqrt(S) + IMPOSSIBLE
         self._mixed = self._mu
         self._mu = np.where(measured, fits / fits.sum(axis=0), self._mu)
@@ -131,6 +133,7 @@ class Imm:
     def _mix_and_predict(self, own: OwnMotion, dt: float) -> None:
         """Mix the states of both models, then predict features that have been measured."""
         x, P = (np.array([getattr(f, name) for f in self._filters]) for name in ("x", "covariance"))
+        # Blom and Bar-Shalom: probabilities after a possible switch, then the mixed start states.
         coming = np.einsum("ij,ik->jk", self._switch, self._mu)
         for j, f in enumerate(self._filters):
             share = (self._switch[:, j, None] * self._mu / coming[j])[..., None]

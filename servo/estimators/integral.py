@@ -8,8 +8,9 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Le
 
+from servo.estimators._unfiltered import Unfiltered
 from servo.parts import FeatureSet
-from servo.types import OwnMotion, Prediction
+from servo.types import OwnMotion
 from sim.types import Array
 
 
@@ -26,7 +27,7 @@ class Config:
 
 
 @final
-class Integral:
+class Integral(Unfiltered):
     """Sums errors times their frame interval; the law uses the sums of features that it feeds
     forward.
     """
@@ -35,17 +36,13 @@ class Integral:
         self._gain = gain
 
     def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set."""
+        """Begin a run with a feature set, and sums of zero."""
+        super().start(features)
         self._sum = np.zeros(len(features.names))
 
-    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Return the gain times the integral of the error as the motion; features that are not
+    def measure(self, error: Array, own: OwnMotion, dt: float) -> None:
+        """Set the motion to the gain times the integral of the error; features that are not
         measured keep their sum.
         """
-        shown = np.nan_to_num(error)
-        self._sum = self._sum + shown * dt
-        return Prediction.unmeasured(shown, self._gain * self._sum)
-
-    def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the unchanged integral times the gain."""
-        return Prediction.unmeasured(np.zeros_like(self._sum), self._gain * self._sum)
+        self._sum = self._sum + np.nan_to_num(error) * dt
+        self.motion = self._gain * self._sum

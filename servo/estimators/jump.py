@@ -32,7 +32,7 @@ THRESHOLD = 3.5
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This estimator has no settings."""
 
     needs = frozenset({Channel.SEEN})
 

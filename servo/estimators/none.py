@@ -5,14 +5,12 @@ from typing import final
 
 import numpy as np
 
-from servo.parts import FeatureSet
-from servo.types import OwnMotion, Prediction
-from sim.types import Array
+from servo.estimators._unfiltered import Unfiltered
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This estimator has no settings."""
 
     def build(self, rng: np.random.Generator) -> "Nothing":
         """Return the estimator, which uses no random numbers."""
@@ -20,17 +18,5 @@ class Config:
 
 
 @final
-class Nothing:
+class Nothing(Unfiltered):
     """Predicts a target at rest."""
-
-    def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set."""
-        self._zero = np.zeros(len(features.names))
-
-    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Return the error as it was measured, and a motion of zero."""
-        return Prediction.unmeasured(np.nan_to_num(error), self._zero)
-
-    def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return an error and a motion of zero."""
-        return Prediction.unmeasured(self._zero, self._zero)

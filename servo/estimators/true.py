@@ -7,15 +7,13 @@ from typing import final
 
 import numpy as np
 
-from servo.parts import FeatureSet
-from servo.types import OwnMotion, Prediction
+from servo.estimators._unfiltered import Unfiltered
 from sim.channels import Channel, View
-from sim.types import Array
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This estimator has no settings."""
 
     needs = frozenset({Channel.TRUE_MOTION})
 
@@ -25,22 +23,10 @@ class Config:
 
 
 @final
-class Ideal:
+class Ideal(Unfiltered):
     """Returns the true motion that it was given last; zero before the first."""
-
-    def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set."""
-        self._motion = np.zeros(len(features.names))
 
     def see(self, view: View) -> None:
         """Store the target's true mean motion (k,) while the next command acts, over the scales."""
         if view.true_motion is not None:
-            self._motion = view.true_motion
-
-    def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Return the true motion, and the error as it was measured."""
-        return Prediction.unmeasured(np.nan_to_num(error), self._motion)
-
-    def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the true motion, and an error of zero."""
-        return Prediction.unmeasured(np.zeros_like(self._motion), self._motion)
+            self.motion = view.true_motion

@@ -11,7 +11,7 @@ from sim.types import Array, Camera
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This feature set has no settings."""
 
     def build(self, outline: Array) -> "DecoupledFeatures":
         """Return the feature set, which is the same for any outline (4, 3)."""

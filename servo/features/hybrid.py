@@ -1,4 +1,4 @@
-"""Image of the centre, its depth, rotation: 2 1/2 D (Malis, Chaumette, Boudet 1999)."""
+"""Image point and depth of the centre, and rotation: 2 1/2 D (Malis, Chaumette, Boudet 1999)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ NOISE = (2e-4, 2e-4, 2e-3, 5e-3, 5e-3, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This feature set has no settings."""
 
     def build(self, outline: Array) -> "HybridFeatures":
         """Return the feature set, which is the same for any outline (4, 3)."""

@@ -1,6 +1,4 @@
-"""Corners, with the motion along and about the optical axis by features of its own (Corke,
-Hutchinson 2001).
-"""
+"""Corners for four degrees of freedom; area and angle for vz and wz (Corke, Hutchinson 2001)."""
 
 from dataclasses import dataclass
 from typing import final
@@ -23,7 +21,7 @@ ALONG, ABOUT = 2, 5
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This feature set has no settings."""
 
     def build(self, outline: Array) -> "PartitionedFeatures":
         """Return the feature set, which is the same for any outline (4, 3)."""

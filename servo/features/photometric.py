@@ -23,7 +23,7 @@ RANK_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings; the pixels' interaction matrix is taken at the goal."""
+    """This feature set has no settings; the pixels' interaction matrix is taken at the goal."""
 
     needs = frozenset({Channel.PICTURE, Channel.GOAL_PICTURE})
 

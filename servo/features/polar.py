@@ -17,7 +17,7 @@ NOISE = (2e-4, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """This feature set has no settings."""
 
     def build(self, outline: Array) -> "PolarFeatures":
         """Return the feature set, which is the same for any outline (4, 3)."""

@@ -1,1 +1,1 @@
-"""Where the goal of a picture comes from: one source a file."""
+"""Sources of the desired sight of each picture, one a file."""

@@ -24,22 +24,22 @@ class GoalConfig:
     """Place, angle and distance at which the camera should see the target."""
 
     x: Pixels = 0.0
-    """To the right of the image's centre [px]."""
+    """Distance to the right of the image's centre [px]."""
     y: Pixels = 0.0
-    """Below the image's centre [px]."""
+    """Distance below the image's centre [px]."""
     angle_deg: Degrees = 0.0
     """Direction of the target's nose, from right towards down [deg]."""
     depth: Depth = 1.0
     """Distance of the target's reference rectangle [m]."""
     depth_to: Depth | None = None
-    """Another distance to go to [m]; by default the goal stays."""
+    """Distance to which the goal changes [m]; by default it stays."""
     change_start: Time = 3.0
-    """When the goal begins to change [s]."""
+    """Time at which the goal begins to change [s]."""
     change_duration: Interval = 3.0
-    """How long it changes, at constant speed [s]."""
+    """Duration of the change, at constant speed [s]."""
 
     def depth_at(self, time: float) -> float:
-        """Return the distance [m] asked for at a time [s]."""
+        """Return the desired distance [m] at a time [s] of the run."""
         done = float(np.clip((time - self.change_start) / self.change_duration, 0.0, 1.0))
         return self.depth + done * ((self.depth_to or self.depth) - self.depth)
 

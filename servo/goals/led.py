@@ -1,4 +1,4 @@
-"""A goal beside a leader: a free tag, which is found anew in each picture."""
+"""A goal beside a leader: a movable tag that is detected in each picture."""
 
 from typing import final
 
@@ -14,7 +14,7 @@ from tracking.search.tag_detector import TagDetector
 from tracking.types import Region
 
 STANDS = Pose(np.eye(3), np.zeros(3))
-"""The camera's pose: it never moves."""
+"""Pose of the standing camera, relative to itself."""
 
 
 @final
@@ -26,8 +26,13 @@ class Led:
     def __init__(
         self, config: LeaderConfig, outline: Array, camera: Camera, depth_factor: float = 1.0
     ) -> None:
-        """Begin a run, with the outline (4, 3) of the held target [m]; the others are those of
-        `EstimateToSight`.
+        """Begin a run.
+
+        Args:
+            config: The leader's tag, and the goal relative to it.
+            outline: Corners (4, 3) of the held target's reference rectangle in its frame [m].
+            camera: Intrinsics, as the robot believes them.
+            depth_factor: As for `EstimateToSight`.
         """
         self._number = config.id
         self._beside = mount_pose(config.beside)
@@ -39,7 +44,7 @@ class Led:
         self._to_sight = EstimateToSight(SightConfig(), camera, region, outline, depth_factor)
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
-        """Return the desired sight; None where the tag is not seen."""
+        """Return the desired sight for a picture; None if the tag is not seen in it."""
         if self._number is not None:
             self._seen = self._tags.find(frame.image, self._number, self._seen)
         if self._seen is None:

@@ -1,4 +1,4 @@
-"""A goal that is shown by a picture, for features and policies that are made of pixels."""
+"""A goal with the picture taken there, for features and policies that use pixels."""
 
 from dataclasses import replace
 from typing import final
@@ -10,15 +10,15 @@ from sim.types import Frame
 
 @final
 class Shown:
-    """Another goal, with the picture that the camera takes there."""
+    """Another goal source's desired sights, with the camera's picture at the goal."""
 
     moved_by = ""
 
     def __init__(self, goal: GoalSource, picture: CameraImage) -> None:
-        """Take the goal and its picture.
+        """Store the goal source and its picture.
 
         Raises:
-            ValueError: The goal moves, and its picture would not.
+            ValueError: The goal moves, but there is only one picture.
         """
         if goal.moved_by:
             raise ValueError(
@@ -31,7 +31,7 @@ class Shown:
         self._shown: Sight | None = None
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
-        """Return the desired sight, with the goal's picture."""
+        """Return the desired sight with the goal's picture; None if the goal is not known."""
         bare = self._goal.sight(frame, by_corners=by_corners)
         if bare is not None and bare is not self._bare:
             self._bare = bare

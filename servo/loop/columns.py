@@ -1,6 +1,6 @@
-"""The numbers of a run's steps from which its measures and series are made, in columns.
+"""The numbers of a run's steps, in columns, from which measures and series are computed.
 
-A step with all its parts takes 7 kB, its numbers 400 bytes: a run may be long.
+A whole step takes 7 kB, its numbers 400 bytes, so that long runs fit into memory.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from sim.mounting import CAMERA
 from tracking.types import Status
 
 FINAL_SPAN = 1.0
-"""The outcome is decided by this last part of a run [s]."""
+"""Length of the end of a run that decides its outcome [s]."""
 ROOM = 0
-"""The body of MuJoCo's models that never moves."""
+"""Number of MuJoCo's body that never moves, the world."""
 
 
 class Columns:
-    """The numbers of the steps so far, and whole steps where one is not enough to say it in
-    numbers: the first one, and those at the end.
+    """The numbers of all steps of a run so far, and a few whole steps: the first, and those at the
+    end.
     """
 
     first: Step
-    """Without its picture, as the others."""
+    """The first step, without its picture."""
 
     def __init__(self) -> None:
         """Begin without a step."""
         self._rows = bytearray()
         self.final = deque[Step]()
-        """Those of the last `FINAL_SPAN`."""
+        """The steps of the last `FINAL_SPAN` seconds, without pictures."""
         self.followed = deque[Step]()
-        """The same of the steps in which the target was not LOST."""
+        """The last steps with a target that was not LOST, over `FINAL_SPAN` seconds."""
 
     @staticmethod
     def of(steps: Columns | Iterable[Step]) -> Columns:
-        """Return the columns of all steps of a run, if these are not columns already."""
+        """Return the columns of the steps of a run; columns are returned as they are."""
         if isinstance(steps, Columns):
             return steps
         found = Columns()
@@ -54,8 +54,8 @@ class Columns:
         return len(self._rows) // self._kind.itemsize if self._rows else 0
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return a column (n, ...) of `NUMBERS`, or "other_picture": whether the estimate is of
-        another picture than that of the step before.
+        """Return a column (n, ...) of `NUMBERS` by its name, or "other_picture": True (n,) for each
+        step whose estimate is of another picture than that of the step before.
         """
         return np.frombuffer(self._rows, self._kind)[name]
 
@@ -68,6 +68,7 @@ class Columns:
             self.first = step.light()
             self._kind = np.dtype([(name, _kind(each), each.shape) for name, each in row.items()])
         self._rows += np.array(tuple(row.values()), self._kind).tobytes()
+        # Pictures and particles are left out: they are most of a step's memory.
         light = step.light()
         _append(self.final, light)
         if step.estimate.status is not Status.LOST:
@@ -75,7 +76,7 @@ class Columns:
 
 
 def _append(steps: deque[Step], step: Step) -> None:
-    """Append a step, and let go of those that are older than `FINAL_SPAN`."""
+    """Append a step, and remove those that are older than `FINAL_SPAN`."""
     steps.append(step)
     while steps[0].frame.time <= step.frame.time - FINAL_SPAN:
         steps.popleft()
@@ -86,8 +87,8 @@ def _kind(value: NDArray[Any]) -> type[bool] | type[float]:
 
 
 def _carried(step: Step) -> NDArray[Any]:
-    """Return the place in the room (3,) of what the robot carries: the camera, or the target before
-    a camera that stands [m].
+    """Return the position (3,) in the room of the object that the robot carries: the camera, or the
+    target in front of a standing camera [m].
     """
     stands = step.scene.room.camera(CAMERA).bodyid == ROOM
     truth = step.truth
@@ -95,16 +96,14 @@ def _carried(step: Step) -> NDArray[Any]:
 
 
 def _tracking_angle(step: Step) -> float:
-    """Return the estimated angle against the true one [rad], over the full turn: a tracker that
-    takes front for back is wrong by pi.
+    """Return the estimated minus the true angle, wrapped to a full turn [rad]: a tracker that
+    confuses front and back is wrong by pi.
     """
     return float(np.angle(np.exp(1j * (step.estimate.state.theta - step.truth_estimated.theta))))
 
 
 def _range_used(step: Step) -> float:
-    """Return how far the joint nearest to a limit is from the middle of its range, over half of
-    that.
-    """
+    """Return the largest distance of a limited joint from mid-range, over half its range."""
     p = step.posture
     limited = np.isfinite(p.lower) & np.isfinite(p.upper)
     half = (p.upper[limited] - p.lower[limited]) / 2
@@ -143,4 +142,4 @@ NUMBERS: dict[str, Callable[[Step], Any]] = {
     "lost": lambda s: s.estimate.status is Status.LOST,
     "out_of_view": _out_of_view,
 }
-"""What is kept of a step, by name; units are those of `Step`."""
+"""Functions that compute the columns from a step, by name; units are those of `Step`."""

@@ -1,4 +1,4 @@
-"""One run: a world and the loop that watches and steers in it, as steps, and what they measure."""
+"""One run of a scenario: a simulated world and a loop in it, step by step, and its measures."""
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
@@ -48,19 +48,19 @@ class Advance:
 
 
 KEPT = ("robot", "target")
-"""Parts that an episode leaves to the next one, where they drew no random number."""
+"""Components that an episode leaves to the next one if they used no random numbers."""
 
 
 class ImpossibleStart(Mistake):
-    """A start pose that cannot be, or that the robot cannot take: another draw may be possible."""
+    """The start pose is impossible, or out of the robot's reach; another seed may be possible."""
 
 
 class Episode:
-    """A run that is ready to begin; iterate over it once, and close it.
+    """A run that is ready to begin. Iterate over its steps once, and close it.
 
     Raises:
-        Mistake: The scenario asks for something that cannot be, in one sentence.
-        PartFailed: A part raised an exception; the sentence names it.
+        Mistake: The scenario's settings contradict each other or are impossible.
+        PartFailed: A component raised an exception; the sentence names it.
         NoRenderer: This machine cannot render.
     """
 
@@ -77,14 +77,14 @@ class Episode:
         """Prepare a run.
 
         Args:
-            scenario: Its settings.
-            renderer: Makes what renders the pictures; by default what the camera's settings name.
-            steered: Whether `move` will be given twists.
-            seen: Whether somebody else than the loop looks at the pictures: they are black where
-                nobody does.
-            shows_goal: Whether the picture at the goal is taken, also if the loop needs none.
-            kept: Robot and target of an earlier episode, used again where their settings are the
-                same, else replaced by this one's.
+            scenario: Settings of the run.
+            renderer: Makes the renderer; by default the one that the camera's settings name.
+            steered: Whether `move` will get twists that replace the law's.
+            seen: Whether the caller uses the pictures. They are black if neither the caller nor the
+                loop does.
+            shows_goal: Whether to take the picture at the goal even if the loop does not need it.
+            kept: Robot and target of an earlier episode. This episode uses them again if their
+                settings are the same, and replaces them otherwise.
         """
         check_type("scenario", scenario, Setup)
         self.scenario = scenario
@@ -98,29 +98,29 @@ class Episode:
                 believed = scenario.believed.outline(outline)
                 self.loop = Loop(scenario, self.world.camera_believed, believed, self.world.camera)
             self.goal = Faced(scenario.goal, outline, self.world.camera, self.world.camera)
-            """How the true camera shall see the target, where no leader says so."""
+            """The goal for the true camera, if there is no leader."""
             needs_goal = Channel.GOAL_PICTURE in scenario.needs
             goal = self._picture_at_goal() if needs_goal or shows_goal else None
             self.goal_picture = goal
             """The picture (H, W, 3) that the camera takes at the goal, if it was taken."""
             self.begun = self._place_camera(scenario.start, self._way)
-            """How near the robot came to the start pose, and how its joints follow the motion."""
+            """How well the robot reaches the start pose, and follows the motion with its joints."""
             moment = self.world.moment()
             first = moment.picture()
             self._moment: Moment | None = replace(moment, picture=lambda: first)
-            """That of the next picture, if it was begun."""
+            """The moment of the next picture, if its rendering has begun."""
             self._advances = deque[Advance]()
-            """How the world has moved on from the last picture."""
+            """Motions of the world since the last picture, one for each frame interval."""
             self._truths = {first.index: moment.truth}
-            """The truth of each picture from the one last decided on."""
+            """The truth of each picture by its number, from that of the last decision on."""
             self._start_loop(first, moment.truth, goal if needs_goal else None, steered=steered)
             unless_ready.pop_all()
 
     def close(self, *_: object) -> None:
-        """Release the world; also as a context manager."""
+        """Close the world and its renderer."""
         if hasattr(self, "world"):
             self.world.close()
-        # They ask this episode for the truth: a circle, in which a tracker's process would live on.
+        # Both refer to this episode for the truth: the cycle would keep a tracker's process alive.
         for asking in ("running", "_timeline"):
             vars(self).pop(asking, None)
 
@@ -150,7 +150,7 @@ class Episode:
 
     @contextmanager
     def _refusals(self, where: str = "", kind: type[Mistake] = Mistake) -> Generator[None]:
-        """Name the scenario where its settings are refused: a ValueError is the user's mistake."""
+        """Turn a ValueError in the block into a `Mistake` that names the scenario."""
         try:
             yield
         except PartFailed:
@@ -167,6 +167,7 @@ class Episode:
         unused = rng.bit_generator.state
         with self._refusals():
             built = part.build(rng)
+        # A component that drew random numbers depends on the seed, so it is not kept.
         if part.place in KEPT and rng.bit_generator.state == unused:
             self._kept[part.place] = part.config, built
         return part.guarded(built) if hasattr(built, "at") else built
@@ -178,6 +179,7 @@ class Episode:
 
     def _way(self) -> list[Pose]:
         """Return the poses of the camera at the goal, along the run."""
+        # A camera whose features do not control the angle keeps its heading.
         known = self.loop.law.features.known
         goal = self.goal.sight_at(0.0)
         turns = bool((known(goal) & ~known(replace(goal, angle_known=False))).any())
@@ -210,19 +212,23 @@ class Episode:
         if start.pose is not None:
             turn = exp_so3(np.radians(start.pose[3:]))
             return self.world.start_facing(Pose(turn, np.array(start.pose[:3])), way)
-        first = self.world.goal()
-        if first is None:
-            goal, theta, depth = self.goal.pixel, self.goal.theta, self.scenario.goal.depth
-        else:
-            goal, theta, depth = first.centre, first.theta, self._goal_pose(first).translation[2]
-        pixel = goal + (start.x, start.y)
-        theta = theta + radians(start.angle_deg)
-        depth = float(depth) / start.scale
-        tilt = radians(start.tilt_deg), radians(start.tilt_towards_deg)
-        return self.world.start(pixel, theta, depth, *tilt, way)
+        # Relative to the goal: beside a leader that of the first picture.
+        led = self.world.goal()
+        pixel = self.goal.pixel if led is None else led.centre
+        theta = self.goal.theta if led is None else led.theta
+        pose = None if led is None else self._goal_pose(led)
+        depth = self.scenario.goal.depth if pose is None else float(pose.translation[2])
+        return self.world.start(
+            pixel + (start.x, start.y),
+            theta + radians(start.angle_deg),
+            depth / start.scale,
+            radians(start.tilt_deg),
+            radians(start.tilt_towards_deg),
+            way,
+        )
 
     def _start_loop(self, first: Frame, truth: Truth, goal: Image | None, *, steered: bool) -> None:
-        """Start the loop with the region that the scenario gives."""
+        """Start the loop with the first picture, and the region of the scenario."""
         scenario = self.scenario
         world = self.world
         outline = Outline(world.outline)
@@ -234,7 +240,7 @@ class Episode:
         given = State(float(x), float(y), truth.theta + radians(change.angle_deg), 1.0)
         region = Region(*sides.tolist(), quad=change.corners(truth))
         self.shown = first, region, given
-        """The first picture, and the target in it as the tracker is given it."""
+        """The first picture, and the region and state given to the tracker."""
         if not scenario.run.repeats:
             warm_up(scenario.tracker)
         with self._refusals():
@@ -255,8 +261,8 @@ class Episode:
         self._timeline = Timeline(schedule, self.running, stream(scenario.run.seed, "transport"))
 
     def _true_motion(self, picture: int, begin: float, end: float) -> Array:
-        """Return the true mean de/dt (k,) of the target's own motion between two times [s], seen by
-        a camera that goes along with the target from a picture until then.
+        """Return the true mean de/dt (k,) of the target's own motion between two times [s], for a
+        camera that has kept its pose relative to the target since a picture.
         """
         truth = self._truths[picture]
         before, after = map(self.world.target_at, (begin, end))
@@ -279,7 +285,11 @@ class Episode:
         return replace(true, picture=believed.picture)
 
     def _pass(self, twists: Array) -> None:
-        """Let the world move on for a frame interval, with the twists that act in it (n, 6)."""
+        """Step the world by a frame interval.
+
+        Args:
+            twists: Camera twists (n, 6) that act in it, one for each update of the drives.
+        """
         began = perf_counter()
         try:
             limits = self.world.step(twists)
@@ -292,7 +302,7 @@ class Episode:
             yield self.move(self.look())
 
     def look(self) -> Step:
-        """Take the next picture, track and decide; return the step, before the camera moves on."""
+        """Take the next picture, run tracker and law; return the step before the camera moves."""
         timeline = self._timeline
         began = perf_counter()
         now = self._moment or self.world.moment()
@@ -303,6 +313,7 @@ class Episode:
         self._truths[frame.index] = now.truth
         timeline.advance(frame, now.believed)
         latest = timeline.latest
+        # Only the pictures that the tracker may still report on are needed.
         self._truths = {i: t for i, t in self._truths.items() if i >= latest.picture}
         return Step(
             scene=self._scene,
@@ -325,7 +336,7 @@ class Episode:
             twist_acting=np.zeros(6),
             limited=False,
             joint_limits=(),
-            seconds=Seconds(rendering, *timeline.seconds, 0.0),
+            seconds=Seconds(rendering, timeline.track_seconds, timeline.law_seconds, 0.0),
         )
 
     @property
@@ -334,8 +345,9 @@ class Episode:
         return self._timeline.latest.decision.sight
 
     def _next_moment(self, index: int) -> Moment | None:
-        """Begin the picture after this one while the loop works on this one, if no command of this
-        one acts before that: the world is then one frame interval ahead of the loop.
+        """Begin to render the next picture while the loop works on this one, and return its moment.
+        The world is then one frame interval ahead of the loop; None if a command from this picture
+        could still act in that interval.
         """
         if not self._timeline.is_known_ahead or index + 1 == self.frames:
             return None
@@ -344,14 +356,17 @@ class Episode:
         return self.world.moment()
 
     def move(self, step: Step, twist: Array | None = None) -> Step:
-        """Move until the next picture; the whole step.
+        """Move the world to the next picture, and return the complete step.
 
         Args:
-            step: What `look` gave.
-            twist: Acts in place of the law's (6,), if the law decided on something in this step.
+            step: The result of `look`.
+            twist: Camera twist (6,) that replaces the commands of this step [m/s, rad/s]; None: the
+                law's act.
         """
         if twist is not None:
             self._timeline.steer(twist)
+        # Ahead of the loop the world has already moved on to the next picture: begin the one after
+        # it, whose commands are known.
         if not self._advances:
             self._pass(self._timeline.acting())
         elif self._moment is not None:
@@ -392,11 +407,11 @@ def measured_run(
     each: Callable[[Step], None] | None = None,
     kept: dict[str, tuple[Any, Any]] | None = None,
 ) -> tuple[list[Step], Summary]:
-    """Run a scenario to its end; its steps without pictures, and what was measured.
+    """Run a scenario to its end, and return its steps without pictures, and its measures.
 
     Args:
-        scenario: Which.
-        each: Called with every step while it has its picture.
+        scenario: Settings of the run.
+        each: Called with every step, which still has its picture; None: nothing is called.
         kept: As for `Episode`.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What happens in a run, in words: occluded, lost, searched, found again, saturated."""
+"""Events of a run, in words: occluded, lost, searching, found again, saturated."""
 
 from enum import Enum
 
@@ -9,7 +9,7 @@ from tracking.types import Status
 
 
 class Event(Enum):
-    """Something worth a line in the log; each member carries its sentence."""
+    """An event of a run; its value is the sentence for the log."""
 
     OCCLUDED = "The target's appearance has changed: perhaps it is occluded."
     LOST = "The target is lost."
@@ -24,19 +24,24 @@ class Event(Enum):
 
 
 PARTS = ("centre", "angle", "size")
-"""What a tracker may be uncertain of, as `certain` has it."""
+"""Names of the three results of `certain`."""
 STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED: Event.FOUND}
 
 
 def events(before: Step | None, step: Step) -> list[Event]:
-    """Return what is new in a step."""
+    """Return the events that begin with a step.
+
+    Args:
+        before: The previous step; None for the first step.
+        step: The step.
+    """
     found: list[Event] = []
     if step.estimate.status is not (before.estimate.status if before else Status.LOCKED):
         found.append(STATUS[step.estimate.status])
     did = before.command.mode if before else step.command.mode
     if not step.frame.fresh:
         if before is None or before.frame.fresh:
-            found.append(Event.DROPPED)  # that the camera coasts meanwhile goes without saying
+            found.append(Event.DROPPED)  # the camera always coasts meanwhile: no event of its own
     elif step.command.mode is not did and step.command.mode is not Mode.SERVOING:
         found.append(Event[step.command.mode.name])
     was = before is not None and _slowed(before)
@@ -48,8 +53,8 @@ def events(before: Step | None, step: Step) -> list[Event]:
 
 
 def uncertain(run: Columns) -> str:
-    """Return a sentence about what the tracker saw, but stated too uncertainly to be servoed; else
-    nothing.
+    """Return a sentence that counts the centres, angles and sizes which the tracker reported too
+    uncertainly for servoing; "" if there are none.
     """
     last = run.final[-1]
     if last.goal_sight.picture is not None:

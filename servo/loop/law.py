@@ -1,4 +1,4 @@
-"""From sights to camera twists: a scenario's features, estimator and controller."""
+"""From sights to camera twists: the features, the estimator and the controller of a scenario."""
 
 from collections.abc import Callable, Mapping
 from typing import final
@@ -23,7 +23,7 @@ NO_TRUTH = (
 
 @final
 class Law:
-    """What is servoed, where the target's motion comes from, and what asks for twists."""
+    """Feature set, estimator and controller of a scenario, built and checked."""
 
     def __init__(
         self,
@@ -32,16 +32,16 @@ class Law:
         outline: Array,
         draws: Mapping[str, np.random.Generator],
     ) -> None:
-        """Build the parts.
+        """Build the components.
 
         Args:
-            scenario: Kinds and settings of the parts.
-            camera: Intrinsics, as they are believed to be.
+            scenario: Kinds and settings of the components.
+            camera: Intrinsics, as the robot believes them.
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
-            draws: Sources of the draws of "estimator" and "controller".
+            draws: Random generators of "estimator" and "controller".
 
         Raises:
-            PartFailed: A part cannot be built.
+            PartFailed: A component cannot be built.
         """
         self._scenario = scenario
         self._camera = camera
@@ -58,7 +58,8 @@ class Law:
         self._controller = controller
         self.features: FeatureSet = features.guarded(built[0])
         self.features_of_truth: FeatureSet = features.guarded(built[0], checked=False)
-        """The same for records: values of what the camera cannot see need not be finite."""
+        """The feature set without checks, for records: features of targets that the camera cannot
+        see may be infinite or nan."""
         self.estimator: Estimator = estimator.guarded(built[1])
         self.controller: Controller = controller.guarded(built[2])
         parts = features, estimator, controller
@@ -68,24 +69,24 @@ class Law:
             if isinstance(one, Sees)
         ]
         self.needs = frozenset[Channel]().union(*(needs_of(part.config) for part in parts))
-        """The channels that its parts declare."""
+        """The channels that the components declare."""
         self.is_policy = Channel.PICTURE in needs_of(scenario.controller)
-        """Whether the controller is given pictures."""
+        """Whether the controller uses pictures."""
 
     @property
     def uses_pictures(self) -> bool:
-        """Whether the controller is given pictures, or features are made of pixels."""
+        """Whether the controller or the feature set uses pictures."""
         return Channel.PICTURE in self.needs
 
     def check(self, *, depths: bool, true_motion: bool) -> None:
-        """Refuse what cannot be servoed.
+        """Check that the channels which the components need are available.
 
         Args:
             depths: Whether the camera delivers depth pictures.
             true_motion: Whether the target's true motion is known.
 
         Raises:
-            ValueError: A channel is missing, or two parts cannot go together.
+            ValueError: A channel is missing, or two components do not fit together.
         """
         if Channel.DEPTH in self._scenario.sight.needs and not depths:
             raise ValueError(
@@ -103,11 +104,11 @@ class Law:
             raise ValueError(NO_TRUTH)
 
     def start(self, goal: Sight, frames_late: float) -> None:
-        """Begin a task.
+        """Begin a run.
 
         Args:
             goal: The desired sight.
-            frames_late: Frame intervals until a command acts.
+            frames_late: Delay until a command acts [frame intervals].
 
         Raises:
             ValueError: A setting does not fit the features.
@@ -116,16 +117,16 @@ class Law:
         self._difference = Difference(self.features)
         self._goal = goal
         self.scales = self.features.scales(self.features.values(goal))
-        """What the estimator's features are divided by (k,)."""
+        """The divisors (k,) of the estimator's features: `FeatureSet.scales` at the goal."""
         self.controller.start(
             Task(goal, self.features, self.estimator, self._camera, self._outline, frames_late)
         )
 
     def check_followed(self, estimate: Estimate) -> None:
-        """Refuse a tracker that follows nothing of what is servoed.
+        """Check that the features can be measured by what the tracker follows.
 
         Raises:
-            PartFailed: None of the features is known by what it follows.
+            PartFailed: None of the features can be measured.
         """
         with self._features.naming():
             check_followed(self.features, estimate, self._goal)
@@ -137,17 +138,18 @@ class Law:
         interval: float,
         view: Callable[[Channels], View],
     ) -> Command:
-        """Return the twist to ask for.
+        """Return the controller's command after a picture.
 
         Args:
-            sight: The target as it is seen; None where it is not.
-            posture: What the robot knows of itself at the time of the picture.
-            interval: Time since the picture before [s].
-            view: Gives the view of a part with some needs.
+            sight: Sight of the target; None if it is not seen.
+            posture: Camera pose, twist and joints of the robot at the time of the picture.
+            interval: Time since the previous picture [s].
+            view: Returns the view of a component from the channels that it needs.
 
         Raises:
-            PartFailed: A part raised an exception, or gave something that has no meaning.
+            PartFailed: A component raised an exception, or returned an invalid value.
         """
+        # Channels first, so that each component knows this picture when it is called.
         for viewer, needs in self._viewers:
             viewer.see(view(needs))
         command = self.controller.command(sight, posture, interval)
@@ -156,8 +158,13 @@ class Law:
         return command
 
     def motion_measured(self, command: Command, sight: Sight | None, interval: float) -> Array:
-        """Return de/dt (k,) of the target's own motion since the picture before: what the camera
-        did not cause; nan where it was not measured.
+        """Return the mean de/dt (k,) since the previous picture that the camera did not cause; nan
+        for features that were not measured in both.
+
+        Args:
+            command: The command for this picture, with its trace.
+            sight: Sight of the target; None if it is not seen.
+            interval: Time since the previous picture [s].
         """
         trace = command.trace
         if trace is None or sight is None:

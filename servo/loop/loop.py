@@ -31,64 +31,66 @@ from tracking.types import Estimate, Region, State
 
 
 class TrueMotion(Protocol):
-    """The true motion of the target, which a simulation knows."""
+    """Function that returns the true motion of the target, which a simulation knows."""
 
     def __call__(self, picture: int, begin: float, end: float) -> Array:
-        """Return the mean de/dt (k,) of the target's own motion between two times [s], as the
-        camera sees it that took the picture of this number.
+        """Return the mean de/dt (k,) caused by the target's own motion between two times [s], for
+        the pose of the camera in the picture of this number.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """A picture, and what the tracker reports of it."""
+    """A picture, and the tracker's estimate from it."""
 
     frame: Frame
     estimate: Estimate
     interval: float
-    """Time since the picture before [s]."""
+    """Time since the previous picture [s]."""
     seconds: float
-    """Wall-clock time of the tracker, or of a policy and the tracker [s]."""
+    """Wall-clock time of the tracker, and of a policy if there is one [s]."""
     command: Command | None = None
-    """What a controller asks for that is given pictures: it takes time as a tracker does."""
+    """Command of a controller that uses pictures (a policy), whose time counts as the tracker's;
+    None for other controllers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What the loop made of an observation."""
+    """The results of the loop for an observation: sight and command."""
 
     estimate: Estimate
-    """What the tracker reported."""
+    """The tracker's estimate."""
     sight: Sight | None
-    """The target as it was seen; None where it was not."""
+    """Sight of the target; None if it was not seen."""
     command: Command
     motion_measured: Array
-    """de/dt (k,) of the target's own motion over the last interval between pictures: the
-    difference of two errors minus what the camera caused; nan where it was not measured."""
+    """de/dt (k,) caused by the target's own motion since the previous picture: the difference of
+    the two errors over their interval, minus the camera's part; nan for features that were not
+    measured in both."""
     seconds: float
     """Wall-clock time of the law [s]."""
 
 
 @final
 class Loop:
-    """The perception and the law of a scenario."""
+    """The closed loop of a scenario: tracker, features, estimator and controller."""
 
     def __init__(
         self, scenario: Setup, camera: Camera, outline: Array, true: Camera | None = None
     ) -> None:
-        """Build the parts.
+        """Build the components.
 
         Args:
-            scenario: Kinds and settings of the parts.
-            camera: Intrinsics, as they are believed to be.
+            scenario: Kinds and settings of the components.
+            camera: Intrinsics, as the robot believes them.
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m]: level, in
                 the order in which an image with the nose to the right shows them, from the top left
                 clockwise.
-            true: The camera that shows the goal (`believed.goal`), where it differs.
+            true: The true camera, for goals that depend on it (`believed.goal`); None: `camera`.
 
         Raises:
-            PartFailed: A part cannot be built.
+            PartFailed: A component cannot be built.
             ValueError: An argument has the wrong type or value.
         """
         check_setup(scenario, camera, outline)
@@ -101,14 +103,15 @@ class Loop:
         self.perception = Perception(scenario, camera, outline, draws["tracker"])
         self._draws = [(each, each.bit_generator.state) for each in draws.values()]
         self.latest: Callable[[], Running | None] = lambda: None
-        """The run that was started last, if somebody still has it: it alone has the parts."""
+        """Returns the run that was started last, if it still exists: only this run may use the
+        components."""
         true = true or camera
         self._pictured = camera if scenario.believed.goal == "computed" else true
         self._seen = true if scenario.believed.goal == "pose" else camera
 
     @property
     def features(self) -> FeatureSet:
-        """What is servoed."""
+        """The feature set of the law."""
         return self.law.features
 
     def start(
@@ -120,24 +123,25 @@ class Loop:
         true_motion: TrueMotion | None = None,
         truth: Callable[[int], Truth] | None = None,
     ) -> "Running":
-        """Show the target to the tracker in the first picture, and begin the task.
+        """Start the tracker with the target in the first picture, and begin a run.
 
         Args:
             frame: The first picture.
             region: The target's rectangle in it.
-            state: Where that is. Where the scenario's target is a tag, the outline its black square
-                and the tracker "tag", the square counts that is seen near it.
-            goal: The picture (H, W, 3) that the camera takes at the goal, for features made of
-                pixels and for policies.
-            true_motion: The target's true motion, for an estimator that needs it; only a
-                simulation has it.
-            truth: Returns the truth of a picture by its number, for a tracker that needs it.
+            state: Position, angle and scale of the region. If the scenario's target is a tag, the
+                outline its black square and the tracker "tag", a square that is seen near the
+                region replaces both.
+            goal: The camera's picture (H, W, 3) at the goal, for features made of pixels and for
+                policies.
+            true_motion: Returns the target's true motion, for an estimator that needs it; only a
+                simulation knows it.
+            truth: Returns the truth of a picture by its number, for components that need it.
 
         Returns:
             The running loop; its `step` takes this picture too.
 
         Raises:
-            PartFailed: A part raised an exception.
+            PartFailed: A component raised an exception.
             ValueError: The tracker refuses the region, or a setting does not fit the features.
         """
         check_start(frame, self.camera, region, state)
@@ -152,7 +156,7 @@ class Loop:
         return running
 
     def _goal_source(self, picture: Image | None) -> GoalSource:
-        """Return what gives the goal of each picture of a run, with the goal's picture (H, W, 3)
+        """Return the source of the desired sights of a run, with the picture (H, W, 3) at the goal
         if there is one.
 
         Raises:
@@ -172,7 +176,7 @@ class Loop:
 
 @final
 class Running:
-    """A loop that has been shown its target."""
+    """A run of a loop, after the first picture."""
 
     def __init__(
         self,
@@ -181,7 +185,7 @@ class Running:
         true_motion: TrueMotion | None,
         truth: Callable[[int], Truth] | None,
     ) -> None:
-        """Keep where goal and truth come from; `Loop.start` describes them."""
+        """Store the sources of goal and truth, which `Loop.start` describes."""
         self._loop = loop
         self._perception = loop.perception
         self._law = loop.law
@@ -193,7 +197,7 @@ class Running:
         self._shown: float | None = None
 
     def begin(self, frame: Frame, region: Region, state: State) -> None:
-        """Begin with the target in the first picture; `Loop.start` calls it."""
+        """Start tracker and law with the target in the first picture; `Loop.start` calls this."""
         self._law.check(depths=frame.depth is not None, true_motion=self._true_motion is not None)
         self._estimate = self._perception.start(
             frame, region, state, self._truth_at(frame, self._perception.needs)
@@ -207,7 +211,7 @@ class Running:
         self._law.start(first, self._frames_late)
         unknown = np.full(len(self._law.features.names), np.nan)
         self.decision = Decision(self._estimate, None, Command(np.zeros(6)), unknown, 0.0)
-        """The last one; before the first picture was decided on, to stand still."""
+        """The last decision; before the first one, a command to stand still."""
 
     @property
     def by_corners(self) -> bool:
@@ -215,28 +219,29 @@ class Running:
         return self._perception.by_corners
 
     def step(self, frame: Frame, posture: Posture) -> Command:
-        """Track, and decide how the camera shall move.
+        """Return the command of the law for the next picture.
 
         Args:
-            frame: The next picture; one that is not fresh is not shown to the tracker.
-            posture: What the robot knows of itself at the time of the picture.
+            frame: The next picture; the tracker does not get a picture that is not fresh.
+            posture: Camera pose, twist and joints of the robot at the time of the picture.
 
         Raises:
-            PartFailed: A part raised an exception, or gave something that has no meaning.
-            ValueError: The frame is not later than the last one, frame or posture has numbers
-                without a meaning, or the loop was started again.
+            PartFailed: A component raised an exception, or returned an invalid value.
+            ValueError: The frame is not later than the last one, frame or posture has invalid
+                numbers, or the loop was started again.
         """
         return self.decide(self.track(frame, posture), posture).command
 
     def track(self, frame: Frame, posture: Posture) -> Observation:
-        """Show the tracker a picture: the first half of `step`, for a robot that goes on meanwhile.
+        """Track the target in a picture: the first half of `step`, for a robot that moves on
+        meanwhile.
 
         Args:
             frame: As for `step`.
             posture: As for `step`.
 
         Returns:
-            What `decide` takes.
+            The observation, which `decide` takes.
         """
         began = perf_counter()
         if self._loop.latest() is not self:
@@ -246,6 +251,7 @@ class Running:
         interval = self._period
         if self._shown is not None:
             interval = elapsed(self._shown, frame.time, self._period)
+            # The first picture was given to `start`: tracking begins with the second.
             had_reported = self._perception.has_reported
             self._estimate = self._perception.track(
                 frame, posture, interval, self._truth_at(frame, self._perception.needs)
@@ -262,13 +268,13 @@ class Running:
     def decide(
         self, observation: Observation, posture: Posture, acts: float | None = None
     ) -> Decision:
-        """Decide how the camera shall move: the second half of `step`.
+        """Compute the command of the law: the second half of `step`.
 
         Args:
-            observation: What `track` returned last.
-            posture: What the robot knows of itself at the time of the picture.
-            acts: When the command begins to act [s], for an estimator that needs the truth; None:
-                the latency of the scenario after the picture.
+            observation: The last result of `track`.
+            posture: Camera pose, twist and joints of the robot at the time of the picture.
+            acts: Time at which the command begins to act [s], for an estimator that needs the true
+                motion; None: the scenario's latency after the picture.
         """
         began = perf_counter()
         frame = observation.frame
@@ -276,8 +282,9 @@ class Running:
         motion = self._motion_while(frame, interval, acts)
         goal = self._goals.sight(frame, by_corners=self.by_corners)
         self.goal_sight = goal or self.goal_sight
-        # Where the goal is not known the error is not, as where the target is not seen.
+        # Without a goal there is no error, as if the target were not seen.
         sight = None if goal is None else self._sight(frame, observation.estimate, posture)
+        # A policy has decided in `track` already, where its time counts.
         command = observation.command or self._law.command(
             sight, posture, interval, self._view(frame, sight, motion)
         )
@@ -287,8 +294,8 @@ class Running:
         return self.decision
 
     def _sight(self, frame: Frame, estimate: Estimate, posture: Posture) -> Sight | None:
-        """Return the target as it is seen; where pixels are servoed, the goal with the picture in
-        place of it.
+        """Return the sight of the target; None if it is not seen. If pixels are servoed, the
+        desired sight with the current picture replaces it.
         """
         goal = self.goal_sight
         if not frame.fresh:
@@ -299,8 +306,8 @@ class Running:
         return replace(goal, picture=picture, goal=goal)
 
     def _motion_while(self, frame: Frame, interval: float, acts: float | None) -> Array | None:
-        """Return the target's true motion (k,) over the features' scales while the next command
-        acts; None where no part needs it.
+        """Return the target's true motion de/dt (k,) over the features' scales while the next
+        command acts; None if no component needs it.
         """
         if Channel.TRUE_MOTION not in self._law.needs or self._true_motion is None:
             return None
@@ -308,7 +315,7 @@ class Running:
         return self._true_motion(frame.index, begin, begin + interval) / self._law.scales
 
     def _truth_at(self, frame: Frame, needs: Channels) -> Truth | None:
-        """Return the truth of a picture, where it is needed and known."""
+        """Return the truth of a picture; None if it is not needed or not known."""
         if Channel.TRUTH not in needs or self._truth is None:
             return None
         return self._truth(frame.index)
@@ -316,7 +323,7 @@ class Running:
     def _view(
         self, frame: Frame, sight: Sight | None, motion: Array | None
     ) -> Callable[[Channels], View]:
-        """Return what gives the view of a part of the law at the time of a picture."""
+        """Return a function from the channels that a component needs to its view of a picture."""
 
         def view(needs: Channels) -> View:
             truth = self._truth_at(frame, needs)

@@ -51,6 +51,7 @@ class Part:
                 built = self.config.build(given)
             except ValueError as error:
                 raise Mistake(f"{self.place}: {error}") from error
+            # Checked now, so that a wrong component fails before the run begins.
             check_built(self.kind_of_place, built)
             check_sees(self.config, built)
         return built

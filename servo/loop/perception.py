@@ -1,4 +1,4 @@
-"""From pictures to sights: a scenario's tracker, and what its estimates say of the target."""
+"""From pictures to sights: the tracker of a scenario, and the sights made from its estimates."""
 
 from typing import final
 
@@ -25,7 +25,7 @@ from tracking.types import (
 
 @final
 class Perception:
-    """Shows pictures to a tracker, and turns its estimates into sights."""
+    """Runs a tracker on pictures, and converts its estimates to sights."""
 
     def __init__(
         self, scenario: Setup, camera: Camera, outline: Array, rng: np.random.Generator
@@ -34,9 +34,9 @@ class Perception:
 
         Args:
             scenario: Kind and settings of the tracker.
-            camera: Intrinsics, as they are believed to be.
+            camera: Intrinsics, as the robot believes them.
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
-            rng: Source of the tracker's draws.
+            rng: Random generator of the tracker.
 
         Raises:
             PartFailed: The tracker cannot be built.
@@ -61,18 +61,18 @@ class Perception:
         state: State,
         truth: Truth | None,
     ) -> Estimate:
-        """Show the target to the tracker in the first picture.
+        """Start the tracker with the target in the first picture.
 
         Args:
             frame: The first picture.
             region: The target's rectangle in it.
-            state: Where that is. Where the target is a marker, and the tracker finds markers, the
-                marker counts that is seen near it.
-            truth: Where the target is; only a simulation knows it.
+            state: Position, angle and scale of the region. If the target is a marker and the
+                tracker finds markers, a marker that is seen near the region replaces both.
+            truth: The true pose of the target; only a simulation knows it.
 
         Returns:
-            The estimate before the first update. The tracker has not reported yet what it follows,
-            so neither angle nor size count.
+            An estimate with the given state. It counts as one without angle and size, as the
+            tracker has not yet reported what it follows.
 
         Raises:
             PartFailed: The tracker raised an exception.
@@ -96,7 +96,7 @@ class Perception:
         )
         self._carried = np.zeros(4)
         self.has_reported = False
-        """Whether the tracker has said what it follows: it does when it first sees the target."""
+        """Whether the tracker has reported what it follows, with its first locked estimate."""
         self.by_corners = False
         """Whether the tracker has reported corners."""
         return self._estimate
@@ -104,15 +104,16 @@ class Perception:
     def track(
         self, frame: Frame, posture: Posture, interval: float, truth: Truth | None
     ) -> Estimate:
-        """Show the tracker the next picture, and return its estimate. The tracker does not learn of
-        a picture that is not fresh: its last estimate stays.
+        """Return the tracker's estimate for the next picture. A picture that is not fresh does not
+        reach the tracker: the last estimate stays.
 
         Args:
             frame: The picture.
-            posture: What the robot knows of itself at the time of the picture.
-            interval: Time since the picture before [s].
-            truth: Where the target is; only a simulation knows it.
+            posture: Camera pose, twist and joints of the robot at the time of the picture.
+            interval: Time since the previous picture [s].
+            truth: The true pose of the target; only a simulation knows it.
         """
+        # Motions over dropped frames add up until the tracker gets the next picture.
         ego = None
         if self._scenario.run.ego and Channel.EGO_MOTION in self.needs:
             self._carried += self._to_sight.ego(self._estimate.state, posture.twist, interval)
@@ -130,12 +131,17 @@ class Perception:
     def sight(
         self, frame: Frame, estimate: Estimate, posture: Posture, goal: Sight
     ) -> Sight | None:
-        """Return the target as an estimate of a picture says that it is seen; None where it is
-        not.
+        """Return the sight of the target from an estimate; None if the target is not seen.
+
+        Args:
+            frame: The picture of the estimate, with its depth picture if there is one.
+            estimate: The tracker's estimate.
+            posture: Camera pose, twist and joints of the robot at the time of the picture.
+            goal: The desired sight.
         """
         return self._to_sight.see(estimate, posture, goal, frame.depth)
 
     def _show(self, frame: Frame, truth: Truth | None) -> None:
-        """Give the tracker its channels of a picture."""
+        """Give the tracker the channels that it needs of a picture."""
         if self._viewer is not None:
             self._viewer.see(View.of(frame, self.needs, truth=truth))

@@ -1,4 +1,4 @@
-"""What a robot remembers of its own motion, and what it pairs with a picture."""
+"""The postures of a robot over time, and those that belong to the pictures of its tracker."""
 
 from dataclasses import replace
 from typing import final
@@ -9,14 +9,19 @@ from sim.geometry import exp_se3, log_se3
 from sim.types import Pose, Posture
 
 REGULAR = 1e-6
-"""Pictures that come within this share of a frame interval come at the camera's rate."""
+"""Deviation from a whole number of frame intervals that counts as rounding [frame intervals]."""
 
 
 def elapsed(last: float, now: float, period: float) -> float:
-    """Return the time between two pictures [s], exact where it is a number of frame intervals.
+    """Return the time between two pictures [s], without rounding for whole frame intervals.
+
+    Args:
+        last: Time of the earlier picture [s].
+        now: Time of the later picture [s].
+        period: Frame interval [s].
 
     Raises:
-        ValueError: The second one is not later.
+        ValueError: The second picture is not later than the first.
     """
     if now <= last:
         raise ValueError(f"expected a frame later than {last} s, got one of {now} s")
@@ -27,9 +32,10 @@ def elapsed(last: float, now: float, period: float) -> float:
 
 @final
 class PostureRecord:
-    """Postures at the times of all pictures; paired with those that the tracker takes.
+    """Postures at the times of all pictures, paired with the pictures that the tracker takes.
 
-    A picture's stamp may lie by an offset: it is then paired with the pose of another moment.
+    A picture's stamp may be wrong by a clock offset: the picture is then paired with the pose of
+    another time.
     """
 
     def __init__(self, period: float, clock_offset: float) -> None:
@@ -46,12 +52,14 @@ class PostureRecord:
         self._pose: Pose | None = None
 
     def add(self, index: int, posture: Posture) -> None:
-        """Remember the posture at the time of a frame; `asked` is that since the frame before."""
+        """Store the posture at the time of a frame; its `asked` is the mean commanded twist since
+        the frame before.
+        """
         self._postures[index] = posture
 
     def paired(self, index: int) -> Posture:
-        """Return the posture for the picture of a frame, its means over the time since the one
-        before that was asked for; what is older is forgotten.
+        """Return the posture for the picture of a frame, with means over the time since the
+        previous call; older postures are removed.
         """
         posture = self._postures[index]
         last = self._taken
@@ -59,6 +67,7 @@ class PostureRecord:
         pose = posture.T_base_camera if self._offset == 0 else self._pose_at(index)
         self._taken = index
         self._pose = pose
+        # The stamps of later pictures reach back by the offset, so that those frames are kept.
         reach = int(abs(self._offset) / self._period) + 2
         between = [p for i, p in self._postures.items() if last is not None and last < i <= index]
         self._postures = {i: p for i, p in self._postures.items() if i > index - reach}
@@ -77,8 +86,8 @@ class PostureRecord:
         )
 
     def _pose_at(self, index: int) -> Pose:
-        """Return the pose at the stamp of a frame, on a screw between those of two frames; the
-        newest, or the oldest, where there is none beyond.
+        """Return the pose T_base_camera at the stamp of a frame, interpolated on a screw motion
+        between two frames; beyond the stored frames, the nearest one's.
         """
         frames = index + self._offset / self._period
         at = float(np.clip(frames, min(self._postures), max(self._postures)))

@@ -1,10 +1,10 @@
-"""When a picture arrives, when the tracker takes it, and when the command acts: simulated time.
+"""Simulated times of a run: when pictures arrive, the tracker takes them, and commands act.
 
-A picture is there when it was exposed and transported. A free tracker takes the newest one; its
-estimate is there `run.tracker_ms` later, and pictures in between are skipped. A dropped frame takes
-the tracker no time, and none is taken where there is a picture. The law runs once an estimate. Its
-command acts `run.latency` frame intervals or `run.latency_ms` later, from the next update of the
-drives on; until then the robot goes on with the command that it has.
+A picture arrives after its exposure and transport. A free tracker takes the newest picture that has
+arrived; its estimate is ready `run.tracker_ms` later, and it skips the pictures in between. A
+dropped frame takes the tracker no time, and counts only if there is no picture. The law runs once
+for each estimate. Its command acts `run.latency` frame intervals or `run.latency_ms` later, from
+the next update of the drives on; until then the robot follows the command before.
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from servo.loop.settings import RunConfig
 from sim.types import Array, Frame, Posture
 
 SAME = 1e-9
-"""Times that differ by less are the same [s]: they are sums of rounded intervals."""
+"""Largest difference of equal times [s]: they are sums of rounded intervals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,22 +30,22 @@ class Schedule:
     period: float
     """Frame interval [s]."""
     ticks: Array
-    """When the drives take over a command (n,), after a frame [s]."""
+    """Times (n,) after a frame at which the drives update their command [s]."""
     clock_offset: float
     """Stamp minus true time of a picture [s]."""
     steered: bool
-    """Whether twists other than the law's will act; the law then gets those."""
+    """Whether twists other than the law's may act; the law is then told which ones acted."""
 
 
 @dataclass(frozen=True, slots=True)
 class TimedDecision:
-    """A decision, and when it was made."""
+    """A decision of the loop, with the picture that it is about and the age of its estimate."""
 
     decision: Decision
     picture: int = 0
-    """Number of the picture that it is about."""
+    """Number of the picture that the decision is about."""
     age: float = 0.0
-    """From that picture to its estimate [s]."""
+    """Time from that picture to its estimate [s]."""
     skipped: int = 0
     """Pictures since the run began that the tracker had no time for."""
 
@@ -70,21 +70,21 @@ class _Work:
 
 
 def mean_twist(twists: Array) -> Array:
-    """Return the mean (6,) of twists (n, 6), exact where they are all the same."""
+    """Return the mean (6,) of twists (n, 6), without rounding if all are equal."""
     return twists[0] if (twists == twists[0]).all() else twists.mean(axis=0)
 
 
 @final
 class Timeline:
-    """Shows a running loop the pictures of a run, each at its time, and holds its commands."""
+    """Gives the pictures of a run to its loop, each at its time, and stores the commands."""
 
     def __init__(self, schedule: Schedule, running: Running, rng: np.random.Generator) -> None:
         """Begin a run.
 
         Args:
             schedule: Intervals and delays.
-            running: The loop.
-            rng: Draws how long pictures are transported.
+            running: The running loop.
+            rng: Random generator of the pictures' transport times.
         """
         self._schedule = schedule
         self._running = running
@@ -98,24 +98,27 @@ class Timeline:
         self._now = 0.0
         """Time of the last picture [s]."""
         self._arrival = 0.0
-        """When it arrives [s]; no later one arrives before."""
+        """Time at which the last picture arrives [s]; later ones do not overtake it."""
         self._coming: list[_Arrival] = []
-        """Pictures that the tracker has not taken."""
+        """Pictures that the tracker has not taken yet."""
         self._work: _Work | None = None
-        """The one that it is busy with."""
+        """The picture that the tracker is working on."""
         self._free = 0.0
-        """When it finished the one before [s]."""
+        """Time at which the tracker finished the previous picture [s]."""
         self._skipped = 0
         self.decided = 0
         """Number of decisions since the last picture."""
         self._is_first = True
         self.latest = TimedDecision(running.decision)
         """The last decision."""
-        self.seconds = (0.0, 0.0)
-        """Wall-clock time of tracker and law in the last frame interval [s]."""
+        self.track_seconds = 0.0
+        """Wall-clock time of the tracker in the last frame interval [s]."""
+        self.law_seconds = 0.0
+        """Wall-clock time of the law in the last frame interval [s]."""
         self._asked = np.zeros(6)
         """Mean twist (6,) asked for since the last picture."""
-        # A frame each, as a law counts them.
+        # With a latency of whole frames, one zero command for each frame until the first acts: the
+        # law counts its pending commands the same way.
         first = range(max(1, run.latency) if self._by_frames else 1)
         self._commands = [(frame * schedule.period, np.zeros(6)) for frame in first]
         """When each command begins to act [s], and its twist (6,), in order."""
@@ -130,9 +133,11 @@ class Timeline:
         self._now = frame.time
         end = self._now + self._schedule.period - SAME
         self.decided = 0
-        self.seconds = (0.0, 0.0)
+        self.track_seconds = 0.0
+        self.law_seconds = 0.0
         if not self._plain:
             self._record.add(frame.index, replace(posture, asked=self._asked))
+        # Transport takes a random time, but pictures arrive in their order.
         self._arrival = max(self._arrival, self._now + self._transport())
         self._coming.append(_Arrival(self._arrival, frame, posture))
         while (estimated := self._estimated_before(end)) is not None:
@@ -155,8 +160,10 @@ class Timeline:
         return self._plain and self._schedule.run.latency >= 1
 
     def acting(self, later: int = 0) -> Array:
-        """Return the twists (n, 6) for each tick from the last picture, or one later by some frame
-        intervals, to the next one.
+        """Return the twists (n, 6) that act at the updates of the drives in one frame interval.
+
+        Args:
+            later: Which interval: 0 begins with the last picture, 1 is the next one.
         """
         begin = self._now + later * self._schedule.period
         twists = np.array([self._in_force(begin + tick) for tick in self._schedule.ticks])
@@ -168,8 +175,8 @@ class Timeline:
         return 1e-3 * float(self._rng.uniform(0.0, longest)) if longest else 0.0
 
     def _estimated_before(self, end: float) -> _Work | None:
-        """Return the picture whose estimate is there before a time [s], if any; a tracker that is
-        free takes the next one.
+        """Return the tracked picture whose estimate is ready before a time [s], or None. A free
+        tracker first takes the next picture.
         """
         if self._work is None and self._coming:
             begin = max(self._free, self._coming[0].time)
@@ -178,22 +185,25 @@ class Timeline:
         return self._work if self._work is not None and self._work.done < end else None
 
     def _begin(self, begin: float) -> _Work:
-        """Take the newest picture that has arrived by a time, or the last dropped frame."""
+        """Let the tracker take the newest picture that has arrived by a time [s], or the last
+        dropped frame if there is none.
+        """
         arrived = [picture for picture in self._coming if picture.time <= begin + SAME]
         del self._coming[: len(arrived)]
+        # Dropped frames carry no picture: one counts only if nothing else has arrived.
         pictures = [picture for picture in arrived if picture.frame.fresh]
         newest = pictures[-1] if pictures else arrived[-1]
         frame = newest.frame
+        # The record averages the robot's motion over the pictures that the tracker skipped.
         posture = newest.posture if self._plain else self._record.paired(frame.index)
         is_first = self._is_first
         self._is_first = False
         observation = self._running.track(frame, posture)
-        track, law = self.seconds
-        self.seconds = track + observation.seconds, law
+        self.track_seconds += observation.seconds
         self._skipped += max(0, len(pictures) - 1)
         takes = self._schedule.run.tracker_ms
         lasts = observation.seconds if isinstance(takes, str) else 1e-3 * takes
-        at_once = is_first or not pictures  # the first state is given
+        at_once = is_first or not pictures  # the first estimate is the given state
         return _Work(observation, posture, begin + (0.0 if at_once else lasts))
 
     def _decide(self, work: _Work) -> None:
@@ -203,13 +213,13 @@ class Timeline:
         acts = self._tick_after(
             work.done + schedule.run.frames_late(schedule.period) * schedule.period
         )
+        # Commands that were replaced before this picture act no more.
         while len(self._commands) > 1 and self._commands[1][0] <= frame.time + SAME:
             del self._commands[0]
         if not self._plain:
             posture = replace(posture, under_way=self._under_way(frame.time, acts))
         decision = self._running.decide(work.observation, posture, acts)
-        track, law = self.seconds
-        self.seconds = track, law + decision.seconds
+        self.law_seconds += decision.seconds
         self._commands.append((acts, decision.command.twist))
         self.decided += 1
         age = work.done - frame.time
@@ -219,6 +229,7 @@ class Timeline:
         """Return the first update of the drives at a time [s] or after it."""
         period = self._schedule.period
         ticks = self._schedule.ticks
+        # The updates of the drives have the same times in each frame interval.
         frame = int((time + SAME) // period)
         at = frame * period
         later = ticks[ticks >= time - at - SAME]
@@ -229,7 +240,7 @@ class Timeline:
         return next(twist for at, twist in reversed(self._commands) if at <= time + SAME)
 
     def _under_way(self, begin: float, end: float) -> tuple[tuple[Array, float], ...]:
-        """Return the twists (6,) that act between two times, and how long each [s]."""
+        """Return the twists (6,) that act between two times [s], each with its duration [s]."""
         starts = [max(at, begin) for at, _ in self._commands]
         stops = [*starts[1:], end]
         pieces = zip(self._commands, starts, stops, strict=True)

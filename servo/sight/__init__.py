@@ -1,1 +1,1 @@
-"""From a tracker's estimate to what is seen of the target: moments and plane."""
+"""From a tracker's estimate to the sight of the target: its moments, corners and plane."""

@@ -1,4 +1,4 @@
-"""Which parts of an estimate are certain enough to be servoed, by what its tracker states."""
+"""Whether the variances of an estimate are small enough for servoing."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The target in a depth picture: how far it is, and how its plane lies."""
+"""Distance and plane of the target from a depth picture."""
 
 from __future__ import annotations
 
@@ -11,39 +11,39 @@ from servo.types import Plane
 from sim.types import Array, Camera, DepthPicture
 
 FEWEST = 20
-"""Fewer pixels with a depth say nothing of the target; chosen by hand."""
+"""Smallest number of pixels with a depth that determine the target's plane; chosen by hand."""
 TRIPLES = 64
-"""Planes through three points that are tried: with 40 % elsewhere, 1 in a million times all miss.
-"""
+"""Number of tested planes through three points: with 40 % outliers, all fail once in a million
+times."""
 SAMPLE = 500
-"""Points at which they are compared: enough for a median."""
+"""Number of points at which planes are compared: enough for a median."""
 OUTLIER = 4.5
-"""Residuals over their median from which a pixel is not of the plane: 3 standard deviations."""
+"""Residual over the median residual from which a pixel is an outlier: 3 standard deviations."""
 FAR_OUT = 10_000
-"""Corners farther out are drawn there, because pixels are small whole numbers [px]."""
+"""Largest coordinate of a drawn corner [px]: OpenCV draws with small whole numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DepthPoints:
-    """Points of the target.
+    """Points of the target, with inverse depths.
 
-    They have inverse depths, which change evenly over the picture of a plane, and whose noise is
-    the same at each distance where that of a depth grows with its square.
+    Inverse depths are linear in the image coordinates of a plane, and their noise does not depend
+    on the distance if the noise of depths grows with its square.
     """
 
     rays: Array
-    """Where they are seen (n, 3): normalised coordinates x, y, 1."""
+    """Normalised image coordinates (x, y, 1) of the points (n, 3)."""
     near: Array
     """Inverse depths 1 / Z (n,) [1/m]."""
 
     @staticmethod
     def inside(corners: Array, depth: DepthPicture, camera: Camera) -> DepthPoints | None:
-        """Return those that a depth picture has in a quadrilateral; None where these are too few.
+        """Return the points of a depth picture inside a quadrilateral; None if they are too few.
 
         Args:
-            corners: Of the target (4, 2) [px].
-            depth: The picture (H, W) [m], nan or 0 where there is no depth.
-            camera: That of the picture.
+            corners: Corners of the target (4, 2) [px].
+            depth: Depth picture (H, W) [m], with nan or 0 for pixels without a depth.
+            camera: Intrinsics of the depth picture.
         """
         mask = np.zeros(depth.shape, np.uint8)
         pixels = np.rint(corners - 0.5).clip(-FAR_OUT, FAR_OUT).astype(np.int32)
@@ -56,8 +56,8 @@ class DepthPoints:
 
     @property
     def normal(self) -> Array:
-        """Normal (3,) of the plane 1/Z = A x + B y + C that fits them by least squares, without
-        those that lie elsewhere: off the plane whose median residual is the least (Rousseeuw 1984,
+        """Normal (3,) of the plane 1/Z = A x + B y + C, by least squares without outliers: far
+        from the plane of the least median residual (Rousseeuw 1984,
         Least median of squares regression, Journal of the American Statistical Association 79).
         """
         draws = np.random.default_rng(0)  # the same points give the same plane
@@ -71,8 +71,6 @@ class DepthPoints:
         return np.asarray(np.linalg.lstsq(self.rays[kept], self.near[kept])[0], np.float64)
 
     def plane(self, normal: Array) -> Plane:
-        """Return the plane with a normal (3,) at their median depth, which is that of their middle
-        if they lie in a plane.
-        """
+        """Return the plane with a normal (3,) at the median inverse depth of the points."""
         middle = np.median(self.rays, axis=0)
         return Plane(*(normal * np.median(self.near) / (normal @ middle)).tolist())

@@ -1,4 +1,4 @@
-"""From a tracker's estimate to what a controller sees: moments, and the plane they lie in."""
+"""From a tracker's estimate to the sight of the target: moments, corners and plane."""
 
 from dataclasses import dataclass, replace
 from math import sqrt
@@ -98,18 +98,21 @@ class EstimateToSight:
             return None
         if estimate.corners is not None:
             return self._see_corners(estimate.corners, posture, goal, depth)
+        # A tracker of a region: its rectangle gives moments and corners, the settings the plane.
         m = shape_moments.of_state(estimate.state, self._region, self._camera)
         corners = self._region.corners(estimate.state)
         points = self._points(corners, depth)
         plane = self._plane_at(m, posture, points)
         self._plane = self._scaled(plane)
+        # Angle and size count only if the tracker follows them, and is certain of them.
         angle = estimate.follows[0] and is_turned
         size = estimate.follows[1] and is_sized
         is_tilt_seen = self._config.plane == "picture" and points is not None
         seen = self._camera.normalise(corners)
         sight = Sight(m, plane, angle, size, is_tilt_seen, corners=seen, goal=goal)
         if self._config.depth == "picture" and points is not None:
-            # With its distance, its size in the picture is known, whatever the tracker follows.
+            # The measured distance and the metric size determine the size in the picture, also for
+            # trackers that do not follow it.
             whole = sight_of(sight.pose, self._outline, goal)
             sight = replace(whole, angle_known=angle, tilt_known=is_tilt_seen)
         return self._with_depth_factor(sight)
@@ -145,7 +148,7 @@ class EstimateToSight:
         m = shape_moments.of_polygon(seen)
         points = self._points(corners, depth)
         if self._config.depth == "picture" and points is not None:
-            # A wrong size makes a wrong distance, and nothing else.
+            # A wrong metric size makes only the distance wrong: scale it to the measured depth.
             there = points.plane(pose.rotation[:, 2]).vector @ pose.translation
             whole = sight_of(Pose(pose.rotation, pose.translation / there), self._outline, goal)
             self._plane = self._scaled(whole.plane)
@@ -163,10 +166,11 @@ class EstimateToSight:
         return replace(sight, plane=self._scaled(sight.plane), measured_pose=sight.pose)
 
     def ego(self, state: State, twist: Array, dt: float) -> Array:
-        """Return how a camera twist (6,) over a time [s] has moved a target that stood still:
-        change (4,) of (x, y, theta, ln scale).
+        """Return the apparent motion (4,) of a target at rest, as the change of (x, y, theta, ln
+        scale), caused by a camera twist (6,) over a time [s].
 
-        Its centre and the front of its rectangle are taken for points of its plane.
+        It is computed from two points of the target's plane: the centre, and the middle of the
+        rectangle's front.
         """
         if self._plane is None:
             return np.zeros(4)

@@ -1,4 +1,4 @@
-"""What is seen of a rectangle in a pose, exactly."""
+"""The exact sight of a rectangle from its pose."""
 
 from servo.sight import shape_moments
 from servo.types import Plane, Sight

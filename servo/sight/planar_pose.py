@@ -18,31 +18,31 @@ from sim.types import Array, Pose
 NOISE = 0.008
 """Standard deviation of a corner, over the square root of the seen area."""
 TURN = np.radians(5.0)
-"""How far a pose is turned from the expected one by chance [rad]."""
+"""Standard deviation of the rotation between a pose and the expected one [rad]."""
 TILT = np.radians(30.0)
-"""How far the camera is from facing a rectangle of which nothing is expected [rad]."""
+"""Standard deviation of the tilt of a rectangle without an expected pose [rad]."""
 FLATTEST = 1e-4
-"""A corner's triangle is at least this share of the quadrangle, or there is no corner."""
+"""Smallest area of the triangle at a corner, over the sum of the four: below, it is no corner."""
 UNIT = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]) / 2
-"""Corners (4, 3) of a square, in the order of a region's."""
+"""Corners (4, 3) of a unit square, in the order of `Region.corners`."""
 
 
 @final
 class CornersToPose:
-    """Poses of one rectangle in picture after picture.
+    """Computes the poses of a rectangle in successive pictures.
 
     Both poses of each picture continue the cheaper of the two paths through the pictures before it
     (Viterbi's algorithm), so a pose that was chosen wrongly at first is corrected later.
     """
 
     def __init__(self, size: tuple[float, float]) -> None:
-        """Begin without a memory; size is length along x and width along y [m]."""
+        """Begin without earlier pictures; the size is length along x and width along y [m]."""
         self._size = size
         self._paths: list[tuple[Pose, float]] = []
 
     def of(self, corners: Array, T_base_camera: Pose) -> Pose | None:
-        """Return T_camera_object of a target that moves little from picture to picture, whatever
-        the camera does; None where a rectangle seen from above has no such corners.
+        """Return T_camera_object of a target that moves little between pictures, while the camera
+        may move; None if the corners are not those of a rectangle seen from above.
 
         Its origin is in the middle; x goes along the target's nose, y to the right of the nose as
         seen from above, z into the table. Facing the target with its nose to image right is the
@@ -56,12 +56,13 @@ class CornersToPose:
         if not found:
             return None
         T_camera_base = T_base_camera.inverse()
+        # Viterbi: each candidate continues the cheaper of the two paths so far.
         before = [(T_camera_base @ pose, cost) for pose, cost in self._paths] or [(None, 0.0)]
         costs = [
             error + min(cost + _prior_cost(pose, expected) for expected, cost in before)
             for pose, error in found
         ]
-        least = min(costs)
+        least = min(costs)  # subtracted, so that costs do not grow without limit
         self._paths = [
             (T_base_camera @ pose, cost - least)
             for (pose, _), cost in zip(found, costs, strict=True)
@@ -70,8 +71,8 @@ class CornersToPose:
 
 
 def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, float]]:
-    """Return the two poses, each with its squared error over that of the noise; none for no
-    rectangle.
+    """Return the two possible poses, each with its squared error over the noise's variance; an
+    empty list if the corners are not those of a rectangle.
     """
     along = np.roll(corners, -1, axis=0) - corners
     before = np.roll(along, 1, axis=0)
@@ -80,7 +81,7 @@ def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, f
         return []
     model = UNIT * (*size, 0.0)
     found: list[tuple[Pose, float]] = []
-    # At half a turn IPPE divides by nearly zero; the rectangle looks the same the other way round.
+    # At half a turn IPPE divides by nearly zero: it then gets the rectangle turned by half a turn.
     back = corners[1:3, 0].sum() < corners[[0, 3], 0].sum()
     for vector, t in _solutions(model, np.roll(corners, 2, axis=0) if back else corners):
         R = cv2.Rodrigues(vector)[0] * ((-1, -1, 1) if back else 1)
@@ -93,8 +94,8 @@ def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, f
 
 
 def _solutions(model: Array, corners: Array) -> list[tuple[MatLike, MatLike]]:
-    """Return the rotation vectors and translations of both poses; of one pose where they are the
-    same, which IPPE divides by zero.
+    """Return rotation vectors and translations of both poses; of one pose by iteration if both are
+    the same, for which IPPE divides by zero.
     """
     given = model, corners[:, None], np.eye(3), None
     for method in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_ITERATIVE):
@@ -105,8 +106,8 @@ def _solutions(model: Array, corners: Array) -> list[tuple[MatLike, MatLike]]:
 
 
 def _prior_cost(pose: Pose, expected: Pose | None) -> float:
-    """Return how unlikely a pose is before the corners are compared, as a squared error over that
-    of the noise.
+    """Return the prior cost of a pose: its squared angle from the expected pose over the variance;
+    without an expected pose, its squared tilt.
     """
     if expected is None:
         return float((np.arccos(np.clip(pose.rotation[2, 2], -1, 1)) / TILT) ** 2)

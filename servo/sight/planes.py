@@ -11,15 +11,13 @@ from servo.types import Moments, Plane
 from sim.types import Array, Pose
 
 EDGE_ON = 0.05
-"""The size of a plane that is seen at a smaller angle [rad] does not determine its depth."""
+"""Smallest angle between plane and line of sight at which the size determines the depth [rad]."""
 FACING = np.array([0.0, 0.0, 1.0])
 """Normal (3,) of a plane parallel to the image."""
-
-
 TILT_SD = np.radians(10.0)
-"""How far the plane may be tilted from the image's at the start [rad]."""
+"""Standard deviation of the tilt between plane and image at the start [rad]."""
 DEPTH_SD = 0.02
-"""Standard deviation of a seen point, across the plane [m]."""
+"""Standard deviation of a point's distance from the plane [m]."""
 
 
 def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
@@ -30,7 +28,7 @@ def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
     1): this gives |n|, and with it the depth, from size alone.
 
     Args:
-        m: What is seen.
+        m: Moments of the target.
         root_area: Square root of the metric area [m].
         normal: Normal (3,), of any length.
     """
@@ -40,21 +38,22 @@ def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
 
 
 def plane_of_depth(m: Moments, depth: float, normal: Array) -> Plane:
-    """Return the plane with this normal (3,), at a depth [m] where the target's centre is seen."""
+    """Return the plane with this normal (3,) and this depth [m] at the target's centroid."""
     A, B, C = normal.tolist()
     along = depth * (A * m.xg + B * m.yg + C)
     return Plane(A / along, B / along, C / along)
 
 
 def level_plane(T_base_camera: Pose, height: float) -> Plane:
-    """Return the level plane at a height [m] over the room's origin, seen by a camera above it."""
+    """Return the level plane at a height [m] over the room's origin, in the camera frame."""
     up = T_base_camera.rotation[2]
     return Plane(*(up / (height - T_base_camera.translation[2])).tolist())
 
 
 @final
 class PlaneFit:
-    """Least squares with a prior: at the start the camera faces the plane.
+    """Fits a plane to points by least squares, with the prior that the camera faces it at the
+    start.
 
     Of all unit normals m it takes the one that minimises
 
@@ -71,18 +70,20 @@ class PlaneFit:
         self._prior: Array | None = None
 
     def normal(self, T_base_camera: Pose) -> Array:
-        """Return the normal (3,) in the camera frame, away from the camera."""
+        """Return the unit normal (3,) in the camera frame, pointing away from the camera."""
         if self._prior is None:
             self._prior = T_base_camera.rotation[:, 2].copy()
+        # The eigenvector of the smallest eigenvalue minimises the sum above.
         prior = np.outer(self._prior, self._prior) / TILT_SD**2
         m = np.linalg.eigh(self._scatter / DEPTH_SD**2 - prior)[1][:, 0]
         seen = T_base_camera.rotation.T @ m
         return seen if seen[2] > 0 else -seen
 
     def add(self, T_base_camera: Pose, point: Array) -> None:
-        """Take a point (3,) of the camera frame at which the target was [m]."""
+        """Add a position (3,) of the target in the camera frame [m]."""
         P = T_base_camera.apply(point)
         self._count += 1
+        # Welford's update of mean and scatter.
         before = P - self._mean
         self._mean = self._mean + before / self._count
         self._scatter += np.outer(before, P - self._mean)

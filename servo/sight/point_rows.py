@@ -7,15 +7,15 @@ from sim.types import Array
 
 
 def point_rows(x: Array, y: Array, near: Array) -> tuple[Array, Array]:
-    """Return the interaction matrices (n, 6) each of x and of y, for points (n,) in normalised
+    """Return the interaction matrices (n, 6) of x and of y, for points (n,) in normalised image
     coordinates.
 
     Chaumette and Hutchinson 2006 (Visual servo control, part I: basic approaches, IEEE Robotics
     and Automation Magazine 13), equation 11.
 
     Args:
-        x: To the right.
-        y: Down.
+        x: Coordinates to the right (n,).
+        y: Coordinates down (n,).
         near: Inverse depths 1/Z [1/m].
     """
     none = np.zeros_like(x)
@@ -25,15 +25,17 @@ def point_rows(x: Array, y: Array, near: Array) -> tuple[Array, Array]:
 
 
 def corner_rows(sight: Sight) -> tuple[Array, Array]:
-    """Return those of the target's four corners, with the depth of each in the target's plane."""
+    """Return the interaction matrices (4, 6) of x and of y of the target's corners, with the depth
+    of each in the target's plane.
+    """
     (x, y) = corners_of(sight).T
     return point_rows(x, y, 1 / sight.points[:, 2])
 
 
 def corners_of(sight: Sight) -> Array:
-    """Return the target's corners (4, 2), normalised.
+    """Return the target's corners (4, 2) in normalised image coordinates.
 
     Raises:
-        ValueError: The sight has none.
+        ValueError: The sight has no corners.
     """
     return sight.points[:, :2] / sight.points[:, 2:] if sight.corners is None else sight.corners

@@ -14,9 +14,10 @@ WEIGHTS = np.array([-27.0, 25.0, 25.0, 25.0]) / 48
 
 
 def of_polygon(polygon: Array) -> Moments:
-    """Return the moments up to third order of a simple polygon (n, 2) in normalised coordinates,
-    whatever its sense.
+    """Return the moments up to third order of a simple polygon (n, 2) in normalised image
+    coordinates, clockwise or counterclockwise.
     """
+    # Relative to the centroid, so that central moments do not lose digits.
     middle = polygon.mean(axis=0)
     corners = polygon - middle
     areas, after = _triangles(corners)
@@ -38,14 +39,14 @@ def of_polygon(polygon: Array) -> Moments:
 def of_rectangle(
     x: float, y: float, width: float, height: float, theta: float, stretch: tuple[float, float]
 ) -> Moments:
-    """Return the moments of a turned rectangle, stretched along the axes afterwards.
+    """Return the moments of a rotated rectangle that is then stretched along the image's axes.
 
     Args:
-        x: Centre, stretched.
-        y: Centre, stretched.
-        width: Along its own x axis.
-        height: Along its own y axis.
-        theta: From +x towards +y [rad].
+        x: Centre after stretching.
+        y: Centre after stretching.
+        width: Side along its own x axis, before stretching.
+        height: Side along its own y axis, before stretching.
+        theta: Rotation from +x towards +y [rad].
         stretch: Factors along x and y, such as 1 / fx and 1 / fy for a rectangle in pixels.
     """
     c = cos(theta)
@@ -74,8 +75,8 @@ def of_corners(corners: Array, camera: Camera) -> Moments:
 
 
 def of_state(state: State, region: Region, camera: Camera) -> Moments:
-    """Return the moments of the rectangle in which a tracker sees the target: where a lens
-    distorts, of the quadrangle of its straightened corners.
+    """Return the moments of a tracker's rectangle in normalised image coordinates; with a
+    distorting lens, those of the quadrangle of its undistorted corners.
     """
     if camera.distortion is not None:
         return of_corners(region.corners(state), camera)
