@@ -518,9 +518,10 @@ class _Guarded:
         if not callable(found):
             return found
         check = self._checks.get(name)
+        naming = self._naming  # a call that held `self` would make a cycle, and keep the part alive
 
         def call(*arguments: Any, **named: Any) -> Any:
-            with self._naming(name):
+            with naming(name):
                 result = found(*arguments, **named)
                 if check is not None:
                     check(result, *arguments)

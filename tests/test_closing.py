@@ -49,7 +49,7 @@ class Later:
             raise RuntimeError("no weights")
         return Command(np.zeros(6))
 """
-SIX = "it should be six finite numbers (vx, vy, vz, wx, wy, wz)"
+SIX = "it should be a NumPy array of six finite numbers (vx, vy, vz, wx, wy, wz)"
 
 
 @pytest.fixture
@@ -75,8 +75,8 @@ def fail(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("law", "sentence", "left"),
     [
-        ("four", f"the twist is [0. 0. 0. 0.]; {SIX}", set()),
-        ("nan", f"the twist is [nan nan nan nan nan nan]; {SIX}", set()),
+        ("four", f"Command.twist is [0. 0. 0. 0.]; {SIX}", set()),
+        ("nan", f"Command.twist is [nan nan nan nan nan nan]; {SIX}", set()),
         (
             "raises",
             "RuntimeError: no weights; its traceback is in out/traceback.txt",
@@ -97,7 +97,7 @@ def test_so_is_a_network(fail, tmp_path):
     made = tiny_onnx.model([node("MatMul", ["joints", "w"], "twist")], weights, *shapes)
     (tmp_path / "nan.onnx").write_bytes(made)
     sentence, left = fail("controller.kind=onnx", "controller.file=nan.onnx")
-    assert sentence == f"controller 'onnx': the twist is [nan nan nan nan nan nan]; {SIX}"
+    assert sentence == f"controller 'onnx': Command.twist is [nan nan nan nan nan nan]; {SIX}"
     assert left == set()
 
 

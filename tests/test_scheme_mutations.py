@@ -91,10 +91,10 @@ def test_the_mean_of_inverses_in_place_of_the_inverse_of_the_mean(monkeypatch):
     def inverse(law, posture):
         of = (
             Inverse.of(L, np.full(8, True), np.full(6, True), np.ones(6))
-            for L in (law._matrix_seen, law._goal_matrix)
+            for L in (law._measured.matrix, law._goal.matrix)
         )
         pseudo = sum(each.pseudo for each in of) / 2
-        return Inverse(pseudo, law._matrix_seen, np.full(6, True))
+        return Inverse(pseudo, law._measured.matrix, np.full(6, True))
 
     monkeypatch.setattr(ibvs.Ibvs, "_inverse", inverse)
     assert step_off("points", "mean") > FAR

@@ -95,7 +95,9 @@ def test_closed_loop_of_a_scheme(scheme_loop):
     for k in range(max(stored) + 1):
         T_camera_object = camera.inverse() @ target
         exact, move = seen_in(T_camera_object, goal), velocity(run, k)
-        estimator.motion = sets.matrix(exact) @ [*(-camera.rotation.T @ move), 0.0, 0.0, 0.0]
+        if run.get("feedforward"):
+            relative = [*(-camera.rotation.T @ move), 0.0, 0.0, 0.0]
+            estimator.motion = sets.matrix(exact) @ relative
         command = controller.command(wrong_depth(exact, run), posture_of(np.zeros(6)), run["dt"])
         if k in stored:
             where, i = f"{run['name']}, {run['scheme']} {run['L']}, step {k}", stored[k]

@@ -352,7 +352,8 @@ def test_a_server_ends_with_its_run_and_waits_for_no_garbage_collector():
         with Episode(scenario) as episode:
             steps = len(list(episode))
         del episode
-        left = [p for p in psutil.Process().children() if str(SERVER) in p.cmdline()]
+        servers = [p for p in psutil.Process().children() if str(SERVER) in p.cmdline()]
+        _, left = psutil.wait_procs(servers, timeout=5)  # one that is about to end
     finally:
         gc.enable()
     assert steps > 0
