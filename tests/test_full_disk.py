@@ -102,7 +102,7 @@ def test_a_track_keeps_the_rows_that_fit(here, pictures):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_bench_stops_at_the_first_file_that_does_not_fit(here, pictures, workers):
-    command = "bench seen --trackers frozen --out out --seeds 2 --workers"
+    command = "evaluate seen --trackers frozen --out out --seeds 2 --workers"
     code, err = here(4, f"{command} {workers}")
     assert code == 1
     assert err == FULL

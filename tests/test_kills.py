@@ -254,7 +254,7 @@ kind = "sok"
 
 def test_a_killed_bench_goes_on_and_two_workers_find_what_one_finds(place, monkeypatch):
     Path("suite.toml").write_text(SUITE)
-    words = "bench suite.toml --seeds 8 -q --out"
+    words = "evaluate suite.toml --seeds 8 -q --out"
     client = begin(f"{words} two {TWO}")
     wait_for(lambda: finished("two") >= 2)
     client.kill()
