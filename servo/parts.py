@@ -124,9 +124,10 @@ class Estimator(Protocol):
     >>> KINDS.config("none").build(np.random.default_rng(0)).__class__.__doc__
     'Predicts a target at rest.'
 
-    All errors and motions are divided by `FeatureSet.scales`. One whose `Config` declares
-    `Channel.SEEN` is told before each call whether the target is seen, so that it can take back
-    what it measured while the target began to be hidden.
+    All errors and motions are divided by `FeatureSet.scales`. An estimator whose `Config` declares
+    `Channel.SEEN` also has a method `see(view)`, called before each of the others: `view.seen` is
+    False while something hides the target, so that the estimator can discard its last measurement,
+    of a target that was partly hidden.
     """
 
     def start(self, features: FeatureSet) -> None:

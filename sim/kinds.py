@@ -318,7 +318,7 @@ def _check_config(config: type[Any], name: str) -> None:
 
 
 def _tree_of(module: str) -> ast.Module:
-    """Return the parsed source of a module; empty where there is none."""
+    """Return the parsed source of a module; an empty tree if its source cannot be found."""
     with suppress(Exception, SystemExit):  # finding a module imports the package around it
         spec = importlib.util.find_spec(module)
         if spec is not None and spec.origin is not None:

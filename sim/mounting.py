@@ -64,7 +64,7 @@ class CameraInHand:
         return hand
 
     def hand(self, eye: Pose) -> Pose:
-        """Return T_world_hand with which `eye` is this pose: the same pose."""
+        """Return T_world_hand for a camera at T_world_camera: the same pose."""
         return eye
 
     def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
@@ -121,7 +121,7 @@ class TargetInHand:
         return (hand @ self.T_hand_target).inverse() @ self.T_world_camera
 
     def hand(self, eye: Pose) -> Pose:
-        """Return T_world_hand with which `eye` is this pose."""
+        """Return T_world_hand for a camera at T_target_camera, as seen from the held target."""
         return self.T_world_camera @ eye.inverse() @ self.T_hand_target.inverse()
 
     def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:

@@ -66,7 +66,9 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """The template rectangle, its size in the first frame; a state places it."""
+    """Rectangle around the target in the first frame, by its sides [px]. A `State` gives its
+    centre, angle and scale in any frame.
+    """
 
     width: float
     """Along the target's own x axis [px]."""

@@ -499,5 +499,5 @@ def identify(log: Path, scenario: str, out: Path | None) -> None:
 
 
 def main() -> None:
-    """The entry point."""
+    """Run the command line `servobench`; a failure is one sentence on stderr and an exit code."""
     guarded(app)

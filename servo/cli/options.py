@@ -72,7 +72,7 @@ class Shipped(click.ParamType[str]):
         param: click.Parameter,
         incomplete: str,
     ) -> list[CompletionItem]:
-        """The shipped names that begin so; where there is none, files."""
+        """Return the shipped names that begin with the typed letters; files if no name does."""
         found = [CompletionItem(name) for name in self._names() if name.startswith(incomplete)]
         return found or [CompletionItem(incomplete, type="file")]
 

@@ -36,7 +36,7 @@ NEEDS = {"web": "live", "light": "web", "speed": "live", "port": "live"}
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """The values of these options."""
+    """Values of the options of `run` and `track` for films, logs and viewers."""
 
     video: Path | None = None
     mcap: Path | None = None

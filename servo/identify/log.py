@@ -320,7 +320,8 @@ def _arrivals(waited: Array, *, is_with_commands: bool) -> tuple[str, Array]:
     leaves the sum of wait and delay if the commands have the same clock: their errors cancel.
 
     Args:
-        waited: From each row's stamp to its picture's arrival (n,) [s]; nan if there is none.
+        waited: Times (n,) from each row's stamp to its picture's arrival [s]; nan for rows
+            without an arrival.
         is_with_commands: True if commands precede their rows, as arrivals may.
     """
     found = waited[np.isfinite(waited)].clip(-FARTHEST, FARTHEST)

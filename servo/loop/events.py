@@ -54,7 +54,7 @@ def events(before: Step | None, step: Step) -> list[Event]:
 
 def uncertain(run: Columns) -> str:
     """Return a sentence that counts the centres, angles and sizes which the tracker reported too
-    uncertainly for servoing; "" if there are none.
+    uncertainly for servoing; "" if it reported all of them well.
     """
     last = run.final[-1]
     if last.goal_sight.picture is not None:

@@ -156,7 +156,7 @@ def _effort(commands: Array) -> dict[str, float]:
 
 
 def _rms_length(vectors: Array) -> float:
-    """Root mean square of the lengths of vectors (n, 3); 0 where there is none."""
+    """Return the root mean square of the lengths of vectors (n, 3), in their unit; 0 for n = 0."""
     return float(np.sqrt(np.square(vectors).sum() / max(len(vectors), 1)))
 
 
@@ -181,7 +181,7 @@ def _longest(flags: NDArray[np.bool_]) -> int:
 
 
 def _settling_time(times: Array, servo: Array, turned: Array, grown: Array) -> float:
-    """When the error fell below the bounds for good [s]; infinite if it never did."""
+    """Return the time after which all errors stay below their bounds [s]; inf if they never do."""
     off = (
         (servo > SETTLED_PX)
         | (np.abs(turned) > np.degrees(SETTLED_RAD))

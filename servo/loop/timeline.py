@@ -186,7 +186,7 @@ class Timeline:
 
     def _begin(self, begin: float) -> _Work:
         """Let the tracker take the newest picture that has arrived by a time [s], or the last
-        dropped frame if there is none.
+        dropped frame if no picture has.
         """
         arrived = [picture for picture in self._coming if picture.time <= begin + SAME]
         del self._coming[: len(arrived)]

@@ -29,7 +29,9 @@ class Sink(Protocol):
 
 
 class Sinks:
-    """Sinks by their names, which are the paths of those that write files."""
+    """Gives each step to several sinks, by name: the path of a written file, or a word. A sink that
+    fails is abandoned, the others go on, and `refused` keeps the first reason.
+    """
 
     refused: Refused | None = None
     """The reason why the first of them that failed is not complete; None if all are."""

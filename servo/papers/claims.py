@@ -100,7 +100,7 @@ class Judged:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PapersReport(Made):
-    """papers.json of `servobench papers`."""
+    """Verdicts and other results of `servobench papers`, as the file papers.json has them."""
 
     FILE: ClassVar[str] = "papers.json"
     KIND: ClassVar[str] = "papers"

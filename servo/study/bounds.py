@@ -62,7 +62,8 @@ def missed_bounds(
         outcome: Name of the run's outcome.
         measures: Its measures by name.
         expect: Upper bounds by measure, and the expected `outcome`.
-        as_written: The bounds of a seed that draws nothing, if others are given.
+        as_written: Bounds of the scenario as its file has it, without drawn settings; by default
+            those of `expect`.
     """
     found: list[MissedBound] = []
     written = expect if as_written is None else as_written

@@ -121,7 +121,13 @@ class Cell:
 
     @staticmethod
     def of(settings: dict[str, Any], rows: Sequence[Row], *, drawn: bool) -> "Cell":
-        """Return the cell of one or more rows; `drawn`: whether the seeds draw settings."""
+        """Return the counts and means of runs (at least one) with the same values on all axes.
+
+        Args:
+            settings: These values by setting.
+            rows: The runs.
+            drawn: Whether each seed draws settings: intervals are then over seeds.
+        """
         units = Units.of(rows, settings, drawn)
         found = {name: units.mean(name) for name in MEASURED}
         means = {name: mean for name, mean in found.items() if mean is not None}

@@ -238,7 +238,7 @@ def on_disk(folder: Path, action: str) -> Generator[None]:
 
 
 def _described(folder: Path, holds: str) -> StudyFile | None:
-    """Return the description that the first session wrote into a folder; None if there is none."""
+    """Return the description that the first session wrote into a folder; None in a new folder."""
     path = folder / StudyFile.FILE
     if not path.exists():
         if any(not _of_the_beginning(there) for there in folder.iterdir()):

@@ -27,7 +27,7 @@ OUTWARD = re.compile("tool|tcp", re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """The joints that move a flange."""
+    """The joints between a robot's base and its flange, the body that carries the camera."""
 
     flange: str
     """Name of the body or site."""

@@ -71,7 +71,7 @@ def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces:
         spec: A model in which no other joints are left, and no actuators.
         names: Its joints.
         speeds: Their largest rates (n,) [rad/s or m/s].
-        forces: Force limits of the model (n,) [N m or N]; inf where there are none.
+        forces: Largest force or torque of each joint (n,) [N or N m]; inf for unlimited ones.
     """
     for name in names:
         joint = spec.joint(name)

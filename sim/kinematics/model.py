@@ -101,7 +101,7 @@ def drive(
     joints: Sequence[int],
     speeds: Sequence[float | None],
 ) -> None:
-    """Set the largest rates, and add velocity drives where there are none.
+    """Set the largest rates of joints, and give a velocity drive to each joint without one.
 
     Args:
         spec: The robot of `make_robot`.

@@ -85,7 +85,7 @@ class _Beside:
         """Return the content of a file.
 
         Raises:
-            FileNotFoundError: There is none.
+            FileNotFoundError: There is no such file.
         """
         plain = name.replace("\\", "/")
         bare = PureWindowsPath(name).name
@@ -106,7 +106,7 @@ class _Beside:
         for the first only.
 
         Raises:
-            FileNotFoundError: There is none.
+            FileNotFoundError: There is no such file.
         """
         found: list[bytes] = []
         for each in self.libraries or [name]:

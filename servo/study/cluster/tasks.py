@@ -68,7 +68,7 @@ class Cluster:
 
 @dataclass(slots=True)
 class Patience:
-    """The watch over the number of workers: it raises ClusterLost where there are none for long."""
+    """Watch of the number of workers, which ends the session after too long a time without any."""
 
     longest: float
     """Longest time without any worker [s]."""
@@ -81,7 +81,7 @@ class Patience:
         """Take the number of workers, a `TICK` after the last time.
 
         Raises:
-            ClusterLost: There has been none for too long.
+            ClusterLost: No worker has been there for too long.
         """
         self.without = 0.0 if there else self.without + TICK
         if self.without >= self.longest:

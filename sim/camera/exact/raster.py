@@ -274,7 +274,9 @@ def fill(
                 s_down = (even[4, 2] - s * even[0, 2]) / near
                 t_down = (even[5, 2] - t * even[0, 2]) / near
                 level = level_of(ds, dt, s_down, t_down, levels)
-                start, wide, tall = levels[level, 0], levels[level, 1], levels[level, 2]
+                start = levels[level, 0]
+                wide = levels[level, 1]
+                tall = levels[level, 2]
                 # The border puts pixel 0 into column 1: half a pixel is added, not taken away.
                 x = int((s * wide + 0.5) * 65536.0)
                 y = int((t * tall + 0.5) * 65536.0)
