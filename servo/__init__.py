@@ -103,10 +103,12 @@ def __dir__() -> list[str]:
 
 
 def _check_packages() -> None:
-    """Refuse a user's file or folder that Python finds in place of one of our packages.
+    """Check that Python imports the packages of servobench, and not a file or folder of the same
+    name in the user's folder.
 
     Raises:
-        ImportError: It names the file. In the command it is the message, with exit code 2.
+        ImportError: A file or folder hides a package; the message names it. The command prints this
+            message and ends with exit code 2.
     """
     beside = Path(__file__).resolve().parents[1]
     for name in PACKAGES:

@@ -10,7 +10,7 @@ a short command 8 % of its time, most of it in imports, which make no cycles to 
 
 
 def main() -> None:
-    """The entry point. Until the command line is imported, Ctrl-C ends it without a traceback."""
+    """Run the command `servobench`. Ctrl-C ends it without a traceback, also while it imports."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     gc.set_threshold(OBJECTS)

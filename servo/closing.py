@@ -1,4 +1,4 @@
-"""Closing what a block has used: all of it, and no fault of closing hides the block's own."""
+"""Closes all objects that a block has used, so that an error while closing hides no other error."""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -6,10 +6,11 @@ from contextlib import contextmanager
 
 @contextmanager
 def closing(*closers: Callable[[], object]) -> Generator[None]:
-    """Call these, in order, when the block has ended, also those after one that fails.
+    """Call functions in order when the block has ended, all of them even if one raises an
+    exception.
 
     Raises:
-        BaseException: The first that the block or one of them raised.
+        BaseException: The first exception that the block or one of the functions raised.
     """
     first: BaseException | None = None
     try:

@@ -56,10 +56,10 @@ def require(holds: object, sentence: str, *values: object) -> None:
 
 
 def require_type(value: object, kind: type[Value], method: str) -> Value:
-    """Return the value that a method returned, which must have a type.
+    """Return the value that a method returned, if it has the required type.
 
     Raises:
-        BrokenContract: It has another type.
+        BrokenContract: The value has another type.
     """
     if not isinstance(value, kind):
         name = kind.__name__
@@ -287,10 +287,10 @@ def check_features(features: FeatureSet, method: str, found: object, *_: object)
 
 
 def require_array(found: object, shape: tuple[int, ...], method: str) -> Array:
-    """Return the value that a method returned, which must be an array with a shape.
+    """Return the value that a method returned, if it is an array with the required shape.
 
     Raises:
-        BrokenContract: It is no NumPy array, or has another shape.
+        BrokenContract: The value is no NumPy array, or has another shape.
     """
     what = found.shape if isinstance(found, np.ndarray) else type(found).__name__
     require(what == shape, "{} returned {}; it should be {}", method, what, shape)
@@ -451,10 +451,11 @@ def check_built(place: str, built: object) -> None:
 
 
 def check_sees(config: object, built: object) -> None:
-    """Check that a component can take the channels that its `Config` declares.
+    """Check that a component whose `Config` declares channels, such as `Channel.TRUTH`, has the
+    method `see`, which takes them.
 
     Raises:
-        BrokenContract: It has no method `see`.
+        BrokenContract: The component has no method `see`.
     """
     viewed = needs_of(config) & VIEWED
     names = " and ".join(sorted(channel.name for channel in viewed))
@@ -497,7 +498,7 @@ def check_followed(features: FeatureSet, estimate: Estimate, goal: Sight) -> Non
 
 @final
 class _Guarded:
-    """A component whose method calls are checked; other attributes pass through."""
+    """A wrapper of a component that checks its method calls; other attributes pass through."""
 
     def __init__(
         self,

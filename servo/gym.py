@@ -207,7 +207,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return int(self.np_random.integers(1, LAST_SEED))
 
     def _prepared(self, scenario: Scenario) -> Episode:
-        """Return a run that is ready to begin."""
+        """Return a run of a scenario that is ready for its first step."""
         return Episode(
             scenario,
             steered=True,
@@ -261,7 +261,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
     @property
     def frames(self) -> int:
-        """Number of pictures of this run, or of the next one; there is one step less."""
+        """Number of pictures of the present run, or of the next one if none has begun; the number
+        of steps is one less.
+        """
         return self._frames
 
     def _look(self) -> Step:
@@ -321,8 +323,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return own if self._observation == "features" else {"features": own, "picture": picture}
 
     def _errors(self, step: Step) -> Array:
-        """Return the last measured errors (k,) over their scales, also for a law without features,
-        such as a policy.
+        """Return the last measured errors (k,) of the scenario's features over their scales, also
+        if the law does not use features, such as a policy.
         """
         trace = step.command.trace
         if trace is not None:
@@ -367,7 +369,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
 
 def _matrix(pose: Pose) -> Array:
-    """Return a pose as a homogeneous matrix (4, 4)."""
+    """Return a pose as a homogeneous matrix (4, 4), translation in m."""
     return np.vstack([np.column_stack([pose.rotation, pose.translation]), [0.0, 0.0, 0.0, 1.0]])
 
 

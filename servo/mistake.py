@@ -1,4 +1,4 @@
-"""What a person got wrong, and what a machine refused; quick to import, for those who catch it."""
+"""Errors that users understand: mistakes in their input, and refusals by their machine."""
 
 import difflib
 import errno
@@ -26,40 +26,54 @@ LONGEST = 2000
 
 
 class Mistake(ValueError):
-    """Something the user got wrong, in one sentence: what, where, and what would be right.
+    """A mistake in the user's input, as one sentence: what is wrong, where, and what would be
+    right.
 
-    What it quotes may be anything, so line breaks and control characters are written out.
+    Line breaks and control characters in the sentence are replaced by their escape sequences.
     """
 
     def __init__(self, sentence: object) -> None:
         super().__init__(one_line(str(sentence)))  # a vector environment gives it a Mistake
 
     def _render_traceback_(self) -> list[str]:
-        """What a notebook shows: the sentence, and where it has a cause, the cause's traceback."""
+        """Return the lines that a notebook shows: the sentence, and the traceback of its cause if
+        there is one.
+        """
         raised = [] if self.__cause__ is None else traceback.format_exception(self.__cause__)
         return [*"".join(raised).splitlines(), f"{type(self).__name__}: {self}"]
 
 
 class Refused(RuntimeError):
-    """Something the machine did not do, such as writing to a full disk, in one sentence."""
+    """A failure of the machine, such as a full disk, as one sentence; the command exits with 1."""
 
     def __init__(self, sentence: str) -> None:
         super().__init__(one_line(sentence))
 
 
 def unwritable(place: object, error: OSError, what: str = "to this folder") -> Mistake | Refused:
-    """Why something cannot be written: its place is wrong, or the machine is full."""
+    """Return the exception that says why a file cannot be written: `Mistake` if the user can change
+    it, such as by another folder, and `Refused` if the machine fails, such as by a full disk.
+
+    Args:
+        place: File or folder that was to be written.
+        error: The error of the operating system.
+        what: Words after "cannot write" in the sentence.
+    """
     sentence = f"{place}: cannot write {what}: {error.strerror}"
     return Refused(sentence) if error.errno in FULL else Mistake(sentence)
 
 
 @contextmanager
 def writing(place: object, what: str = "to this folder") -> Generator[None]:
-    """Turn an error of the disk in the block into a sentence; `what` is written at the place.
+    """Turn an operating system's error in the block, which writes files, into a sentence.
+
+    Args:
+        place: As for `unwritable`.
+        what: As for `unwritable`.
 
     Raises:
-        Mistake: The place is wrong.
-        Refused: The machine is full.
+        Mistake: The user can change the cause, such as by another folder.
+        Refused: The machine fails, such as by a full disk.
     """
     try:
         yield
@@ -69,7 +83,7 @@ def writing(place: object, what: str = "to this folder") -> Generator[None]:
 
 @contextmanager
 def as_mistake() -> Generator[None]:
-    """Make a ValueError in the block the user's mistake, with the same sentence."""
+    """Turn a ValueError in the block into a `Mistake` with the same sentence."""
     try:
         yield
     except Mistake:
@@ -79,23 +93,33 @@ def as_mistake() -> Generator[None]:
 
 
 def check_suffix(path: Path, *suffixes: str) -> None:
-    """Refuse a file to write that by its name is of another kind, and may be the user's own.
+    """Check the ending of a file's name before it is written, so that no other file is replaced.
+
+    Args:
+        path: The file.
+        suffixes: Allowed endings, such as ".png".
 
     Raises:
-        Mistake: It is.
+        Mistake: The name has another ending.
     """
     if path.suffix.lower() not in suffixes:
         raise Mistake(f"{path}: the name of this file should end in {' or '.join(suffixes)}")
 
 
 def refusal(error: OSError) -> str:
-    """An error of the operating system in one sentence: which file, and why."""
+    """Return a sentence for an error of the operating system: which file, and why."""
     why = error.strerror or str(error)
     return why if error.filename is None else f"{error.filename}: {why}"
 
 
 def printable(text: str, keep: str = "\n") -> str:
-    """Return a text that changes nothing on a terminal: control characters are written out."""
+    """Return a text with escape sequences in place of control characters, so that it is safe to
+    print on a terminal.
+
+    Args:
+        text: The text.
+        keep: Control characters that stay.
+    """
     return "".join(c if c.isprintable() or c in keep else ascii(c)[1:-1] for c in text)
 
 
@@ -108,7 +132,13 @@ def one_line(sentence: str) -> str:
 
 
 def unknown(key: str, known: Iterable[str], what: str = "key") -> str:
-    """The sentence for a key, or something else, that does not exist."""
+    """Return the sentence for a name that does not exist, with the most similar one that does.
+
+    Args:
+        key: The name that was given.
+        known: All names that exist.
+        what: Their kind, such as "key" or "feature".
+    """
     names = list(known)
     if not names:
         return f"there is no {what} '{key}'; this kind has no settings"
@@ -120,16 +150,16 @@ def unknown(key: str, known: Iterable[str], what: str = "key") -> str:
 def check_known(
     names: Iterable[str], known: Collection[str], place: str, what: str = "key"
 ) -> None:
-    """Refuse names that do not exist.
+    """Check that names exist.
 
     Args:
-        names: Those that are given.
-        known: All that exist.
-        place: Where they are given, such as a file or an option.
+        names: The names that the user gave.
+        known: All names that exist.
+        place: Where the user gave them, such as a file or an option.
         what: Their kind, such as "claim".
 
     Raises:
-        Mistake: The first that does not exist, with the one that may be meant.
+        Mistake: A name does not exist; the sentence has the most similar one that does.
     """
     for name in names:
         if name not in known:

@@ -1,4 +1,4 @@
-"""What a notebook shows: a progress bar, tables, pictures and films as HTML."""
+"""Shows progress bars, tables, pictures and films in a notebook, as HTML."""
 
 import base64
 import sys
@@ -20,7 +20,7 @@ INTERVAL = 0.2
 
 
 class Advance(Protocol):
-    """Tells a bar what is done."""
+    """Function that tells a progress bar how much is done."""
 
     def __call__(self, done: int, note: str = "") -> None: ...
 
@@ -52,7 +52,7 @@ def _nothing(done: int, note: str = "") -> None:
 
 
 def in_notebook() -> bool:
-    """Whether this is the kernel of a notebook."""
+    """Return whether this process is the kernel of a notebook."""
     shell: Any = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     return shell is not None and getattr(shell, "kernel", None) is not None
 
@@ -63,13 +63,13 @@ def _bar(title: str, done: int, total: int, note: str) -> str:
 
 
 def frame_of(table: pa.Table) -> Any:
-    """Return a table as a DataFrame where pandas is installed, else as it is."""
+    """Return an Arrow table as a pandas DataFrame; without pandas, return it unchanged."""
     return table if find_spec("pandas") is None else table.to_pandas()
 
 
 @dataclass(frozen=True, repr=False)
 class TextTable:
-    """An Arrow table that prints as rows and columns, for those without pandas."""
+    """An Arrow table whose `repr` shows rows and columns, for users without pandas."""
 
     arrow: pa.Table
 

@@ -131,14 +131,14 @@ class Estimator(Protocol):
     """
 
     def start(self, features: FeatureSet) -> None:
-        """Begin with these features."""
+        """Begin a run with a feature set."""
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """Return the prediction after a frame.
 
         Args:
             error: Feature error e_k (k,); nan for features that were not measured.
-            own: What the camera's own motion does to it.
+            own: The part of de/dt that the camera's own motion causes.
             dt: Time since the last picture that the tracker took [s].
         """
         ...
@@ -146,7 +146,8 @@ class Estimator(Protocol):
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
         """Return the prediction after a frame in which the target was not seen.
 
-        Its error is zero where the estimator predicts none: nothing is servoed then.
+        An estimator that predicts no error returns an error of zero, and the camera is then moved
+        by the predicted motion alone.
         """
         ...
 
@@ -228,7 +229,7 @@ class ChoosesMoves(Protocol):
 
 
 class GoalSource(Protocol):
-    """Gives the desired sight of each picture."""
+    """Returns the desired sight of the target for each picture of a run."""
 
     @property
     def moved_by(self) -> str:
@@ -236,8 +237,8 @@ class GoalSource(Protocol):
         ...
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
-        """Return the desired sight at the time of a frame; the same object while the goal stays,
-        and None where the goal is not known.
+        """Return the desired sight at the time of a frame; None if the goal is not known. While the
+        goal stays the same, the same object is returned.
 
         Args:
             frame: The picture.

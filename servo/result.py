@@ -72,7 +72,7 @@ def simulate(
         **settings: As for `servo.load`, such as gain=1.5 or tracker=MyTracker.
 
     Raises:
-        Mistake: The scenario or a setting is wrong.
+        Mistake: The scenario or a setting does not exist, or its value is not allowed.
     """
     if not isinstance(scenario, Scenario):
         scenario = load(scenario, overrides, seed, **settings)
@@ -104,11 +104,13 @@ class Run(Sequence[Step]):
         return replace(self)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Run:
-        """Return another run of the same steps, world and pictures, which nothing changes."""
+        """Return a copy of the run that shares its steps, world and pictures, as these never
+        change.
+        """
         return replace(self)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Refuse to be pickled, as the world's model cannot be.
+        """Raise an error, as a run cannot be pickled: MuJoCo's model of the world cannot be.
 
         Raises:
             Mistake: Always.
@@ -139,7 +141,7 @@ class Run(Sequence[Step]):
 
     @property
     def title(self) -> str:
-        """Scenario and seed."""
+        """The name of the scenario and the seed, as in "reversal, seed 3"."""
         return f"{self.scenario.name}, seed {self.scenario.run.seed}"
 
     @property
@@ -149,7 +151,7 @@ class Run(Sequence[Step]):
 
     @property
     def missed(self) -> tuple[MissedBound, ...]:
-        """The bounds that were not kept."""
+        """The bounds of the scenario (`[expect]`) that the run's measures miss."""
         return self.record.missed
 
     @cached_property
@@ -247,7 +249,7 @@ class Clip:
         """Write the film to a file.
 
         Raises:
-            Mistake: The file cannot be there.
+            Mistake: The file cannot be written at this path.
             Refused: The disk is full.
         """
         with writing(path, "this film"):
@@ -270,13 +272,13 @@ def sweep(
         study: A name or a file.
         overrides: Settings of all runs, such as "run.duration=6".
         seeds: Replaces the study's seeds by 0, 1, ... up to this number.
-        workers: How many processes.
-        out: The study's folder, as `servobench sweep --out` has it: what is there already is not
-            done again. By default nothing is kept.
+        workers: Number of processes.
+        out: The study's folder, as for `servobench sweep --out`: runs that it already has are not
+            repeated. None: nothing is stored.
 
     Raises:
-        Mistake: The study, a setting or the folder is wrong.
-        Refused: The workers cannot work, or every run failed.
+        Mistake: The study or a setting does not exist, or the folder belongs to another study.
+        Refused: The worker processes died, or every run failed.
     """
     study = arguments.name(study, "study")
     overrides = arguments.texts(overrides)

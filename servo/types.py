@@ -1,4 +1,4 @@
-"""The values of servoing: what is seen, what is predicted, what is asked for."""
+"""The values of servoing: sights of the target, predictions and commands."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Plane:
 
     @property
     def vector(self) -> Array:
-        """(A, B, C): the normal, over its distance from the camera."""
+        """(A, B, C): the unit normal of the plane over its distance from the camera [1/m]."""
         return np.array([self.A, self.B, self.C])
 
 
@@ -56,7 +56,7 @@ class CameraImage:
 
 @dataclass(frozen=True)
 class Sight:
-    """The target as it is seen."""
+    """The target in a picture: moments, corners, plane, pose, and the desired sight (`goal`)."""
 
     moments: Moments
     plane: Plane
@@ -80,7 +80,7 @@ class Sight:
 
     @property
     def aim(self) -> Sight:
-        """The desired sight; a desired sight is its own goal."""
+        """The desired sight. A desired sight returns itself."""
         return self.goal or self
 
     @cached_property
@@ -196,7 +196,7 @@ class Trace:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The camera velocity that a controller commands after one frame."""
+    """The camera twist that a controller commands after a picture, in the camera frame."""
 
     twist: Array
     """Camera twist (6,) in the camera frame [m/s, rad/s]."""

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def _adapted(found: Any) -> type[Any] | None:
-    """Return a `Config` class for a law that is a plain class, object or function, else None."""
+    """Return a `Config` class for a user's law that has none; None for an object that is no law."""
     from servo.controllers._plain_law import adapted  # `servobench list` only looks at files
 
     return adapted(found)

@@ -48,18 +48,18 @@ class Bounds:
         )
 
     def excess(self, v: Array) -> Array:
-        """Return by how much (m,) a twist (6,) exceeds the upper bounds (positive) or the lower
-        bounds (negative); 0 for bounds that it keeps.
+        """Return by how much A v exceeds each bound (m,): positive above the upper bound, negative
+        below the lower one, 0 between them; v is the twist (6,).
         """
         at = self.A @ v
         return at - at.clip(self.lower, self.upper)
 
     def names_at(self, sides: NDArray[np.generic]) -> tuple[str, ...]:
-        """Return the names of bounds, each once.
+        """Return the names of the bounds that are marked, each name once.
 
         Args:
-            sides: For each row (m,): positive for its upper bound, negative for its lower bound, 0
-                for none of both.
+            sides: Marks (m,): positive for the upper bound of a row, negative for its lower bound,
+                0 for neither.
         """
         found = (self.names[i][int(sides[i] > 0)] for i in np.flatnonzero(sides))
         return tuple(dict.fromkeys(found))
@@ -70,8 +70,8 @@ UNBOUNDED = Bounds(np.zeros((0, 6)), np.zeros(0), np.zeros(0), ())
 
 
 def speed_bounds(fastest: float, fastest_turn: float) -> Bounds:
-    """Return bounds of each component of the twist: the box around all twists that keep both
-    limits.
+    """Return bounds of each component of the camera twist, so that neither its speed nor its
+    angular speed along an axis exceeds a limit.
 
     Args:
         fastest: Largest speed [m/s].
@@ -82,8 +82,8 @@ def speed_bounds(fastest: float, fastest_turn: float) -> Bounds:
 
 
 def joint_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
-    """Return bounds of the joint rates J# v, by the joints' ranges and largest rates. Joints at
-    rest keep them.
+    """Return bounds of the joint rates J# v of a camera twist v, from the joints' ranges and
+    largest rates. A twist of zero always satisfies them.
 
     Args:
         posture: Joints, limits and Jacobian of the robot.
@@ -103,8 +103,8 @@ def joint_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
 
 
 def range_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
-    """Return the bounds of the joint rates by the joints' ranges alone; arguments and result are
-    those of `joint_bounds`.
+    """Return bounds of the joint rates of a camera twist from the joints' ranges alone; arguments
+    and result are those of `joint_bounds`.
     """
     p = posture
     J = posture.jacobian
@@ -122,7 +122,7 @@ def range_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
 
 
 def inverse_of(J: Array) -> Array:
-    """Return the pseudo-inverse J# (n, 6) of a Jacobian (6, n), without its singular directions."""
+    """Return the pseudo-inverse J# (n, 6) of a Jacobian (6, n); singular directions map to zero."""
     plain = inverse_if_strong(J, SINGULAR) if J.shape[0] == J.shape[1] else None
     return np.linalg.pinv(J, SINGULAR).astype(np.float64) if plain is None else plain
 
@@ -130,7 +130,8 @@ def inverse_of(J: Array) -> Array:
 def view_bounds(
     desired: DesiredTwist, seen: Sight, camera: Camera, margin: float, gain: float
 ) -> Bounds:
-    """Return bounds of the corners' velocities towards the sides of the picture [px/s].
+    """Return bounds of a camera twist that keep the target's corners in the picture: each corner's
+    velocity towards a side is bounded [px/s].
 
     Args:
         desired: The law's twist, with the motions of camera and target.
@@ -149,7 +150,9 @@ def view_bounds(
 
 
 def _pixel_rows(seen: Sight, camera: Camera) -> Array:
-    """Return the interaction matrix (8, 6) of the corners in pixels: four rows of u, four of v."""
+    """Return the interaction matrix (8, 6) of the four corners' pixels: four rows of u, then four
+    of v.
+    """
     rows = corner_rows(seen)
     if camera.distortion is None:
         return np.concatenate([camera.fx * rows[0], camera.fy * rows[1]])

@@ -25,7 +25,7 @@ threshold of Chaumette and Marchand 2001)."""
 
 @dataclass(frozen=True, slots=True)
 class Inverse:
-    """The map from a desired de/dt to a camera twist."""
+    """Matrix that maps a desired de/dt of the features to a camera twist."""
 
     pseudo: Array
     """L# (6, k), which gives the twist of least weighted norm for a desired de/dt."""
@@ -36,8 +36,8 @@ class Inverse:
 
     @property
     def free(self) -> Array:
-        """I - L# L (6, 6), for the degrees of freedom that may move: projects a twist onto the part
-        that changes no feature.
+        """The projection I - L# L (6, 6): it maps a camera twist to its part that changes no
+        feature. Degrees of freedom that may not move are zero.
         """
         return (np.eye(len(self.moves)) - self.pseudo @ self.L) * self.moves
 
@@ -102,7 +102,7 @@ def servoed_by(L: Array, jacobian: Array) -> NDArray[np.bool_]:
 
 
 def _pinv(A: Array) -> Array:
-    """Return the pseudo-inverse; the plain inverse of a well-conditioned square matrix."""
+    """Return the pseudo-inverse of a matrix; its inverse if it is square and well-conditioned."""
     if A.size == 0:
         return A.T
     if A.shape[0] == A.shape[1]:
@@ -117,21 +117,24 @@ def _pinv(A: Array) -> Array:
 
 
 def level(posture: Posture) -> Array:
-    """Return the twist (6,), per unit of gain, that rotates the optical axis z to straight down:
-    its angular velocity is z x down.
+    """Return the camera twist (6,), per unit of gain [1/s], that turns the optical axis z towards
+    straight down: its angular velocity is z x down.
     """
     x, y, _ = posture.down.tolist()
     return np.array([0.0, 0.0, 0.0, -y, x, 0.0])
 
 
 def centre(posture: Posture) -> Array:
-    """Return the twist (6,), per unit of gain, that moves all limited joints towards mid-range."""
+    """Return the camera twist (6,), per unit of gain [1/s], that moves all joints with limits
+    towards the middle of their ranges.
+    """
     limited, away, half = _ranges(posture)
     return -posture.jacobian[:, limited] @ (away * half)
 
 
 def avoid_limits(posture: Posture) -> Array:
-    """Return the twist (6,), per unit of gain, that moves joints away from near limits.
+    """Return the camera twist (6,), per unit of gain [1/s], that moves joints away from limits that
+    are near.
 
     It is the negative gradient of h = sum max(0, |away| - FAR)^2 / 2, over the joints' ranges
     (Chaumette and Marchand 2001).
@@ -142,8 +145,8 @@ def avoid_limits(posture: Posture) -> Array:
 
 
 def _ranges(posture: Posture) -> tuple[NDArray[np.intp], Array, Array]:
-    """Return the indices of the limited joints, their distances from mid-range (-1 to 1), and half
-    their ranges [m or rad].
+    """Return the indices (m,) of the joints with limits, their positions in their ranges (m,) from
+    -1 to 1, and half the lengths of the ranges (m,) [m or rad].
     """
     limited = np.flatnonzero(np.isfinite(posture.lower) & np.isfinite(posture.upper))
     low = posture.lower[limited]
@@ -156,5 +159,5 @@ TASKS = {"level": level, "avoid_limits": avoid_limits, "centre": centre}
 
 
 def twist_of(tasks: tuple[Secondary, ...], posture: Posture) -> Array:
-    """Return the sum (6,) of the twists of secondary tasks, per unit of gain."""
+    """Return the sum (6,) of the camera twists of secondary tasks, per unit of gain [1/s]."""
     return sum((TASKS[name](posture) for name in tasks), start=np.zeros(6))

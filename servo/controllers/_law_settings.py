@@ -1,4 +1,4 @@
-"""The settings of the control law, and its adaptive gain."""
+"""Settings that the control laws `ibvs` and `qp` share, and their adaptive gain."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -24,7 +24,7 @@ LimitOfChange = Annotated[float, Ge(1e-3), Le(1e6)]
 
 @dataclass(frozen=True, slots=True)
 class LawSettings:
-    """Settings of the control law."""
+    """Settings of a control law v = -gain L# e: gains, degrees of freedom, limits."""
 
     gain: Gain = 2.0
     """Gain lambda at the goal [1/s]; with one frame of delay and period T the loop is unstable from
@@ -92,7 +92,8 @@ class LawSettings:
             )
 
     def moves(self, *, six: bool) -> NDArray[np.bool_]:
-        """Return True (6,) for each degree of freedom that may move.
+        """Return True (6,) for each degree of freedom (vx, vy, vz, wx, wy, wz) of the camera that
+        may move.
 
         Args:
             six: Whether the features control all six, or four (vx, vy, vz, wz).
@@ -103,8 +104,8 @@ class LawSettings:
     def moves_for(
         self, features: FeatureSet, known: NDArray[np.bool_], *, tilt_seen: bool
     ) -> NDArray[np.bool_]:
-        """Return True (6,) for each degree of freedom that may move. A degree of freedom that one
-        feature alone controls does not move while this feature is not measured.
+        """Return True (6,) for each degree of freedom of the camera that may move with the features
+        of a picture. One that a single feature controls may not while this is not measured.
 
         Args:
             features: The feature set.

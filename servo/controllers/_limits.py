@@ -14,7 +14,7 @@ from sim.types import Array, Posture
 
 @dataclass(frozen=True, slots=True)
 class DesiredTwist:
-    """The twist that a law desires, and the state that limits depend on."""
+    """The camera twist that a law desires, and the state of robot and target that limits need."""
 
     twist: Array
     """Camera twist (6,) of the law, before any limit [m/s, rad/s]."""
@@ -36,7 +36,7 @@ class DesiredTwist:
 
 @dataclass(frozen=True, slots=True)
 class LimitedTwist:
-    """A twist, and which limits changed it."""
+    """A camera twist inside the limits, and the names of the limits that changed it."""
 
     twist: Array
     """Camera twist (6,) [m/s, rad/s]."""
@@ -47,7 +47,7 @@ class LimitedTwist:
 
 
 class Guard(Protocol):
-    """Changes a law's twist if it would break a limit."""
+    """Changes the twist of a control law if it would break a limit."""
 
     def start(self, task: Task) -> None:
         """Begin a run.
@@ -64,7 +64,9 @@ class Guard(Protocol):
 
 @final
 class Limits:
-    """Limits of speed and acceleration: twists, and their changes, keep their direction."""
+    """Limits of a twist's speed and acceleration. A twist that exceeds them is scaled down, so that
+    its direction, or that of its change, stays.
+    """
 
     def __init__(
         self,
@@ -73,7 +75,7 @@ class Limits:
         acceleration: float | None,
         acceleration_turn: float | None,
     ) -> None:
-        """Begin at rest.
+        """Create limits for a camera at rest.
 
         Args:
             speed: Largest speed [m/s].
@@ -107,8 +109,8 @@ class Limits:
 
 
 def excess(twist: Array, speed: float, turn: float) -> float:
-    """Return the speed of a twist (6,) over the limit [m/s], or its angular speed over the limit
-    [rad/s], whichever is larger.
+    """Return the larger of two ratios: the speed of a twist (6,) over its limit [m/s], and its
+    angular speed over its limit [rad/s]; above 1 a limit is exceeded.
     """
     vx, vy, vz, wx, wy, wz = twist.tolist()
     return max(hypot(vx, vy, vz) / speed, hypot(wx, wy, wz) / turn)

@@ -19,18 +19,20 @@ class PendingCommands:
     """The command that acted until the last picture, and those that will act."""
 
     def __init__(self, latency: float) -> None:
-        """Begin at rest; each command acts `latency` frame intervals after its picture."""
+        """Create the record of a robot at rest whose commands act `latency` frame intervals after
+        their pictures.
+        """
         count = ceil(latency - WHOLE_FRAMES)
         self._twists = deque([np.zeros(6)] * (count + 1), maxlen=count + 1)
         self._first = latency - (count - 1)
 
     def add(self, twist: Array) -> None:
-        """Add the newest commanded twist (6,)."""
+        """Add the newest commanded camera twist (6,) [m/s, rad/s]."""
         self._twists.append(twist)
 
     def coming(self, posture: Posture, dt: float) -> list[tuple[Array, float]]:
-        """Return the twists (6,) that will act before the next command, in order, each with its
-        duration over dt.
+        """Return the camera twists (6,) [m/s, rad/s] that will act before the next command, in
+        order, each with its duration as a multiple of dt.
 
         If the drives accepted only a share of the last command, because a joint is at its limit,
         they are expected to accept no more of another command in its direction.

@@ -49,14 +49,14 @@ def _of_object(policy: Any) -> "PolicyLaw":
 
 
 def _asks_for(law: Callable[..., Any]) -> int:
-    """Return the number of arguments without a default value."""
+    """Return how many arguments without default values a function takes."""
     taken = inspect.signature(law).parameters.values()
     return sum(p.default is p.empty and p.kind is p.POSITIONAL_OR_KEYWORD for p in taken)
 
 
 @final
 class FunctionLaw:
-    """A controller that calls a function."""
+    """A controller whose commands a user's function law(seen, task) returns."""
 
     def __init__(self, law: Law, settings: dict[str, Any]) -> None:
         """Store the function, and the values of its arguments other than `seen` and `task`."""

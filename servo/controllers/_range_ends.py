@@ -18,7 +18,7 @@ rad/s]; the drives damp such directions, too."""
 
 @dataclass(frozen=True, slots=True)
 class RangeEnds:
-    """Joints of a robot that are held at the ends of their ranges."""
+    """Bounds of a robot's joint ranges, and the joints that are held at an end of their range."""
 
     jacobian: Array
     """Camera twist per joint rate (6, n)."""
@@ -43,7 +43,7 @@ class RangeEnds:
 
     @property
     def held(self) -> NDArray[np.bool_]:
-        """True (n,) for each joint that is held."""
+        """True (n,) for each joint that is held at an end of its range."""
         return ~np.isnan(self.rates)
 
     def holding(self, twist: Array) -> "RangeEnds":
@@ -58,8 +58,8 @@ class RangeEnds:
         return replace(self, rates=np.where(over, allowed, self.rates)) if over.any() else self
 
     def left(self, moves: NDArray[np.bool_]) -> tuple[Array, Array] | None:
-        """Return twists (6, m) that span the motions of the free joints, and the twist (6,) of the
-        held joints; None if the free joints can make every motion that is allowed.
+        """Return camera twists (6, m) that span the motions of the free joints, and the camera
+        twist (6,) that the held joints make; None if the free joints can make every allowed motion.
 
         Args:
             moves: True (6,) for each degree of freedom that may move. It counts for robots of six

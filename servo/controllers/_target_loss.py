@@ -16,10 +16,10 @@ REACH = 0.6
 
 @final
 class TargetLoss:
-    """Chooses the mode by the time for which the target has not been seen."""
+    """Chooses what a controller does (coast, hold, search) by how long the target was not seen."""
 
     def __init__(self, coast: float, hold: float | None, speed: float) -> None:
-        """Begin with a visible target.
+        """Create it with a visible target.
 
         Args:
             coast: Time for which the camera follows the predicted motion [s].

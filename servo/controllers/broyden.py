@@ -103,8 +103,8 @@ class Broyden:
         self._matrix += np.outer(surprise, motion) / (SEEN**2 + motion @ motion)
 
     def _probe(self, dt: float) -> Array | None:
-        """Return a twist (6,) that moves the camera in one direction, forth and then back to the
-        start; None after all six directions.
+        """Return the next camera twist (6,) [m/s, rad/s] of the first motions, forth and back along
+        each of six directions; None when all are done.
 
         Each motion lasts whole frame intervals, at least one; their measured times count.
         """

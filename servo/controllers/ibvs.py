@@ -47,7 +47,8 @@ class Config(LawSettings):
 
 
 def _fed_forward(config: LawSettings, features: FeatureSet) -> Array:
-    """Return 1 (k,) for each feature whose target motion is compensated, 0 for the others.
+    """Return 1 for each of k features whose change by the target's own motion is compensated, 0 for
+    the others.
 
     Raises:
         ValueError: The settings name a feature that does not exist.
@@ -67,7 +68,7 @@ def _fed_forward(config: LawSettings, features: FeatureSet) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class _Measured:
-    """The features of a sight."""
+    """The features of a sight: values, interaction matrix, and which of them are measured."""
 
     values: Array
     """Features s (k,)."""
@@ -78,7 +79,7 @@ class _Measured:
 
     @staticmethod
     def of(features: FeatureSet, sight: Sight) -> "_Measured":
-        """Return the features of a sight."""
+        """Compute the features of a feature set from a sight of the target."""
         return _Measured(features.values(sight), features.matrix(sight), features.known(sight))
 
 
@@ -127,7 +128,7 @@ class Ibvs:
         self._ends: RangeEnds | None = None
 
     def _aim(self, goal: Sight) -> None:
-        """Replace the desired sight."""
+        """Replace the desired sight and its features, for a goal that moves."""
         self._aimed_at = goal
         self._goal = _Measured.of(self._features, goal)
 
@@ -190,9 +191,9 @@ class Ibvs:
             self._change = self._measured.matrix - before.matrix
 
     def _own(self, posture: Posture, dt: float) -> OwnMotion:
-        """Return the effect of the camera's motion on the features, over their scales. The matrix
-        is that of the middle of each interval if its change is known, and extrapolated for the
-        intervals to come.
+        """Return how the camera's motion changes the features, over their scales: since the last
+        picture, and until the command acts. The interaction matrix is taken in the middle of
+        each interval if its change per frame is known.
         """
         L = self._measured.matrix / self._scales[:, None]
         change = 0.0 * L if self._change is None else self._change / self._scales[:, None]
@@ -209,8 +210,8 @@ class Ibvs:
     def _twist(
         self, predicted: Prediction, mode: Mode, posture: Posture, dt: float, seen: Sight | None
     ) -> LimitedTwist:
-        """Return the twist of the law before limits of speed, but after the guard's. `_ends` then
-        has the joints that it left out.
+        """Return the camera twist of the law, limited by the guard but not yet in speed. `_ends`
+        then has the joints that the law holds at the ends of their ranges.
         """
         self._ends = None
         if mode is Mode.HOLDING:
@@ -235,14 +236,14 @@ class Ibvs:
     def _asked(
         self, inverse: Inverse, predicted: Prediction, made: Array | None
     ) -> tuple[Array, Array, Array]:
-        """Return the twist (6,) of the law, and the negatives of its two parts: for the error, and
-        for the target's own motion.
+        """Return the camera twist (6,) of the law [m/s, rad/s], and the negatives of its two parts
+        (6,): for the error, and for the target's own motion.
 
         Args:
             inverse: Inverse for the motions that are allowed.
             predicted: Error and motion of the target.
-            made: Twist (6,) of the joints at the ends of their ranges, which the others
-                compensate; None: there are no such joints.
+            made: Camera twist (6,) that the joints at the ends of their ranges make, which the
+                others compensate; None: no joint is at an end.
         """
         # v = -lambda L# e - L# de/dt, the latter for the features that are fed forward.
         ahead = inverse.pseudo @ predicted.error

@@ -90,7 +90,9 @@ class Programme:
             )
 
     def limited(self, desired: DesiredTwist) -> LimitedTwist:
-        """Return the twist within the limits that changes the features most nearly as desired."""
+        """Return the camera twist inside the limits whose change of the features is nearest to the
+        desired one.
+        """
         fast = max(1.0, excess(desired.twist, self._fastest, self._fastest_turn))
         law = desired.twist / fast
         limits = ("speed",) * (fast > 1.0)
@@ -110,7 +112,9 @@ class Programme:
         return LimitedTwist(law + change, tuple(names), violated)
 
     def _bounds(self, desired: DesiredTwist) -> tuple[Bounds, Bounds]:
-        """Return the hard bounds, and those of the view: none unless the corners are seen."""
+        """Return the hard bounds (speed, joints), and the soft bounds of the view, which are empty
+        if the tracker reports no corners.
+        """
         joints = joint_bounds(desired.posture, desired.way, desired.dt)
         hard = self._speed if joints is None else self._speed + joints
         seen = desired.seen

@@ -36,12 +36,13 @@ def difference_variance(variance: float, dt: float) -> float:
 
 @final
 class DifferenceFilters:
-    """One filter for the difference of each feature. The filters assume white noise, although the
-    noise of successive differences is correlated.
+    """Estimates de/dt of the target's own motion by a Kalman filter for each feature, which
+    measures differences of the error. The filters assume white noise, although the noise of
+    successive differences is correlated.
     """
 
     def __init__(self, model_at: Callable[[float, float], Model]) -> None:
-        """Build filters that begin with the first difference.
+        """Create the filters; each begins with the first difference of its feature.
 
         Args:
             model_at: Returns the model of the first feature from the frame interval [s] and the

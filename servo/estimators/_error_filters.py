@@ -37,7 +37,9 @@ the standard deviation of an unknown error."""
 
 @dataclass(frozen=True, slots=True)
 class TargetModel:
-    """Linear model of a target's motion; covariances are over the measurement's variance."""
+    """Linear model of how the target's motion changes the error of a feature. Covariances are
+    relative to the variance of the measurement.
+    """
 
     M: Array
     """Transition (m, m) per frame; the first number of the state is de/dt."""
@@ -50,7 +52,7 @@ class TargetModel:
 
 
 class JumpTest(Protocol):
-    """Decides when a feature's filter no longer fits."""
+    """Detects that the velocity of a feature has jumped, so that its filter no longer fits."""
 
     def jumped(self, normalised: Array) -> Flags:
         """Return True (k,) for each feature that jumped, given innovations (k,) over their standard
@@ -79,7 +81,9 @@ def models(motion_at: Callable[[float], TargetModel]) -> Callable[[float], Model
 
 
 def _diagonal(error: float, motion: Array, noise: float) -> Array:
-    """Return the block-diagonal matrix of the three parts of the state."""
+    """Return the block-diagonal matrix of the state's three parts: error, motion of the target,
+    noise of the tracker.
+    """
     found = np.diag([error, *np.zeros(len(motion)), noise])
     found[1:-1, 1:-1] = motion
     return found
@@ -87,7 +91,9 @@ def _diagonal(error: float, motion: Array, noise: float) -> Array:
 
 @final
 class ErrorFilters:
-    """One filter for the error of each feature, with the model of each frame interval."""
+    """Estimates the error, and de/dt of the target's own motion, by a Kalman filter of each
+    feature's error.
+    """
 
     def __init__(
         self,
@@ -96,7 +102,7 @@ class ErrorFilters:
         predicts: bool = False,
         test: Callable[[], JumpTest] | None = None,
     ) -> None:
-        """Build filters that begin with the first measurement.
+        """Create the filters; each begins with the first measurement of its feature.
 
         Args:
             motion_at: Returns the target's motion model at a frame interval [s].
@@ -159,7 +165,7 @@ class ErrorFilters:
             self._filters.forget(self._corrected)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the prediction for a frame without measurement; its variance grows."""
+        """Return error and de/dt predicted for a frame without measurement."""
         if self._filters is None:
             none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)

@@ -52,7 +52,7 @@ class KalmanFilters:
     """States x (k, n) and covariances (k, n, n) of k features, as the blocks of one filter."""
 
     def __init__(self, model: Model, count: int) -> None:
-        """Begin with states of zero for a number of features."""
+        """Create filters with states of zero for a number of features."""
         self._all = np.arange(count)
         self._each = np.eye(count)
         self._filter = f = kalman_filter()(dim_x=count * len(model.H), dim_z=count, dim_u=count)
@@ -64,7 +64,7 @@ class KalmanFilters:
         self._take(model)
 
     def use(self, model: Model) -> None:
-        """Replace the model by that of another frame interval."""
+        """Replace the model, as for another frame interval."""
         if model is not self.model:
             self._take(model)
 
@@ -137,24 +137,26 @@ class KalmanFilters:
         return True
 
     def _blocks(self) -> Array:
-        """Return a view of the filter's covariance (k, n, k, n)."""
+        """Return a view (k, n, k, n) of the joint covariance of all features' states."""
         shape = self.x.shape
         return self._filter.P.reshape(*shape, *shape)
 
 
 def where(flags: Flags, a: Array, b: Array) -> Array:
-    """Return the rows of a for flags (k,) that are True, else those of b."""
+    """Return an array with the rows of a where flags (k,) are True, and those of b elsewhere."""
     return np.where(flags.reshape(-1, *[1] * (a.ndim - 1)), a, b)
 
 
 def blocks(each: Array, of_one: Array) -> Array:
-    """Return the Kronecker product, which has one block for each feature."""
+    """Return the Kronecker product of two matrices: for each element of the first, a block that is
+    this element times the second.
+    """
     return np.kron(each, of_one).astype(np.float64)
 
 
 @final
 class Level:
-    """Variance (k,) of each feature's noise, learned from innovations, older ones discounted.
+    """Learns the variance (k,) of each feature's noise from innovations; older ones count less.
 
     After West and Harrison, Bayesian Forecasting and Dynamic Models, 2nd edition, Springer 1997,
     sections 4.5 and 10.8. A tracker's noise differs between targets, and between targets at rest
@@ -162,13 +164,14 @@ class Level:
     """
 
     def __init__(self, given: Array) -> None:
-        """Begin with the given variances (k,)."""
+        """Start at given variances (k,)."""
         self.value = given.copy()
         self._least = SMALLEST_LEVEL * given
         self._frames = np.full(len(given), float(FIRST))
 
     def learn(self, ratio: Array, measured: Flags, but: Flags | None = None) -> Array:
-        """Return the NIS (k,), nan for features that were not measured, and then update the level.
+        """Return the normalised innovation squared (k,), nan for features that were not measured,
+        and then update the variances.
 
         Args:
             ratio: Squared innovations over the filter's variance S (k,).

@@ -1,4 +1,4 @@
-"""Estimators without a filter: they return the measured error, and a motion of their own."""
+"""Base of the estimators without a filter: they return the error as it was measured."""
 
 import numpy as np
 
@@ -24,10 +24,12 @@ class Unfiltered:
         """
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Return the measured error, 0 for features that were not measured, and the motion."""
+        """Return a prediction: the measured error, 0 for features that were not measured, and the
+        estimated motion.
+        """
         self.measure(error, own, dt)
         return Prediction.unmeasured(np.nan_to_num(error), self.motion)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return an error of zero, and the last motion."""
+        """Return the prediction without a measurement: an error of zero, the last motion."""
         return Prediction.unmeasured(np.zeros_like(self.motion), self.motion)

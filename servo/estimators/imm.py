@@ -42,8 +42,8 @@ class Config:
 
 @final
 class Imm:
-    """Two filters for each feature, mixed by their probabilities; arrays begin with the model
-    (2,).
+    """Two Kalman filters for each feature, for smooth motion and for manoeuvres, mixed by their
+    probabilities. The first axis of arrays, of length 2, is the filter.
     """
 
     def __init__(self, motions: tuple[Callable[[float], TargetModel], ...]) -> None:
@@ -109,7 +109,7 @@ class Imm:
             self._mu = np.where(self._corrected, self._mixed, self._mu)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the prediction for a frame without measurement; its variance grows."""
+        """Return error and de/dt predicted for a frame without measurement."""
         if not self._filters:
             none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)
@@ -131,7 +131,9 @@ class Imm:
         return error, motion, stated(variance, level, self._features)
 
     def _mix_and_predict(self, own: OwnMotion, dt: float) -> None:
-        """Mix the states of both models, then predict features that have been measured."""
+        """Mix the states of both filters by their probabilities, then predict the states of
+        features that have been measured.
+        """
         x, P = (np.array([getattr(f, name) for f in self._filters]) for name in ("x", "covariance"))
         # Blom and Bar-Shalom: probabilities after a possible switch, then the mixed start states.
         coming = np.einsum("ij,ik->jk", self._switch, self._mu)

@@ -48,8 +48,8 @@ class Config:
 
     @property
     def needs(self) -> Channels:
-        """Channels of the estimator: the filter of positions needs to know whether the target is
-        seen.
+        """Channels that the estimator needs: a filter of the error needs to know whether the target
+        is seen.
         """
         return frozenset() if self.noise == "difference" else frozenset({Channel.SEEN})
 

@@ -24,9 +24,11 @@ class Config:
 
 @final
 class Ideal(Unfiltered):
-    """Returns the true motion that it was given last; zero before the first."""
+    """Returns the true motion of the target that the simulation gave last; at first zero."""
 
     def see(self, view: View) -> None:
-        """Store the target's true mean motion (k,) while the next command acts, over the scales."""
+        """Store `view.true_motion`: the target's true mean de/dt (k,) while the next command acts,
+        over the features' scales.
+        """
         if view.true_motion is not None:
             self.motion = view.true_motion

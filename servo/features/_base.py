@@ -10,7 +10,7 @@ from sim.types import Array
 
 
 class Features:
-    """A feature set whose features are all measured in each sight, and that need no scales."""
+    """Base of feature sets whose features are measured in each sight, and need no scales."""
 
     names: tuple[str, ...]
     sole_dof: Mapping[str, str] = {}
@@ -24,11 +24,11 @@ class Features:
         return e
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return True (k,) for each feature that the sight measures: for all."""
+        """Return True (k,): each feature is measured in every sight."""
         return np.full(len(self.names), True)
 
     def scales(self, goal: Array) -> Array:
-        """Return ones (k,): the features need no scales."""
+        """Return the divisors (k,) of the features: ones, as they need no scales."""
         return np.ones(len(self.names))
 
 

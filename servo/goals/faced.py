@@ -80,7 +80,9 @@ class Faced:
         self._to_sight = EstimateToSight(SightConfig(), seen, region, outline, depth_factor)
 
     def truth(self, time: float, T_world_camera: Pose) -> Truth:
-        """Return the truth with the target at its goal at a time [s], for a pose of the camera."""
+        """Return the truth that would hold with the target at its goal, at a time of the run [s]
+        and for a pose of the camera in the world.
+        """
         faced = self._at(self._config.depth_at(time))
         T_camera_target = faced.T_world_camera.inverse() @ faced.T_world_target
         return replace(
@@ -117,7 +119,9 @@ class Faced:
         )
 
     def _at(self, depth: float) -> Truth:
-        """Return the truth of a target that the camera faces at a depth [m]; the last is cached."""
+        """Return the truth of a target that the camera faces at a depth [m]. The last truth is
+        cached.
+        """
         if depth not in self._faced:
             camera = self._camera
             faced = truth_above(camera, self._outline, self.pixel, self.theta, depth)

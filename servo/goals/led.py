@@ -26,7 +26,7 @@ class Led:
     def __init__(
         self, config: LeaderConfig, outline: Array, camera: Camera, depth_factor: float = 1.0
     ) -> None:
-        """Begin a run.
+        """Create the goal for a run.
 
         Args:
             config: The leader's tag, and the goal relative to it.
@@ -44,7 +44,9 @@ class Led:
         self._to_sight = EstimateToSight(SightConfig(), camera, region, outline, depth_factor)
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
-        """Return the desired sight for a picture; None if the tag is not seen in it."""
+        """Return the desired sight of the held target for a picture; None if the leader's tag is
+        not seen in it.
+        """
         if self._number is not None:
             self._seen = self._tags.find(frame.image, self._number, self._seen)
         if self._seen is None:

@@ -10,7 +10,7 @@ from sim.types import Frame
 
 @final
 class Shown:
-    """Another goal source's desired sights, with the camera's picture at the goal."""
+    """Adds the camera's picture at the goal to the desired sights of another source of goals."""
 
     moved_by = ""
 
@@ -31,7 +31,9 @@ class Shown:
         self._shown: Sight | None = None
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
-        """Return the desired sight with the goal's picture; None if the goal is not known."""
+        """Return the desired sight, with the picture at the goal; None if the other source has
+        none.
+        """
         bare = self._goal.sight(frame, by_corners=by_corners)
         if bare is not None and bare is not self._bare:
             self._bare = bare

@@ -21,7 +21,7 @@ from tracking.types import Status
 FINAL_SPAN = 1.0
 """Length of the end of a run that decides its outcome [s]."""
 ROOM = 0
-"""Number of MuJoCo's body that never moves, the world."""
+"""Number of the body in MuJoCo that never moves, the world."""
 
 
 class Columns:
@@ -33,7 +33,7 @@ class Columns:
     """The first step, without its picture."""
 
     def __init__(self) -> None:
-        """Begin without a step."""
+        """Create columns without rows."""
         self._rows = bytearray()
         self.final = deque[Step]()
         """The steps of the last `FINAL_SPAN` seconds, without pictures."""
@@ -54,8 +54,9 @@ class Columns:
         return len(self._rows) // self._kind.itemsize if self._rows else 0
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return a column (n, ...) of `NUMBERS` by its name, or "other_picture": True (n,) for each
-        step whose estimate is of another picture than that of the step before.
+        """Return a column (n, ...), one row a step, by its name in `NUMBERS`. The column
+        "other_picture" is True for the steps whose estimate was made from another picture than the
+        estimate of the step before.
         """
         return np.frombuffer(self._rows, self._kind)[name]
 
@@ -87,8 +88,8 @@ def _kind(value: NDArray[Any]) -> type[bool] | type[float]:
 
 
 def _carried(step: Step) -> NDArray[Any]:
-    """Return the position (3,) in the room of the object that the robot carries: the camera, or the
-    target in front of a standing camera [m].
+    """Return the position (3,) of the object that the robot carries, in the world frame [m]: of the
+    camera, or of the target in front of a camera that stands.
     """
     stands = step.scene.room.camera(CAMERA).bodyid == ROOM
     truth = step.truth
@@ -103,7 +104,9 @@ def _tracking_angle(step: Step) -> float:
 
 
 def _range_used(step: Step) -> float:
-    """Return the largest distance of a limited joint from mid-range, over half its range."""
+    """Return how much of its range the joint nearest to a limit has used: its distance from mid-
+    range over half its range, 0 to 1; 0 without limits.
+    """
     p = step.posture
     limited = np.isfinite(p.lower) & np.isfinite(p.upper)
     half = (p.upper[limited] - p.lower[limited]) / 2

@@ -37,7 +37,7 @@ from tracking.types import Region, State
 
 @dataclass(frozen=True, slots=True)
 class Advance:
-    """The motion of the world over one frame interval."""
+    """How the world moved over one frame interval: mean twist, joint limits hit, computing time."""
 
     twist: Array
     """Mean of the twists asked for (6,)."""
@@ -178,7 +178,7 @@ class Episode:
         return self.world.look().image
 
     def _way(self) -> list[Pose]:
-        """Return the poses of the camera at the goal, along the run."""
+        """Return the camera's poses in the world, along the run, if it always were at its goal."""
         # A camera whose features do not control the angle keeps its heading.
         known = self.loop.law.features.known
         goal = self.goal.sight_at(0.0)
@@ -270,7 +270,7 @@ class Episode:
         return self._scene.true_motion(camera, before, after, self.running.goal_sight, end - begin)
 
     def _goal_pose(self, goal: Truth) -> Pose:
-        """Return T_camera_object of the goal."""
+        """Return the pose of the target in the camera frame for a true goal."""
         seen = goal.T_world_camera.inverse() @ goal.T_world_target
         return seen @ object_frame(self.world.outline)
 
@@ -385,7 +385,9 @@ class Episode:
         )
 
     def _held_by(self, command: Command) -> list[str]:
-        """Return the joints that the law does not move, as `World.step` names them."""
+        """Return the names of the joints that the law holds at an end of their range, each with
+        " (range)".
+        """
         held = None if command.trace is None else command.trace.held
         if held is None:
             return []

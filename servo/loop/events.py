@@ -1,4 +1,4 @@
-"""Events of a run, in words: occluded, lost, searching, found again, saturated."""
+"""Events of a run as sentences for its log, such as that the target is lost or found again."""
 
 from enum import Enum
 
@@ -29,11 +29,11 @@ STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED:
 
 
 def events(before: Step | None, step: Step) -> list[Event]:
-    """Return the events that begin with a step.
+    """Return the events that begin in a step, by comparison with the step before.
 
     Args:
         before: The previous step; None for the first step.
-        step: The step.
+        step: The present step.
     """
     found: list[Event] = []
     if step.estimate.status is not (before.estimate.status if before else Status.LOCKED):
@@ -53,8 +53,8 @@ def events(before: Step | None, step: Step) -> list[Event]:
 
 
 def uncertain(run: Columns) -> str:
-    """Return a sentence that counts the centres, angles and sizes which the tracker reported too
-    uncertainly for servoing; "" if it reported all of them well.
+    """Return a sentence that counts the pictures in which the tracker stated a centre, an angle or
+    a size with a variance too large for servoing; "" if there were none.
     """
     last = run.final[-1]
     if last.goal_sight.picture is not None:

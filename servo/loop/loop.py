@@ -42,7 +42,7 @@ class TrueMotion(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """A picture, and the tracker's estimate from it."""
+    """A picture, the tracker's estimate from it, and the time that the tracker took."""
 
     frame: Frame
     estimate: Estimate
@@ -57,7 +57,7 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """The results of the loop for an observation: sight and command."""
+    """What the law computes from an observation: the sight of the target and the command."""
 
     estimate: Estimate
     """The tracker's estimate."""
@@ -176,7 +176,7 @@ class Loop:
 
 @final
 class Running:
-    """A run of a loop, after the first picture."""
+    """A loop that has been started with a first picture, and runs over the next ones."""
 
     def __init__(
         self,
@@ -185,7 +185,7 @@ class Running:
         true_motion: TrueMotion | None,
         truth: Callable[[int], Truth] | None,
     ) -> None:
-        """Store the sources of goal and truth, which `Loop.start` describes."""
+        """Store a loop, and the sources of its goal, true motion and truth (see `Loop.start`)."""
         self._loop = loop
         self._perception = loop.perception
         self._law = loop.law
@@ -315,7 +315,9 @@ class Running:
         return self._true_motion(frame.index, begin, begin + interval) / self._law.scales
 
     def _truth_at(self, frame: Frame, needs: Channels) -> Truth | None:
-        """Return the truth of a picture; None if it is not needed or not known."""
+        """Return the true pose of the target in a picture; None if no given channel needs it, or it
+        is not known.
+        """
         if Channel.TRUTH not in needs or self._truth is None:
             return None
         return self._truth(frame.index)
@@ -323,7 +325,9 @@ class Running:
     def _view(
         self, frame: Frame, sight: Sight | None, motion: Array | None
     ) -> Callable[[Channels], View]:
-        """Return a function from the channels that a component needs to its view of a picture."""
+        """Return a function that takes the channels which a component needs, and returns a view
+        with the data of these channels (picture, truth, motion) at the time of a frame.
+        """
 
         def view(needs: Channels) -> View:
             truth = self._truth_at(frame, needs)

@@ -1,4 +1,4 @@
-"""A component of a run with its place and kind, so that errors in its code name it."""
+"""Errors in the code of a run's components, as sentences that name the component."""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -19,7 +19,7 @@ class PartFailed(Mistake):
 
 
 class PartConfig(Protocol):
-    """The settings of a component."""
+    """The settings of a component, from which it is built."""
 
     @property
     def build(self) -> Callable[[Any], Any]:
@@ -30,7 +30,7 @@ class PartConfig(Protocol):
 @final
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A component of a run: its place in the scenario, such as "tracker", and its `Config`."""
+    """A component of a run: its section of the scenario, such as "tracker", and its settings."""
 
     place: str
     config: PartConfig
@@ -93,11 +93,11 @@ class Part:
             raise self.failed(text) from error
 
     def failed(self, what: str) -> PartFailed:
-        """Return the error that names this component and what it did."""
+        """Return an error whose sentence names this component and says what it did."""
         kind = kind_of(self.config)  # a wrapped tracker begins its messages with its own name
         return PartFailed(f"{self.place} '{kind}': {what.removeprefix(f'{kind}: ')}")
 
     @property
     def kind_of_place(self) -> str:
-        """The place without an index: "disturbances" for "disturbances[1]"."""
+        """The section of the scenario without an index: "disturbances" for "disturbances[1]"."""
         return self.place.partition("[")[0]

@@ -71,8 +71,8 @@ class Perception:
             truth: The true pose of the target; only a simulation knows it.
 
         Returns:
-            An estimate with the given state. It counts as one without angle and size, as the
-            tracker has not yet reported what it follows.
+            An estimate with the given state, marked as without angle and size: the tracker has not
+            yet reported whether it follows them.
 
         Raises:
             PartFailed: The tracker raised an exception.
@@ -142,6 +142,6 @@ class Perception:
         return self._to_sight.see(estimate, posture, goal, frame.depth)
 
     def _show(self, frame: Frame, truth: Truth | None) -> None:
-        """Give the tracker the channels that it needs of a picture."""
+        """Give the tracker the channels of a picture that it needs, such as the truth."""
         if self._viewer is not None:
             self._viewer.see(View.of(frame, self.needs, truth=truth))

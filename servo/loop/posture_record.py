@@ -1,4 +1,4 @@
-"""The postures of a robot over time, and those that belong to the pictures of its tracker."""
+"""Pairs each picture that the tracker takes with the robot's posture at the time of its stamp."""
 
 from dataclasses import replace
 from typing import final
@@ -32,14 +32,15 @@ def elapsed(last: float, now: float, period: float) -> float:
 
 @final
 class PostureRecord:
-    """Postures at the times of all pictures, paired with the pictures that the tracker takes.
+    """Stores the robot's postures at the times of all pictures, and returns the posture for each
+    picture that the tracker takes.
 
-    A picture's stamp may be wrong by a clock offset: the picture is then paired with the pose of
-    another time.
+    The stamp of a picture may be wrong by a clock offset: the picture is then paired with the pose
+    at the wrong time.
     """
 
     def __init__(self, period: float, clock_offset: float) -> None:
-        """Begin without postures.
+        """Create a record without postures.
 
         Args:
             period: Frame interval [s].

@@ -113,16 +113,16 @@ def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: fl
 
 
 def timed(run: Columns) -> Array:
-    """Return the wall-clock times (n, 4) of the steps in which the tracker worked, or of all if it
-    never did [s]: of rendering, the tracker, the law and the physics.
+    """Return the wall-clock times (n, 4) of rendering, tracker, law and physics [s], for the n
+    steps in which the tracker was called; for all steps if it was never called.
 
-    A slow tracker leaves most steps without a call: a median over all would show the rest.
+    A slow tracker is called in few steps, so a median over all steps would not show its time.
     """
     return _where(run["tracked"], run["seconds"])
 
 
 def _where(flags: NDArray[np.bool_], values: Array) -> Array:
-    """Return the values that have a flag, or all if none has one."""
+    """Return the rows of an array whose flag is True; all rows if no flag is True."""
     return values[flags] if flags.any() else values
 
 
@@ -131,23 +131,29 @@ def _rms(values: Array) -> float:
 
 
 def _velocities(carried: Array, period: float) -> Array:
-    """Return the mean velocities (n, 3), since the frame before, of what the robot carries [m/s];
-    zero in the first.
+    """Return the mean velocity over the last frame interval of the object that the robot carries,
+    for each frame (n, 3), in the world frame [m/s]; zero in the first frame.
 
-    They are the room's: in the camera's own frame a constant one changes where the camera turns.
+    A constant velocity would change in the frame of a camera that turns.
+
+    Args:
+        carried: Positions of the object (n, 3) in the world frame [m].
+        period: Frame interval [s].
     """
     return np.diff(carried, axis=0, prepend=carried[:1]) / period
 
 
 def _largest_change(vectors: Array) -> float:
-    """Return the largest change from one of some vectors (n, 3) to the next; 0 where there is
-    none.
+    """Return the largest length of the difference of two successive vectors of (n, 3), in their
+    unit; 0 for fewer than two vectors.
     """
     return float(np.linalg.norm(np.diff(vectors, axis=0), axis=1).max(initial=0.0))
 
 
 def _effort(commands: Array) -> dict[str, float]:
-    """Measures of control effort: how much the commands (n, 6) change, as the law gives them."""
+    """Return the measures of control effort: root mean squares of how much the commanded twists
+    (n, 6) [m/s, rad/s] change from one to the next, linear [mm/s] and angular [deg/s].
+    """
     linear, angular = np.hsplit(np.diff(commands, axis=0), 2)
     return {
         "effort_rms_mm_s": 1e3 * _rms_length(linear),
@@ -161,7 +167,9 @@ def _rms_length(vectors: Array) -> float:
 
 
 def _joint_way(run: Columns) -> float:
-    """How far the joints with limits have moved over their ranges, in their mean [%]."""
+    """Return the length that a joint has travelled in all, over its range, as a mean over the
+    joints that have limits [%].
+    """
     posture = run.first.posture
     span = posture.upper - posture.lower
     limited = np.isfinite(span) & (span > 0)
@@ -172,7 +180,7 @@ def _joint_way(run: Columns) -> float:
 
 
 def _longest(flags: NDArray[np.bool_]) -> int:
-    """Length of the longest run of true values."""
+    """Return how many successive flags are True at most."""
     best = run = 0
     for flag in flags:
         run = run + 1 if flag else 0
@@ -181,7 +189,15 @@ def _longest(flags: NDArray[np.bool_]) -> int:
 
 
 def _settling_time(times: Array, servo: Array, turned: Array, grown: Array) -> float:
-    """Return the time after which all errors stay below their bounds [s]; inf if they never do."""
+    """Return the time after which all errors stay below the bounds of settling [s]; inf if they do
+    not until the end.
+
+    Args:
+        times: Times (n,) [s].
+        servo: Distances (n,) of the target's centre from its goal [px].
+        turned: Errors (n,) of the angle [deg].
+        grown: Errors (n,) of the size [%].
+    """
     off = (
         (servo > SETTLED_PX)
         | (np.abs(turned) > np.degrees(SETTLED_RAD))
@@ -194,7 +210,7 @@ def _settling_time(times: Array, servo: Array, turned: Array, grown: Array) -> f
 
 
 def _outcome(final: Sequence[Step]) -> Outcome:
-    """Return the outcome of a run by the steps of its last second."""
+    """Return how a run ended, decided by the steps of its last second."""
     last = final[-1]
     height, width = last.frame.image.shape[:2]
     inside = np.all((last.truth.centre >= 0) & (last.truth.centre <= (width, height)))
@@ -211,8 +227,9 @@ def _outcome(final: Sequence[Step]) -> Outcome:
 
 
 def _limits_met(run: Columns, outcome: Outcome) -> tuple[str, ...]:
-    """Return the limits of joints in the last second; of a lost target the ends of ranges in the
-    second before it was lost.
+    """Return the joint limits that were hit in the last second of a run with `LIMIT_HIT`. For other
+    outcomes, return the ends of joint ranges that were hit in the last second in which the target
+    was followed.
     """
     if outcome is Outcome.LIMIT_HIT:
         return _limits(run.final)
@@ -228,7 +245,9 @@ def _ends_a_range(limit: str) -> bool:
 
 
 def _off(step: Step) -> dict[str, float]:
-    """Return what is too far from the goal and servoed, and how far it is, in `OFF_UNITS`."""
+    """Return the servoed quantities ("centre", "angle", "size", "orientation") that are too far
+    from the goal for convergence, each with its distance from the goal [px, deg, %, deg].
+    """
     angle, size = step.servoed
     apart = np.array([step.truth.theta - step.goal.theta])
     turned = abs(_servo_angles(apart, step)[0])
@@ -246,7 +265,9 @@ def _off(step: Step) -> dict[str, float]:
 
 
 def _worst_off(steps: Sequence[Step]) -> tuple[str, ...]:
-    """Return what is too far from the goal in some of the steps, each with the most of it."""
+    """Return texts such as "angle 12 deg": each servoed quantity that is too far from the goal in
+    some of the steps, with its largest distance from the goal.
+    """
     most = dict[str, float]()
     for step in steps:
         for name, value in _off(step).items():
@@ -255,12 +276,12 @@ def _worst_off(steps: Sequence[Step]) -> tuple[str, ...]:
 
 
 def _servo_angles(apart: Array, last: Step) -> Array:
-    """Return the true angles (n,) against the goal [rad], over half a turn where the features do
-    not tell front from back.
+    """Return angle errors (n,) wrapped to what the features distinguish [rad]: to a full turn if
+    they distinguish the target's front from its back, otherwise to half a turn.
 
     Args:
-        apart: They, by the full turn.
-        last: The last step, which knows the features.
+        apart: True minus desired angles of the target (n,), not wrapped [rad].
+        last: The last step of the run.
     """
     nearer = np.array([half_turn(angle) for angle in apart])
     if not last.tells_front_from_back:
@@ -270,10 +291,10 @@ def _servo_angles(apart: Array, last: Step) -> Array:
 
 
 def _path_measures(places: Array, last: Step) -> dict[str, float]:
-    """Return the measures of the camera's way as the target sees it.
+    """Return the measures of the camera's path relative to the target: `camera_path_m` and others.
 
     Args:
-        places: Of the camera (n, 3), in the target's frame [m].
+        places: Positions of the camera (n, 3) in the target's frame [m].
         last: The last step.
     """
     goal = last.T_object_goal

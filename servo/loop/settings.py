@@ -1,4 +1,4 @@
-"""The settings of a run, and its random streams."""
+"""The settings of a run, and the random generators of its components."""
 
 from dataclasses import dataclass, replace
 from math import radians
@@ -27,7 +27,7 @@ from sim.world import WorldConfig
 from tracking.types import SEES_PICTURES, Tracker
 
 MOST_SEED = (1 << 63) - 1
-"""The largest integer that TOML has."""
+"""Largest seed: the largest integer of TOML."""
 MOST_LATENCY = 100
 """Largest latency [frames]: three seconds at 30 Hz, far beyond any stable loop."""
 LATENCY = 1
@@ -80,7 +80,7 @@ class RunConfig:
 
     @property
     def repeats(self) -> bool:
-        """Return whether the same seed gives the same numbers."""
+        """Whether the same seed gives the same numbers."""
         return self.tracker_ms != "measured"
 
 
@@ -131,7 +131,9 @@ class RegionConfig:
     """Height of the region over the true height."""
 
     def corners(self, truth: Truth) -> Array:
-        """Return the target's corners (4, 2) that the tracker is given [px]."""
+        """Return the corners (4, 2) of the target in the first picture as given to the tracker
+        [px]: the true ones, changed by these errors.
+        """
         own, given = (np.exp(1j * a) for a in (truth.theta, truth.theta + radians(self.angle_deg)))
         away = (truth.corners - truth.centre) @ [1, 1j] / own
         sized = (away.real * self.width + 1j * away.imag * self.height) * given
@@ -181,7 +183,9 @@ class Setup:
             raise Mistake(f"{self.name}: {refusal}")
 
     def _refusal(self) -> str:
-        """Return why settings of a standing camera contradict each other; "" if they do not."""
+        """Return a sentence that says which settings of a standing camera or of a leader contradict
+        each other; "" if none do.
+        """
         stands = self.camera.mounted == "world"
         number = self.leader.id
         if number is None:
@@ -198,7 +202,7 @@ class Setup:
 
     @property
     def needs(self) -> Channels:
-        """Channels that the components of the run declare, and that its leader needs."""
+        """Channels, such as pictures or truth, that a component of the run needs."""
         parts = (self.sight, self.features, self.estimator, self.controller)
         needs = needs_of(self.tracker, SEES_PICTURES).union(*map(needs_of, parts))
         return needs if self.leader.id is None else needs | {Channel.PICTURE}

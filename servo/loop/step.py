@@ -1,4 +1,4 @@
-"""Everything about one frame of a run, as a value."""
+"""One frame of a run as a value: truth, goal, picture, estimate, command and the robot's motion."""
 
 from dataclasses import dataclass, replace
 
@@ -32,7 +32,7 @@ class Seconds:
 
     @property
     def total(self) -> float:
-        """All stages together [s]."""
+        """Sum of the times of all stages [s]."""
         return self.render + self.track + self.control + self.physics
 
 
@@ -44,7 +44,7 @@ class Scene:
     outline: Array
     """Corners (4, 3) of the target's reference rectangle in its frame [m]."""
     region: Region
-    """Template rectangle that the tracker was given in the first frame."""
+    """The target's rectangle in the first picture, as given to the tracker [px]."""
     first_size: float
     """The target's true size in the first frame [px/m]."""
     features: FeatureSet
@@ -55,7 +55,9 @@ class Scene:
     """MuJoCo model of the world, for drawing it."""
 
     def true_sight(self, T_world_camera: Pose, T_world_target: Pose, goal: Sight) -> Sight:
-        """Return the exact sight of the target, from the true poses of camera and target."""
+        """Return the exact sight of the target (moments, corners, plane, pose in the camera frame),
+        from the true poses of camera and target in the world frame.
+        """
         T_camera_target = T_world_camera.inverse() @ T_world_target
         return sight_of(T_camera_target @ object_frame(self.outline), self.outline, goal)
 
@@ -134,7 +136,7 @@ class Step:
         )
 
     def light(self) -> "Step":
-        """Return the step without pixels and particles, so that thousands fit into memory."""
+        """Return the step without its pictures and the particles, which take most of its memory."""
         return replace(
             self,
             frame=replace(
@@ -147,17 +149,21 @@ class Step:
 
     @property
     def region(self) -> Region:
-        """Template rectangle that the tracker was given in the first frame."""
+        """The target's rectangle in the first picture, as given to the tracker [px]."""
         return self.scene.region
 
     @property
     def true_state(self) -> State:
-        """The target's true state in this frame, as trackers give it: scale 1 in the first one."""
+        """True position [px], angle [rad] and scale of the target in this frame; the scale is 1 in
+        the first frame.
+        """
         return self._state(self.truth)
 
     @property
     def true_state_estimated(self) -> State:
-        """The target's true state in the picture from which the estimate was made."""
+        """True position [px], angle [rad] and scale of the target in the picture from which the
+        estimate was made.
+        """
         return self._state(self.truth_estimated)
 
     def _state(self, truth: Truth) -> State:
@@ -178,12 +184,12 @@ class Step:
 
     @property
     def T_object_camera(self) -> Pose:
-        """True T_object_camera, with the object's frame of `Sight.pose`."""
+        """True pose of the camera in the target's frame, which `Sight.pose` defines."""
         return self._seen_from_target(self.truth)
 
     @property
     def T_object_goal(self) -> Pose:
-        """T_object_camera at the goal, with the object's frame of `Sight.pose`."""
+        """Pose of the camera at the goal in the target's frame, which `Sight.pose` defines."""
         return self._seen_from_target(self.goal)
 
     def _seen_from_target(self, truth: Truth) -> Pose:
@@ -262,7 +268,7 @@ class Step:
 
     @property
     def tells_front_from_back(self) -> bool:
-        """Whether turning the target by half a turn changes the features."""
+        """Whether the features change if the target is turned by half a turn."""
         goal = self.goal_sight
         if goal.picture is not None:
             return True  # pixels are servoed
@@ -284,7 +290,9 @@ class Step:
 
     @property
     def twist_measured(self) -> Array:
-        """Mean camera twist (6,) over the last frame interval."""
+        """Measured twist (6,) of the camera in its own frame, mean over the last frame interval
+        [m/s, rad/s].
+        """
         return self.posture.twist
 
     @property
@@ -299,7 +307,9 @@ class Step:
 
     @property
     def seen(self) -> bool:
-        """Whether the tracker is LOCKED in this frame, and the camera delivered a new picture."""
+        """Whether the camera delivered a new picture, and the tracker is LOCKED on the target in
+        it.
+        """
         return self.frame.fresh and self.estimate.status is Status.LOCKED
 
     @property

@@ -23,7 +23,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Intervals and delays of a run."""
+    """Frame interval, updates of the drives and delays of a run."""
 
     run: RunConfig
     """The delays of tracker, pictures and commands."""
@@ -52,7 +52,7 @@ class TimedDecision:
 
 @dataclass(frozen=True, slots=True)
 class _Arrival:
-    """A picture, and when it arrives."""
+    """A picture on its way to the tracker, and the time at which it arrives."""
 
     time: float
     frame: Frame
@@ -61,22 +61,24 @@ class _Arrival:
 
 @dataclass(frozen=True, slots=True)
 class _Work:
-    """A picture that the tracker has taken."""
+    """The observation of a picture that the tracker has taken, and when it is ready."""
 
     observation: Observation
     posture: Posture
     done: float
-    """When its estimate is there [s]."""
+    """Time at which the estimate is ready [s]."""
 
 
 def mean_twist(twists: Array) -> Array:
-    """Return the mean (6,) of twists (n, 6), without rounding if all are equal."""
+    """Return the mean (6,) of twists (n, 6); if all are equal, exactly their value."""
     return twists[0] if (twists == twists[0]).all() else twists.mean(axis=0)
 
 
 @final
 class Timeline:
-    """Gives the pictures of a run to its loop, each at its time, and stores the commands."""
+    """Gives the pictures of a run to its loop at the simulated times of their arrival, and returns
+    the commanded twists at the times at which they act.
+    """
 
     def __init__(self, schedule: Schedule, running: Running, rng: np.random.Generator) -> None:
         """Begin a run.
@@ -124,11 +126,11 @@ class Timeline:
         """When each command begins to act [s], and its twist (6,), in order."""
 
     def advance(self, frame: Frame, posture: Posture) -> None:
-        """Run tracker and law from one picture to the next.
+        """Run tracker and law over the frame interval that begins with a picture.
 
         Args:
             frame: The picture.
-            posture: What the robot knew of itself when it was taken.
+            posture: Pose, twist and joints that the robot measured when the picture was taken.
         """
         self._now = frame.time
         end = self._now + self._schedule.period - SAME
@@ -146,7 +148,9 @@ class Timeline:
             self._free = estimated.done
 
     def steer(self, twist: Array) -> None:
-        """Replace the commands decided since the last picture by another twist (6,)."""
+        """Replace the commands that were decided since the last picture by another camera twist
+        (6,) [m/s, rad/s].
+        """
         if self.decided:
             last = self._commands[-self.decided :]
             self._commands[-self.decided :] = [(at, twist) for at, _ in last]
@@ -156,14 +160,15 @@ class Timeline:
 
     @property
     def is_known_ahead(self) -> bool:
-        """Whether no command that is still to be decided can act before the next picture."""
+        """Whether the commands that act until the next picture are all decided already."""
         return self._plain and self._schedule.run.latency >= 1
 
     def acting(self, later: int = 0) -> Array:
-        """Return the twists (n, 6) that act at the updates of the drives in one frame interval.
+        """Return the camera twists (n, 6) that act at the n updates of the drives in one frame
+        interval [m/s, rad/s].
 
         Args:
-            later: Which interval: 0 begins with the last picture, 1 is the next one.
+            later: The interval: 0 for that which begins with the last picture, 1 for the next one.
         """
         begin = self._now + later * self._schedule.period
         twists = np.array([self._in_force(begin + tick) for tick in self._schedule.ticks])

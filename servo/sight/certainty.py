@@ -15,8 +15,8 @@ MOST_SIZE = 0.25
 
 
 def certain(estimate: Estimate, region: Region) -> tuple[bool, bool, bool]:
-    """Return whether centre, angle and size are certain enough: also where their tracker states
-    nothing, and where it reports corners.
+    """Return whether centre, angle and size are certain enough for servoing. They count as certain
+    if the tracker states no variances, or reports corners.
     """
     if estimate.corners is not None:
         return True, True, True

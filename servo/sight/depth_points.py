@@ -25,7 +25,7 @@ FAR_OUT = 10_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DepthPoints:
-    """Points of the target, with inverse depths.
+    """Points of the target in a depth picture: image coordinates and inverse depths.
 
     Inverse depths are linear in the image coordinates of a plane, and their noise does not depend
     on the distance if the noise of depths grows with its square.
@@ -56,9 +56,10 @@ class DepthPoints:
 
     @property
     def normal(self) -> Array:
-        """Normal (3,) of the plane 1/Z = A x + B y + C, by least squares without outliers: far
-        from the plane of the least median residual (Rousseeuw 1984,
-        Least median of squares regression, Journal of the American Statistical Association 79).
+        """Normal (A, B, C) of the plane 1/Z = A x + B y + C through the points, in the camera
+        frame, by least squares. Points that are far from the plane of the least median residual are
+        left out (Rousseeuw 1984, Least median of squares regression, Journal of the American
+        Statistical Association 79).
         """
         draws = np.random.default_rng(0)  # the same points give the same plane
         drawn = draws.integers(0, len(self.near), (TRIPLES, 3))
@@ -71,6 +72,8 @@ class DepthPoints:
         return np.asarray(np.linalg.lstsq(self.rays[kept], self.near[kept])[0], np.float64)
 
     def plane(self, normal: Array) -> Plane:
-        """Return the plane with a normal (3,) at the median inverse depth of the points."""
+        """Return the plane with a given normal (3,) in the camera frame that has the median inverse
+        depth of the points at their centre.
+        """
         middle = np.median(self.rays, axis=0)
         return Plane(*(normal * np.median(self.near) / (normal @ middle)).tolist())

@@ -25,8 +25,9 @@ class Difference:
         self.value = np.zeros(len(features.names))
 
     def measure(self, error: Array, own: Array, dt: float) -> tuple[Array, NDArray[np.bool_]]:
-        """Return de/dt (k,) after a frame, and True (k,) for each feature that was measured in this
-        frame and in the last one; the other features keep their last value, at first zero.
+        """Return de/dt (k,) of the target's own motion after a frame, and True (k,) for each
+        feature that was measured in this frame and in the last one; de/dt of other features keeps
+        its last value, at first zero.
 
         Args:
             error: Feature error (k,); nan for features that were not measured.
@@ -40,5 +41,5 @@ class Difference:
         return self.value, fresh
 
     def forget(self) -> None:
-        """Forget the last error, after a frame without the target."""
+        """Forget the last error. To be called after a frame in which the target is not seen."""
         self._last = np.full(len(self._features.names), np.nan)

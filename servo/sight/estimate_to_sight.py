@@ -23,7 +23,7 @@ from tracking.types import Estimate, Region, State, Status
 
 @dataclass(frozen=True, slots=True)
 class SightConfig:
-    """Sources of the target's plane and depth."""
+    """Sources of the plane and depth of the target: its size, its height, depth pictures, ..."""
 
     plane: Literal["parallel", "known", "estimated", "picture"] = "parallel"
     """Normal of the target's plane: "parallel" to the image, "known" from the robot's posture (the
@@ -38,7 +38,7 @@ class SightConfig:
 
     @property
     def needs(self) -> Channels:
-        """The depth channel, if plane or depth are taken from depth pictures."""
+        """The channel of depth pictures, if plane or depth are taken from them; otherwise none."""
         uses = "picture" in (self.plane, self.depth)
         return frozenset({Channel.DEPTH}) if uses else frozenset()
 
@@ -55,14 +55,14 @@ class EstimateToSight:
         outline: Array,
         depth_factor: float = 1.0,
     ) -> None:
-        """Begin a run.
+        """Create it for a run.
 
         Args:
-            config: Where plane and depth come from.
-            camera: Intrinsics.
-            region: The template.
+            config: Sources of the target's plane and depth.
+            camera: Intrinsics of the camera.
+            region: The target's rectangle in the first picture [px].
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
-            depth_factor: The depths that interaction matrices are computed with, over those found.
+            depth_factor: Factor on all depths, to test laws with wrong depths; 1 leaves them.
         """
         self._config = config
         self._camera = camera
@@ -83,15 +83,17 @@ class EstimateToSight:
         goal: Sight | None = None,
         depth: DepthPicture | None = None,
     ) -> Sight | None:
-        """Return the sight of an estimate; None where the tracker does not see the target, or is
-        not certain of its centre. An angle or a size of which it is not certain is not known.
+        """Return the sight of the target from an estimate; None if the tracker does not see the
+        target, or its centre is too uncertain. An angle or a size that is too uncertain is marked
+        as not known.
 
         Args:
-            estimate: What the tracker reported.
-            posture: What the robot knows of itself.
+            estimate: The tracker's estimate.
+            posture: Pose, twist and joints of the robot when the picture was taken.
             goal: The desired sight.
-            depth: The depth picture (H, W) [m]; with too few depths of the target, its depth is
-                that of its size, and its plane parallel.
+            depth: Depth picture (H, W) [m]. With too few depths of the target, its depth is
+            computed
+                from its size, and its plane is taken as parallel to the image.
         """
         is_placed, is_turned, is_sized = certain(estimate, self._region)
         if estimate.status is not Status.LOCKED or not is_placed:
@@ -118,28 +120,30 @@ class EstimateToSight:
         return self._with_depth_factor(sight)
 
     def goal(self, state: State, region: Region) -> Sight:
-        """Return the desired sight of a facing camera, from the target's region and its state."""
+        """Return the desired sight of a camera that faces the target, from the target's state
+        (position, angle, scale) and the region that has scale 1.
+        """
         m = shape_moments.of_state(state, region, self._camera)
         corners = self._camera.normalise(region.corners(state))
         plane = plane_of_size(m, self._root_area, FACING)
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=corners))
 
     def goal_of(self, corners: Array) -> Sight:
-        """Return the desired sight of a facing camera, from the target's corners (4, 2) [px]."""
+        """Return the desired sight of a camera that faces the target, from corners (4, 2) [px]."""
         seen = self._camera.normalise(corners)
         m = shape_moments.of_polygon(seen)
         plane = plane_of_size(m, self._root_area, FACING)
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=seen))
 
     def at(self, pose: Pose) -> Sight:
-        """Return the desired sight for a pose T_camera_object."""
+        """Return the desired sight for a pose of the target in the camera frame."""
         return self._with_depth_factor(sight_of(pose, self._outline))
 
     def _see_corners(
         self, corners: Array, posture: Posture, goal: Sight | None, depth: DepthPicture | None
     ) -> Sight | None:
-        """Return the sight of a tracker that reports four corners (4, 2) [px]: its pose is
-        measured.
+        """Return the sight of the target, with its pose, from its four corners (4, 2) [px]; None if
+        no pose fits them.
         """
         seen = self._camera.normalise(corners)
         pose = self._corners_to_pose.of(seen, posture.T_base_camera)
@@ -184,7 +188,9 @@ class EstimateToSight:
         return np.array([*(after[0] - before[0]), turned.imag, turned.real])
 
     def _points(self, corners: Array, depth: DepthPicture | None) -> DepthPoints | None:
-        """Return the target's points in a depth picture; None without one, or if it is not used."""
+        """Return the target's points in a depth picture; None if there is no depth picture, too few
+        depths, or neither plane nor depth is taken from it.
+        """
         if depth is None or not self._config.needs:
             return None
         return DepthPoints.inside(corners, depth, self._camera)

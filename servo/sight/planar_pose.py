@@ -36,7 +36,7 @@ class CornersToPose:
     """
 
     def __init__(self, size: tuple[float, float]) -> None:
-        """Begin without earlier pictures; the size is length along x and width along y [m]."""
+        """Create it for a rectangle of a size: length along x and width along y [m]."""
         self._size = size
         self._paths: list[tuple[Pose, float]] = []
 
@@ -71,8 +71,8 @@ class CornersToPose:
 
 
 def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, float]]:
-    """Return the two possible poses, each with its squared error over the noise's variance; an
-    empty list if the corners are not those of a rectangle.
+    """Return the two possible poses of a rectangle in the camera frame, each with its squared error
+    over the variance of the corners' noise; an empty list if no rectangle has these corners.
     """
     along = np.roll(corners, -1, axis=0) - corners
     before = np.roll(along, 1, axis=0)
@@ -94,8 +94,8 @@ def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, f
 
 
 def _solutions(model: Array, corners: Array) -> list[tuple[MatLike, MatLike]]:
-    """Return rotation vectors and translations of both poses; of one pose by iteration if both are
-    the same, for which IPPE divides by zero.
+    """Return rotation vectors and translations [m] of the two possible poses. If both are the same,
+    IPPE would divide by zero: then return one pose, found by iteration.
     """
     given = model, corners[:, None], np.eye(3), None
     for method in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_ITERATIVE):

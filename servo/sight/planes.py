@@ -1,5 +1,5 @@
-"""The target's plane in the camera frame: from its size, from its depth, from its height, or from
-where the target has been seen to drive.
+"""The plane of the target in the camera frame: from its size, its depth or its height, or fitted to
+the positions that it has had.
 """
 
 from math import sqrt
@@ -70,7 +70,9 @@ class PlaneFit:
         self._prior: Array | None = None
 
     def normal(self, T_base_camera: Pose) -> Array:
-        """Return the unit normal (3,) in the camera frame, pointing away from the camera."""
+        """Return the unit normal (3,) of the fitted plane in the camera frame, away from the
+        camera.
+        """
         if self._prior is None:
             self._prior = T_base_camera.rotation[:, 2].copy()
         # The eigenvector of the smallest eigenvalue minimises the sum above.

@@ -42,8 +42,8 @@ def of_rectangle(
     """Return the moments of a rotated rectangle that is then stretched along the image's axes.
 
     Args:
-        x: Centre after stretching.
-        y: Centre after stretching.
+        x: Centre after stretching, to the right, in normalised image coordinates.
+        y: Centre after stretching, down, in normalised image coordinates.
         width: Side along its own x axis, before stretching.
         height: Side along its own y axis, before stretching.
         theta: Rotation from +x towards +y [rad].
@@ -70,7 +70,7 @@ def of_rectangle(
 
 
 def of_corners(corners: Array, camera: Camera) -> Moments:
-    """Return the moments of a polygon (n, 2) [px], in normalised image coordinates."""
+    """Return the moments of a polygon with corners (n, 2) [px], in normalised coordinates."""
     return of_polygon(camera.normalise(corners))
 
 
