@@ -161,6 +161,7 @@ class Episode:
     def _build(self, part: Part, draws: str = "") -> Any:
         """Build a component from its `Config`, or return the one that an earlier episode left."""
         before, built = self._kept.get(part.place, (None, None))
+        # Building a robot or a target reads meshes and compiles a model, which takes seconds.
         if before == part.config:
             return built
         rng = stream(self.scenario.run.seed, draws or part.place)
@@ -184,6 +185,7 @@ class Episode:
         goal = self.goal.sight_at(0.0)
         turns = bool((known(goal) & ~known(replace(goal, angle_known=False))).any())
         times = np.arange(0.0, min(self.scenario.run.duration, FORESEEN), STEP).tolist()
+        # The goal of a facing camera depends on the depth alone, so each depth is solved once.
         depths = [self.scenario.goal.depth_at(time) for time in times]
         ends = dict(zip(depths, times, strict=True))
         faced = {depth: self.goal.sight_at(time).pose for depth, time in ends.items()}
@@ -266,6 +268,7 @@ class Episode:
         """
         truth = self._truths[picture]
         before, after = map(self.world.target_at, (begin, end))
+        # Where the camera would be had it moved with the target since that picture.
         camera = before @ truth.T_world_target.inverse() @ truth.T_world_camera
         return self._scene.true_motion(camera, before, after, self.running.goal_sight, end - begin)
 
@@ -278,6 +281,7 @@ class Episode:
         """Return the desired sight for the true camera; beside a leader, that of `goal`."""
         if goal is not None:
             return sight_of(self._goal_pose(goal), self.world.outline)
+        # With the same camera believed and true, the loop has already computed it.
         believed = self.running.goal_sight
         if self.world.camera_believed is self.world.camera:
             return believed

@@ -38,6 +38,7 @@ def events(before: Step | None, step: Step) -> list[Event]:
     found: list[Event] = []
     if step.estimate.status is not (before.estimate.status if before else Status.LOCKED):
         found.append(STATUS[step.estimate.status])
+    # A run begins LOCKED and servoing: neither is an event of its first step.
     did = before.command.mode if before else step.command.mode
     if not step.frame.fresh:
         if before is None or before.frame.fresh:

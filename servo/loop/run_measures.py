@@ -66,6 +66,7 @@ def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: fl
     run = Columns.of(steps)
     final = list(run.final)
     late = run["time"] >= config.after
+    # A run that ended before that time has no such frames: its measures become nan below.
     counted = late if late.any() else np.ones_like(late)
     servo = run["servo"][counted]
     turned = np.degrees(_servo_angles(run["turned"], final[-1]))
@@ -83,6 +84,7 @@ def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: fl
         "servo_scale_rms_pct": _rms(late_grown),
         "servo_scale_peak_pct": np.abs(late_grown).max(),
         "not_held_pct": 100 * float(np.mean(servo > CONVERGED_PX)),
+        # Settling is about the whole run, whatever `measure.after` leaves out.
         "settle_s": _settling_time(run["time"], run["servo"], turned, grown),
         "longest_off_s": _longest(servo > config.above) * period,
         "tracking_rms_px": _rms(tracked),
@@ -198,6 +200,7 @@ def _settling_time(times: Array, servo: Array, turned: Array, grown: Array) -> f
         turned: Errors (n,) of the angle [deg].
         grown: Errors (n,) of the size [%].
     """
+    # The run has settled after the last frame in which any of the three errors was too large.
     off = (
         (servo > SETTLED_PX)
         | (np.abs(turned) > np.degrees(SETTLED_RAD))
@@ -217,10 +220,12 @@ def _outcome(final: Sequence[Step]) -> Outcome:
     pixels = last.goal_sight.picture is not None  # nobody asks the tracker then
     if last.estimate.status is Status.LOST and not pixels:
         return Outcome.TARGET_LOST
+    # The camera has passed the target, which is behind it now.
     if last.truth.depth <= 0:
         return Outcome.DIVERGED
     if not any(_off(s) for s in final):
         return Outcome.CONVERGED
+    # A speed limit may act for a moment in any run; a joint at the end of its range stays there.
     if all(s.limited for s in final) or any(map(_ends_a_range, _limits(final))):
         return Outcome.LIMIT_HIT
     return Outcome.TIMED_OUT if inside else Outcome.DIVERGED
@@ -286,6 +291,7 @@ def _servo_angles(apart: Array, last: Step) -> Array:
     nearer = np.array([half_turn(angle) for angle in apart])
     if not last.tells_front_from_back:
         return nearer
+    # Beyond a quarter turn the target points away from its goal, so the full turn counts.
     whole = np.angle(np.exp(1j * apart))
     return np.where(np.abs(whole) > np.pi / 2, whole, nearer)
 

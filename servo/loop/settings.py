@@ -134,6 +134,7 @@ class RegionConfig:
         """Return the corners (4, 2) of the target in the first picture as given to the tracker
         [px]: the true ones, changed by these errors.
         """
+        # Complex numbers rotate: turn the corners level, stretch them, and turn them as asked.
         own, given = (np.exp(1j * a) for a in (truth.theta, truth.theta + radians(self.angle_deg)))
         away = (truth.corners - truth.centre) @ [1, 1j] / own
         sized = (away.real * self.width + 1j * away.imag * self.height) * given

@@ -175,6 +175,7 @@ class Step:
         """Distances (4,) of the target's true corners from their goals [px]. If the features do not
         tell front from back, the goals may be turned by half a turn, whichever is nearer.
         """
+        # The corners of a rectangle turned by half a turn are the same corners, two places on.
         plain, turned = (
             np.hypot(*(self.truth.corners - goal).T)
             for goal in (self.goal.corners, np.roll(self.goal.corners, 2, axis=0))
@@ -241,6 +242,7 @@ class Step:
         goal = self.goal_sight
         known = self.scene.features.known
         follows = np.array(self.estimate.follows) | (self.estimate.corners is not None)
+        # A feature needs the angle if it would not be measured without it; so with the size.
         without = (replace(goal, angle_known=False), replace(goal, size_known=False))
         trace = self.command.trace
         by_joints = True if trace is None or trace.servoed is None else trace.servoed
@@ -259,6 +261,7 @@ class Step:
         goal = self.goal_sight
         if goal.picture is not None:
             return True  # pixels are servoed
+        # Four features, or six that depend on each other, leave some motion of the camera free.
         return int(np.linalg.matrix_rank(self.scene.features.matrix(goal))) == DOF
 
     @property

@@ -152,6 +152,7 @@ class Timeline:
         (6,) [m/s, rad/s].
         """
         if self.decided:
+            # They keep the times at which they act; what acted before them stays.
             last = self._commands[-self.decided :]
             self._commands[-self.decided :] = [(at, twist) for at, _ in last]
             decision = self.latest.decision
@@ -183,6 +184,7 @@ class Timeline:
         """Return the tracked picture whose estimate is ready before a time [s], or None. A free
         tracker first takes the next picture.
         """
+        # A picture may be taken in an earlier frame interval than that in which it is finished.
         if self._work is None and self._coming:
             begin = max(self._free, self._coming[0].time)
             if begin < end:
@@ -246,6 +248,7 @@ class Timeline:
 
     def _under_way(self, begin: float, end: float) -> tuple[tuple[Array, float], ...]:
         """Return the twists (6,) that act between two times [s], each with its duration [s]."""
+        # Each command acts until the next one begins, the last one until the end.
         starts = [max(at, begin) for at, _ in self._commands]
         stops = [*starts[1:], end]
         pieces = zip(self._commands, starts, stops, strict=True)
