@@ -504,7 +504,7 @@ class _Guarded:
         self,
         part: object,
         checks: Mapping[str, Check | None],
-        naming: Callable[[str], AbstractContextManager[Any]],
+        naming: Callable[[str], AbstractContextManager[object]],
     ) -> None:
         self._part = part
         self._checks = checks

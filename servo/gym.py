@@ -23,9 +23,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from servo import Episode, Mistake, Scenario, Step, load
 from servo.loop.episode import ImpossibleStart
+from servo.loop.part_failures import Kept
 from servo.loop.run_measures import CONVERGED_PX
 from servo.output.annotated import View, annotated
 from servo.output.display import has_display
@@ -37,7 +39,7 @@ from servo.scenario.load import parse
 from servo.scenario.toml import with_settings
 from servo.types import DOF
 from sim.channels import Channel, needs_of
-from sim.types import Array, Pose
+from sim.types import Array, Image, Pose
 from tracking.types import Status
 
 try:
@@ -47,6 +49,8 @@ except ModuleNotFoundError as error:
     sentence = "servo.gym needs the extra 'gym': pip install 'servobench[gym]'"
     raise ModuleNotFoundError(sentence, name=error.name) from None
 
+Observation = NDArray[np.generic] | dict[str, NDArray[np.generic]]
+"""Features (n,), a picture (H, W, 3), or both by name."""
 ID = "servobench/Servo-v0"
 OBSERVATIONS = ("features", "picture", "both")
 ACTIONS = ("twist", "residual")
@@ -128,7 +132,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self._error = np.zeros(self._features)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._moves),), np.float32)
         self._episode: Episode | None = None
-        self._kept: dict[str, tuple[Any, Any]] = {}
+        self._kept: Kept = {}
         self._window: View | None = None
         self.observation_space = self._space()
 
@@ -149,8 +153,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return {"features": own, "picture": picture, "both": both}[self._observation]
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
         """Begin a run.
 
         Args:
@@ -216,7 +220,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             kept=self._kept,
         )
 
-    def _scenario(self, seed: int, options: Any) -> Scenario:
+    def _scenario(self, seed: int, options: object) -> Scenario:
         """Return the scenario for a seed, with the settings of `options`."""
         name, overrides, settings = self._given
         if not isinstance(options, dict) or not all(isinstance(k, str) for k in options):  # pyright: ignore[reportUnknownVariableType]
@@ -231,7 +235,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         table = with_settings(base.table, {"run.seed": seed}, name)
         return parse(table, base.name, name, own=own_parts(settings))
 
-    def step(self, action: Array) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, object]]:
         """Apply an action until the next picture.
 
         Args:
@@ -298,7 +302,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             "T_object_goal": _matrix(step.T_object_goal),
         }
 
-    def _observed(self, step: Step) -> Any:
+    def _observed(self, step: Step) -> Observation:
         """Return the observation. Its features are: k errors and k components of the target's
         estimated motion, over `FeatureSet.scales`; the camera's measured twist (6); the last
         action; and 1 if the target is seen, else 0.
@@ -337,7 +341,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             self._error = features.error(features.values(sight), goal) / features.scales(goal)
         return self._error
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Return the state for a copy or another process.
 
         Raises:
@@ -347,7 +351,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             raise Mistake("an environment can be copied or pickled before its first reset")
         return vars(self)
 
-    def render(self) -> Any:
+    def render(self) -> Image | None:
         """Return the current picture (H, W, 3) with truth (white), goal (red) and estimate drawn
         in; None unless the render mode is "rgb_array".
         """

@@ -3,7 +3,7 @@
 import base64
 import sys
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from html import escape
@@ -96,7 +96,7 @@ class TextTable:
 def html_table(table: Table) -> str:
     """Return a table as HTML."""
 
-    def row(cells: Any, tag: str) -> str:
+    def row(cells: Sequence[Cell], tag: str) -> str:
         return f"<tr>{''.join(f'<{tag}>{_text(c)}</{tag}>' for c in cells)}</tr>"
 
     body = "".join(row(cells, "td") for cells in table.rows)

@@ -61,7 +61,7 @@ def simulate(
     scenario: str | Path | Scenario,
     overrides: Sequence[str] = (),
     seed: int | None = None,
-    **settings: Any,
+    **settings: object,
 ) -> Run:
     """Run a scenario to its end and keep everything; in a notebook with a progress bar.
 
@@ -103,13 +103,13 @@ class Run(Sequence[Step]):
     def __copy__(self) -> Run:
         return replace(self)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Run:
+    def __deepcopy__(self, memo: dict[int, object]) -> Run:
         """Return a copy of the run that shares its steps, world and pictures, as these never
         change.
         """
         return replace(self)
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Raise an error, as a run cannot be pickled: MuJoCo's model of the world cannot be.
 
         Raises:

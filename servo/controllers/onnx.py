@@ -9,6 +9,7 @@ from typing import Annotated, Any, final
 import cv2
 import numpy as np
 from annotated_types import Ge, Le
+from numpy.typing import NDArray
 
 from servo.controllers._plain_law import SEES_PICTURES, PolicyLaw
 from sim.ranges import File
@@ -126,7 +127,7 @@ def _check_input(file: str, name: str, kind: str, shape: Sequence[int | str | No
         )
 
 
-def _filled(value: Array | Image, shape: Sequence[int | str | None]) -> np.ndarray[Any, Any]:
+def _filled(value: Array | Image, shape: Sequence[int | str | None]) -> NDArray[np.generic]:
     """Return a picture or a vector as a network's input; a picture is resized to sides that the
     network fixes.
     """

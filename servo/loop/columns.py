@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from servo.loop.step import Step
 from servo.sight.certainty import certain
 from sim.mounting import CAMERA
+from sim.types import Array
 from tracking.types import Status
 
 FINAL_SPAN = 1.0
@@ -83,11 +84,11 @@ def _append(steps: deque[Step], step: Step) -> None:
         steps.popleft()
 
 
-def _kind(value: NDArray[Any]) -> type[bool] | type[float]:
+def _kind(value: NDArray[np.generic]) -> type[bool] | type[float]:
     return bool if value.dtype == np.bool_ else float
 
 
-def _carried(step: Step) -> NDArray[Any]:
+def _carried(step: Step) -> Array:
     """Return the position (3,) of the object that the robot carries, in the world frame [m]: of the
     camera, or of the target in front of a camera that stands.
     """
@@ -119,7 +120,7 @@ def _out_of_view(step: Step) -> bool:
     return bool(((corners < 0) | (corners > (camera.width, camera.height))).any())
 
 
-NUMBERS: dict[str, Callable[[Step], Any]] = {
+NUMBERS: dict[str, Callable[[Step], object]] = {
     "time": lambda s: s.frame.time,
     "servo": lambda s: s.servo_error,
     "turned": lambda s: s.truth.theta - s.goal.theta,

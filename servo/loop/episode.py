@@ -13,7 +13,7 @@ import numpy as np
 from servo.goals.faced import Faced
 from servo.loop.inputs import check_type
 from servo.loop.loop import Loop
-from servo.loop.part_failures import Part, PartFailed
+from servo.loop.part_failures import Kept, Part, PartFailed
 from servo.loop.run_measures import Summary, summarise
 from servo.loop.settings import Setup, StartConfig, stream
 from servo.loop.step import Scene, Seconds, Step
@@ -72,7 +72,7 @@ class Episode:
         steered: bool = False,
         seen: bool = True,
         shows_goal: bool = False,
-        kept: dict[str, tuple[Any, Any]] | None = None,
+        kept: Kept | None = None,
     ) -> None:
         """Prepare a run.
 
@@ -411,7 +411,7 @@ def run(scenario: Setup) -> Iterator[Step]:
 def measured_run(
     scenario: Setup,
     each: Callable[[Step], None] | None = None,
-    kept: dict[str, tuple[Any, Any]] | None = None,
+    kept: Kept | None = None,
 ) -> tuple[list[Step], Summary]:
     """Run a scenario to its end, and return its steps without pictures, and its measures.
 
