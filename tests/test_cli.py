@@ -62,7 +62,7 @@ BAD = {
     ),
     "a start the robot cannot reach": (
         ["run", "still", "--set", "goal.depth=4"],
-        "still: start: the robot cannot bring the camera where this picture is taken: 1.69 m and "
+        "still: start: the robot cannot bring the camera to the pose for this picture: 1.69 m and "
         "14 deg are left, and joint 'z' is at its limit",
     ),
     "an .rrd that is none": (

@@ -69,7 +69,7 @@ REFUSED = (
     "this is not shipped",
     "a colour is",
     "nothing is left of a picture",
-    "pose says all of the first picture",
+    "pose sets the whole start pose",
     "the target would be below the table",
     "no AprilTag 36h11",
     "only ratios count",

@@ -210,7 +210,7 @@ def test_each_start_is_found_from_everywhere():
     [
         (
             ["goal.depth=2.5"],
-            "hand_plate: start: the robot cannot bring the target where this picture is taken: ",
+            "hand_plate: start: the robot cannot bring the target to the pose for this picture: ",
         ),
     ],
 )
@@ -254,8 +254,8 @@ def test_a_leader_leads_what_is_held_and_nothing_else_does(changes, sentence):
         ),
         (
             ["features.kind=photometric", "controller.feed_forward=[]"],
-            "leader.id: pixels are compared with one picture, taken at the first goal, so this "
-            "goal cannot move",
+            "leader.id: features made of pixels compare with one picture, taken at the first "
+            "goal, so the goal must not move",
         ),
     ],
 )

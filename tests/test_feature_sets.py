@@ -143,14 +143,14 @@ def test_a_law_that_feeds_forward_what_the_set_does_not_have_is_refused(centroid
         (
             "photometric",
             ["estimator.kind=true"],
-            "photometric: estimator: the true motion of features made of pixels is not known; choose "
+            "photometric: estimator: it needs the true motion, which is not known for features made of pixels; choose "
             "another one, such as none",
         ),
         (
             "photometric",
             ["goal.depth_to=0.7"],
-            "photometric: goal.depth_to: pixels are compared with one picture, taken at the first goal, so "
-            "this goal cannot move",
+            "photometric: goal.depth_to: features made of pixels compare with one picture, taken at the first "
+            "goal, so the goal must not move",
         ),
         (
             "photometric",

@@ -110,7 +110,7 @@ def test_an_environment_that_runs_is_not_copied():
 def test_a_start_that_cannot_be_reached_leaves_the_run_as_it_was():
     env = made(scenario="arm_line", overrides=SHORT).unwrapped
     env.reset(seed=0)
-    with pytest.raises(Mistake, match="cannot bring the camera where this picture is taken"):
+    with pytest.raises(Mistake, match="cannot bring the camera to the pose for this picture"):
         env.reset(seed=0, options={"start": {"x": 300, "y": 200}, "goal": {"depth": 1.5}})
     env.step(np.zeros(env.action_space.shape))
 

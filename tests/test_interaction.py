@@ -94,7 +94,7 @@ def test_parallel_rows_are_the_papers():
 
 def test_a_square_has_no_orientation_to_servo_on():
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.1
-    with pytest.raises(ValueError, match="equal principal moments has no orientation"):
+    with pytest.raises(ValueError, match="equal principal moments, so its angle"):
         row_theta(shape_moments.of_polygon(square), parallel(1.0))
     L = interaction(shape_moments.of_polygon(square), parallel(1.0), 1.0)
     np.testing.assert_array_equal(L[3], np.zeros(6))

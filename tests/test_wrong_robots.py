@@ -37,7 +37,7 @@ def test_a_base_that_is_too_far_away_is_a_sentence(seven, base):
     changes = ["robot.kind=mjcf", f"robot.model={seven}", f"robot.base={base}"]
     with pytest.raises(Mistake) as refused:
         Episode(load("still", changes))
-    start = "still: start: the robot cannot bring the camera where this picture is taken: "
+    start = "still: start: the robot cannot bring the camera to the pose for this picture: "
     sentence = (
         r"\d\.\d\d m and \d+ deg are left, and (joint 'joint\d' is at its "
         r"limit|no joint is at a limit; 'joint\d' is nearest to one)"

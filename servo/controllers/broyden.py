@@ -54,7 +54,7 @@ class Config:
 
 @final
 class Broyden:
-    """The control law, with the interaction matrix that it has learned so far."""
+    """The controller v = -lambda L+ e with the interaction matrix L that it has learned so far."""
 
     def __init__(self, config: Config) -> None:
         """Store the settings."""

@@ -85,7 +85,9 @@ class _Measured:
 
 @final
 class Ibvs:
-    """The control law, with its memory of earlier frames."""
+    """The controller that commands the twist v = -lambda L# e - L# de/dt + (I - L# L) z after each
+    picture. It stores what it needs of earlier pictures: features, pending commands, limits.
+    """
 
     def __init__(self, config: LawSettings, guard: Guard | None = None) -> None:
         """Store the settings.

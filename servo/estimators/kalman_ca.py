@@ -61,7 +61,8 @@ class Config:
         return ErrorFilters(self.motion)
 
     def model(self, dt: float, variance: float) -> Model:
-        """Return ViSP's model of a feature, for a filter of its differences.
+        """Return ViSP's model of a filter whose measurement is the change of a feature's error per
+        time.
 
         Args:
             dt: Frame interval [s].
@@ -84,7 +85,8 @@ class Config:
         return Model(self._F(T), np.zeros(3), np.eye(3)[0], np.diag([0.0, sQ, sQ2]), sR, P)
 
     def motion(self, dt: float) -> TargetModel:
-        """Return the model of the target's motion for a filter of the error.
+        """Return the model of how the target's motion changes a feature's error from frame to
+        frame.
 
         Args:
             dt: Frame interval [s].

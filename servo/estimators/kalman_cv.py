@@ -60,7 +60,8 @@ class Config:
         return ErrorFilters(lambda dt: motion(dt, self.rho, self.ratio))
 
     def model(self, dt: float, variance: float) -> Model:
-        """Return ViSP's model of a feature, for a filter of its differences.
+        """Return ViSP's model of a filter whose measurement is the change of a feature's error per
+        time.
 
         Args:
             dt: Frame interval [s].
@@ -75,7 +76,7 @@ class Config:
 
 
 def motion(dt: float, rho: float, ratio: float | None) -> TargetModel:
-    """Return the model of the target's motion for a filter of the error.
+    """Return the model of how the target's motion changes a feature's error from frame to frame.
 
     Args:
         dt: Frame interval [s].

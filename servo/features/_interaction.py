@@ -95,7 +95,7 @@ def row_theta(m: Moments, plane: Plane) -> Row:
     D = d**2 + 4 * m.mu11**2
     root = sqrt(D)
     if root <= ROUND * total:
-        raise ValueError("a shape with equal principal moments has no orientation to servo on")
+        raise ValueError("the shape has equal principal moments, so its angle is not defined")
     q = total / root
     c = d / root
     s = 2 * m.mu11 / root

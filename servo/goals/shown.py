@@ -22,8 +22,8 @@ class Shown:
         """
         if goal.moved_by:
             raise ValueError(
-                f"{goal.moved_by}: pixels are compared with one picture, taken at the first goal, "
-                "so this goal cannot move"
+                f"{goal.moved_by}: features made of pixels compare with one picture, taken at the "
+                "first goal, so the goal must not move"
             )
         self._goal = goal
         self._picture = picture

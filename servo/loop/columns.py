@@ -62,7 +62,7 @@ class Columns:
         return np.frombuffer(self._rows, self._kind)[name]
 
     def add(self, step: Step) -> None:
-        """Append the numbers of a step."""
+        """Append a row with the values of `NUMBERS` for a step."""
         row = {name: np.asarray(of(step)) for name, of in NUMBERS.items()}
         last = self.final[-1] if self.final else step
         row["other_picture"] = np.asarray(step.truth_estimated is not last.truth_estimated)

@@ -205,7 +205,7 @@ class Episode:
                 carried = self.world.robot.mounting.carried
                 hint = self.world.robot.advice
                 raise ValueError(
-                    f"the robot cannot bring the {carried} where this picture is taken: "
+                    f"the robot cannot bring the {carried} to the pose for this picture: "
                     f"{reach}{hint}"
                 )
         return reach

@@ -97,8 +97,8 @@ class Law:
             return
         if self.uses_pictures:
             raise ValueError(
-                "estimator: the true motion of features made of pixels is not known; choose "
-                "another one, such as none"
+                "estimator: it needs the true motion, which is not known for features made of "
+                "pixels; choose another one, such as none"
             )
         if not true_motion:
             raise ValueError(NO_TRUTH)

@@ -31,7 +31,7 @@ from tracking.types import Estimate, Region, State
 
 
 class TrueMotion(Protocol):
-    """Function that returns the true motion of the target, which a simulation knows."""
+    """Function that returns how the target's own motion changes the features (simulations only)."""
 
     def __call__(self, picture: int, begin: float, end: float) -> Array:
         """Return the mean de/dt (k,) caused by the target's own motion between two times [s], for

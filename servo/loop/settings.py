@@ -110,8 +110,8 @@ class StartConfig:
     def __post_init__(self) -> None:
         if self.pose is not None and replace(self, pose=None) != StartConfig():
             raise ValueError(
-                "pose says all of the first picture; leave x, y, angle_deg, scale, tilt_deg and "
-                "tilt_towards_deg out"
+                "pose sets the whole start pose; leave out x, y, angle_deg, scale, tilt_deg and "
+                "tilt_towards_deg"
             )
 
 

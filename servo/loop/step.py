@@ -38,7 +38,7 @@ class Seconds:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Constants of a run: camera, target, features, frame interval."""
+    """Values that do not change in a run: camera, target, features, frame interval [s], model."""
 
     camera: Camera
     outline: Array
