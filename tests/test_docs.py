@@ -114,6 +114,17 @@ def test_the_overview_of_tutorials_shows_their_pictures(site):
 
 
 @pytest.mark.processes
+def test_formulas_of_the_manuals_are_rendered(site):
+    pages = {name: (site / name / "README.html").read_text() for name in ("servo", "tracking")}
+    counts = {
+        name: text.count('<math xmlns="http://www.w3.org/1998/Math/MathML" display="block">')
+        for name, text in pages.items()
+    }
+    assert counts == {"servo": 4, "tracking": 1}
+    assert "<mi>&#x003BB;</mi><msup><mi>L</mi>" in pages["servo"]  # lambda L#
+
+
+@pytest.mark.processes
 def test_a_tutorial_leads_to_its_notebook(site):
     tutorials = {path.stem for path in (ROOT / "servo" / "tutorials").glob("*.md")} - {"README"}
     assert {path.stem for path in (site / "notebooks").glob("*.ipynb")} == tutorials

@@ -8,7 +8,7 @@ import sys
 from importlib.metadata import version as installed
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))  # where the extension `pages` is
+sys.path.insert(0, str(Path(__file__).parent))  # where `formulas` and `pages` are
 
 project = "servobench"
 author = "The servobench developers"
@@ -24,6 +24,7 @@ include_patterns = [
 ]
 exclude_patterns = [".*", "runs", "dist", "servo/cli/templates", "servo/docs/paper.md"]
 extensions = [
+    "formulas",
     "myst_parser",
     "pages",
     "sphinx.ext.autodoc",
@@ -34,9 +35,11 @@ extensions = [
 html_theme = "furo"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_math_renderer = "mathml"
 html_title = "servobench"
 html_show_copyright = False
 html_show_sourcelink = False
+myst_fence_as_directive = ["math"]  # as GitHub writes formulas
 myst_heading_anchors = 4
 myst_enable_extensions = ["html_image"]  # a picture with a width, as on GitHub
 autodoc_member_order = "groupwise"
