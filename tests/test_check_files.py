@@ -136,7 +136,7 @@ def test_a_name_that_xml_cannot_have_is_written_out(tmp_path, name):
 def test_a_file_that_cannot_be_written_is_refused_before_the_runs(tmp_path, name):
     (tmp_path / "folder.xml").mkdir()
     (tmp_path / "link.xml").symlink_to("/dev/null")
-    sentence = rf"/{name}: this should be a file to write, in a folder that is there$"
+    sentence = rf"/{name}: this should be a file to write, in a folder that exists$"
     with pytest.raises(Mistake, match=sentence):
         checked(tmp_path, 1000, junit=tmp_path / name)
 

@@ -75,7 +75,7 @@ def test_what_a_log_has_in_vain_is_named_and_the_drives_own_servo_too(logged, tm
     names = ["joint_x" if name == "joint_x_m" else name for name in table.column_names]
     pyarrow.csv.write_csv(table.rename_columns(names), tmp_path / "log.csv")
     done = run(tmp_path / "log.csv", "--out", tmp_path / "out")
-    assert done.output.endswith("columns without a meaning here, or without numbers: joint_x\n")
+    assert done.output.endswith("unused columns (unknown names, or no numbers): joint_x\n")
     number = r"([\d.]+)"
     [before] = re.findall(rf"# delay {number} .* before the drive", done.output)
     [(after, own)] = re.findall(rf"lag_ms = {number} .*, which adds {number} ms", done.output)

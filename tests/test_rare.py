@@ -117,8 +117,8 @@ def test_runs_that_finish_when_they_are_tried_again_are_told(monkeypatch, tmp_pa
     assert sweep_command.run(*arguments) == 0
     out, err = capfd.readouterr()
     assert (
-        "servobench: out/failures: 2 of the runs finished only when they were tried again: "
-        "something in them does not repeat itself\n"
+        "servobench: out/failures: 2 of the runs failed first and finished when tried again: "
+        "a part in them does not give the same result each time\n"
     ) in err
     assert "No run reaches measure.after: what counts from there on has no value.\n" in out
 

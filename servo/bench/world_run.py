@@ -36,20 +36,24 @@ ERROR = "error_sizes"
 
 @dataclass(frozen=True, slots=True)
 class WorldRun:
-    """A subject of jobs: a contestant in a world."""
+    """A contestant in a world, as the subject of a study's job."""
 
     benchmark: str
-    """Its name and hash."""
+    """Name and hash of the benchmark."""
     name: str
-    """The condition."""
+    """Name of the condition."""
     table: Table
+    """The scenario's TOML table."""
 
     def describe(self) -> dict[str, Any]:
-        """Return the benchmark's version, and the scenario's table."""
+        """Return the benchmark's name with its hash, and the scenario's table, by these words."""
         return {"benchmark": self.benchmark, "scenario": self.table}
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the contestant."""
+        """Run the contestant in the world, and return the record with the error of each picture.
+
+        No file is written into `folder`.
+        """
         del folder
         scenario = parse(self.table, job.settings[WORLD], self.benchmark)
         sheet = Sheet(scenario.frames)
@@ -90,10 +94,10 @@ def _run(scenario: Scenario, each: Callable[[Step], None] | None) -> Columns:
 
 
 def errors_of(run: Columns, frames: int) -> Array:
-    """Return how far the target's centre is from the goal (frames,), in sizes of the target.
+    """Return the image distance of the target's centre from its goal (frames,) [target sizes].
 
-    Its size is that at the goal, the square root of its area [px]. A picture that a run did not
-    reach, or in which the target is behind the camera, is infinitely far.
+    A target size is the square root of the target's area in the goal picture [px]. The distance
+    is infinite where the run ended before, or the target is behind the camera.
     """
     x, y = run.first.truth.corners.T
     area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
@@ -106,7 +110,9 @@ def errors_of(run: Columns, frames: int) -> Array:
 def jobs_of(
     benchmark: Benchmark, contestants: Sequence[Contestant], worlds: Sequence[World]
 ) -> list[Job]:
-    """Return the jobs of some contestants in some worlds, those with slower trackers included."""
+    """Return a job for each contestant in each world, and those with the slower trackers of the
+    benchmark's `slow`.
+    """
     of = f"{benchmark.name} {benchmark.hash}"
     slow = benchmark.slow
     found = list[Job]()

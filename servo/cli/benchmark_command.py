@@ -1,4 +1,4 @@
-"""The command `servobench benchmark`: contestants in a public benchmark, and their rows."""
+"""The command `servobench benchmark`: run contestants in a public benchmark, publish and verify."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ from rich.console import Console
 
 from servo.bench.audit import (
     Audit,
-    Repeated,
+    WorldComparison,
     audit,
+    compare_run,
     errors_file,
-    errors_text,
+    errors_parquet,
     read_errors,
-    repeated,
     sample,
 )
 from servo.bench.benchmark import QUICK, Band, Benchmark, World, load
@@ -41,11 +41,11 @@ from tracking.wrapped.trax_client import TraxClient
 
 @dataclass(frozen=True, slots=True)
 class BenchmarkRequest:
-    """The options of the command line."""
+    """The options of `servobench benchmark`."""
 
     name: str
     given: Sequence[str]
-    """Contestants."""
+    """The contestants, as `contestants` takes them."""
     changes: Sequence[str]
     band: str | None
     sealed: str | None
@@ -59,12 +59,12 @@ class BenchmarkRequest:
 
     @property
     def folder(self) -> Path:
-        """Where the results are written."""
+        """The folder of the results."""
         return self.out or Path("runs") / f"benchmark-{self.name}"
 
     @property
     def command(self) -> str:
-        """The command line, without --out and --workers."""
+        """The command line that repeats the runs, without --out and --workers."""
         return command_line(
             "benchmark",
             self.name,
@@ -77,7 +77,10 @@ class BenchmarkRequest:
 
 
 def run(request: BenchmarkRequest) -> int:
-    """Run contestants in a benchmark, and write their rows; the exit code: 1 if a run failed.
+    """Run contestants in a benchmark and write their rows, or verify a published row.
+
+    Returns:
+        The exit code: 1 if a run failed or a verified row is wrong, else 0.
 
     Raises:
         Mistake: A contestant is wrong, or the folder cannot be used.
@@ -137,28 +140,28 @@ def _try_out(scenario: Scenario, console: Console) -> None:
 
 
 def _band(request: BenchmarkRequest, chosen: Sequence[Contestant]) -> Band:
-    """Return the worlds that are asked for.
+    """Return the band (set of worlds) that the options ask for.
 
     Raises:
         Mistake: There are several contestants where only one may be.
     """
     several = len(chosen) != 1
     if request.submit is not None and several:
-        raise Mistake("--submit takes the row of one contestant: name one with --contestant")
+        raise Mistake("--submit writes the row of one contestant: name one with --contestant")
     if request.sealed is None:
         return Band("v1" if request.band == "v1" else "dev")
     if several:
         raise Mistake("sealed worlds are drawn for one contestant: name one with --contestant")
     if chosen[0].is_unknown:
         raise Mistake(
-            f"sealed worlds follow from the code of '{chosen[0].name}', and none was found: name "
-            "its file or its module"
+            f"sealed worlds follow from the code of '{chosen[0].name}', but no code was found: "
+            "name the contestant's file or module"
         )
     return Band("sealed", request.sealed, chosen[0].digest)
 
 
 def _keep(store: Store, rows: Sequence[Row]) -> None:
-    """Write the rows, and the table of all runs."""
+    """Write the rows and the table of all runs into the folder of a store."""
     atomic.folder(store.folder, benchmark_section.ROWS)
     for row in rows:
         name = f"{benchmark_section.ROWS}/{file_name(row.contestant)}"
@@ -212,7 +215,7 @@ def _submit(file: Path, row: Row, records: Sequence[Record]) -> None:
     own = [r for r in records if r.settings[CONTESTANT] == row.contestant]
     with writing(file, "this row"):
         atomic.write(file.parent, file.name, row.text())
-        atomic.write(file.parent, errors_file(file).name, errors_text(own))
+        atomic.write(file.parent, errors_file(file).name, errors_parquet(own))
 
 
 def _verify(
@@ -223,19 +226,22 @@ def _verify(
     console: Console,
     rng: np.random.Generator,
 ) -> int:
-    """Audit a row, and repeat a tenth of its worlds; the exit code: 1 if something is wrong.
+    """Audit a row, and repeat a tenth of its worlds.
 
     Args:
-        benchmark: Which the row should be of.
-        file: The row.
-        given: Contestants of the command line, if any.
+        benchmark: The benchmark that the row should be of.
+        file: The row's file.
+        given: Contestants of the command line; None without any.
         count: Number of workers.
-        console: Where the findings are printed.
+        console: The output of the command.
         rng: Draws the worlds.
 
+    Returns:
+        The exit code: 1 if a world differs or the row contradicts itself, else 0.
+
     Raises:
-        Mistake: The file is no row of this version, a guest's command is not given again, or a run
-            failed.
+        Mistake: The file is not a row of this version, a guest's command is not given again, or a
+            run failed.
     """
     row = Row.read(file)
     check_version(benchmark, row)
@@ -247,25 +253,25 @@ def _verify(
     jobs = jobs_of(benchmark, [one], worlds)
     if errors is None:
         jobs = [job for job in jobs if job.settings[SLOW] == 0.0]
-    runs = list[Repeated]()
+    runs = list[WorldComparison]()
     with Workers(count) as workers, progress(console, f"verify {file.name}", len(jobs)) as ended:
         for job, record in execute(jobs, workers):
             if isinstance(record, Failure):
                 raise Mistake(f"{job.settings[WORLD]}: {record.reason}")
-            runs.append(repeated(benchmark, row, errors, record))
+            runs.append(compare_run(benchmark, row, errors, record))
             ended(job.settings[WORLD])
     return _print_audit(console, row, found, runs)
 
 
-def _print_audit(console: Console, row: Row, found: Audit, runs: Sequence[Repeated]) -> int:
-    """Print what was found; the exit code."""
+def _print_audit(console: Console, row: Row, found: Audit, runs: Sequence[WorldComparison]) -> int:
+    """Print the findings of an audit; return the exit code: 1 if something is wrong."""
     every = {run.world for run in runs}
     differing = {run.world for run in runs if not run.agrees}
     rounded = {run.world for run in runs if run.agrees and not run.exactly} - differing
     agree = len(every) - len(differing) - len(rounded)
     plain(console, f"{row.contestant}: {agree} of {len(every)} worlds agree, bit for bit")
     if rounded:
-        plain(console, f"  {len(rounded)} more agree but for the rounding of another processor")
+        plain(console, f"  {len(rounded)} more agree except for rounding by another processor")
     for key in sorted(differing):
         plain(console, f"  {key} differs")
     for sentence in found.faults:
@@ -276,14 +282,17 @@ def _print_audit(console: Console, row: Row, found: Audit, runs: Sequence[Repeat
 
 
 def _contestant(benchmark: Benchmark, row: Row, given: Sequence[Contestant] | None) -> Contestant:
-    """Return the contestant of a row: a shipped one by name; nothing that a file names is run."""
+    """Return the contestant of a row: that of the command line, or a shipped one by its name.
+
+    Code that a row's file names is not run.
+    """
     if given is not None:
         return given[0]
     ours = {one.name: one for one in (*home_of(benchmark), *scale_of(benchmark))}
     if row.division not in (Division.HOME.name, Division.SCALE.name) or row.contestant not in ours:
         raise Mistake(
-            f"'{row.contestant}' is not shipped: give it again with --contestant, as its command "
-            f"does: {row.command}"
+            f"the contestant '{row.contestant}' is not shipped: name it with --contestant, as in "
+            f"the row's command: {row.command}"
         )
     return ours[row.contestant]
 

@@ -1,4 +1,4 @@
-"""The command `servobench check`: test scenarios against their bounds, also for other programs."""
+"""The command `servobench check`: test scenarios against their bounds, and report to programs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -37,7 +37,7 @@ TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckFile(Made):
-    """The file of --json."""
+    """The file that --json writes: the results of a check."""
 
     FILE: ClassVar[str] = "check.json"
     KIND: ClassVar[str] = "check"
@@ -51,7 +51,7 @@ class CheckFile(Made):
 
 
 def _described(job: Job, end: Record | Failure) -> dict[str, Any]:
-    """Return the entry of a run in the files."""
+    """Return the entry of a run for --json and --junit."""
     entry = _entry(job.subject.name, job.seed, job.command)
     if isinstance(end, Failure):
         return entry | {"failed": end.reason}
@@ -66,7 +66,7 @@ def _described(job: Job, end: Record | Failure) -> dict[str, Any]:
 
 
 def _entry(name: str, seed: int, command: str) -> dict[str, Any]:
-    """Return the entry of a run that has no result."""
+    """Return the entry of a run without a result for --json and --junit."""
     run = {"scenario": name, "seed": seed, "command": command, "seconds": 0.0, "outcome": ""}
     return run | {"measures": {}, "missed": [], "failed": "", "unjudged": ""}
 
@@ -87,8 +87,18 @@ def check_scenarios(
     junit: Path | None = None,
     json: Path | None = None,
 ) -> int:
-    """Run scenarios, each with `count` seeds from `seed` on, and print the bounds that they miss;
-    write this also into the files `junit` (XML) and `json`.
+    """Run scenarios and print the bounds that they miss.
+
+    Args:
+        names: The scenarios; none: all shipped ones with bounds.
+        changes: Changes of settings, such as "run.duration=5".
+        seed: The first seed of each scenario.
+        count: Number of seeds of each scenario.
+        workers: Number of processes.
+        quiet: Whether to print nothing but mistakes and missed bounds.
+        dry_run: Whether to print only how many runs there are and how long they take.
+        junit: A file for JUnit's XML.
+        json: A file for all measures.
 
     Returns:
         The exit code: 1 if a bound was missed or a run failed, 2 if a run failed because of the
@@ -144,7 +154,7 @@ def check_scenarios(
 
 
 def _print_short(errors: Console, jobs: Sequence[Job]) -> None:
-    """Print which scenarios end before their errors count, or have bounds without an effect."""
+    """Print doubts about scenarios: measures without a value, bounds that decide nothing."""
     found = {job.subject.name: measures_lines(_scenario(job)) for job in jobs}
     for name, lines in found.items():
         for line in lines:
@@ -189,15 +199,15 @@ def _write(
 
 
 def _check_changes(changes: Sequence[str]) -> None:
-    """Refuse a change of run.seed, which --seed and --seeds set."""
+    """Check that no change sets run.seed, which --seed and --seeds set."""
     for item in changes:
         key, value = assignment(item)
         if key == "run.seed" or (key == "run" and isinstance(value, dict) and "seed" in value):
-            raise Mistake(f"--set {item}: a check gives the seeds; use --seed and --seeds")
+            raise Mistake(f"--set {item}: use --seed and --seeds in place of it")
 
 
 def _carry_out(jobs: Sequence[Job], workers: int, console: Console, ends: dict[int, End]) -> None:
-    """Do all runs, and enter the end of each into `ends`, by its job's number."""
+    """Do all runs, and add the record or failure of each to `ends`, by its job's number."""
     pool = Workers(min(workers, len(jobs)))
     with pool, progress(console, "check", len(jobs)) as ended:
         try:
@@ -205,11 +215,15 @@ def _carry_out(jobs: Sequence[Job], workers: int, console: Console, ends: dict[i
                 ends[job.number] = job, end
                 ended(f"{job.subject.name}, seed {job.seed}")
         except ClusterLost as error:
-            raise Refused(f"{error}; the check has no result") from None
+            raise Refused(
+                f"{error}; the check was stopped without a result: run it again"
+            ) from None
 
 
 def _print_failures(ends: Sequence[End]) -> int:
-    """Print why runs failed, each mistake once; return the exit code."""
+    """Print why runs failed, each mistake once; return the exit code: 2 for a mistake of the user,
+    1 for another failure, 0 without one.
+    """
     failed = [(job, end) for job, end in ends if isinstance(end, Failure)]
     mistakes: dict[str, list[str]] = {}
     for job, end in failed:
@@ -262,7 +276,7 @@ def _check_place(path: Path | None, suffix: str) -> None:
     check_suffix(path, suffix)
     other = path.is_symlink() or (path.exists() and not path.is_file())
     if other or not path.absolute().parent.is_dir():
-        raise Mistake(f"{path}: this should be a file to write, in a folder that is there")
+        raise Mistake(f"{path}: this should be a file to write, in a folder that exists")
 
 
 def _junit(runs: list[dict[str, Any]], shares: Sequence[DrawnShare], command: str) -> str:
@@ -291,7 +305,7 @@ def _junit(runs: list[dict[str, Any]], shares: Sequence[DrawnShare], command: st
 
 
 def _add_case(suite: ElementTree.Element, scenario: str, of: str) -> ElementTree.Element:
-    """Add a test case to a suite, and return it."""
+    """Add a test case of a scenario to a suite, and return the case."""
     name = one_line(scenario)
     described = {"classname": f"servobench.{name}", "name": f"{name}, {of}"}
     return ElementTree.SubElement(suite, "testcase", described)

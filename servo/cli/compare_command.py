@@ -1,4 +1,4 @@
-"""The command `servobench compare`: a study of some variants, with its page, table and figures."""
+"""The command `servobench compare`: a study of variants (parts, settings) with page and figures."""
 
 import re
 from collections.abc import Sequence
@@ -22,15 +22,15 @@ from sim.camera import gl
 
 AXIS = "variant"
 AS_IT_IS = "as it is"
-"""Variant without any change, beside which a single one is shown."""
+"""Name of the variant without any change, which is added to a single one."""
 MEASURED = "run.tracker_ms=measured"
 NEXT = re.compile(r",(?=[\w.\"]+=)")
-"""The commas between settings; those inside of a list stay."""
+"""Commas between settings; those inside of a list do not match."""
 
 
 @dataclass(frozen=True, slots=True)
 class CompareRequest:
-    """The options of the command line."""
+    """The options of `servobench compare`."""
 
     scenarios: Sequence[str]
     tracker: Sequence[str]
@@ -49,7 +49,7 @@ class CompareRequest:
 
     @property
     def command(self) -> str:
-        """The command line, without --out and --workers."""
+        """The command line that repeats the comparison, without --out and --workers."""
         return command_line(
             "compare",
             *self.scenarios,
@@ -64,7 +64,10 @@ class CompareRequest:
 
 
 def run(request: CompareRequest) -> int:
-    """Do the missing runs and write page, table and figures; the exit code is that of a study.
+    """Do the missing runs and write page, table and figures.
+
+    Returns:
+        The exit code: 1 if a run failed, else 0.
 
     Raises:
         Mistake: A variant or a scenario is wrong, or the folder cannot be used.

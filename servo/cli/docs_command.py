@@ -1,4 +1,4 @@
-"""What `servobench docs` does: build the documentation's pages from a checkout."""
+"""The command `servobench docs`: build the documentation's pages from a checkout."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -16,7 +16,7 @@ CHECKOUT = "docs needs a checkout of servobench: this is an installed package, w
 
 
 def build(out: Path, *, still: bool = False, run: bool = False) -> Path:
-    """Build what is missing or has changed; return the first page.
+    """Build the pages of the documentation that are missing or have changed; return the first page.
 
     Args:
         out: The folder to write.

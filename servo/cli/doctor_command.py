@@ -21,13 +21,17 @@ from sim.kinds import UnknownKind
 from tracking.wrapped.cv2_tracker import running
 
 WAITS = "run.latency=0"
-"""With this a run waits for each picture, and makes none meanwhile."""
+"""Without latency a run makes each picture only when it is needed, so that its time counts."""
 AGAIN = "install servobench again, in an environment of its own"
 FINE = "All is well. To begin with: servobench run reversal"
 
 
 def examine() -> int:
-    """Print back end, renderer, versions and speed of this machine; the exit code."""
+    """Print OpenGL back end, renderer, versions and speed of this machine.
+
+    Returns:
+        The exit code: 1 if a package is broken, else 0.
+    """
     console = Console()
     opengl = gl.is_there()
     scenario = scenarios.load("still", [WAITS])
@@ -54,7 +58,7 @@ def examine() -> int:
 
 
 def _overwritten() -> list[str]:
-    """Return which of our packages another distribution has overwritten with its own."""
+    """Return a sentence for each package of servobench that another package has overwritten."""
     found: list[str] = []
     for file in files("servobench") or []:
         place = Path(str(file.locate()))
@@ -66,7 +70,7 @@ def _overwritten() -> list[str]:
 
 
 def _broken() -> list[str]:
-    """Return why kinds of installed packages cannot be used."""
+    """Return a sentence for each kind of an installed package that cannot be used."""
     reasons: list[str] = []
     for kinds in [registry for registry, _ in PLUGINS.values()] + list(LISTS.values()):
         for kind in filter(kinds.package_of, kinds.names()):

@@ -31,12 +31,12 @@ from tracking.files.csv_text import csv_text
 COLUMNS = (TRACKER, "sequence", "family", "seed", "drawn", "frames")
 """Columns of runs.csv before those of the measures."""
 WIDE = 7
-"""Most columns of a table that fit beside its names."""
+"""Most columns of numbers of a printed table."""
 
 
 @dataclass(frozen=True, slots=True)
 class EvaluateRequest:
-    """The options of the command line."""
+    """The options of `servobench evaluate`."""
 
     suite: str
     trackers: str | None
@@ -48,17 +48,20 @@ class EvaluateRequest:
 
     @property
     def folder(self) -> Path:
-        """Where the results are written."""
+        """The folder of the results."""
         return self.out or Path("runs") / f"evaluate-{Path(self.suite).stem}"
 
     @property
     def command(self) -> str:
-        """The command line, without --out and --workers."""
+        """The command line that repeats the evaluation, without --out and --workers."""
         return command_line("evaluate", self.suite, trackers=self.trackers, seeds=self.seeds)
 
 
 def run(request: EvaluateRequest) -> int:
-    """Compare trackers; the exit code: 1 if a run failed.
+    """Compare trackers on the sequences of a suite, and write and print tables and curves.
+
+    Returns:
+        The exit code: 1 if a run failed, else 0.
 
     Raises:
         Mistake: The suite or a tracker is wrong, or the folder cannot be used.
@@ -96,19 +99,19 @@ def run(request: EvaluateRequest) -> int:
 
 
 def _forget_lost_tracks(jobs: Sequence[Job], store: Store) -> None:
-    """Let jobs be done again whose tracks are missing, cut or damaged."""
+    """Forget the records of jobs whose track files are missing or damaged: they are done again."""
     done = [job for job in jobs if job.key in store.done]
     for job, record in zip(done, store.records(done), strict=True):
         if not isinstance(job.subject, TrackedSequence):
             continue
         path = job.subject.track_path(store.folder, job.seed)
         if _length(path) != record.settings["frames"]:
-            complain(f"{path}: this track is missing or damaged; it is computed again")
+            complain(f"{path}: this track is missing or damaged and is computed again")
             store.forget(job)
 
 
 def _length(path: Path) -> int:
-    """Return the number of rows of a track; 0 if it cannot be read."""
+    """Return the number of rows of a track's file; 0 if it cannot be read."""
     try:
         return len(read_track(path).states)
     except ValueError:
@@ -185,7 +188,7 @@ def _write(
 
 
 def print_ranks(console: Console, ranks: Sequence[Rank]) -> None:
-    """Print the table of all trackers, and success by sequence if there are several."""
+    """Print the table of all trackers, and, if it fits, their success by sequence."""
     print_table(console, bench_section.trackers_table(ranks))
     families = bench_section.families_table(ranks)
     if families is not None and len(families.head) <= WIDE + 1:
@@ -194,7 +197,9 @@ def print_ranks(console: Console, ranks: Sequence[Rank]) -> None:
 
 
 def _sheets(subjects: Sequence[TrackedSequence], best: str, folder: Path) -> Path:
-    """Write a contact sheet of each sequence's first seed with the best tracker's estimate."""
+    """Write a contact sheet of each sequence with the best tracker's estimates of seed 0; return
+    the folder.
+    """
     place = atomic.folder(folder, bench_section.SHEETS)
     for subject in subjects:
         if subject.contender.label == best:

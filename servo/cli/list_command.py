@@ -39,7 +39,7 @@ def show(name: str) -> None:
     """Print the kinds of a part, or the settings of a section or a kind.
 
     Raises:
-        Mistake: There is nothing of that name.
+        Mistake: There is no part, section or kind of that name.
     """
     from servo.scenario.tables import SECTIONS  # it takes time to import
 
@@ -118,7 +118,12 @@ def _show_settings(title: str, about: str, rows: list[tuple[str, str, str]]) -> 
 
 
 def settings_rows(prefix: str, settings: type[BaseModel]) -> list[tuple[str, str, str]]:
-    """Return name, default and meaning of every setting, including those of nested tables."""
+    """Return name, default and meaning of every setting of a table, with those of tables in it.
+
+    Args:
+        prefix: Name of the table, such as "camera".
+        settings: The table's model.
+    """
     rows = list[tuple[str, str, str]]()
     for name, field in settings.model_fields.items():
         default = field.default

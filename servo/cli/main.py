@@ -1,4 +1,4 @@
-"""The command line. Heavy imports happen inside the commands."""
+"""The command line `servobench` with all its commands; each imports its own code when it runs."""
 
 import sys
 from dataclasses import replace
@@ -13,7 +13,7 @@ from servo.cli.outputs import PORT, PORTS, Outputs, output_options, serve
 from sim.ranges import LONGEST
 
 PARTS = ("tracker", "law", "features", "estimator", "motion", "robot", "scenarios")
-"""What `servobench new` begins."""
+"""Parts that `servobench new` can begin."""
 
 
 @click.group(
@@ -202,7 +202,7 @@ def benchmark(**options: Any) -> None:
 @app.command(hidden=True, add_help_option=False, context_settings={"ignore_unknown_options": True})
 @click.argument("words", nargs=-1, type=click.UNPROCESSED)
 def bench(**_: Any) -> None:
-    """Name the two commands that took the place of this one."""
+    """Print which two commands took the place of `bench`."""
     raise click.UsageError(
         "bench is now two commands: `servobench evaluate SUITE` compares trackers on sequences, "
         "`servobench benchmark loop-v1` (or servo-v1) runs a public benchmark"
@@ -403,7 +403,7 @@ def film(first: str, second: str, out: Path, quiet: bool) -> None:
     def asked(words: list[str]) -> Scenario:
         given = run.make_context("run", words).params
         if given["ros2"]:
-            raise Mistake("film: a run that ROS 2 drives cannot be done again")
+            raise Mistake("film: a run with --ros2 cannot be repeated: name another run")
         return load(given["scenario"], given["changes"], given["seed"])
 
     write((first, second), asked, out, quiet=quiet)
@@ -499,5 +499,5 @@ def identify(log: Path, scenario: str, out: Path | None) -> None:
 
 
 def main() -> None:
-    """Run the command line `servobench`; a failure is one sentence on stderr and an exit code."""
+    """Run the command line `servobench`; print a failure as one sentence and exit with its code."""
     guarded(app)

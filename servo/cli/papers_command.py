@@ -48,8 +48,19 @@ def run(
     dry_run: bool,
     quiet: bool,
 ) -> int:
-    """Test claims; the exit code: 1 if a run failed, or a full run on the registered seeds found
-    another verdict than is known.
+    """Test claims of the papers again, and print and write the verdicts.
+
+    Args:
+        names: The claims; none: all.
+        effort: Number of seeds, sequences and first seed.
+        workers: Number of processes.
+        out: The folder; None: runs/papers, or another name for other seeds.
+        dry_run: Whether to print only how many runs there are and how long they take.
+        quiet: Whether to print nothing but mistakes and changed verdicts.
+
+    Returns:
+        The exit code: 1 if a run failed, or if a full run on the registered seeds found another
+        verdict than the published one, else 0.
 
     Raises:
         Mistake: There is no such claim, none of the claims uses the given sequences, or the seeds
@@ -129,7 +140,7 @@ def _described(command: str) -> StudyFile:
 
 
 def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
-    """The claims of these names, or all.
+    """Return the claims of these names, or all.
 
     Raises:
         Mistake: There is no such claim, or none of the claims uses the given sequences.
@@ -138,7 +149,7 @@ def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
     check_known(names, there, "papers", "claim")
     chosen = [there[name] for name in names] if names else list(CLAIMS)
     if effort.sequences is not None and there[JOINED] not in chosen:
-        raise Mistake(f"papers: --sequences joins {JOINED}, which is not among these claims")
+        raise Mistake(f"papers: --sequences needs the claim {JOINED}: name {JOINED} too")
     if effort.first is not None:
         _check_first(effort, effort.first, chosen)
         return [replace(claim, rule=claim.rule.on(effort.first)) for claim in chosen]
@@ -146,10 +157,10 @@ def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
 
 
 def _check_first(effort: Effort, first: int, chosen: Sequence[Claim]) -> None:
-    """Refuse seeds that say nothing about a claim.
+    """Check that the claims can be tested on seeds from `first` on.
 
     Raises:
-        Mistake: They are those of tuning, or a claim tunes, or one seed is enough.
+        Mistake: These seeds were used for tuning, a claim is about tuning, or --quick is given.
     """
     if effort.quick:
         raise Mistake("papers: --quick has its own seed; leave out --first-seed")
@@ -160,7 +171,7 @@ def _check_first(effort: Effort, first: int, chosen: Sequence[Claim]) -> None:
         )
     tuning = [claim.name for claim in chosen if claim in TUNING]
     if tuning:
-        raise Mistake(f"papers: {tuning[0]} tunes on its own seeds; leave out --first-seed")
+        raise Mistake(f"papers: {tuning[0]} has its own seeds for tuning; leave out --first-seed")
 
 
 def _folder(effort: Effort) -> str:
@@ -179,7 +190,7 @@ def _print_beside(console: Console, found: Found, first: int) -> None:
 
 
 def _print_rule(console: Console, claim: Claim) -> None:
-    """Print what is claimed and how it will be judged, before anything is run."""
+    """Print a claim and the rule by which its runs will be judged."""
     console.print(f"\n[bold]{claim.name}[/] {escape(claim.says)}", highlight=False)
     for name, text in asdict(claim.rule).items():
         console.print(f"  {name + ':':9} {escape(text)}", highlight=False)

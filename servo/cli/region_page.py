@@ -1,7 +1,7 @@
-"""A page on 127.0.0.1 on which a person draws a region, for machines without a desktop.
+"""A page on 127.0.0.1 on which the user draws a region, for machines without a desktop.
 
-Its address holds a random token, so that other users of the machine cannot answer, and no other
-page in the browser. The server ends with the first answer.
+The page's address holds a random token, so that neither other users of the machine nor other pages
+in the browser can answer. The server ends with the first answer.
 """
 
 import base64
@@ -45,27 +45,33 @@ HEADERS = {
 DIGITS = 6
 """Digits of a region's numbers."""
 CANCELLED = "cancelled"
-"""The answer of a person who draws no region."""
+"""The answer of a user who cancels."""
 ANSWER = pydantic.TypeAdapter[Box | Literal["cancelled"]](Box | Literal["cancelled"])
 
 
 def select(
     source: str, pictures: Iterator[Picture], region: str | None
 ) -> tuple[str, Iterator[Picture]]:
-    """Let a person draw the region in the first picture.
+    """Let the user draw the target's region in the first picture.
+
+    Args:
+        source: Name of the source, for the page and for errors.
+        pictures: The pictures of the source.
+        region: The option --region, which must be None.
 
     Returns:
-        The region as a text for `region_of`, and all pictures.
+        The region as a text "X,Y,W,H[,DEG]", and all pictures.
 
     Raises:
-        Mistake: There is a region already, the first picture cannot be read, or none was drawn.
+        Mistake: There is a region already, the first picture cannot be read, or the user drew no
+            region.
         ValueError: The source cannot be read.
     """
     if region is not None:
         raise Mistake("give --region or --select, not both")
     first = next(pictures, None)
     if first is None:
-        raise Mistake(f"{source}: there are no pictures in it")
+        raise Mistake(f"{source}: this source has no pictures")
     if first.image is None:
         raise Mistake(f"{first.name}: the first picture cannot be read: {first.reason}")
     box = ask(first.image, source)
@@ -81,24 +87,24 @@ def _say(text: str) -> None:
 
 
 def ask(image: Image, name: str) -> Box | None:
-    """Serve the page until it is answered, and open it in a browser where there is a desktop.
+    """Serve a page on which the user draws a region, and open it where there is a desktop.
 
     Args:
         image: The picture, RGB (H, W, 3).
         name: The source's name, for the title.
 
     Returns:
-        The region; None if the person cancelled.
+        The region (left, top, width, height [px], rotation [deg]); None if the user cancelled.
 
     Raises:
-        Mistake: There was no answer in time.
+        Mistake: The user did not answer within 10 minutes.
     """
     with _Server(_page(image, name)) as server:
         server.begin()
         address = server.address
         _say(
             f"draw the region on this page: {address}\n"
-            f"  (of another machine: first ssh -L {server.port}:{HOST}:{server.port} THIS-MACHINE)"
+            f"  (on another machine: first ssh -L {server.port}:{HOST}:{server.port} THIS-MACHINE)"
         )
         if has_display():
             webbrowser.open(address)
@@ -124,7 +130,7 @@ def _page(image: Image, name: str) -> bytes:
 
 
 class _Server(LocalServer):
-    """Serves one page at an address that nobody can guess."""
+    """Server of one page at an address that nobody can guess."""
 
     def __init__(self, page: bytes) -> None:
         super().__init__(0, _Handler, f"/{secrets.token_urlsafe(16)}")
@@ -133,7 +139,7 @@ class _Server(LocalServer):
 
 
 class _Handler(LocalHandler):
-    """Sends the page, and takes its answer."""
+    """Handler of requests: GET sends the page, POST takes the user's answer."""
 
     server: _Server  # pyright: ignore[reportIncompatibleVariableOverride]
 

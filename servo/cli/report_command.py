@@ -28,7 +28,7 @@ PAGE = "report.html"
 PAGES = (".html", ".htm")
 FIGURES = "figures"
 """Folder of the figures, beside the page."""
-ONLY_STUDIES = "--measures is for the folders of sweep and compare"
+ONLY_STUDIES = "--measures is only for folders of sweep and compare"
 
 
 def _study(folder: Path, measures: Sequence[str] | None) -> Section:
@@ -48,15 +48,15 @@ KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Section]], ...] = (
     ((PapersReport.FILE,), papers_section.section),
     ((TABLE, STREAM), run_section.section),
 )
-"""Files by which a folder without a study is known, and the function that makes its section."""
+"""Files that identify a folder without a study, and the function that makes its section."""
 
 
 @dataclass(frozen=True, slots=True)
 class Printed:
-    """What is written beside the page."""
+    """Files to write beside the page of a report."""
 
     latex: Path | None = None
-    """File of the tables."""
+    """File for the tables as LaTeX."""
     figures: str | None = None
     """Format of the figures: pdf, svg or pgf."""
     measures: str | None = None
@@ -66,8 +66,15 @@ class Printed:
 
 
 def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = None) -> list[Path]:
-    """Write the page, and what is asked for beside it; the paths of the page, the tables and the
-    folder of figures.
+    """Write the page about the results in some folders, and the files beside it.
+
+    Args:
+        folders: The folders, or names of public benchmarks for their published rows.
+        out: The page's file; None: report.html in the first folder.
+        printed: Tables and figures to write beside the page.
+
+    Returns:
+        The paths of the page, of the LaTeX file and of the folder of figures, if written.
 
     Raises:
         Mistake: A folder is missing, unknown or damaged, or a file cannot be written.
@@ -75,7 +82,7 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
     """
     printed = printed or Printed()
     if printed.figure_width is not None and printed.figures is None:
-        raise Mistake("--figure-width is for --figures: say pdf, svg or pgf")
+        raise Mistake("--figure-width needs --figures: give --figures pdf, svg or pgf")
     measures = None if printed.measures is None else measures_of(printed.measures)
     path = out or (folders[0] / PAGE if folders[0].is_dir() else Path(f"{folders[0]}.html"))
     _check_out(path, *PAGES)
@@ -98,9 +105,9 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
 
 
 def _check_out(path: Path, *suffixes: str) -> None:
-    """Refuse a path at which a file with one of these endings must not be written."""
+    """Check that a file with one of some endings can be written at a path."""
     if not path.parent.is_dir():
-        raise Mistake(f"{path}: cannot write this page: there is no such folder")
+        raise Mistake(f"{path}: cannot write this file: there is no folder {path.parent}")
     if path.is_dir():
         option, name = ("--latex", "tables") if ".tex" in suffixes else ("--out", "page")
         raise Mistake(
@@ -127,6 +134,6 @@ def _section(folder: Path, measures: Sequence[str] | None = None) -> Section:
             f"{folder / RunReport.FILE}: there is no {TABLE} beside it; is this a run's folder?"
         )
     raise Mistake(
-        f"{folder}: nothing in this folder is of `servobench run`, `evaluate`, `benchmark`, "
+        f"{folder}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, "
         "`papers` or `sweep`"
     )

@@ -54,7 +54,8 @@ RATE = 2
 """Indices of the position and the velocity feedback in an actuator's bias."""
 
 BESIDE = (0.0, -DEPTH, 0.0, 90.0)
-"""Base of a robot that cannot bring the camera above the target, but sees it from aside."""
+"""Base (x, y, z [m], yaw [deg]) of a robot that cannot bring the camera above the target, but sees
+the target from the side."""
 MOTIONS = (line.Config(), circle.Config(), wander.Config())
 DRIVEN = 10.0
 """Duration of these motions, as in a scenario by default [s]."""
@@ -71,20 +72,26 @@ LEAST_SHARE = 0.05
 
 
 def examine(given: dict[str, Any], out: Path | None) -> int:
-    """Print joints, flanges, reach and the table of a robot; draw it into the PNG `out`, by default
-    the first of robot.png, robot-2.png and so on that is free.
+    """Print joints, flanges, reach and the [robot] table of a robot, and draw it in the room.
+
+    Args:
+        given: Settings of the table [robot], with its model.
+        out: The PNG to write; None: the first free one of robot.png, robot-2.png and so on.
+
+    Returns:
+        The exit code 0.
 
     Raises:
-        Mistake: The model cannot be used, a setting does not fit it, or `out` is no PNG or
-            exists.
+        Mistake: The model cannot be used, a setting does not fit it, or `out` exists or is not a
+            PNG.
     """
     out = out or _free_name()
     check_suffix(out, ".png")
     check_writable(out)
     if given["model"].endswith(".toml"):
         raise Mistake(
-            f"robot: {given['model']}: this looks like a scenario; give the robot's model file "
-            "(MJCF or URDF), which its [robot] names as model"
+            f"robot: {given['model']}: this is a scenario; give the robot's model file (MJCF or "
+            "URDF), which the scenario's table [robot] names as model"
         )
     console = Console()
     config = fill(mjcf.Config, given, "robot")
@@ -134,15 +141,18 @@ def _own_camera(model: mujoco.MjModel) -> str:
 
 
 def _begins(config: mjcf.Config, base: tuple[float, float, float, float]) -> bool:
-    """Return whether a run can begin from a base: with the camera above the target, or, from
-    `BESIDE`, anywhere where it sees it.
+    """Return whether a run can begin from a base (x, y, z [m], yaw [deg]).
+
+    The camera must be above the target or, from the base `BESIDE`, anywhere where it sees it.
     """
     reach = _begun(dataclasses.replace(config, base=base), still.Config())
     return reach.there and (reach.distance < NEAR or base == BESIDE)
 
 
 def _begun(config: mjcf.Config, motion: PartConfig[Motion]) -> Reach:
-    """Return the start of a run with a motion of the target, and how the joints follow it."""
+    """Return how near a run's start comes to the camera pose 1 m above the target, and whether the
+    joints can follow a motion of the target from there.
+    """
     rng = np.random.default_rng(0)
     parts = WorldParts(
         config.build(rng), car.Config().build(rng), motion.build(rng), camera=PICTURE
@@ -157,7 +167,7 @@ def _begun(config: mjcf.Config, motion: PartConfig[Motion]) -> Reach:
 
 
 def _ranges_text(config: mjcf.Config) -> str:
-    """Return a sentence that says which usual motions keep the joints inside their ranges."""
+    """Return a sentence about the usual motions that keep the joints inside their ranges."""
     found = list[str]()
     for motion in MOTIONS:
         reach = _begun(config, motion)
@@ -218,7 +228,9 @@ def _belongs(model: mujoco.MjModel, geom: int) -> bool:
 
 
 def _corners(world: World, geoms: NDArray[np.bool_]) -> Array:
-    """Return the corners (n, 3) of the boxes around some geoms, and the table's middle [m]."""
+    """Return the corners of the boxes around some geoms, and the table's middle (n, 3), in the
+    world [m].
+    """
     signs = np.array(list(itertools.product((-1, 1), repeat=3)))
     boxes = world.model.geom_aabb[geoms]
     local = boxes[:, None, :3] + signs * boxes[:, None, 3:]
@@ -292,8 +304,8 @@ def _flange_table(model: mujoco.MjModel, chain: Chain) -> Table:
 
 
 def _reach_text(reach: Workspace) -> str:
-    """Return a sentence about the places that the camera gets to."""
-    text = f"The camera gets {reach.farthest:.2f} m away from the base's origin at most"
+    """Return a sentence about the distances and heights that the camera reaches [m]."""
+    text = f"The camera reaches at most {reach.farthest:.2f} m from the base's origin"
     if not isfinite(reach.lowest):
         return f"{text}; it never looks down: turn it with --mount."
     heights = f"{reach.lowest:.2f} to {reach.highest:.2f} m"

@@ -55,10 +55,10 @@ if TYPE_CHECKING:
     from servo.ros2.server import Server
 
 HIDDEN = 0.1
-"""A target counts as hidden if a smaller share of it is visible."""
+"""Share of the target below which it counts as hidden if no more is visible."""
 START_NEAR = 1e-3
 START_TURNED = radians(1.0)
-"""The robot takes its start pose if it is nearer than this [m, rad]."""
+"""Largest distance and angle from the start pose at which the robot counts as there [m, rad]."""
 
 
 def run_scenario(
@@ -71,7 +71,19 @@ def run_scenario(
     rerun: bool,
     outputs: Outputs = NOTHING_MORE,
 ) -> int:
-    """Run one scenario into a folder; return the exit code: 1 if a bound was missed.
+    """Run one scenario, write its results into a folder, and print a table of its measures.
+
+    Args:
+        name: A shipped scenario or a TOML file.
+        changes: Changes of settings, such as "run.duration=5".
+        seed: Seed of the random streams; None: that of the scenario.
+        out: The folder; None: the next free runs/NAME-SEED.
+        quiet: Whether to print nothing but mistakes.
+        rerun: Whether to write a Rerun recording.
+        outputs: Further files, viewers, and the connection to ROS 2.
+
+    Returns:
+        The exit code: 1 if a bound was missed, else 0.
 
     Raises:
         Mistake: The scenario or a setting is wrong, or the folder cannot be used.
@@ -125,7 +137,9 @@ def run_scenario(
 
 
 def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) -> list[float]:
-    """Add the steps to `run` and to the output; return the time to write each of them [s]."""
+    """Add the steps of an episode to `run` and to the output; return the time that writing each
+    step took [s].
+    """
     writing: list[float] = []
     with closing(output.close), progress_bar(console) as progress:
         name = escape(episode.scenario.name)
@@ -143,7 +157,7 @@ def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) 
 def load(
     name: str, changes: Sequence[str], seed: int | None, server: Server | None = None
 ) -> Scenario:
-    """Return a scenario whose bounds name existing measures; a server replaces its controller.
+    """Read a scenario and check its bounds; a `server` of ROS 2 replaces its controller.
 
     Raises:
         Mistake: There is no such scenario, or a setting or a bound is wrong.
@@ -158,7 +172,9 @@ def load(
 
 
 def _outline_line(outline: Array) -> str:
-    """Return a sentence about the rectangle (4, 3) [m] that was found around the target."""
+    """Return a sentence about the rectangle that was found around the target: its corners (4, 3) in
+    the target's frame [m].
+    """
     sides = Outline(outline)
     x, y = outline.mean(axis=0)[:2]
     return (
@@ -169,7 +185,7 @@ def _outline_line(outline: Array) -> str:
 
 
 def remarks(episode: Episode) -> list[str]:
-    """Return remarks about a run that is about to begin, a sentence each."""
+    """Return remarks for the user about a run that is about to begin, a sentence each."""
     first, region, state = episode.shown
     lines = [
         _outline_line(episode.world.outline) if episode.world.outline_found else "",
@@ -186,7 +202,7 @@ def remarks(episode: Episode) -> list[str]:
 
 
 def _tilt_line(episode: Episode) -> str:
-    """Return a sentence about a tilt of the start that no feature measures; else an empty text."""
+    """Return a sentence if the tilt of the start is not measured; else an empty text."""
     scenario = episode.scenario
     tracker = kind_of(scenario.tracker)
     if traits_of(scenario.tracker) is None or reports_corners(scenario):
@@ -197,22 +213,22 @@ def _tilt_line(episode: Episode) -> str:
     )
     if not is_tilted or len(episode.loop.features.values(goal)) < DOF:
         return ""
-    instead = "tracker.corners = true" if tracker == "truth" else "tag and homography"
+    instead = "tracker.corners = true" if tracker == "truth" else "the tracker tag or homography"
     return (
-        f"The tracker {tracker} reports no corners: the tilt of the start is neither seen nor "
-        f"servoed; with {instead} it is"
+        f"The tracker {tracker} reports no corners, so the tilt of the start is not measured and "
+        f"not servoed; {instead} measures it"
     )
 
 
 def measures_lines(scenario: Setup) -> list[str]:
-    """Return sentences about measures without a value, as no frame of the run counts, and about
-    bounds that every run keeps or every run misses.
+    """Return sentences about measures without a value, because the run ends before its frames
+    count, and about bounds that every run keeps or every run misses.
     """
     lines = list[str]()
     if scenario.run.duration <= scenario.measure.after:
         lines.append(
             f"The run ends after {scenario.run.duration:g} s, and measure.after = "
-            f"{scenario.measure.after:g} s: measures that count from there on have no value"
+            f"{scenario.measure.after:g} s: measures that count from that time on have no value"
         )
     if isinstance(scenario, Scenario):
         lines += doubts_of(scenario)
@@ -228,23 +244,23 @@ def _hidden_line(episode: Episode) -> str:
 
 
 def _start_line(begun: Reach) -> str:
-    """Return a sentence about a start pose that the robot cannot take; else an empty text."""
+    """Return a sentence if the robot cannot take its start pose; else an empty text."""
     if begun.distance < START_NEAR and begun.angle < START_TURNED:
         return ""
     return (
-        "No posture takes the start pose: the robot begins where it sees the target in the same "
-        f"direction, {begun.distance:.2f} m and {degrees(begun.angle):.0f} deg from it"
+        "The robot cannot take the start pose: it begins where it sees the target in the same "
+        f"direction, {begun.distance:.2f} m and {degrees(begun.angle):.0f} deg from that pose"
     )
 
 
 def _range_line(begun: Reach) -> str:
-    """Return a sentence about a joint that will reach the end of its range; else an empty text."""
+    """Return a sentence if a joint will reach the end of its range; else an empty text."""
     rollout = begun.rollout
     if rollout is None or not rollout.joint:
         return ""
     return (
-        f"Along this motion the joint {rollout.joint} comes to the end of its range after "
-        f"{rollout.time:.1f} s, and no other start posture was found that stays inside the ranges"
+        f"With this motion the joint {rollout.joint} reaches the end of its range after "
+        f"{rollout.time:.1f} s; no other start posture was found that stays inside the ranges"
     )
 
 
@@ -281,7 +297,7 @@ def _stage_line(run: Columns, writing: Sequence[float]) -> str:
 
 
 def print_missed(console: Console, record: Record) -> None:
-    """Print missed bounds and the command that repeats the run; print nothing if it missed none."""
+    """Print the bounds that a run missed, and the command that repeats the run."""
     for line in missed_lines(record.missed, record.measures):
         plain(console, f"missed: {line}")
     if record.missed:

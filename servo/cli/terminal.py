@@ -1,4 +1,4 @@
-"""Printing that all commands share: progress bars, tables and plain lines."""
+"""Printing for all commands: progress bars, tables and plain lines."""
 
 from contextlib import AbstractContextManager, nullcontext
 
@@ -12,7 +12,7 @@ from servo.report import words
 
 COMPILING = "(the first run on a machine compiles the hot loops)"
 ROOMY = 6
-"""Most columns with wide gaps."""
+"""Most columns of a table with wide gaps."""
 WAITING = f"preparing {COMPILING}"
 NARROWEST = 12
 """Least width of a column of words where the numbers beside it leave no room [characters]; a word,
@@ -21,22 +21,23 @@ COLOURS = {words.Tone.GOOD: "green", words.Tone.BAD: "red", words.Tone.PLAIN: "b
 
 
 def escape(text: str) -> str:
-    """Return a text for rich as it stands: neither markup nor control characters have an effect."""
+    """Return a text that rich prints literally: markup and control characters are escaped."""
     return markup.escape(printable(text))
 
 
 def moves(console: Console) -> bool:
-    """Return whether what moves can be shown; in a pipe, FORCE_COLOR asks for colours only."""
+    """Return whether animated text, such as a progress bar, can be shown on a console."""
+    # In a pipe, FORCE_COLOR makes `is_terminal` true, but asks for colours only.
     return console.is_terminal and console.file.isatty()
 
 
 def waiting(console: Console, text: str) -> AbstractContextManager[object]:
-    """Show a text that moves until the block ends."""
+    """Show a text with a spinner until the block ends; nothing where the console is no terminal."""
     return console.status(text) if moves(console) else nullcontext()
 
 
 def progress_bar(console: Console) -> Progress:
-    """A bar with count, time left, and a note; it disappears when the work is done."""
+    """Return a progress bar with count, time left and a note, which disappears at the end."""
     title = TextColumn("{task.description}")
     note = TextColumn("{task.fields[note]}")
     columns = (title, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), note)
@@ -44,7 +45,7 @@ def progress_bar(console: Console) -> Progress:
 
 
 def print_table(console: Console, shown: words.Table) -> None:
-    """Print a table and its note; long texts wrap, so that numbers keep all their digits."""
+    """Print a table with its note; long texts wrap, so that numbers keep all their digits."""
     table = Table(box=None, pad_edge=False, collapse_padding=len(shown.head) > ROOMY)
     for i, title in enumerate(shown.head):
         is_text = i in shown.words
@@ -84,10 +85,10 @@ def _marked(cell: words.Cell) -> str:
 
 
 def plain(console: Console, text: str) -> None:
-    """Print a path or a command as it stands: without colours, line breaks and markup."""
+    """Print a text literally: without colours, added line breaks and markup."""
     console.print(printable(text), highlight=False, soft_wrap=True, markup=False)
 
 
 def complain(sentence: object) -> None:
-    """Print a sentence on stderr."""
+    """Print a sentence about a problem on stderr, after "servobench: "."""
     plain(Console(stderr=True), f"servobench: {one_line(str(sentence))}")

@@ -49,7 +49,7 @@ from tracking.types import Region, State, Status
 
 @dataclass(frozen=True, slots=True)
 class TrackRequest:
-    """The options of the command line."""
+    """The options of `servobench track`."""
 
     source: str
     region: str | None
@@ -69,7 +69,7 @@ class TrackRequest:
 
     @property
     def command(self) -> str:
-        """The command line, without --out and other places to write to."""
+        """The command line that repeats the track, without --out and other places to write to."""
         return command_line(
             "track",
             self.source,
@@ -86,13 +86,17 @@ class TrackRequest:
         )
 
     def name_with(self, kind: str) -> str:
-        """The name of the folder, with the tracker's kind in it."""
+        """Return the name of the folder to write: source, kind of tracker, seed."""
         source = Path(self.source.replace(":", "-")).stem.encode(errors="replace").decode()
         return f"{source}-{kind.replace(':', '-')}-{self.seed}"
 
 
 def run(request: TrackRequest) -> int:
-    """Track the target and write the files; return the exit code.
+    """Track the target and write the files.
+
+    Returns:
+        The exit code: 1 if the stream broke off or a picture could not be read, that of a signal
+        that stopped the command, else 0.
 
     Raises:
         Mistake: The source, its truth, the region or the tracker is wrong, or the folder cannot be
@@ -151,7 +155,7 @@ def run(request: TrackRequest) -> int:
 
 
 def _warm_up(request: TrackRequest, source: Source, config: Any, console: Console) -> None:
-    """Run the tracker and the recording of a live source on pictures of noise, which compiles them.
+    """Compile the tracker and the recording for a live source, by running them on noise.
 
     A live source does not wait: compiling after its first picture would lose a second of it.
     """
@@ -167,13 +171,13 @@ def _warm_up(request: TrackRequest, source: Source, config: Any, console: Consol
 
 
 def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
-    """Yield the shots; raise a ValueError of the source or the tracker as a Mistake."""
+    """Yield the tracked pictures; raise a ValueError of source or tracker as a Mistake."""
     with as_mistake():
         yield from shots
 
 
 def _first(request: TrackRequest, shots: Iterator[Shot], name: str) -> Shot:
-    """Return the first shot.
+    """Return the first tracked picture.
 
     Raises:
         Mistake: The tracker failed, or there is no picture.
@@ -183,12 +187,15 @@ def _first(request: TrackRequest, shots: Iterator[Shot], name: str) -> Shot:
     except PartFailed as error:
         raise with_traceback(error, prepare(request.out, name)) from None
     except StopIteration:
-        raise Mistake(f"{request.source}: there are no pictures in it") from None
+        raise Mistake(f"{request.source}: this source has no pictures") from None
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
-    """Return the settings of a tracker such as "kams" or "kams:paper" as a table, with changes such
-    as "tracker.particles=80", and its `Config`.
+    """Return the settings of a tracker as a TOML table, and its `Config`.
+
+    Args:
+        kind: The tracker, such as "kams" or "kams:paper".
+        changes: Changes of settings, such as "tracker.particles=80".
 
     Raises:
         Mistake: There is no such kind or setting.
@@ -202,7 +209,7 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
 
 
 def _selected(request: TrackRequest, source: Source) -> tuple[TrackRequest, Iterator[Picture]]:
-    """Return the request, with the region that the user draws for --select, and the pictures."""
+    """Return the request with the region that the user draws for --select, and all pictures."""
     pictures = iter(source)
     if not request.select:
         return request, pictures
@@ -213,7 +220,8 @@ def _selected(request: TrackRequest, source: Source) -> tuple[TrackRequest, Iter
 
 
 def _truth(request: TrackRequest, source: Source) -> Array | None:
-    """Return the truth that the request names or that stands beside its source; None without one.
+    """Return the true corners (n, 4, 2) [px] in the file that the request names or that stands
+    beside its source; None without such a file.
 
     Raises:
         Mistake: The source has no end, or the truth does not fit it.
@@ -224,8 +232,8 @@ def _truth(request: TrackRequest, source: Source) -> Array | None:
         return None
     if source.count is None:
         raise Mistake(
-            f"{path}: the pictures of {request.source} cannot be counted, so there is no "
-            "truth for them"
+            f"{path}: the pictures of {request.source} cannot be counted, so a truth cannot belong "
+            "to them: leave out --truth"
         )
     truth = truths.read(path, form, source.count)
     check_truth(truth, source, str(path), form, start_is_enough=True)
@@ -243,14 +251,18 @@ def _placement(request: TrackRequest, truth: Array | None) -> tuple[Region, Stat
     if request.region is not None:
         return region_of(request.region)
     if truth is None:
-        raise Mistake(f"{request.source}: there is no truth beside it; give --region X,Y,W,H[,DEG]")
+        raise Mistake(
+            f"{request.source}: there is no truth file beside this source; give "
+            "--region X,Y,W,H[,DEG]"
+        )
     if not np.isfinite(truth[0]).all():
         raise Mistake("the target is not in the first picture of the truth; give --region")
     return placement(truth[0])
 
 
 def region_of(text: str) -> tuple[Region, State]:
-    """Return the region "X,Y,W,H[,DEG]": top left corner, size, rotation about its centre.
+    """Return a target's region and state in the first picture from a text "X,Y,W,H[,DEG]": top left
+    corner [px], size [px], rotation about the centre [deg].
 
     >>> region_of("40,30,30,20")[1]
     State(x=55.0, y=40.0, theta=0.0, scale=1.0)
@@ -275,7 +287,7 @@ def _write(
     shots: Iterator[Shot],
     source: Source,
 ) -> tuple[list[Shot], int]:
-    """Write all shots; return them without their pictures, and the exit code."""
+    """Write all tracked pictures; return them without their images, and the exit code."""
     seen: list[Shot] = []
     count = min(filter(None, (source.count, request.frames)), default=None)
     code = 0
@@ -295,11 +307,11 @@ def _write(
 
 
 def _with_reason(end: End | None, seen: list[Shot], writing: float) -> End | None:
-    """Return the end of a source; if it dropped pictures, its sentence also says what took time.
+    """Return the end of a source; if it dropped pictures, with the times that a picture took.
 
     Args:
-        end: The end.
-        seen: All shots.
+        end: How the source ended; None for a usual end.
+        seen: All tracked pictures.
         writing: Time that writing and showing them took [s].
     """
     if end is None or not end.dropped:
@@ -307,8 +319,8 @@ def _with_reason(end: End | None, seen: list[Shot], writing: float) -> End | Non
     tracking = sum(shot.seconds for shot in seen)
     took = [1e3 * seconds / max(len(seen), 1) for seconds in (tracking, writing)]
     sentence = (
-        f"{end.sentence}; a picture took {took[0]:.0f} ms in the tracker and {took[1]:.0f} ms in "
-        "what is written and shown"
+        f"{end.sentence}; a picture took {took[0]:.0f} ms for tracking and {took[1]:.0f} ms for "
+        "writing and showing"
     )
     return replace(end, sentence=sentence)
 
@@ -346,7 +358,7 @@ def _report(
 
 
 def _notes(seen: list[Shot]) -> list[str]:
-    """Return the notes about the pictures, each once."""
+    """Return the notes of the source about its pictures, each once."""
     return list(dict.fromkeys(note for shot in seen for note in shot.picture.notes))
 
 
@@ -357,7 +369,15 @@ def _count(seen: list[Shot], status: Status) -> int:
 def print_track(
     console: Console, what: str, seen: list[Shot], comparison: Comparison | None, end: End | None
 ) -> None:
-    """Print how many frames were tracked, the measures if there is a truth, and complaints."""
+    """Print how many frames were tracked, the measures if there is a truth, and warnings.
+
+    Args:
+        console: The output of the command.
+        what: Title, such as "kams on car".
+        seen: All tracked pictures.
+        comparison: The track beside its truth, if there is one.
+        end: How the source ended; None for a usual end.
+    """
     counts = ", ".join(f"{_count(seen, s)} {s.name}" for s in (Status.UNSURE, Status.LOST))
     console.print(f"[bold]{escape(what)}[/]: {len(seen)} frames, {counts}")
     if comparison is not None:
@@ -375,7 +395,7 @@ def _print_measures(console: Console, comparison: Comparison) -> None:
 
 
 def _print_oddities(seen: list[Shot], end: End | None) -> None:
-    """Complain about pictures that cannot be read or change size, and about a stream's end."""
+    """Print warnings about pictures that cannot be read or change size, and a stream's end."""
     blind = [shot.picture for shot in seen if shot.blind]
     sizes = [shot for shot in seen if shot.size is not None]
     change = next((b for a, b in itertools.pairwise(sizes) if a.size != b.size), None)
@@ -388,7 +408,7 @@ def _print_oddities(seen: list[Shot], end: End | None) -> None:
     if blind:
         complain(
             f"{len(blind)} of {len(seen)} pictures cannot be read, the first is "
-            f"{blind[0].name} ({blind[0].reason}); their rows are LOST"
+            f"{blind[0].name} ({blind[0].reason}); their rows have the status LOST"
         )
     for note in _notes(seen):
         complain(note)

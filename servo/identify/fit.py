@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from servo.identify.log import Channel, Log, Series
+from servo.identify.log import Log, LogChannel, Series
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
@@ -37,7 +37,7 @@ TRADE = 8e-3
 SETTLED = 5.0
 """Time until a robot stands after its delay, in lags."""
 STANDS = 0.1
-"""Time until its drives' own servo stands as well [s]."""
+"""Further time until the drives' own servo stands as well [s]."""
 LEVEL = 0.95
 """Confidence level of the intervals."""
 DRIFT = 2.0
@@ -64,7 +64,7 @@ step of the digits."""
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """The robot as one delay and one lag, which include the drives' own servo."""
+    """Delay and lag of a robot including its drives' own servo."""
 
     delay: Interval
     """Time from a command's stamp to the first motion [s]."""
@@ -78,7 +78,7 @@ class Whole:
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """Estimates from a log."""
+    """The estimates of `identify` from a robot's log."""
 
     delay: Interval
     """Time from a command's stamp until the drives take it over [s]."""
@@ -107,7 +107,7 @@ class Identified:
 
 
 def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
-    """Return estimates of delay, lag, gains, play, noise and jitter of a log's robot.
+    """Estimate delay, lag, gains, play, noise and jitter of the robot that recorded a log.
 
     Args:
         log: The log.
@@ -159,7 +159,7 @@ class _Model:
 
     def __init__(
         self,
-        channels: Sequence[Channel],
+        channels: Sequence[LogChannel],
         servos: Sequence[float] | Array,
         *,
         is_behind: bool,
@@ -302,9 +302,9 @@ class _Fitted:
 
 
 def _apart(
-    fitted: _Fitted, channels: Sequence[Channel], servos: Sequence[float] | Array
+    fitted: _Fitted, channels: Sequence[LogChannel], servos: Sequence[float] | Array
 ) -> list[_Fitted]:
-    """Return a fit of each channel alone."""
+    """Fit the model to each channel alone, with the place of the play that fits the whole log."""
     if len(channels) == 1:
         return [fitted]
     return [
@@ -372,7 +372,7 @@ def _weights(basis: Array, moved: Array) -> Array:
 
 
 def _basis(
-    channel: Channel,
+    channel: LogChannel,
     servo: float,
     drift: tuple["csr_array", Array],
     is_behind: bool,
@@ -458,7 +458,7 @@ def _reverses(command: Series) -> bool:
     return bool(command.values.min() < 0 < command.values.max())
 
 
-def _noise(channel: Channel, delay: float, lag: float) -> Interval | None:
+def _noise(channel: LogChannel, delay: float, lag: float) -> Interval | None:
     """Return the standard deviation of an encoder at standstill, with its chi-squared interval.
 
     Each standstill has a level, and the end of the motion before it, which decays with the lag.

@@ -1,4 +1,4 @@
-"""Messages of ROS 2 as types of DDS; `rosbags` has the definitions of their fields."""
+"""Messages of ROS 2 as types of DDS, made from the definitions of fields in `rosbags`."""
 
 from functools import cache
 from typing import Any
@@ -32,7 +32,7 @@ SECOND = 1_000_000_000
 
 @cache
 def message(name: str) -> Any:
-    """Return the class of a message, such as "sensor_msgs/Image"."""
+    """Return the DDS type of a message of ROS 2 by its name, such as "sensor_msgs/Image"."""
     package, _, short = name.partition("/")
     fields = {field: _type_of(*of) for field, of in FIELDS[f"{package}/msg/{short}"][1]}
     made: Any = make_idl_struct(short, f"{package}.msg.dds_.{short}_", fields)
@@ -66,7 +66,7 @@ Clock = message("rosgraph_msgs/Clock")
 
 
 def header(seconds: float, frame: str) -> Any:
-    """Return a std_msgs/Header with a stamp [s] and the name of a frame."""
+    """Return a std_msgs/Header with a stamp [s] and the name of a coordinate frame."""
     stamp = message("builtin_interfaces/Time")(*divmod(round(seconds * SECOND), SECOND))
     return message("std_msgs/Header")(stamp, frame)
 
@@ -77,22 +77,22 @@ def seconds(stamp: Any) -> float:
 
 
 def stamped(twist: Array, at: Any) -> Any:
-    """Return the TwistStamped of a twist (6,) [m/s, rad/s] with the header `at`."""
+    """Return a geometry_msgs/TwistStamped with a twist (6,) [m/s, rad/s] and the header `at`."""
     linear, angular = map(message("geometry_msgs/Vector3"), *twist.reshape(2, 3).T.tolist())
     return TwistStamped(at, message("geometry_msgs/Twist")(linear, angular))
 
 
 def depth_message(depth: DepthPicture, at: Any) -> Any:
-    """Return the Image of a depth picture (H, W) [m] with the header `at` (ROS REP 118)."""
+    """Return a sensor_msgs/Image of a depth picture (H, W) [m] (ROS REP 118), with header `at`."""
     height, width = depth.shape
     return Image(at, height, width, METRES, 0, 4 * width, depth.astype("<f4").tobytes())
 
 
 def depth_of(message: Any, topic: str) -> DepthPicture:
-    """Return the depth picture (H, W) [m] of an Image (ROS REP 118), nan where depth is unknown.
+    """Return the depth picture (H, W) [m] in a sensor_msgs/Image (ROS REP 118); unknown depth: nan.
 
     Raises:
-        Mistake: The encoding is not one of `DEPTHS`, or the message is damaged.
+        Mistake: The encoding is neither 32FC1 nor 16UC1, or the message is damaged.
     """
     check_known([message.encoding], DEPTHS, topic, "encoding of depth")
     number, unit = DEPTHS[message.encoding]

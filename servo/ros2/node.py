@@ -1,4 +1,4 @@
-"""Readers and writers of topics over DDS, as ROS 2 names and serves them."""
+"""DDS readers and writers of the topics of ROS 2."""
 
 import os
 from typing import Any
@@ -22,10 +22,10 @@ BLOCKS = duration(milliseconds=5)
 
 
 class Node:
-    """A DDS participant in the domain ROS_DOMAIN_ID, by default 0."""
+    """A node of ROS 2: a DDS participant in the domain ROS_DOMAIN_ID (default: 0)."""
 
     def __init__(self) -> None:
-        """Join the domain.
+        """Join the DDS domain.
 
         Raises:
             Mistake: An environment variable has an invalid value.
@@ -40,12 +40,14 @@ class Node:
             ) from None
 
     def writer(self, topic: str, kind: Any) -> DataWriter[Any]:
-        """Return a reliable writer, which reliable and best-effort readers can read."""
+        """Return a reliable writer of a topic, which reliable and best-effort readers can read."""
         qos = Qos(Policy.Reliability.Reliable(BLOCKS), Policy.History.KeepLast(1))
         return DataWriter(self._participant, self._topic(topic, kind), qos)
 
     def reader(self, topic: str, kind: Any, depth: int = 1) -> DataReader[Any]:
-        """Return a best-effort reader of the newest messages, which can read all writers."""
+        """Return a best-effort reader of a topic, which can read all writers and keeps the newest
+        `depth` messages.
+        """
         qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(depth))
         return DataReader(self._participant, self._topic(topic, kind), qos)
 
@@ -54,11 +56,11 @@ class Node:
 
 
 def first(reader: DataReader[Any], topic: str) -> Any:
-    """Wait for a message and return it.
+    """Wait for a reader's next message and return it; `topic` is for the error.
 
     Raises:
         Mistake: No message has come within 10 s.
     """
     for message in reader.take_iter(timeout=duration(seconds=PATIENCE)):
         return message
-    raise Mistake(f"{topic}: no message has come within {PATIENCE:g} s")
+    raise Mistake(f"{topic}: no message has come within {PATIENCE:g} s: start what publishes it")
