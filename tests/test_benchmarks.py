@@ -373,11 +373,19 @@ def test_a_network_is_a_guest_and_its_digest_covers_the_file(tmp_path, monkeypat
     assert one.digest != before
 
 
-def test_a_command_without_a_program_is_refused_before_anything_runs():
-    with pytest.raises(Mistake, match=r"^trax:nosuchprogram -x: there is no program 'nosuchprog"):
-        contestants(load("loop-v1"), ["mine=trax:nosuchprogram -x"])
-    with pytest.raises(Mistake, match=r"^trax:'a: No closing quotation$"):
-        contestants(load("loop-v1"), ["mine=trax:'a"])
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [("nosuchprogram -x", "No such file or directory"), ('"a', "No closing quotation")],
+)
+def test_a_command_without_a_program_is_refused_before_anything_runs(
+    monkeypatch, tmp_path, capfd, command, reason
+):
+    monkeypatch.chdir(tmp_path)
+    words = ["loop-v1", "--quick", "--tracker", f"mine=trax:{command}", "--out", "o"]
+    code, _, err = call(monkeypatch, capfd, "benchmark", *words)
+    assert code == 2
+    assert err == f"servobench: TraX server '{command}' cannot be started: {reason}\n"
+    assert not (tmp_path / "o").exists()
 
 
 def test_a_silent_program_is_refused_before_anything_runs(monkeypatch, tmp_path, capfd):

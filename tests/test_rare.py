@@ -181,10 +181,8 @@ def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(
     if suite == "listed":
         text += '[[trackers]]\nkind = "frozen"\nlabel = "nothing"\n'
     (tmp_path / "s.toml").write_text(text)
-    request = evaluate_command.EvaluateRequest(
-        str(tmp_path / "s.toml"), asked, seeds=2, workers=1, out=None, quiet=True
-    )
-    assert [s.contender.label for s in evaluate_command._subjects(request)] == labels
+    subjects = evaluate_command.subjects_of(str(tmp_path / "s.toml"), asked)
+    assert [s.contender.label for s in subjects] == labels
 
 
 def test_a_scenario_of_a_study_is_a_file_only_by_its_ending(monkeypatch, tmp_path):

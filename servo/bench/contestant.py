@@ -221,20 +221,6 @@ def settings_of(section: str, what: str) -> Settings:
     return {f"{section}.{key}": value for key, value in table.items()}
 
 
-def check_program(command: str) -> None:
-    """Check that the program of a TraX tracker's command exists.
-
-    Raises:
-        Mistake: There is no such program, or the command cannot be split into words.
-    """
-    try:
-        words = shlex.split(command)
-    except ValueError as error:
-        raise Mistake(f"{TRAX}{command}: {error}") from None
-    if not words or shutil.which(words[0]) is None:
-        raise Mistake(f"{TRAX}{command}: there is no program '{words[0] if words else ''}'")
-
-
 def _served(settings: Settings) -> Settings:
     """Return settings that run a Python tracker, given by its settings, in another process, which
     gets pictures only.
@@ -266,7 +252,6 @@ def _guest(benchmark: Benchmark, text: str, served: bool) -> Contestant:
         return Contestant(name, OF_CONTROLLERS | settings_of("controller", what), division)
     settings = settings_of("tracker", what)
     if what.startswith(TRAX):
-        check_program(what.removeprefix(TRAX))
         return Contestant(name, settings, Division.CLOSED)
     kind = str(settings["tracker.kind"])
     # A class by its path is imported in the process that it runs in, never here.

@@ -1,7 +1,6 @@
 """The command `servobench benchmark`: run contestants in a public benchmark, publish and verify."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -39,45 +38,35 @@ from tracking.types import Region, State
 from tracking.wrapped.trax_client import TraxClient
 
 
-@dataclass(frozen=True, slots=True)
-class BenchmarkRequest:
-    """The options of `servobench benchmark`."""
-
-    name: str
-    given: Sequence[str]
-    """The contestants, as `contestants` takes them."""
-    changes: Sequence[str]
-    band: str | None
-    sealed: str | None
-    quick: bool
-    submit: Path | None
-    verify: Path | None
-    workers: int
-    out: Path | None
-    quiet: bool
-    dry_run: bool
-
-    @property
-    def folder(self) -> Path:
-        """The folder of the results."""
-        return self.out or Path("runs") / f"benchmark-{self.name}"
-
-    @property
-    def command(self) -> str:
-        """The command line that repeats the runs, without --out and --workers."""
-        return command_line(
-            "benchmark",
-            self.name,
-            contestant=list(self.given),
-            set=list(self.changes),
-            band=self.band,
-            sealed=self.sealed,
-            quick=self.quick,
-        )
-
-
-def run(request: BenchmarkRequest) -> int:
+def run(
+    name: str,
+    given: Sequence[str],
+    changes: Sequence[str],
+    band: str | None,
+    sealed: str | None,
+    quick: bool,
+    submit: Path | None,
+    verify: Path | None,
+    workers: int,
+    out: Path | None,
+    quiet: bool,
+    dry_run: bool,
+) -> int:
     """Run contestants in a benchmark and write their rows, or verify a published row.
+
+    Args:
+        name: The benchmark.
+        given: The contestants, as `contestants` takes them.
+        changes: Changes of settings of all contestants, such as "controller.gain=2".
+        band: The set of worlds: "dev" (also None) or "v1".
+        sealed: A public value from which other worlds are drawn; None: those of the band.
+        quick: Whether to run two worlds of each condition only.
+        submit: A file for the contestant's row.
+        verify: The file of a row to verify.
+        workers: Number of processes.
+        out: The folder; None: runs/benchmark-NAME.
+        quiet: Whether to print nothing but mistakes.
+        dry_run: Whether to print only how many runs there are and how long they take.
 
     Returns:
         The exit code: 1 if a run failed or a verified row is wrong, else 0.
@@ -86,49 +75,81 @@ def run(request: BenchmarkRequest) -> int:
         Mistake: A contestant is wrong, or the folder cannot be used.
         Refused: A file cannot be written, or the workers cannot work.
     """
-    console = Console(quiet=request.quiet)
-    benchmark = load(request.name)
+    console = Console(quiet=quiet)
+    benchmark = load(name)
     benchmark.check_frozen()
-    chosen = contestants(benchmark, request.given, request.changes)
+    chosen = contestants(benchmark, given, changes)
     gl.is_there()
-    if request.verify is not None:
-        given = chosen if request.given else None
+    if verify is not None:
         rng = np.random.default_rng()
-        return _verify(benchmark, request.verify, given, request.workers, console, rng)
-    band = _band(request, chosen)
-    worlds = benchmark.every_world(band, QUICK if request.quick else None)
+        return _verify(benchmark, verify, chosen if given else None, workers, console, rng)
+    if submit is not None and len(chosen) != 1:
+        raise Mistake("--submit writes the row of one contestant: name one with --contestant")
+    of = _sealed(sealed, chosen) if sealed is not None else Band("v1" if band == "v1" else "dev")
+    worlds = benchmark.every_world(of, QUICK if quick else None)
     for one in chosen:  # what is wrong with it is said before anything is run
         _try_out(benchmark.scenario_of(worlds[0], one.settings), console)
-    known = _scale_rows(benchmark) if band.name == "v1" else []
+    known = _scale_rows(benchmark) if of.name == "v1" else []
     every = chosen if known else [*scale_of(benchmark), *chosen]
     jobs = jobs_of(benchmark, every, worlds)
     check_number(len(jobs))
-    if request.dry_run:
-        return print_estimate(jobs, request.workers, console, Store(request.folder))
-    workers = Workers(request.workers)
-    again = go_on(request.command, request.out)
-    plain(console, f"{benchmark.name} {benchmark.hash}, worlds: {band.name}")
-    with opened(request.folder, _described(request, benchmark, every, len(jobs))) as store, workers:
+    folder = out or Path("runs") / f"benchmark-{name}"
+    if dry_run:
+        return print_estimate(jobs, workers, console, Store(folder))
+    command = command_line(
+        "benchmark",
+        name,
+        contestant=list(given),
+        set=list(changes),
+        band=band,
+        sealed=sealed,
+        quick=quick,
+    )
+    described = StudyFile(
+        command=command,
+        versions=versions(),
+        holds="benchmark",
+        name=name,
+        title=benchmark.title,
+        axes={CONTESTANT: [one.name for one in every]},
+        draws={},
+        seeds=[0],
+        compare=CONTESTANT,
+        expect={},
+        runs=len(jobs),
+        table={
+            "hash": benchmark.hash,
+            "band": band,
+            "sealed": sealed,
+            "quick": quick,
+            "contestants": {one.name: as_json(one.settings) for one in every},
+            "digests": {one.name: one.digest for one in every},
+        },
+        scenarios={},
+    )
+    plain(console, f"{name} {benchmark.hash}, worlds: {of.name}")
+    with Workers(workers) as pool, opened(folder, described) as store:
         store.find(jobs)
-        title = f"benchmark {benchmark.name}"
-        failed = complete_jobs(jobs, store, workers, console, title, again)
+        again = go_on(command, out)
+        failed = complete_jobs(jobs, store, pool, console, f"benchmark {name}", again)
         records = store.records(jobs)
-        rows = known + _rows(benchmark, band, every, worlds, records, request.command)
+        rows = known + _rows(benchmark, of, every, worlds, records, command)
         _keep(store, rows)
         _print(console, benchmark, rows)
-        if request.submit is not None and not failed:
-            _submit(request.submit, rows[-1], records)
-            plain(console, f"  {request.submit}")
+        if submit is not None and not failed:
+            _submit(submit, rows[-1], records)
+            plain(console, f"  {submit}")
         plain(console, f"for a page, run: servobench report {store.folder}")
     return 1 if failed else 0
 
 
 def _try_out(scenario: Scenario, console: Console) -> None:
-    """Show a guest's program a picture of noise, and end it: one that is silent or cannot begin
-    would fail in every world, after its limit.
+    """Start a guest's TraX program on a picture of noise, and end it.
+
+    A program that is silent would fail in every world, after its timeout.
 
     Raises:
-        Mistake: It does not speak TraX, or cannot begin.
+        Mistake: The program cannot be started or does not speak TraX.
     """
     guest = scenario.tracker
     if isinstance(guest, trax.Config):
@@ -139,25 +160,20 @@ def _try_out(scenario: Scenario, console: Console) -> None:
             client.start(noise, Region(80.0, 60.0), State(160.0, 120.0))
 
 
-def _band(request: BenchmarkRequest, chosen: Sequence[Contestant]) -> Band:
-    """Return the band (set of worlds) that the options ask for.
+def _sealed(value: str, chosen: Sequence[Contestant]) -> Band:
+    """Return the worlds that are drawn for one contestant from a public value.
 
     Raises:
-        Mistake: There are several contestants where only one may be.
+        Mistake: There are several contestants, or the code of the contestant was not found.
     """
-    several = len(chosen) != 1
-    if request.submit is not None and several:
-        raise Mistake("--submit writes the row of one contestant: name one with --contestant")
-    if request.sealed is None:
-        return Band("v1" if request.band == "v1" else "dev")
-    if several:
+    if len(chosen) != 1:
         raise Mistake("sealed worlds are drawn for one contestant: name one with --contestant")
     if chosen[0].is_unknown:
         raise Mistake(
             f"sealed worlds follow from the code of '{chosen[0].name}', but no code was found: "
             "name the contestant's file or module"
         )
-    return Band("sealed", request.sealed, chosen[0].digest)
+    return Band("sealed", value, chosen[0].digest)
 
 
 def _keep(store: Store, rows: Sequence[Row]) -> None:
@@ -295,30 +311,3 @@ def _contestant(benchmark: Benchmark, row: Row, given: Sequence[Contestant] | No
             f"the row's command: {row.command}"
         )
     return ours[row.contestant]
-
-
-def _described(
-    request: BenchmarkRequest, benchmark: Benchmark, every: Sequence[Contestant], runs: int
-) -> StudyFile:
-    return StudyFile(
-        command=request.command,
-        versions=versions(),
-        holds="benchmark",
-        name=benchmark.name,
-        title=benchmark.title,
-        axes={CONTESTANT: [one.name for one in every]},
-        draws={},
-        seeds=[0],
-        compare=CONTESTANT,
-        expect={},
-        runs=runs,
-        table={
-            "hash": benchmark.hash,
-            "band": request.band,
-            "sealed": request.sealed,
-            "quick": request.quick,
-            "contestants": {one.name: as_json(one.settings) for one in every},
-            "digests": {one.name: one.digest for one in every},
-        },
-        scenarios={},
-    )

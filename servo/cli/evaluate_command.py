@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -34,31 +33,25 @@ WIDE = 7
 """Most columns of numbers of a printed table."""
 
 
-@dataclass(frozen=True, slots=True)
-class EvaluateRequest:
-    """The options of `servobench evaluate`."""
-
-    suite: str
-    trackers: str | None
-    seeds: int
-    workers: int
-    out: Path | None
-    quiet: bool
-    dry_run: bool = False
-
-    @property
-    def folder(self) -> Path:
-        """The folder of the results."""
-        return self.out or Path("runs") / f"evaluate-{Path(self.suite).stem}"
-
-    @property
-    def command(self) -> str:
-        """The command line that repeats the evaluation, without --out and --workers."""
-        return command_line("evaluate", self.suite, trackers=self.trackers, seeds=self.seeds)
-
-
-def run(request: EvaluateRequest) -> int:
+def run(
+    suite: str,
+    trackers: str | None,
+    seeds: int,
+    workers: int,
+    out: Path | None,
+    quiet: bool,
+    dry_run: bool = False,
+) -> int:
     """Compare trackers on the sequences of a suite, and write and print tables and curves.
+
+    Args:
+        suite: A shipped suite, a folder of sequences, or a TOML file.
+        trackers: The trackers, with commas between them; None: all, or those of the file.
+        seeds: Number of seeds from 0 on.
+        workers: Number of processes.
+        out: The folder; None: runs/evaluate-SUITE.
+        quiet: Whether to print nothing but mistakes.
+        dry_run: Whether to print only how many runs there are and how long they take.
 
     Returns:
         The exit code: 1 if a run failed, else 0.
@@ -67,26 +60,47 @@ def run(request: EvaluateRequest) -> int:
         Mistake: The suite or a tracker is wrong, or the folder cannot be used.
         Refused: A file cannot be written, or the workers cannot work.
     """
-    console = Console(quiet=request.quiet)
-    if request.suite == suites.CLOSED_LOOP:
-        return _closed_loop(request, console)
-    subjects = _subjects(request)
-    seeds = range(request.seeds)
-    check_number(len(subjects) * request.seeds)
+    console = Console(quiet=quiet)
+    title = Path(suite).stem
+    folder = out or Path("runs") / f"evaluate-{title}"
+    command = command_line("evaluate", suite, trackers=trackers, seeds=seeds)
+    if suite == suites.CLOSED_LOOP:
+        chosen = None if trackers is None else suites.tracker_tables(trackers)
+        study = load(suite, seeds=seeds, trackers=chosen)
+        gl.is_there()
+        return run_study(study, command, Workers(workers), folder, console, dry_run=dry_run)
+    subjects = subjects_of(suite, trackers)
+    check_number(len(subjects) * seeds)
     jobs = [
-        Job(i * len(seeds) + seed, subject, seed, {TRACKER: subject.contender.label})
+        Job(i * seeds + seed, subject, seed, {TRACKER: subject.contender.label})
         for i, subject in enumerate(subjects)
-        for seed in seeds
+        for seed in range(seeds)
     ]
-    title = Path(request.suite).stem
-    if request.dry_run:
-        return print_estimate(jobs, request.workers, console, Store(request.folder))
-    workers = Workers(request.workers)
-    again = go_on(request.command, request.out)
-    with opened(request.folder, _described(request, subjects)) as store, workers:
+    if dry_run:
+        return print_estimate(jobs, workers, console, Store(folder))
+    described = StudyFile(
+        command=command,
+        versions=versions(),
+        holds="evaluate",
+        name=title,
+        title="Trackers against each other on sequences with a truth.",
+        axes={
+            TRACKER: list(dict.fromkeys(s.contender.label for s in subjects)),
+            "sequence": list(dict.fromkeys(s.name for s in subjects)),
+        },
+        draws={},
+        seeds=list(range(seeds)),
+        compare=TRACKER,
+        expect={},
+        runs=len(jobs),
+        table={"runs": [subject.describe() for subject in subjects]},
+        scenarios={},
+    )
+    with Workers(workers) as pool, opened(folder, described) as store:
         store.find(jobs)
         _forget_lost_tracks(jobs, store)
-        failed = complete_jobs(jobs, store, workers, console, f"evaluate {title}", again)
+        again = go_on(command, out)
+        failed = complete_jobs(jobs, store, pool, console, f"evaluate {title}", again)
         records = store.records(jobs)
         if records:
             ranks = ranking.ranked(records)
@@ -118,41 +132,16 @@ def _length(path: Path) -> int:
         return 0
 
 
-def _closed_loop(request: EvaluateRequest, console: Console) -> int:
-    chosen = None if request.trackers is None else suites.tracker_tables(request.trackers)
-    study = load(suites.CLOSED_LOOP, seeds=request.seeds, trackers=chosen)
-    workers = Workers(request.workers)
-    gl.is_there()
-    return run_study(
-        study, request.command, workers, request.folder, console, dry_run=request.dry_run
-    )
+def subjects_of(suite: str, trackers: str | None) -> list[TrackedSequence]:
+    """Return each tracker on each sequence of a suite.
 
-
-def _subjects(request: EvaluateRequest) -> list[TrackedSequence]:
-    entries, listed = suites.suite(request.suite)
-    chosen = listed if listed and request.trackers is None else suites.contenders(request.trackers)
+    Args:
+        suite: A shipped suite, a folder of sequences, or a TOML file.
+        trackers: The trackers, with commas between them; None: all, or those of the file.
+    """
+    entries, listed = suites.suite(suite)
+    chosen = listed if listed and trackers is None else suites.contenders(trackers)
     return [TrackedSequence(c, e) for c in chosen for e in entries]
-
-
-def _described(request: EvaluateRequest, subjects: Sequence[TrackedSequence]) -> StudyFile:
-    return StudyFile(
-        command=request.command,
-        versions=versions(),
-        holds="evaluate",
-        name=Path(request.suite).stem,
-        title="Trackers against each other on sequences with a truth.",
-        axes={
-            TRACKER: list(dict.fromkeys(s.contender.label for s in subjects)),
-            "sequence": list(dict.fromkeys(s.name for s in subjects)),
-        },
-        draws={},
-        seeds=list(range(request.seeds)),
-        compare=TRACKER,
-        expect={},
-        runs=len(subjects) * request.seeds,
-        table={"runs": [subject.describe() for subject in subjects]},
-        scenarios={},
-    )
 
 
 def _write(

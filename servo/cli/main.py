@@ -149,7 +149,7 @@ def evaluate(**options: Any) -> None:
     """Compare trackers on sequences; the same command continues a stopped evaluation."""
     from servo.cli import evaluate_command
 
-    sys.exit(evaluate_command.run(evaluate_command.EvaluateRequest(**options)))
+    sys.exit(evaluate_command.run(**options))
 
 
 @app.command()
@@ -196,7 +196,7 @@ def benchmark(**options: Any) -> None:
     """Run trackers or laws in a public benchmark; the same command continues a stopped one."""
     from servo.cli import benchmark_command
 
-    sys.exit(benchmark_command.run(benchmark_command.BenchmarkRequest(**options)))
+    sys.exit(benchmark_command.run(**options))
 
 
 @app.command(hidden=True, add_help_option=False, context_settings={"ignore_unknown_options": True})
@@ -266,7 +266,7 @@ def compare(**options: Any) -> None:
     """
     from servo.cli import compare_command
 
-    sys.exit(compare_command.run(compare_command.CompareRequest(**options)))
+    sys.exit(compare_command.run(**options))
 
 
 @app.command()
