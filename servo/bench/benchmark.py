@@ -8,7 +8,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -43,7 +43,7 @@ NEAR_DEG = 10.0
 ten degrees."""
 OF_CONTESTANTS = {"tracker": ("tracker",), "law": ("features", "controller")}
 """Tables of a scenario that a contestant sets; the hash does not cover their defaults."""
-Settings = dict[str, Any]
+Settings = Table
 Levels = Mapping[str, Settings]
 """Settings of each level of a factor, by the level's name."""
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Le, Len
@@ -86,8 +86,8 @@ class Row(Made):
     contestant: str
     division: str
     """Name of the division."""
-    settings: dict[str, Any]
-    resolved: Settings = field(default_factory=dict[str, Any])
+    settings: Settings
+    resolved: Settings = field(default_factory=Settings)
     """Every setting of its tables, defaults included; empty in older rows."""
     digest: Digest
     """Of the contestant."""

@@ -4,7 +4,6 @@ import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -45,7 +44,7 @@ class WorldRun:
     table: Table
     """The scenario's TOML table."""
 
-    def describe(self) -> dict[str, Any]:
+    def describe(self) -> Table:
         """Return the benchmark's name with its hash, and the scenario's table, by these words."""
         return {"benchmark": self.benchmark, "scenario": self.table}
 

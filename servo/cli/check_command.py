@@ -30,6 +30,8 @@ from tracking.files import atomic
 from tracking.files.json_text import number
 
 End = tuple[Job, Record | Failure]
+Entry = dict[str, Any]
+"""A run in the files of --json and --junit."""
 NO_BOUNDS = "No verdict: this scenario has no bounds."
 UNFINISHED = "the check was stopped before this run ended"
 TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
@@ -42,7 +44,7 @@ class CheckFile(Made):
     FILE: ClassVar[str] = "check.json"
     KIND: ClassVar[str] = "check"
 
-    runs: list[dict[str, Any]]
+    runs: list[Entry]
     """An entry for each run: scenario, seed, the command that repeats it, wall-clock time in
     seconds, outcome, measures, missed bounds, the reason why it has no outcome (`failed`) and the
     reason why it has no verdict (`unjudged`)."""
@@ -50,7 +52,7 @@ class CheckFile(Made):
     """The shares of drawn seeds that ended as expected, of each scenario that bounds this share."""
 
 
-def _described(job: Job, end: Record | Failure) -> dict[str, Any]:
+def _described(job: Job, end: Record | Failure) -> Entry:
     """Return the entry of a run for --json and --junit."""
     entry = _entry(job.subject.name, job.seed, job.command)
     if isinstance(end, Failure):
@@ -65,7 +67,7 @@ def _described(job: Job, end: Record | Failure) -> dict[str, Any]:
     }
 
 
-def _entry(name: str, seed: int, command: str) -> dict[str, Any]:
+def _entry(name: str, seed: int, command: str) -> Entry:
     """Return the entry of a run without a result for --json and --junit."""
     run = {"scenario": name, "seed": seed, "command": command, "seconds": 0.0, "outcome": ""}
     return run | {"measures": {}, "missed": [], "failed": "", "unjudged": ""}
@@ -184,7 +186,7 @@ def _scenario(job: Job) -> Scenario:
 
 
 def _write(
-    runs: list[dict[str, Any]],
+    runs: list[Entry],
     junit: Path | None,
     json: Path | None,
     command: str,
@@ -279,7 +281,7 @@ def _check_place(path: Path | None, suffix: str) -> None:
         raise Mistake(f"{path}: this should be a file to write, in a folder that exists")
 
 
-def _junit(runs: list[dict[str, Any]], shares: Sequence[DrawnShare], command: str) -> str:
+def _junit(runs: list[Entry], shares: Sequence[DrawnShare], command: str) -> str:
     """Return JUnit's XML: a test case for each run and each share, with what it missed and the
     command that repeats it.
     """

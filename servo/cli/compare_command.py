@@ -10,7 +10,7 @@ from servo.bench.benchmark import Settings
 from servo.bench.contestant import named_part, settings_of
 from servo.cli import report_command
 from servo.cli.sweep_command import measures_of, run_study
-from servo.cli.terminal import plain
+from servo.cli.terminal import print_paths
 from servo.mistake import Mistake
 from servo.output.formats import command_line
 from servo.scenario.toml import assignment
@@ -96,8 +96,7 @@ def run(
     )
     if not dry_run:
         files = report_command.Printed(folder / "tables.tex", "pdf", measures)
-        for path in report_command.write([folder], None, files):
-            plain(console, f"  {path}")
+        print_paths(console, report_command.write([folder], None, files))
     return code
 
 

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, go_on, print_estimate
 from servo.cli.sweep_command import run_study
-from servo.cli.terminal import complain, plain, print_table
+from servo.cli.terminal import complain, print_paths, print_table
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.report import bench_section
@@ -107,8 +107,7 @@ def run(
             paths = _write(store, records, ranks, title)
             paths.append(_sheets(subjects, ranks[0].tracker, store.folder))
             print_ranks(console, ranks)
-            for path in paths:
-                plain(console, f"  {path}")
+            print_paths(console, paths)
     return 1 if failed else 0
 
 

@@ -34,7 +34,7 @@ failure. Values that the user has set stay."""
 WINDOWS = "this runs on Linux and macOS; on Windows use WSL (wsl --install)"
 
 
-def guarded(command: Callable[[], Any]) -> None:
+def guarded(command: Callable[[], object]) -> None:
     """Run a command; print a failure as one sentence on stderr, and exit with its code."""
     _set_environment()
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it prints messages about its caches
@@ -74,10 +74,16 @@ def _say_warnings_in_a_line() -> None:
     """Print warnings of servobench as one line, without the place in the code that Python adds."""
     of_python = warnings.formatwarning
 
-    def formatted(message: Warning | str, category: type[Warning], *place: Any) -> str:
+    def formatted(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        line: str | None = None,
+    ) -> str:
         if issubclass(category, Notice):
             return f"servobench: {message}\n"
-        return of_python(message, category, *place)
+        return of_python(message, category, filename, lineno, line)
 
     warnings.formatwarning = formatted
 
@@ -115,7 +121,7 @@ class Printer:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
-    def _try(self, act: Callable[[], Any]) -> None:
+    def _try(self, act: Callable[[], object]) -> None:
         try:
             act()
         except (OSError, ValueError) as error:

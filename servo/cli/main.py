@@ -125,7 +125,7 @@ def track(**options: Any) -> None:
     """Follow a target through any pictures; write its track."""
     from servo.cli import track_command
 
-    sys.exit(track_command.run(track_command.TrackRequest(**options)))
+    sys.exit(track_command.run(**options))
 
 
 @app.command()

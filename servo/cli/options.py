@@ -12,13 +12,15 @@ from servo.cli.guard import ending_signals, stop
 from servo.mistake import Refused
 from servo.scenario import catalogue
 
-Command = TypeVar("Command", bound=Callable[..., Any])
+Command = TypeVar("Command", bound=Callable[..., object])
 
 
 class FiniteRange(click.FloatRange):
     """A range of numbers without nan, which click's own range accepts."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(
+        self, value: float, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
         """Return the number, or fail with a usage error of click if it is out of range."""
         number = super().convert(value, param, ctx)
         if math.isnan(number):
@@ -34,7 +36,9 @@ class Numbers(click.ParamType[list[float]]):
     def __init__(self, count: int) -> None:
         self._count = count
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> list[float]:
         """Return the numbers, or fail with a usage error of click."""
         try:
             numbers = [float(part) for part in str(value).split(",")]

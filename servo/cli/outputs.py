@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -226,7 +226,7 @@ def check_writable(path: Path) -> None:
         raise unwritable(path, error, "this file") from None
 
 
-def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
+def output_options(command: Callable[..., None]) -> Callable[..., None]:
     """Add the options for films, logs and viewers to a command, which gets them as one argument
     `outputs`.
     """
@@ -241,9 +241,9 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         light: bool | None,
         speed: float | None,
         port: int | None,
-        **others: Any,
-    ) -> Any:
-        return command(outputs=Outputs(video, mcap, live, web, light, speed, port), **others)
+        **others: object,
+    ) -> None:
+        command(outputs=Outputs(video, mcap, live, web, light, speed, port), **others)
 
     added = (
         click.option("--video", metavar="FILE.mp4", type=opt.PATH, help="Also write a film."),

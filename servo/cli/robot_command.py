@@ -5,9 +5,9 @@
 import dataclasses
 import itertools
 import json
+from collections.abc import Mapping
 from math import degrees, isfinite
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -71,7 +71,7 @@ LEAST_SHARE = 0.05
 """Smaller shares of a twist's components are not printed."""
 
 
-def examine(given: dict[str, Any], out: Path | None) -> int:
+def examine(given: Mapping[str, object], out: Path | None) -> int:
     """Print joints, flanges, reach and the [robot] table of a robot, and draw it in the room.
 
     Args:
@@ -88,7 +88,7 @@ def examine(given: dict[str, Any], out: Path | None) -> int:
     out = out or _free_name()
     check_suffix(out, ".png")
     check_writable(out)
-    if given["model"].endswith(".toml"):
+    if str(given["model"]).endswith(".toml"):
         raise Mistake(
             f"robot: {given['model']}: this is a scenario; give the robot's model file (MJCF or "
             "URDF), which the scenario's table [robot] names as model"
@@ -314,7 +314,7 @@ def _reach_text(reach: Workspace) -> str:
 
 def _toml(config: mjcf.Config, chain: Chain) -> str:
     """Return the [robot] table of a scenario."""
-    table: dict[str, Any] = {"kind": "mjcf", "model": config.model, "base": list(config.base)}
+    table: dict[str, object] = {"kind": "mjcf", "model": config.model, "base": list(config.base)}
     if config.camera:
         table["camera"] = config.camera
     else:

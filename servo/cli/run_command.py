@@ -19,6 +19,7 @@ from servo.cli.terminal import (
     WAITING,
     escape,
     plain,
+    print_paths,
     print_table,
     progress_bar,
     waiting,
@@ -126,9 +127,7 @@ def run_scenario(
     if doubt := uncertain(run):
         plain(console, doubt)
     console.print(_stage_line(run, writing))
-    paths = output.finish(RunReport.of(record, scenario, run.first.scene, doubt))
-    for path in paths:
-        plain(console, f"  {path}")
+    print_paths(console, output.finish(RunReport.of(record, scenario, run.first.scene, doubt)))
     print_missed(Console(stderr=True), record)
     linger(viewer, console)
     if output.refused is not None:

@@ -144,12 +144,12 @@ class _Json(GenerateJsonSchema):
 
 def scenario_schema(more: Schema) -> Schema:
     """Return the schema of a scenario's file; `more` has the schemas of tables without settings."""
-    tables: dict[str, Any] = {
+    tables: Schema = {
         **{name: form(config, described=True) for name, config in SECTIONS.items()},
         **{name: _table_of_kind(name, *of) for name, of in PLUGINS.items()},
         **{name: list[_table_of_kind(name, kinds)] for name, kinds in LISTS.items()},
     }
-    members: dict[str, Any] = {name: (table, None) for name, table in tables.items()}
+    members: Schema = {name: (table, None) for name, table in tables.items()}
     scenario = create_model("Scenario", __config__=STRICT, **members)
     found = scenario.model_json_schema(schema_generator=_Json)
     about = {"$schema": GenerateJsonSchema.schema_dialect, "title": "A scenario of servobench"}
@@ -174,7 +174,7 @@ def _table_of_kind(name: str, kinds: Kinds[Any], default: str = "") -> Any:
 def _model(name: str, kinds: Kinds[Any], kind: str, default: str) -> type[BaseModel]:
     """Return the model of a table with a kind."""
     config = kinds.config_of(kind)
-    members: dict[str, Any] = {"kind": (Literal[kind], default if kind == default else ...)}
+    members: Schema = {"kind": (Literal[kind], default if kind == default else ...)}
     if presets := kinds.presets(kind):
         about = Field(None, description="Settings that are not given.")
         members["preset"] = (Literal[*presets], about)

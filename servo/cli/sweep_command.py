@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, go_on, print_estimate
-from servo.cli.terminal import complain, escape, plain, print_table, waiting
+from servo.cli.terminal import complain, escape, plain, print_paths, print_table, waiting
 from servo.mistake import check_known
 from servo.output.formats import command_line
 from servo.report.study_data import cell_row
@@ -168,8 +168,7 @@ def _sum_up(
                 f"{escape(str(c.first))} holds more often than {escape(str(c.second))}: "
                 f"in {c.test.wins} {c.unit}s against {c.test.losses}, p = {c.p_holm:.2g} after Holm"
             )
-    for path in paths:
-        plain(console, f"  {path}")
+    print_paths(console, paths)
     if short := uncounted(rows):
         plain(console, short)
     not_kept = missed_by_cells(grouped(study.keys, rows), study.expect)

@@ -1,6 +1,8 @@
 """Printing for all commands: progress bars, tables and plain lines."""
 
+from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
 
 from rich import markup
 from rich.console import Console
@@ -87,6 +89,12 @@ def _marked(cell: words.Cell) -> str:
 def plain(console: Console, text: str) -> None:
     """Print a text literally: without colours, added line breaks and markup."""
     console.print(printable(text), highlight=False, soft_wrap=True, markup=False)
+
+
+def print_paths(console: Console, paths: Iterable[Path]) -> None:
+    """Print the paths of written files, a line each."""
+    for path in paths:
+        plain(console, f"  {path}")
 
 
 def complain(sentence: object) -> None:
