@@ -10,10 +10,11 @@ from xml.etree import ElementTree
 from rich.console import Console
 
 from servo.cli.jobs import print_estimate, progress
+from servo.cli.outputs import check_place
 from servo.cli.run_command import load, measures_lines, print_missed
 from servo.cli.terminal import complain, plain, print_table
 from servo.loop.measure import MEASURES
-from servo.mistake import Mistake, Refused, check_suffix, one_line, writing
+from servo.mistake import Mistake, Refused, one_line, writing
 from servo.output.formats import Made, command_line
 from servo.output.versions import versions
 from servo.report.words import Badge, Cell, Table
@@ -109,8 +110,8 @@ def check_scenarios(
     chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
     check_number(len(chosen) * count)
     _check_changes(changes)
-    _check_place(junit, ".xml")
-    _check_place(json, ".json")
+    check_place(junit, ".xml")
+    check_place(json, ".json")
     console = Console(quiet=quiet)
     each = [(name, s) for name in chosen for s in range(seed, seed + count)]
     jobs: list[Job] = []
@@ -153,6 +154,14 @@ def check_scenarios(
     _print_unjudged(errors, records, len(ends))
     missed = any(record.missed for _, record in records) or any(s.missed for s in shares)
     return max(_print_failures(ends), missed)
+
+
+def _check_changes(changes: Sequence[str]) -> None:
+    """Check that no change sets run.seed, which --seed and --seeds set."""
+    for item in changes:
+        key, value = assignment(item)
+        if key == "run.seed" or (key == "run" and isinstance(value, dict) and "seed" in value):
+            raise Mistake(f"--set {item}: use --seed and --seeds in place of it")
 
 
 def _print_short(errors: Console, jobs: Sequence[Job]) -> None:
@@ -198,14 +207,6 @@ def _write(
         if path is not None:
             with writing(path, "this file"):
                 atomic.write(path.absolute().parent, path.name, text)
-
-
-def _check_changes(changes: Sequence[str]) -> None:
-    """Check that no change sets run.seed, which --seed and --seeds set."""
-    for item in changes:
-        key, value = assignment(item)
-        if key == "run.seed" or (key == "run" and isinstance(value, dict) and "seed" in value):
-            raise Mistake(f"--set {item}: use --seed and --seeds in place of it")
 
 
 def _carry_out(jobs: Sequence[Job], workers: int, console: Console, ends: dict[int, End]) -> None:
@@ -265,20 +266,6 @@ def _table(ends: Sequence[End]) -> Table:
             ]
         )
     return Table(TITLES, cells, words=(0, 2, 6))
-
-
-def _check_place(path: Path | None, suffix: str) -> None:
-    """Check, before the runs, that a file can be written.
-
-    Raises:
-        Mistake: Its folder is missing, it is a folder, a device or a link, or has another suffix.
-    """
-    if path is None:
-        return
-    check_suffix(path, suffix)
-    other = path.is_symlink() or (path.exists() and not path.is_file())
-    if other or not path.absolute().parent.is_dir():
-        raise Mistake(f"{path}: this should be a file to write, in a folder that exists")
 
 
 def _junit(runs: list[Entry], shares: Sequence[DrawnShare], command: str) -> str:

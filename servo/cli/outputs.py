@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 PORT = 9090
 PORTS = click.IntRange(1024, 65_534)
 VIEWER = "the viewer"
-NEEDS = {"web": "live", "light": "web", "speed": "live", "port": "live"}
-"""Options, each with the option that it needs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,22 +58,22 @@ class Outputs:
         Raises:
             Mistake: An option needs another one or a package, or a file cannot be written.
         """
-        given = {
-            "web": self.web,
-            "light": self.light is not None,
-            "speed": self.speed is not None,
-            "port": self.port is not None,
+        needs = {
+            "--web needs --live": self.web and not self.live,
+            "--light needs --web": self.light is not None and not self.web,
+            "--speed needs --live": self.speed is not None and not self.live,
+            "--port needs --live": self.port is not None and not self.live,
         }
-        for name, other in NEEDS.items():
-            if given[name] and not getattr(self, other):
-                raise Mistake(f"--{name} needs --{other}")
-        for path, suffix in ((self.video, ".mp4"), (self.mcap, ".mcap")):
-            if path is not None:
-                check_suffix(path, suffix)
+        for sentence, is_missing in needs.items():
+            if is_missing:
+                raise Mistake(sentence)
         if self.mcap is not None:
             from servo.output.mcap_file import check_installed
 
+            check_suffix(self.mcap, ".mcap")
             check_installed()
+        if self.video is not None:
+            check_suffix(self.video, ".mp4")
         for path in self.files:
             check_writable(path)
 
@@ -207,6 +205,22 @@ def serve(recording: Path, port: int) -> None:
     viewer = LiveViewer(web=True, port=port, recording=recording)
     announce(viewer, Console())
     linger(viewer, Console())
+
+
+def check_place(path: Path | None, *suffixes: str) -> None:
+    """Check that a file can be written or replaced at a path, if one is given, and has one of some
+    suffixes.
+
+    Raises:
+        Mistake: The folder is missing, the path is not a file, or the suffix differs.
+    """
+    if path is None:
+        return
+    if not path.absolute().parent.is_dir():
+        raise Mistake(f"{path}: there is no folder {path.parent}: make it first")
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        raise Mistake(f"{path}: this is not a file; name a file to write, such as x{suffixes[0]}")
+    check_suffix(path, *suffixes)
 
 
 def check_writable(path: Path) -> None:

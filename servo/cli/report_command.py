@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from servo.bench.benchmark import NAMES
+from servo.cli.outputs import check_place
 from servo.cli.sweep_command import measures_of
-from servo.mistake import Mistake, check_suffix, writing
+from servo.mistake import Mistake, writing
 from servo.output.steps_table import STREAM, TABLE
 from servo.papers.claims import PapersReport
 from servo.report import (
@@ -85,9 +86,8 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
         raise Mistake("--figure-width needs --figures: give --figures pdf, svg or pgf")
     measures = None if printed.measures is None else measures_of(printed.measures)
     path = out or (folders[0] / PAGE if folders[0].is_dir() else Path(f"{folders[0]}.html"))
-    _check_out(path, *PAGES)
-    if printed.latex is not None:
-        _check_out(printed.latex, ".tex")
+    check_place(path, *PAGES)
+    check_place(printed.latex, ".tex")
     sections = [_section(folder, measures) for folder in folders]
     files: dict[Path, str | bytes] = {path: render(sections)}
     if printed.latex is not None:
@@ -104,20 +104,7 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
     return paths
 
 
-def _check_out(path: Path, *suffixes: str) -> None:
-    """Check that a file with one of some endings can be written at a path."""
-    if not path.parent.is_dir():
-        raise Mistake(f"{path}: cannot write this file: there is no folder {path.parent}")
-    if path.is_dir():
-        option, name = ("--latex", "tables") if ".tex" in suffixes else ("--out", "page")
-        raise Mistake(
-            f"{path}: this is a folder; {option} takes the file to write, such as "
-            f"{name}{suffixes[0]}"
-        )
-    check_suffix(path, *suffixes)
-
-
-def _section(folder: Path, measures: Sequence[str] | None = None) -> Section:
+def _section(folder: Path, measures: Sequence[str] | None) -> Section:
     if not folder.is_dir():
         if str(folder) in NAMES and measures is None:
             return benchmark_section.published_section(str(folder))
