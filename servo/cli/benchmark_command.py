@@ -216,8 +216,7 @@ def _print(console: Console, benchmark: Benchmark, rows: Sequence[Row]) -> None:
         every = benchmark_section.beside_published(benchmark, rows)
         for of in benchmark_section.by_pictures(benchmark, every).values():
             print_table(console, benchmark_section.standings_table(benchmark, of))
-            if sentence := benchmark_section.difficulty_of(of):
-                plain(console, sentence)
+            plain(console, benchmark_section.difficulty_of(of))
     here = {row.rendering for row in rows if row.rendering}
     if benchmark_section.is_whole(benchmark, rows) and here - {benchmark.rendering}:
         plain(
@@ -288,12 +287,9 @@ def _print_audit(console: Console, row: Row, found: Audit, runs: Sequence[WorldC
     plain(console, f"{row.contestant}: {agree} of {len(every)} worlds agree, bit for bit")
     if rounded:
         plain(console, f"  {len(rounded)} more agree except for rounding by another processor")
-    for key in sorted(differing):
-        plain(console, f"  {key} differs")
-    for sentence in found.faults:
-        plain(console, f"  wrong: {sentence}")
-    for sentence in found.remarks:
-        plain(console, f"  note: {sentence}")
+    plain(console, *(f"  {key} differs" for key in sorted(differing)))
+    plain(console, *(f"  wrong: {sentence}" for sentence in found.faults))
+    plain(console, *(f"  note: {sentence}" for sentence in found.remarks))
     return 1 if differing or found.faults else 0
 
 

@@ -168,8 +168,7 @@ def _print_short(errors: Console, jobs: Sequence[Job]) -> None:
     """Print doubts about scenarios: measures without a value, bounds that decide nothing."""
     found = {job.subject.name: measures_lines(_scenario(job)) for job in jobs}
     for name, lines in found.items():
-        for line in lines:
-            plain(errors, f"{name}: {line}")
+        plain(errors, *(f"{name}: {line}" for line in lines))
 
 
 def _print_unjudged(errors: Console, records: Sequence[tuple[Job, Record]], count: int) -> None:

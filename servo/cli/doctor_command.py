@@ -50,10 +50,8 @@ def examine() -> int:
     found = _broken() + _overwritten()
     if sentence := clash():
         found.append(f"{sentence}; OpenCV {running()} is used")
-    for sentence in found:
-        complain(sentence)
-    if not found:
-        plain(console, FINE)
+    complain(*found)
+    plain(console, FINE * (not found))
     return bool(found)
 
 

@@ -47,13 +47,11 @@ def run(path: Path, scenario: str, out: Path | None) -> int:
     with writing(folder):
         files = [atomic.write(folder, LINES, text), save(picture(log, found), folder, PICTURE)]
     console = Console()
-    for each in (text, *files):
-        plain(console, str(each))
+    plain(console, text, *map(str, files))
     if log.unused:
         names = listed(log.unused, SHOWN)
         plain(console, f"unused columns (unknown names, or no numbers): {names}")
-    if log.cut:
-        plain(console, log.cut)
+    plain(console, log.cut)
     return 0
 
 

@@ -94,8 +94,7 @@ def print_estimate(
         console,
         f"one takes {spent:.1f} s here, {len(missing):,} of them about {whole}, {at_once} at once",
     )
-    for job, failure in failed:
-        complain(f"{failure.reason} (again: {job.command})")
+    complain(*(f"{failure.reason} (again: {job.command})" for job, failure in failed))
     return 1 if failed else 0
 
 

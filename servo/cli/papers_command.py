@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, print_estimate
-from servo.cli.terminal import complain, escape, plain, print_table
+from servo.cli.terminal import complain, escape, plain, print_paths, print_table
 from servo.mistake import Mistake, as_mistake, check_known
 from servo.output.formats import command_line
 from servo.output.versions import versions
@@ -108,15 +108,13 @@ def run(
         found = found_in(verdicts)
         atomic.write(folder, VERDICTS, json_text(found))
     plain(console, f"\n| {' | '.join(TITLES)} |\n|{'---|' * len(TITLES)}")
-    for name, judged in tested.items():
-        plain(console, judged.row(name))
-    plain(console, f"  {folder / FIGURES}\n  {written}")
+    plain(console, *(judged.row(name) for name, judged in tested.items()))
+    print_paths(console, [folder / FIGURES, written])
     if effort.first is not None:
         _print_beside(console, found, effort.first)
         return 1 if len(verdicts) < len(chosen) else 0
     others = [] if effort.quick else broken(found, known())
-    for sentence in others:
-        complain(f"papers: {sentence}")
+    complain(*(f"papers: {sentence}" for sentence in others))
     return 1 if others or len(verdicts) < len(chosen) else 0
 
 

@@ -88,7 +88,7 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
     path = out or (folders[0] / PAGE if folders[0].is_dir() else Path(f"{folders[0]}.html"))
     check_place(path, *PAGES)
     check_place(printed.latex, ".tex")
-    sections = [_section(folder, measures) for folder in folders]
+    sections = [section_of(folder, measures) for folder in folders]
     files: dict[Path, str | bytes] = {path: render(sections)}
     if printed.latex is not None:
         files[printed.latex] = latex(sections)
@@ -104,7 +104,12 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
     return paths
 
 
-def _section(folder: Path, measures: Sequence[str] | None) -> Section:
+def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
+    """Return the section of a page about the results in a folder; `measures` are for studies.
+
+    Raises:
+        Mistake: The folder is missing, unknown or damaged.
+    """
     if not folder.is_dir():
         if str(folder) in NAMES and measures is None:
             return benchmark_section.published_section(str(folder))

@@ -103,8 +103,7 @@ def run_scenario(
     except PartFailed as error:
         raise with_traceback(error, prepare(out, name)) from None
     with episode:
-        for line in remarks(episode):
-            plain(console, line)
+        plain(console, *remarks(episode))
         viewer = outputs.viewer()
         folder = prepare(out, name)
         announce(viewer, console)
@@ -122,10 +121,8 @@ def run_scenario(
     job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
     record = record_of(job, scenario, run)
     _print_record(console, scenario, record)
-    if why := unjudged(scenario, record.success):
-        plain(console, why)
-    if doubt := uncertain(run):
-        plain(console, doubt)
+    doubt = uncertain(run)
+    plain(console, unjudged(scenario, record.success), doubt)
     console.print(_stage_line(run, writing))
     print_paths(console, output.finish(RunReport.of(record, scenario, run.first.scene, doubt)))
     print_missed(Console(stderr=True), record)
@@ -278,8 +275,8 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
         plain(console, f"drawn for seed {scenario.run.seed}: {values}")
     if not scenario.run.repeats:
         plain(console, DOES_NOT_REPEAT)
-    for name, used in scenario.rates_changed.items():
-        plain(console, f"{name} = {used:.6g} Hz was used, to fit camera.rate")
+    changed = scenario.rates_changed.items()
+    plain(console, *(f"{key} = {hz:.6g} Hz was used, to fit camera.rate" for key, hz in changed))
 
 
 def _stage_line(run: Columns, writing: Sequence[float]) -> str:
@@ -297,7 +294,6 @@ def _stage_line(run: Columns, writing: Sequence[float]) -> str:
 
 def print_missed(console: Console, record: Record) -> None:
     """Print the bounds that a run missed, and the command that repeats the run."""
-    for line in missed_lines(record.missed, record.measures):
-        plain(console, f"missed: {line}")
-    if record.missed:
-        plain(console, f"  again: {record.command}")
+    lines = missed_lines(record.missed, record.measures)
+    again = f"  again: {record.command}" * bool(record.missed)
+    plain(console, *(f"missed: {line}" for line in lines), again)

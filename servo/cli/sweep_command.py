@@ -122,8 +122,7 @@ def run_study(
         Mistake: The folder cannot be used.
         Refused: A file cannot be written, or the workers cannot work.
     """
-    for line in _doubts(study):
-        plain(console, line)
+    plain(console, *_doubts(study))
     folder = out or Path("runs") / f"sweep-{study.name}"
     if dry_run:
         return print_estimate(list(study.jobs()), workers.count, console, Store(folder))
@@ -169,12 +168,10 @@ def _sum_up(
                 f"in {c.test.wins} {c.unit}s against {c.test.losses}, p = {c.p_holm:.2g} after Holm"
             )
     print_paths(console, paths)
-    if short := uncounted(rows):
-        plain(console, short)
-    not_kept = missed_by_cells(grouped(study.keys, rows), study.expect)
-    for line in not_kept:
-        complain(line)
-    return 1 if not_kept else 0
+    plain(console, uncounted(rows))
+    missed = missed_by_cells(grouped(study.keys, rows), study.expect)
+    complain(*missed)
+    return 1 if missed else 0
 
 
 def _print_cells(console: Console, cells: Sequence[Cell], measures: Sequence[str]) -> None:
@@ -184,6 +181,4 @@ def _print_cells(console: Console, cells: Sequence[Cell], measures: Sequence[str
     print_table(console, Table((*keys, "units", "success", *titles), rows, range(len(keys))))
     if len(cells) > MOST_SHOWN:
         console.print(f"... and {len(cells) - MOST_SHOWN} more rows in cells.csv")
-    plain(console, SUCCESS)
-    for name in measures:
-        plain(console, f"{name}: {RECORDED[name]}")
+    plain(console, SUCCESS, *(f"{name}: {RECORDED[name]}" for name in measures))

@@ -69,8 +69,7 @@ def print_table(console: Console, shown: words.Table) -> None:
     needed = sum((column.min_width or 0) + gap for column in table.columns)
     table.width = needed if needed > console.width else None
     console.print(table, crop=False)
-    if shown.note:
-        plain(console, shown.note)
+    plain(console, shown.note)
 
 
 def _lines(shown: words.Table, column: int) -> list[str]:
@@ -86,17 +85,17 @@ def _marked(cell: words.Cell) -> str:
     return f"[{COLOURS[cell.tone]}]{escape(cell.text)}[/]"
 
 
-def plain(console: Console, text: str) -> None:
-    """Print a text literally: without colours, added line breaks and markup."""
-    console.print(printable(text), highlight=False, soft_wrap=True, markup=False)
+def plain(console: Console, *lines: str) -> None:
+    """Print lines literally: without colours, added line breaks and markup; skip empty ones."""
+    for line in filter(None, lines):
+        console.print(printable(line), highlight=False, soft_wrap=True, markup=False)
 
 
 def print_paths(console: Console, paths: Iterable[Path]) -> None:
     """Print the paths of written files, a line each."""
-    for path in paths:
-        plain(console, f"  {path}")
+    plain(console, *(f"  {path}" for path in paths))
 
 
-def complain(sentence: object) -> None:
-    """Print a sentence about a problem on stderr, after "servobench: "."""
-    plain(Console(stderr=True), f"servobench: {one_line(str(sentence))}")
+def complain(*sentences: str) -> None:
+    """Print sentences about problems on stderr, a line each, after "servobench: "."""
+    plain(Console(stderr=True), *(f"servobench: {one_line(each)}" for each in sentences))

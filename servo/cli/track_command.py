@@ -123,8 +123,8 @@ def run(
     announce(viewer, console)
     # A live source does not wait: advice would take time and so cost pictures.
     image = None if stream.count is None else first.picture.image
-    if image is not None and (line := advice(config, image, target, start)):
-        plain(console, line)
+    if image is not None:
+        plain(console, advice(config, image, target, start))
     title = f"{kind} on {name}"
     more = outputs.of_track(target, stream, title, viewer)
     try:
@@ -411,7 +411,4 @@ def _print_oddities(seen: list[Shot], end: End | None) -> None:
             f"{len(blind)} of {len(seen)} pictures cannot be read, the first is "
             f"{blind[0].name} ({blind[0].reason}); their rows have the status LOST"
         )
-    for note in _notes(seen):
-        complain(note)
-    if end is not None:
-        complain(end.sentence)
+    complain(*_notes(seen), *([] if end is None else [end.sentence]))
