@@ -115,14 +115,9 @@ def audit(benchmark: Benchmark, row: Row, one: Contestant, errors: Errors | None
 
 def expected_worlds(benchmark: Benchmark, row: Row) -> list[World]:
     """Return the worlds that a row should have: all of its band, or the few of --quick."""
-    band = band_of(row)
+    band = Band(row.band, row.value, row.digest)
     quick = benchmark.every_world(band, QUICK)
     return quick if len(row.worlds) <= len(quick) else benchmark.every_world(band)
-
-
-def band_of(row: Row) -> Band:
-    """Return the band (set of worlds) in which a row's contestant was run."""
-    return Band(row.band, row.value, row.digest) if row.band == "sealed" else Band(row.band)
 
 
 def sample(worlds: Sequence[World], rng: np.random.Generator) -> list[World]:

@@ -35,8 +35,7 @@ FROZEN = "frozen"
 TRAX = "trax:"
 ONNX = "onnx:"
 """A network file of OpenCV's tracker Vit."""
-SERVER = "tracking.exported.trax_server"
-"""The module that serves a tracker of Python in a process of its own."""
+
 OURS = ("scenes", "servo", "sim", "tracking")
 """Packages of servobench, which do not belong to a contestant: a row names their version."""
 NAMING = ("tracker.command", "tracker.model", "controller.file")
@@ -227,8 +226,8 @@ def _served(settings: Settings) -> Settings:
     """
     table = {key.removeprefix("tracker."): value for key, value in settings.items()}
     python = Path(shutil.which("python") or "")
-    words = ["python" if python == Path(sys.executable) else sys.executable, "-m", SERVER]
-    words.append(table.pop("kind"))
+    words = ["python" if python == Path(sys.executable) else sys.executable]
+    words += ["-m", "tracking.exported.trax_server", table.pop("kind")]
     if preset := table.pop("preset", None):
         words += ["--preset", preset]
     words += [f"{key}={json.dumps(value)}" for key, value in table.items()]

@@ -78,15 +78,10 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
             f"the row '{row.contestant}' shares no world with the rows that fix the scale: run it "
             "in the same band"
         )
-    areas = [_areas(of, worlds) for of in (row, null, perfect or null)]
-    top = areas[2] if perfect is not None else np.ones(len(worlds))
-    scale = float(top.mean() - areas[1].mean())
-    points = 100 * (areas[0] - areas[1]) / scale
+    own, least = (np.array([of.worlds[key].area for key in worlds]) for of in (row, null))
+    top = [1.0 if perfect is None else perfect.worlds[key].area for key in worlds]
+    points = 100 * (own - least) / float(np.mean(top) - least.mean())
     return dict(zip(worlds, points.tolist(), strict=True))
-
-
-def _areas(row: Row, worlds: Sequence[str]) -> Array:
-    return np.array([row.worlds[key].area for key in worlds])
 
 
 def standings(rows: Sequence[Row]) -> list[Standing]:
@@ -116,7 +111,7 @@ def standings(rows: Sequence[Row]) -> list[Standing]:
             held=mean_of(np.array([float(w.held) for w in compared[name].worlds.values()]), *SHARE),
             first=1 + sum((other, name) in better for other in order),
             last=len(order) - sum((name, other) in better for other in order),
-            beats_next=_improvement(points[name], points[following]),
+            beats_next=float(np.mean(np.heaviside(_gaps(points[name], points[following]), 0.5))),
             points=points[name],
             slowest=_slowest(compared[name], compared.get(FROZEN)),
         )
@@ -159,11 +154,8 @@ def _chance(gaps: Array) -> float:
 
 
 def _gaps(first: Mapping[str, float], second: Mapping[str, float]) -> Array:
+    """Return the differences (n,) between two contestants' points in their common worlds."""
     return np.array([first[key] - second[key] for key in sorted(first.keys() & second.keys())])
-
-
-def _improvement(first: Mapping[str, float], second: Mapping[str, float]) -> float:
-    return float(np.mean(np.heaviside(_gaps(first, second), 0.5)))
 
 
 @dataclass(frozen=True, slots=True)

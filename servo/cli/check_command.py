@@ -34,8 +34,6 @@ End = tuple[Job, Record | Failure]
 Entry = dict[str, Any]
 """A run in the files of --json and --junit."""
 NO_BOUNDS = "No verdict: this scenario has no bounds."
-UNFINISHED = "the check was stopped before this run ended"
-TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,7 +134,8 @@ def check_scenarios(
     try:
         _carry_out(jobs, workers, console, done)
     except KeyboardInterrupt:
-        ends = [done.get(job.number, (job, Failure(UNFINISHED))) for job in jobs]
+        unfinished = Failure("the check was stopped before this run ended")
+        ends = [done.get(job.number, (job, unfinished)) for job in jobs]
         _write([_described(*end) for end in ends], junit, json, again)
         raise
     ends = [done[job.number] for job in jobs]
@@ -264,7 +263,8 @@ def _table(ends: Sequence[End]) -> Table:
                 f"{record.seconds:.1f} s",
             ]
         )
-    return Table(TITLES, cells, words=(0, 2, 6))
+    head = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
+    return Table(head, cells, words=(0, 2, 6))
 
 
 def _junit(runs: list[Entry], shares: Sequence[DrawnShare], command: str) -> str:

@@ -20,8 +20,7 @@ from servo.study.plan import Study
 from sim.camera import gl
 
 AXIS = "variant"
-AS_IT_IS = "as it is"
-"""Name of the variant without any change, which is added to a single one."""
+
 MEASURED = "run.tracker_ms=measured"
 NEXT = re.compile(r",(?=[\w.\"]+=)")
 """Commas between settings; those inside of a list do not match."""
@@ -148,7 +147,7 @@ def variants_of(parts: Mapping[str, Sequence[str]], set_of: Sequence[str]) -> di
             raise Mistake(f"two variants are called '{name}': write another name before the =")
     if not found:
         raise Mistake("nothing to compare: give --tracker, --controller, --estimator or --set-of")
-    return dict([(AS_IT_IS, {}), *found] if len(found) == 1 else found)
+    return dict([("as it is", {}), *found] if len(found) == 1 else found)
 
 
 def _settings(text: str) -> tuple[str, Settings]:

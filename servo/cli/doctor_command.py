@@ -20,9 +20,6 @@ from sim.camera import gl
 from sim.kinds import UnknownKind
 from tracking.wrapped.cv2_tracker import running
 
-WAITS = "run.latency=0"
-"""Without latency a run makes each picture only when it is needed, so that its time counts."""
-AGAIN = "install servobench again, in an environment of its own"
 FINE = "All is well. To begin with: servobench run reversal"
 
 
@@ -34,7 +31,8 @@ def examine() -> int:
     """
     console = Console()
     opengl = gl.is_there()
-    scenario = scenarios.load("still", [WAITS])
+    # Without latency a run makes each picture only when it is needed, so that its time counts.
+    scenario = scenarios.load("still", ["run.latency=0"])
     with Episode(scenario) as episode:
         seconds = median(step.seconds.render for step in episode)
     camera = scenario.camera
@@ -63,7 +61,10 @@ def _overwritten() -> list[str]:
         if file.name == "__init__.py" and file.hash is not None and place.is_file():
             digest = sha256(place.read_bytes()).digest()
             if urlsafe_b64encode(digest).decode().rstrip("=") != file.hash.value:
-                found.append(f"{place}: another package has written over this file: {AGAIN}")
+                found.append(
+                    f"{place}: another package has written over this file: install servobench "
+                    "again, in an environment of its own"
+                )
     return found
 
 

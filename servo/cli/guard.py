@@ -31,12 +31,12 @@ ENVIRONMENT = {
 }
 """Settings that keep libraries from writing to the terminal: a command prints one sentence about a
 failure. Values that the user has set stay."""
-WINDOWS = "this runs on Linux and macOS; on Windows use WSL (wsl --install)"
 
 
 def guarded(command: Callable[[], object]) -> None:
     """Run a command; print a failure as one sentence on stderr, and exit with its code."""
-    _set_environment()
+    os.environ.update(ENVIRONMENT | os.environ)
+    os.environ["MPLBACKEND"] = "agg"  # plots never open a window
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it prints messages about its caches
     _say_warnings_in_a_line()
     printer = Printer(sys.stdout)
@@ -44,7 +44,7 @@ def guarded(command: Callable[[], object]) -> None:
     sys.stderr = cast(TextIO, Printer(sys.stderr))
     try:
         if platform.system() == "Windows":
-            raise Mistake(WINDOWS)
+            raise Mistake("this runs on Linux and macOS; on Windows use WSL (wsl --install)")
         check_environment()
         command()
     except SystemExit as end:  # of every command that click has run
@@ -60,14 +60,6 @@ def guarded(command: Callable[[], object]) -> None:
         _end(refusal(error), MISTAKEN if error.errno in MISPLACED else REFUSED)
     except MemoryError:
         _end("there is not enough memory for this", REFUSED)
-
-
-def _set_environment() -> None:
-    """Set the environment variables that the libraries read; those of `ENVIRONMENT` that the user
-    has set keep their values.
-    """
-    os.environ.update(ENVIRONMENT | os.environ)
-    os.environ["MPLBACKEND"] = "agg"  # plots never open a window
 
 
 def _say_warnings_in_a_line() -> None:

@@ -20,11 +20,6 @@ from sim.world import World
 from tracking.drawing.figures import save
 from tracking.files import atomic
 
-LINES = "robot.toml"
-PICTURE = "response.png"
-SHOWN = 6
-"""Most unused columns that are named."""
-
 
 def run(path: Path, scenario: str, out: Path | None) -> int:
     """Estimate the settings of the robot that recorded a log; write them and a figure.
@@ -45,13 +40,10 @@ def run(path: Path, scenario: str, out: Path | None) -> int:
         found, text = estimated(log, scenario)
     folder = prepare(out, f"identify-{path.stem}")
     with writing(folder):
-        files = [atomic.write(folder, LINES, text), save(picture(log, found), folder, PICTURE)]
-    console = Console()
-    plain(console, text, *map(str, files))
-    if log.unused:
-        names = listed(log.unused, SHOWN)
-        plain(console, f"unused columns (unknown names, or no numbers): {names}")
-    plain(console, log.cut)
+        settings = atomic.write(folder, "robot.toml", text)
+        drawn = save(picture(log, found), folder, "response.png")
+    unused = f"unused columns (unknown names, or no numbers): {listed(log.unused, most=6)}"
+    plain(Console(), text, str(settings), str(drawn), unused * bool(log.unused), log.cut)
     return 0
 
 

@@ -74,11 +74,6 @@ def _late(episode: Episode) -> list[str]:
     return said
 
 
-def _end(scenario: Setup) -> float:
-    """Return a time [s] after that of the run's last picture."""
-    return max(scenario.run.duration, scenario.frames / scenario.camera.rate)
-
-
 def _of_scenario(is_met: Callable[[Setup], object]) -> Callable[[Episode], bool]:
     """Return a condition on an episode from a condition on its settings."""
     return lambda episode: bool(is_met(episode.scenario))
@@ -200,10 +195,6 @@ def _size_is_seen(episode: Episode) -> bool:
     return is_taken or not of_pixels
 
 
-def _sight_is_servoed(episode: Episode) -> bool:
-    return not episode.loop.law.uses_pictures
-
-
 FEW = "the robot has fewer than six joints, and these decide what moves"
 INVERTS = "these features compute the twist from the error by themselves"
 NEEDS = (
@@ -244,7 +235,7 @@ NEEDS = (
     ),
     Need(
         ("sight.plane", "sight.depth", "sight.table_height"),
-        _sight_is_servoed,
+        lambda episode: not episode.loop.law.uses_pictures,
         "pixels are servoed",
     ),
     Need(
@@ -339,7 +330,12 @@ NEEDS = (
     ),
     Need(
         ("goal.depth_to", "goal.change_start", "goal.change_duration"),
-        _of_scenario(lambda s: s.goal.depth_to is None or s.goal.change_start < _end(s)),
+        _of_scenario(
+            lambda s: (
+                s.goal.depth_to is None
+                or s.goal.change_start < max(s.run.duration, s.frames / s.camera.rate)
+            )
+        ),
         "the run ends before goal.change_start",
     ),
 )

@@ -23,7 +23,6 @@ PART = {
     "test_part.py.jinja": "tests/test_{kind}.py",
 }
 """Templates of a package with a part, and the files that are made of them."""
-SCENARIOS = "scenarios"
 SCENES = {
     "scenarios.md.jinja": "README.md",
     "requirements.txt.jinja": "requirements.txt",
@@ -41,8 +40,7 @@ SECTIONS = {
     "robot": "robot",
 }
 """The section of a scenario in which each part has its kind."""
-ROBOT = "arm.xml"
-"""The shipped model that a new robot begins with."""
+
 TAKEN = {
     "servobench's package '{}'": {"sim", "tracking", "servo", "scenes"},
     "Python's module '{}'": sys.stdlib_module_names,
@@ -97,7 +95,7 @@ def _files(part: str, kind: str) -> dict[str, str]:
         for template, name in chosen.items()
     }
     if part == "robot":
-        model = resources.files("scenes") / "robots" / ROBOT
+        model = resources.files("scenes") / "robots" / "arm.xml"
         found[f"{kind}/robot.xml"] = model.read_text("utf-8")
     return found
 
@@ -108,7 +106,7 @@ def _check_name(part: str, kind: str) -> None:
         raise Mistake(
             f"{asked}: use small letters, digits and single underscores, such as my_{part}"
         )
-    if part == SCENARIOS:
+    if part == "scenarios":
         return
     section = SECTIONS[part]
     if kind in PLUGINS[section][0].names():

@@ -42,8 +42,7 @@ HEADERS = {
     "Content-Security-Policy": "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
     "script-src 'unsafe-inline'; connect-src 'self'",
 }
-DIGITS = 6
-"""Digits of a region's numbers."""
+
 CANCELLED = "cancelled"
 """The answer of a user who cancels."""
 ANSWER = pydantic.TypeAdapter[Box | Literal["cancelled"]](Box | Literal["cancelled"])
@@ -77,13 +76,9 @@ def select(
     box = ask(first.image, source)
     if box is None:
         raise Mistake("--select was cancelled; give --region X,Y,W,H[,DEG]")
-    text = ",".join(f"{number:.{DIGITS}g}" for number in (box if box[4] else box[:4]))
-    _say(f"--region {text} repeats this choice")
+    text = ",".join(f"{number:.6g}" for number in (box if box[4] else box[:4]))
+    plain(Console(stderr=True), f"--region {text} repeats this choice")
     return text, itertools.chain([first], pictures)
-
-
-def _say(text: str) -> None:
-    plain(Console(stderr=True), text)
 
 
 def ask(image: Image, name: str) -> Box | None:
@@ -102,9 +97,10 @@ def ask(image: Image, name: str) -> Box | None:
     with _Server(_page(image, name)) as server:
         server.begin()
         address = server.address
-        _say(
-            f"draw the region on this page: {address}\n"
-            f"  (on another machine: first ssh -L {server.port}:{HOST}:{server.port} THIS-MACHINE)"
+        plain(
+            Console(stderr=True),
+            f"draw the region on this page: {address}",
+            f"  (on another machine: first ssh -L {server.port}:{HOST}:{server.port} THIS-MACHINE)",
         )
         if has_display():
             webbrowser.open(address)

@@ -2,8 +2,9 @@
 and figures as files.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from servo.bench.benchmark import NAMES
@@ -25,31 +26,9 @@ from servo.study.run_report import RunReport
 from servo.study.store import StudyFile
 from tracking.files import atomic
 
-PAGE = "report.html"
-PAGES = (".html", ".htm")
 FIGURES = "figures"
 """Folder of the figures, beside the page."""
 ONLY_STUDIES = "--measures is only for folders of sweep and compare"
-
-
-def _study(folder: Path, measures: Sequence[str] | None) -> Section:
-    study = StudyFile.read(folder / StudyFile.FILE)
-    if measures is not None and study.holds != "sweep":
-        raise Mistake(f"{folder}: {ONLY_STUDIES}")
-    if study.holds == "evaluate":
-        return bench_section.section(folder, study)
-    if study.holds == "benchmark":
-        return benchmark_section.section(folder, study)
-    if study.holds == "papers":
-        return papers_section.section(folder)
-    return study_section.section(folder, measures)
-
-
-KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Section]], ...] = (
-    ((PapersReport.FILE,), papers_section.section),
-    ((TABLE, STREAM), run_section.section),
-)
-"""Files that identify a folder without a study, and the function that makes its section."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +64,9 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
     if printed.figure_width is not None and printed.figures is None:
         raise Mistake("--figure-width needs --figures: give --figures pdf, svg or pgf")
     measures = None if printed.measures is None else measures_of(printed.measures)
-    path = out or (folders[0] / PAGE if folders[0].is_dir() else Path(f"{folders[0]}.html"))
-    check_place(path, *PAGES)
+    of_first = folders[0] / "report.html" if folders[0].is_dir() else Path(f"{folders[0]}.html")
+    path = out or of_first
+    check_place(path, ".html", ".htm")
     check_place(printed.latex, ".tex")
     sections = [section_of(folder, measures) for folder in folders]
     files: dict[Path, str | bytes] = {path: render(sections)}
@@ -114,13 +94,23 @@ def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
         if str(folder) in NAMES and measures is None:
             return benchmark_section.published_section(str(folder))
         raise Mistake(f"{folder}: there is no such folder")
+    study = None
     if (folder / StudyFile.FILE).exists():
-        return _study(folder, measures)
-    if measures is not None:
+        study = StudyFile.read(folder / StudyFile.FILE)
+    if measures is not None and (study is None or study.holds != "sweep"):
         raise Mistake(f"{folder}: {ONLY_STUDIES}")
-    for names, section in KINDS:
-        if any((folder / name).exists() for name in names):
-            return section(folder)
+    if study is not None:
+        of_studies = {
+            "evaluate": partial(bench_section.section, study=study),
+            "benchmark": partial(benchmark_section.section, study=study),
+            "papers": papers_section.section,
+        }
+        of_sweep = partial(study_section.section, measures=measures)
+        return of_studies.get(study.holds, of_sweep)(folder)
+    if (folder / PapersReport.FILE).exists():
+        return papers_section.section(folder)
+    if (folder / TABLE).exists() or (folder / STREAM).exists():
+        return run_section.section(folder)
     if (folder / RunReport.FILE).exists():
         raise Mistake(
             f"{folder / RunReport.FILE}: there is no {TABLE} beside it; is this a run's folder?"

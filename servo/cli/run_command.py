@@ -46,7 +46,6 @@ from servo.study.scenario_run import LoadedScenario, record_of
 from sim.camera import gl
 from sim.kinds import kind_of
 from sim.kinematics.doubts import doubts
-from sim.kinematics.inverse_kinematics import Reach
 from sim.outline import Outline
 from sim.types import Array
 from tracking.advice import advice
@@ -186,9 +185,7 @@ def remarks(episode: Episode) -> list[str]:
     lines = [
         _outline_line(episode.world.outline) if episode.world.outline_found else "",
         *doubts(episode.world.robot),
-        _start_line(episode.begun),
-        _range_line(episode.begun),
-        _hidden_line(episode),
+        *_start_lines(episode),
         advice(episode.scenario.tracker, first.image, region, state),
         _tilt_line(episode),
         *measures_lines(episode.scenario),
@@ -231,33 +228,29 @@ def measures_lines(scenario: Setup) -> list[str]:
     return lines
 
 
-def _hidden_line(episode: Episode) -> str:
-    """Return a sentence about a target hidden in the first picture; else an empty text."""
+def _start_lines(episode: Episode) -> list[str]:
+    """Return sentences about a start pose that the robot cannot take, a joint that will reach the
+    end of its range, and a target that is hidden in the first picture.
+    """
+    begun = episode.begun
     visible = episode.world.visible()
-    if visible >= HIDDEN:
-        return ""
-    return f"The target is hidden in the first picture: {100 * visible:.0f} % of it is visible"
-
-
-def _start_line(begun: Reach) -> str:
-    """Return a sentence if the robot cannot take its start pose; else an empty text."""
-    if begun.distance < START_NEAR and begun.angle < START_TURNED:
-        return ""
-    return (
-        "The robot cannot take the start pose: it begins where it sees the target in the same "
-        f"direction, {begun.distance:.2f} m and {degrees(begun.angle):.0f} deg from that pose"
-    )
-
-
-def _range_line(begun: Reach) -> str:
-    """Return a sentence if a joint will reach the end of its range; else an empty text."""
-    rollout = begun.rollout
-    if rollout is None or not rollout.joint:
-        return ""
-    return (
-        f"With this motion the joint {rollout.joint} reaches the end of its range after "
-        f"{rollout.time:.1f} s; no other start posture was found that stays inside the ranges"
-    )
+    lines = list[str]()
+    if begun.distance >= START_NEAR or begun.angle >= START_TURNED:
+        lines.append(
+            "The robot cannot take the start pose: it begins where it sees the target in the same "
+            f"direction, {begun.distance:.2f} m and {degrees(begun.angle):.0f} deg from that pose"
+        )
+    if begun.rollout is not None and begun.rollout.joint:
+        lines.append(
+            f"With this motion the joint {begun.rollout.joint} reaches the end of its range after "
+            f"{begun.rollout.time:.1f} s; no other start posture was found that stays inside the "
+            "ranges"
+        )
+    if visible < HIDDEN:
+        lines.append(
+            f"The target is hidden in the first picture: {100 * visible:.0f} % of it is visible"
+        )
+    return lines
 
 
 def _print_record(console: Console, scenario: Scenario, record: Record) -> None:

@@ -34,7 +34,6 @@ from servo.study.store import Store, StudyFile, opened
 from sim.camera import gl
 from tracking.files.csv_text import csv_text
 
-SUCCESS = "success: share of runs with the expected outcome, with its 95 % interval over the units"
 MOST_SHOWN = 60
 """Most cells in the printed table; the files have all."""
 
@@ -181,4 +180,8 @@ def _print_cells(console: Console, cells: Sequence[Cell], measures: Sequence[str
     print_table(console, Table((*keys, "units", "success", *titles), rows, range(len(keys))))
     if len(cells) > MOST_SHOWN:
         console.print(f"... and {len(cells) - MOST_SHOWN} more rows in cells.csv")
-    plain(console, SUCCESS, *(f"{name}: {RECORDED[name]}" for name in measures))
+    plain(
+        console,
+        "success: share of runs with the expected outcome, with its 95 % interval over the units",
+        *(f"{name}: {RECORDED[name]}" for name in measures),
+    )

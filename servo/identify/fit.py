@@ -172,7 +172,12 @@ class _Model:
         self.resolution = resolution
         """Least half width of an interval [s], or, for positions, the travel in this time."""
         self.spans = np.array([np.ptp(c.moved.values) for c in channels])
-        self.has_play = np.array([c.shows_play and _reverses(c.command) for c in channels])
+        self.has_play = np.array(
+            [
+                c.shows_play and bool(c.command.values.min() < 0 < c.command.values.max())
+                for c in channels
+            ]
+        )
         self.free = np.flatnonzero([True, True, *self.has_play])
         """Indices of the parameters that the log determines."""
         begin = min(c.moved.times[0] for c in channels)
@@ -452,10 +457,6 @@ def _after_lag(motion: Array, lag: float) -> Array:
     kept = np.exp(-GRID / lag)
     now = 1.0 - (1.0 - kept) * lag / GRID
     return motion[0] + lfilter([now, 1.0 - kept - now], [1.0, -kept], motion - motion[0])
-
-
-def _reverses(command: Series) -> bool:
-    return bool(command.values.min() < 0 < command.values.max())
 
 
 def _noise(channel: LogChannel, delay: float, lag: float) -> Interval | None:

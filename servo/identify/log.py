@@ -161,7 +161,8 @@ def read(path: Path) -> Log:
         raise Mistake(f"{path}: this log is {length}")
     lost = _lost(time)
     asked, waited = _pictures(columns, lost)
-    late = _late(time, asked)
+    new = np.isfinite(asked) & (np.diff(asked, prepend=np.nan) != 0)  # rows with a new command
+    late = float(np.median((asked - time)[new])) if new.any() else 0.0
     if abs(late) > LATEST:
         raise Mistake(
             f"{path}: asked_s is {late:.6g} s after time_s: record both with the same clock"
@@ -310,12 +311,6 @@ def _pictures(columns: dict[str, Array], lost: Array) -> tuple[Array, Array]:
     waited = columns.get("arrived_s", np.full(len(time), np.nan)) - time
     since = np.where(lost < BRIDGED, lost * np.diff(time, prepend=time[0]) / (lost + 1), 0.0)
     return columns.get("asked_s", time - since / 2), waited
-
-
-def _late(time: Array, asked: Array) -> float:
-    """Return the median time from a row to its command, over the new commands [s]."""
-    new = np.isfinite(asked) & (np.diff(asked, prepend=np.nan) != 0)
-    return float(np.median((asked - time)[new])) if new.any() else 0.0
 
 
 def _arrivals(waited: Array, *, is_with_commands: bool) -> tuple[str, Array]:
