@@ -89,7 +89,7 @@ class Contestant:
         """Yield the words of the contestant's settings that may name a file or a module."""
         for key, value in self.settings.items():
             if key == "tracker.command":
-                yield from shlex.split(value)
+                yield from shlex.split(str(value))
             else:
                 yield from value if isinstance(value, list) else [str(value)]
 
@@ -182,9 +182,9 @@ def contestants(
     for name in names:
         if names.count(name) > 1 or name in (NULL, PERFECT):
             raise Mistake(f"two contestants are called '{name}': write another name before the =")
-    if not changed:
-        return chosen
-    return [Contestant(c.name, c.settings | changed, Division.OPEN) for c in chosen]
+    if changed:
+        chosen = [Contestant(c.name, c.settings | changed, Division.OPEN) for c in chosen]
+    return chosen
 
 
 def named_part(text: str) -> tuple[str, str]:
@@ -193,9 +193,7 @@ def named_part(text: str) -> tuple[str, str]:
     Raises:
         Mistake: The name or the part is missing.
     """
-    name, equals, what = text.partition("=")
-    if not equals:
-        name, what = text, text
+    name, _, what = text.partition("=") if "=" in text else (text, "", text)
     if not name.strip() or not what.strip():
         raise Mistake(
             f"'{text}': write NAME=KIND, NAME=module:Class, NAME='trax:COMMAND' or NAME=onnx:FILE"
@@ -243,12 +241,11 @@ def _guest(benchmark: Benchmark, text: str, served: bool) -> Contestant:
         shipped = ", ".join(f"'{one}'" for one in home)
         raise Mistake(f"there is no contestant '{what}'; shipped are {shipped}")
     if is_law:
-        if what in benchmark.home:
-            return Contestant(name, benchmark.home[what], Division.HOME)
-        division = Division.HOME if what in kinds else Division.OPEN
-        if what in FEATURES.names():
-            return Contestant(name, settings_of("features", what), division)
-        return Contestant(name, OF_CONTROLLERS | settings_of("controller", what), division)
+        own = benchmark.home.get(what)
+        if own is None and what in FEATURES.names():
+            own = settings_of("features", what)
+        division = Division.HOME if what in (*home, *kinds) else Division.OPEN
+        return Contestant(name, own or OF_CONTROLLERS | settings_of("controller", what), division)
     settings = settings_of("tracker", what)
     if what.startswith(TRAX):
         return Contestant(name, settings, Division.CLOSED)

@@ -53,28 +53,23 @@ class CheckFile(Made):
 
 def _described(job: Job, end: Record | Failure) -> Entry:
     """Return the entry of a run for --json and --junit."""
-    entry = _entry(job.subject.name, job.seed, job.command)
+    name = job.subject.name
     if isinstance(end, Failure):
-        return entry | {"failed": end.reason}
-    measures = {name: number(end.measures[name]) for name in MEASURES if name in end.measures}
-    return entry | {
+        return _entry(name, job.seed, job.command, end.reason)
+    scenario = _scenario(job)
+    return _entry(name, job.seed, job.command) | {
         "seconds": end.seconds,
         "outcome": end.outcome,
-        "measures": measures,
+        "measures": {m: number(end.measures[m]) for m in MEASURES if m in end.measures},
         "missed": list(end.missed),
-        "unjudged": _unjudged(_scenario(job), end),
+        "unjudged": unjudged(scenario, end.success) or NO_BOUNDS * (not scenario.expect),
     }
 
 
-def _entry(name: str, seed: int, command: str) -> Entry:
+def _entry(name: str, seed: int, command: str, failed: str = "") -> Entry:
     """Return the entry of a run without a result for --json and --junit."""
     run = {"scenario": name, "seed": seed, "command": command, "seconds": 0.0, "outcome": ""}
-    return run | {"measures": {}, "missed": [], "failed": "", "unjudged": ""}
-
-
-def _unjudged(scenario: Scenario, record: Record) -> str:
-    """Return the reason why a run has no verdict; an empty text if it has one."""
-    return unjudged(scenario, record.success) or NO_BOUNDS * (not scenario.expect)
+    return run | {"measures": {}, "missed": [], "failed": failed, "unjudged": ""}
 
 
 def check_scenarios(
@@ -119,7 +114,7 @@ def check_scenarios(
             try:
                 scenario = load(name, changes, s)
             except Mistake as mistake:
-                refused = _entry(name, s, again) | {"failed": str(mistake)}
+                refused = _entry(name, s, again, str(mistake))
                 _write([refused], junit, json, command_line("check", *names, set=list(changes)))
                 raise
             jobs.append(Job(len(jobs), LoadedScenario(scenario), s, command=again))

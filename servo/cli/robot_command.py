@@ -23,7 +23,7 @@ from servo.scenario.fill import fill
 from servo.types import DOF
 from sim.camera.camera import CameraConfig, pinhole
 from sim.camera.choice import renderer_of
-from sim.camera.renderer import Unseen
+from sim.camera.renderer import MakeRenderer, Unseen
 from sim.kinds import PartConfig, kind_of
 from sim.kinematics.chain import ALL_WAYS, Chain, flanges
 from sim.kinematics.doubts import doubts
@@ -33,7 +33,7 @@ from sim.kinematics.model import camera_chain
 from sim.kinematics.robot import Robot
 from sim.kinematics.rollout import STEP
 from sim.kinematics.workspace import Workspace, movable_shares, sample_workspace
-from sim.models.assembly import ROBOT, build_model
+from sim.models.assembly import ROBOT
 from sim.models.model_reader import read_spec
 from sim.motions import circle, line, still, wander
 from sim.mounting import CAMERA
@@ -101,7 +101,7 @@ def examine(given: Mapping[str, object], out: Path | None) -> int:
         if not given.keys() & {"flange", "mount", "camera"}:
             config = dataclasses.replace(config, camera=_own_camera(model))
             model, chain = camera_chain(spec, config.flange, config.camera)
-        robot = _robot(dataclasses.replace(config, base=(0.0, 0.0, 0.0, 0.0)))
+        robot = _world(dataclasses.replace(config, base=(0.0, 0.0, 0.0, 0.0)), Unseen).robot
         workspace = sample_workspace(robot, DEPTH)
         bases = [config.base] if "base" in given else [workspace.base, BESIDE]
         proposed = next((base for base in bases if _begins(config, base)), None)
@@ -127,11 +127,17 @@ def _free_name() -> Path:
     return next(name for name in names if not name.exists())
 
 
-def _robot(config: mjcf.Config) -> Robot:
-    """Return the robot of these settings in a room with a car."""
+def _world(
+    config: mjcf.Config,
+    renderer: MakeRenderer | None = None,
+    motion: PartConfig[Motion] | None = None,
+) -> World:
+    """Return the world of a robot and a car, which stands without a motion."""
     rng = np.random.default_rng(0)
     design = config.build(rng)
-    return Robot(build_model(480.0, PICTURE, design, car.Config().build(rng)), design)
+    moved = (motion or still.Config()).build(rng)
+    parts = WorldParts(design, car.Config().build(rng), moved, camera=PICTURE)
+    return World(parts, rng, renderer=renderer)
 
 
 def _own_camera(model: mujoco.MjModel) -> str:
@@ -153,11 +159,7 @@ def _begun(config: mjcf.Config, motion: PartConfig[Motion]) -> Reach:
     """Return how near a run's start comes to the camera pose 1 m above the target, and whether the
     joints can follow a motion of the target from there.
     """
-    rng = np.random.default_rng(0)
-    parts = WorldParts(
-        config.build(rng), car.Config().build(rng), motion.build(rng), camera=PICTURE
-    )
-    world = World(parts, rng, renderer=Unseen)
+    world = _world(config, Unseen, motion)
     facing = Pose(np.eye(3), np.array([0.0, 0.0, DEPTH]))
     times = np.arange(0.0, DRIVEN, STEP).tolist()
     middle = np.array([PICTURE.width, PICTURE.height]) / 2
@@ -186,10 +188,7 @@ def _ranges_text(config: mjcf.Config) -> str:
 
 def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     """Return a picture of the room beside the camera's view, and sentences about this view."""
-    rng = np.random.default_rng(0)
-    design = config.build(rng)
-    target = car.Config().build(rng)
-    world = World(WorldParts(design, target, still.Config().build(rng), camera=PICTURE), rng)
+    world = _world(config)
     model = world.model
     size = PICTURE.width, PICTURE.height
     room = RoomView(model, *size)
@@ -211,8 +210,7 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     else:
         away = f"{reach.distance:.2f} m and {degrees(reach.angle):.0f} deg"
         text = f"From the base below the camera sees the target, {away} from the pose {above}."
-    joints = len(world.robot.ids)
-    if joints < ALL_WAYS:
+    if len(world.robot.ids) < ALL_WAYS:
         text += f"\n{_directions(world.robot.jacobian(world.data))}"
     if seen.any():
         share = 100 * seen.mean()
@@ -259,22 +257,20 @@ def _directions(jacobian: Array) -> str:
 def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
     """Return the table of all joints: range, largest rate, lag and actuator."""
     rows: list[list[str]] = []
-    servos = robot.servos()
     kept = has_velocity_drives(model, chain.joints)
     for joint in range(model.njnt):
         low, high = model.jnt_range[joint]
-        limits = f"{low:.3g} .. {high:.3g}" if model.jnt_limited[joint] else "none"
-        name = model.joint(joint).name
+        place = chain.joints.index(joint) if joint in chain.joints else None
+        unit = "" if place is None else f" {robot.units[place]}"
+        limits = f"{low:.3g} .. {high:.3g}{unit}" if model.jnt_limited[joint] else "none"
+        drive = ["held still", "", ""]
+        if place is not None:
+            fastest = robot.fastest[place]
+            rate = f"{fastest:.3g}{unit}/s" if isfinite(fastest) else "none"
+            lag = f"{1e3 * robot.servos()[place]:.1f} ms"
+            drive = [rate, lag, _actuator(model, joint, kept=kept)]
         kind = kind_of_joint(model.jnt_type[joint])
-        if joint in chain.joints:
-            fastest = robot.fastest[robot.names.index(name)]
-            unit = robot.units[chain.joints.index(joint)]
-            rate = f"{fastest:.3g} {unit}/s" if isfinite(fastest) else "none"
-            limits = f"{limits} {unit}" if model.jnt_limited[joint] else limits
-            own = f"{1e3 * servos[robot.names.index(name)]:.1f} ms"
-            rows.append([name, kind, limits, rate, own, _actuator(model, joint, kept=kept)])
-        else:
-            rows.append([name, kind, limits, "held still", "", ""])
+        rows.append([model.joint(joint).name, kind, limits, *drive])
     head = ("joint", "type", "limits", "largest rate", "servo's lag", "actuator")
     return Table(head, rows, words=(0, 1))
 

@@ -36,20 +36,19 @@ def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequenc
     """
     late = found.delay.value + found.transport
     latency = max(0.0, (floor(late / tick + 0.5) - 0.5) * tick)
-    delay = f"latency_ms = {latency * MILLI:.2f}  # delay {interval_text(found.delay, MILLI)} ms"
-    delay += " before the drive"
-    if found.transport > 0:
-        delay += f", and {found.transport * MILLI:.2f} ms until a picture arrives"
-    run = [f"{delay}; the drives round it up"]
-    if found.jitter is None:
-        run.append(NO_JITTER)
-    else:
-        run.append(
-            f"jitter_ms = {found.jitter.value * MILLI:.2f}  # {interval_text(found.jitter, MILLI)}"
-        )
-    own = Interval(float(np.mean(found.servos)), min(found.servos), max(found.servos))
-    lag = f"lag_ms = {found.lag.value * MILLI:.2f}  # {interval_text(found.lag, MILLI)} ms before"
-    lag += f" the drive's own servo, which adds {own.value * MILLI:.3g} ms"
+    arrival = f", and {found.transport * MILLI:.2f} ms until a picture arrives"
+    delay = (
+        f"latency_ms = {latency * MILLI:.2f}  # delay {interval_text(found.delay, MILLI)} ms "
+        f"before the drive{arrival if found.transport > 0 else ''}; the drives round it up"
+    )
+    jitter = NO_JITTER
+    if found.jitter is not None:
+        waits = interval_text(found.jitter, MILLI)
+        jitter = f"jitter_ms = {found.jitter.value * MILLI:.2f}  # {waits}"
+    lag = (
+        f"lag_ms = {found.lag.value * MILLI:.2f}  # {interval_text(found.lag, MILLI)} ms before "
+        f"the drive's own servo, which adds {float(np.mean(found.servos)) * MILLI:.3g} ms"
+    )
     play = _each("backlash", found.play, joints) or [NO_PLAY]
     if found.is_behind and any(each.low > 0 for each in found.play.values()):
         play.append(BEHIND)
@@ -64,7 +63,8 @@ def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequenc
         f"{interval_text(whole.lag, MILLI)} ms; together {interval_text(whole.sum, MILLI)} ms",
         f"# gain from command to motion: {gains}; simulated drives have 1, less friction",
     ]
-    return "\n".join([*head, "", "[run]", *run, "", "[robot]", lag, *play, *noise, ""])
+    run = ["[run]", delay, jitter]
+    return "\n".join([*head, "", *run, "", "[robot]", lag, *play, *noise, ""])
 
 
 def picture(log: Log, found: Identified) -> Drawing:
