@@ -173,7 +173,7 @@ def test_a_served_depth_camera_sends_its_depth_pictures():
     with servo.Episode(servo.load("depth_plate", ["run.duration=0.1"])) as episode:
         step = next(iter(episode))
         served = server.Server().serving(episode)
-        frame = given(camera.newest, lambda _: served._publish(step), None)
+        frame = given(camera.newest, lambda _: served.publish(step), None)
     np.testing.assert_array_equal(frame.depth, step.frame.depth)
     np.testing.assert_array_equal(frame.image, step.frame.image)
 
@@ -319,7 +319,7 @@ def test_a_twist_without_a_meaning_is_not_driven_and_said_once(capsys, message, 
     time.sleep(0.1)
     assert said() is None
     unnamed = messages.stamped(np.ones(6), messages.header(0.0, ""))
-    given(lambda: served._listen() or None, writer.write, unnamed)
+    given(lambda: served.command(None, None, 0.0).twist.any() or None, writer.write, unnamed)
     assert served.command(None, None, 0.0).twist.all()
 
 

@@ -118,17 +118,12 @@ def _forget_lost_tracks(jobs: Sequence[Job], store: Store) -> None:
         if not isinstance(job.subject, TrackedSequence):
             continue
         path = job.subject.track_path(store.folder, job.seed)
-        if _length(path) != record.settings["frames"]:
+        rows = 0
+        with suppress(ValueError):  # the file cannot be read
+            rows = len(read_track(path).states)
+        if rows != record.settings["frames"]:
             complain(f"{path}: this track is missing or damaged and is computed again")
             store.forget(job)
-
-
-def _length(path: Path) -> int:
-    """Return the number of rows of a track's file; 0 if it cannot be read."""
-    try:
-        return len(read_track(path).states)
-    except ValueError:
-        return 0
 
 
 def subjects_of(suite: str, trackers: str | None) -> list[TrackedSequence]:

@@ -69,7 +69,8 @@ def run(
     chosen = _chosen(names, effort)
     with as_mistake():
         jobs = {claim.name: claim.jobs(effort) for claim in chosen}
-    folder = out or Path("runs") / _folder(effort)
+    usual = "papers-quick" if effort.quick else "papers"
+    folder = out or Path("runs") / (f"papers-{effort.first}" if effort.first else usual)
     again = command_line(
         "papers",
         *names,
@@ -78,15 +79,30 @@ def run(
         first_seed=effort.first,
     )
     console = Console(quiet=quiet)
-    runs = {job.key for some in jobs.values() for job in some}
+    every = {job.key: job for some in jobs.values() for job in some}
     verdicts: dict[str, Verdict] = {}
-    if any(isinstance(job.subject, EstimatedLoop) for some in jobs.values() for job in some):
+    if any(isinstance(job.subject, EstimatedLoop) for job in every.values()):
         gl.is_there()  # it says in one sentence where this machine has none
     if dry_run:
-        every = {job.key: job for some in jobs.values() for job in some}
         return print_estimate(list(every.values()), workers, console, Store(folder))
-    with Workers(workers) as pool, opened(folder, _described(again)) as store:
-        plain(console, f"claims: {len(chosen)}, runs: {len(runs)}")
+    # The folder is described in the same way for all claims, which share runs.
+    described = StudyFile(
+        command=again,
+        versions=versions(),
+        holds="papers",
+        name="papers",
+        title="Claims of the three papers, tested again.",
+        axes={},
+        draws={},
+        seeds=[],
+        compare=None,
+        expect={},
+        runs=0,
+        table={},
+        scenarios={},
+    )
+    with Workers(workers) as pool, opened(folder, described) as store:
+        plain(console, f"claims: {len(chosen)}, runs: {len(every)}")
         for claim in chosen:
             _print_rule(console, claim)
             store.find(jobs[claim.name])
@@ -113,28 +129,9 @@ def run(
     if effort.first is not None:
         _print_beside(console, found, effort.first)
         return 1 if len(verdicts) < len(chosen) else 0
-    others = [] if effort.quick else broken(found, known())
-    complain(*(f"papers: {sentence}" for sentence in others))
+    others = [] if effort.quick else [f"papers: {one}" for one in broken(found, known())]
+    complain(*others)
     return 1 if others or len(verdicts) < len(chosen) else 0
-
-
-def _described(command: str) -> StudyFile:
-    """Return the description of the folder; it is the same for all claims, which share runs."""
-    return StudyFile(
-        command=command,
-        versions=versions(),
-        holds="papers",
-        name="papers",
-        title="Claims of the three papers, tested again.",
-        axes={},
-        draws={},
-        seeds=[],
-        compare=None,
-        expect={},
-        runs=0,
-        table={},
-        scenarios={},
-    )
 
 
 def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
@@ -172,12 +169,6 @@ def _check_first(effort: Effort, first: int, chosen: Sequence[Claim]) -> None:
         raise Mistake(f"papers: {tuning[0]} has its own seeds for tuning; leave out --first-seed")
 
 
-def _folder(effort: Effort) -> str:
-    if effort.first is not None:
-        return f"papers-{effort.first}"
-    return "papers-quick" if effort.quick else "papers"
-
-
 def _print_beside(console: Console, found: Found, first: int) -> None:
     """Print the verdicts beside those on the registered seeds."""
     plain(console, f"  seeds from {first} on, beside the registered ones:")
@@ -195,10 +186,9 @@ def _print_rule(console: Console, claim: Claim) -> None:
 
 
 def _print(console: Console, verdict: Verdict) -> None:
-    word = WORDS[verdict.finding]
-    tone = TONES[verdict.finding]
+    word = f"[{TONES[verdict.finding]}]{WORDS[verdict.finding]}[/]"
     effect = escape(f"{words(verdict.effect, verdict.unit)}, {verdict.count} units")
-    console.print(f"  verdict:  [{tone}]{word}[/]: {effect}", highlight=False)
+    console.print(f"  verdict:  {word}: {effect}", highlight=False)
     console.print(f"  measured: {escape(verdict.measured)}", highlight=False)
     if verdict.table:
         head, *rows = verdict.table

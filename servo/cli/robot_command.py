@@ -85,7 +85,8 @@ def examine(given: Mapping[str, object], out: Path | None) -> int:
         Mistake: The model cannot be used, a setting does not fit it, or `out` exists or is not a
             PNG.
     """
-    out = out or _free_name()
+    names = (Path(f"robot-{k}.png" if k > 1 else "robot.png") for k in itertools.count(1))
+    out = out or next(name for name in names if not name.exists())
     check_suffix(out, ".png")
     check_writable(out)
     if str(given["model"]).endswith(".toml"):
@@ -119,12 +120,6 @@ def examine(given: Mapping[str, object], out: Path | None) -> int:
         out.write_bytes(encoded(picture))
     plain(console, str(out))
     return 0
-
-
-def _free_name() -> Path:
-    """Return the first of robot.png, robot-2.png and so on that does not exist."""
-    names = (Path(f"robot-{k}.png" if k > 1 else "robot.png") for k in itertools.count(1))
-    return next(name for name in names if not name.exists())
 
 
 def _world(
@@ -294,8 +289,7 @@ def _flange_table(model: mujoco.MjModel, chain: Chain) -> Table:
         [name, f"{what}{' (taken)' * (name == chain.flange)}", str(joints)]
         for what, name, joints in found[:SHOWN]
     ]
-    if len(found) > SHOWN:
-        rows.append([f"and {len(found) - SHOWN} more"])
+    rows += [[f"and {len(found) - SHOWN} more"]] * (len(found) > SHOWN)
     return Table(("candidates for the flange", "", "joints"), rows, words=range(3))
 
 
@@ -310,10 +304,8 @@ def _reach_text(reach: Workspace) -> str:
 
 def _toml(config: mjcf.Config, chain: Chain) -> str:
     """Return the [robot] table of a scenario."""
-    table: dict[str, object] = {"kind": "mjcf", "model": config.model, "base": list(config.base)}
-    if config.camera:
-        table["camera"] = config.camera
-    else:
-        table |= {"flange": chain.flange, "mount": list(config.mount)}
+    flange = {"flange": chain.flange, "mount": list(config.mount)}
+    carried = {"camera": config.camera} if config.camera else flange
+    table = {"kind": "mjcf", "model": config.model, "base": list(config.base)} | carried
     lines = (f"{key} = {json.dumps(value)}" for key, value in table.items())
     return "\n".join(("[robot]", *lines))

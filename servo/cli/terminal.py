@@ -51,13 +51,12 @@ def print_table(console: Console, shown: words.Table) -> None:
     table = Table(box=None, pad_edge=False, collapse_padding=len(shown.head) > ROOMY)
     for i, title in enumerate(shown.head):
         is_text = i in shown.words
-        lines = _lines(shown, i)
-        longest = max(map(len, lines))
-        word = max((len(word) for line in lines for word in line.split()), default=0)
-        justify = "left" if is_text else "right"
+        cells = [title, *(_text(row[i]) for row in shown.rows if i < len(row))]
+        longest = max(len(line) for cell in cells for line in cell.split("\n"))
+        word = max((len(word) for cell in cells for word in cell.split()), default=0)
         table.add_column(
             escape(title),
-            justify=justify,
+            justify="left" if is_text else "right",
             overflow="fold",
             no_wrap=not is_text,
             min_width=min(longest, max(word, NARROWEST)) if is_text else longest,
@@ -72,17 +71,15 @@ def print_table(console: Console, shown: words.Table) -> None:
     plain(console, shown.note)
 
 
-def _lines(shown: words.Table, column: int) -> list[str]:
-    """Return the lines of a column's title and cells, without their tones."""
-    cells = [shown.head[column], *(row[column] for row in shown.rows if column < len(row))]
-    texts = [cell if isinstance(cell, str) else cell.text for cell in cells]
-    return "\n".join(texts).split("\n")
+def _text(cell: words.Cell) -> str:
+    """Return the text of a cell without its colour."""
+    return cell if isinstance(cell, str) else cell.text
 
 
 def _marked(cell: words.Cell) -> str:
-    if isinstance(cell, str):
-        return escape(cell)
-    return f"[{COLOURS[cell.tone]}]{escape(cell.text)}[/]"
+    """Return the text of a cell with rich's markup of its colour."""
+    text = escape(_text(cell))
+    return text if isinstance(cell, str) else f"[{COLOURS[cell.tone]}]{text}[/]"
 
 
 def plain(console: Console, *lines: str) -> None:

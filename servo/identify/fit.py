@@ -12,11 +12,11 @@ residuals are not.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from servo.identify.drive import GRID, after_lag, after_play
 from servo.identify.log import Log, LogChannel, Series
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
@@ -24,8 +24,6 @@ from tracking.statistics.comparisons import Interval
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-GRID = 2e-3
-"""Interval of the modelled motion [s], equal to a step of the physics."""
 BLOCK = 2.0
 """Length of a block [s]: the time after which the drift absorbs an error of the position."""
 LONGEST = 0.5
@@ -397,13 +395,13 @@ def _basis(
     # The simulated lag begins a step of the physics late, and positions are half a step ahead.
     motion = np.interp(grid - delay - GRID / 2, knots, asked)
     if not is_behind:
-        motion = _after_play(motion, play)
-    motion = _after_lag(_after_lag(motion, lag), servo)
+        motion = after_play(motion, play)
+    motion = after_lag(after_lag(motion, lag), servo)
     if is_behind:
-        motion = _after_play(motion, play)
+        motion = after_play(motion, play)
     rate = np.diff(motion, prepend=motion[0])
     slides = np.sign(rate) * (np.abs(rate) > STILL * np.abs(rate).max())
-    friction = _after_lag(GRID * np.cumsum(slides), servo)
+    friction = after_lag(GRID * np.cumsum(slides), servo)
     both = [np.interp(moved.times, grid, each) for each in (motion, friction)]
     return np.stack([_less(drift, each) for each in both])
 
@@ -430,33 +428,6 @@ def _less(drift: tuple["csr_array", Array], values: Array) -> Array:
     """Return values (n,) less their projection on a drift."""
     hats, inverse = drift
     return values - hats @ (inverse @ (hats.T @ values))
-
-
-def _after_play(motion: Array, play: float) -> Array:
-    """Return the joint's motion for the motor's (n,), from the middle of the play."""
-    if play == 0.0:
-        return motion
-    half = play / 2
-    ends = np.append(np.flatnonzero(np.diff(np.sign(np.diff(motion)))) + 1, len(motion) - 1)
-    # Between two turns of the motor the joint is pushed one way from its place at the first.
-    places = accumulate(
-        motion[ends].tolist(),
-        lambda last, to: min(max(last, to - half), to + half),
-        initial=float(motion[0]),
-    )
-    last = np.repeat(list(places)[:-1], np.diff(ends, prepend=-1))
-    return np.clip(last, motion - half, motion + half)
-
-
-def _after_lag(motion: Array, lag: float) -> Array:
-    """Return the first-order lag, with a time constant [s], of a piecewise linear motion (n,)."""
-    from scipy.signal import lfilter
-
-    if lag < GRID / 20:
-        return motion
-    kept = np.exp(-GRID / lag)
-    now = 1.0 - (1.0 - kept) * lag / GRID
-    return motion[0] + lfilter([now, 1.0 - kept - now], [1.0, -kept], motion - motion[0])
 
 
 def _noise(channel: LogChannel, delay: float, lag: float) -> Interval | None:

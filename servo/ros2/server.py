@@ -85,12 +85,12 @@ class Server:
         """Publish a step (picture, calibration, joints, time), and wait in real time until the next
         one is due; at the first step, wait for a twist.
         """
-        self._publish(step)
+        self.publish(step)
         if self._began is None:
             sys.stderr.write(f"waiting for a twist on {TOPIC}\n")
             while not self._listen():
                 time.sleep(step.scene.period)
-                self._publish(step)
+                self.publish(step)
             self._began = time.monotonic() - step.frame.time
         due = self._began + step.frame.time + step.scene.period
         time.sleep(max(0.0, due - time.monotonic()))
@@ -118,7 +118,8 @@ class Server:
             return not wrong
         return False
 
-    def _publish(self, step: Step) -> None:
+    def publish(self, step: Step) -> None:
+        """Send the picture, depth picture, calibration, joints and time of a step to ROS 2."""
         at = header(step.frame.time, FRAME)
         image = step.frame.image
         height, width, _ = image.shape
