@@ -341,7 +341,11 @@ def test_measures_and_tables_are_refused_where_they_do_not_fit(make_papers, tmp_
             Printed(latex=tmp_path / "tables.txt"),
             "tables.txt: the name of this file should end in .tex",
         ),
-        ([folder], Printed(latex=tmp_path), "--latex takes the file to write, such as tables.tex"),
+        (
+            [folder],
+            Printed(latex=tmp_path),
+            "this is not a file; name a file to write, such as x.tex",
+        ),
         (
             [make_papers(tmp_path / "papers")],
             Printed(measures="settle_s"),

@@ -65,34 +65,26 @@ def read_errors(path: Path) -> Errors:
         raise Mistake(f"{path}: this is not the file of errors that --submit writes") from error
 
 
-@dataclass(frozen=True, slots=True)
-class Audit:
-    """Findings of an audit of a contestant's row, before any world is run again."""
-
-    worlds: Sequence[World]
-    """The worlds that the row should have."""
-    faults: Sequence[str]
-    """A sentence for each contradiction of the row to the benchmark or to itself."""
-    remarks: Sequence[str]
-    """A sentence for each part of the row that could not be compared."""
-
-
-def audit(benchmark: Benchmark, row: Row, one: Contestant, errors: Errors | None) -> Audit:
-    """Return contradictions of a contestant's row to its benchmark and to its pictures' errors.
+def audit(
+    benchmark: Benchmark, row: Row, one: Contestant, errors: Errors | None
+) -> tuple[list[str], list[str]]:
+    """Compare a contestant's row with its benchmark and with the errors of its pictures.
 
     Args:
         benchmark: The benchmark, in the row's version.
         row: The row that was sent.
         one: The row's contestant, in this version of servobench.
         errors: The errors of all runs of the row; None if they were not sent.
+
+    Returns:
+        A sentence for each contradiction of the row to the benchmark or to itself, and a sentence
+        for each part of the row that could not be compared.
     """
     worlds = expected_worlds(benchmark, row)
     faults = list[str]()
     remarks = list[str]()
-    keys = {world.key for world in worlds}
-    if keys != row.worlds.keys():
-        other = _some(keys ^ row.worlds.keys())
-        faults.append(f"the row's worlds differ from those of its band: {other}")
+    if other := {world.key for world in worlds} ^ row.worlds.keys():
+        faults.append(f"the row's worlds differ from those of its band: {_some(other)}")
     whole = len(benchmark.conditions) * benchmark.worlds
     if len(worlds) < whole:
         remarks.append(f"the row is of a quick run: {len(worlds)} of {whole} worlds")
@@ -110,7 +102,7 @@ def audit(benchmark: Benchmark, row: Row, one: Contestant, errors: Errors | None
         faults += _contradictions(benchmark, row, errors)
     if benchmark.score == "arrives":
         remarks.append("the row's medians (time, camera path, corners out of view) are unchecked")
-    return Audit(worlds, faults, remarks)
+    return faults, remarks
 
 
 def expected_worlds(benchmark: Benchmark, row: Row) -> list[World]:
@@ -133,17 +125,14 @@ def _contradictions(benchmark: Benchmark, row: Row, errors: Errors) -> list[str]
     """Return a sentence for each contradiction of a row to its errors."""
     at_once = {world: e for (world, ms), e in errors.items() if ms == 0.0}
     faults = list[str]()
-    if at_once.keys() != row.worlds.keys():
-        other = at_once.keys() ^ row.worlds.keys()
+    if other := at_once.keys() ^ row.worlds.keys():
         return [f"the Parquet file has other worlds than the row: {_some(other)}"]
-    if benchmark.score == "held":
-        wrong = [w for w, e in at_once.items() if not _is_close(score_errors(e), row.worlds[w])]
-        if wrong:
-            faults.append(f"the Parquet file gives other scores than the row: {_some(wrong)}")
+    wrong = [w for w, e in at_once.items() if not _is_close(score_errors(e), row.worlds[w])]
+    if benchmark.score == "held" and wrong:
+        faults.append(f"the Parquet file gives other scores than the row: {_some(wrong)}")
     if curve_of(list(at_once.values())) != row.curve:
         faults.append("the Parquet file gives another curve than the row")
-    slow = slow_of(benchmark, errors) if row.slow else {}
-    if slow != row.slow:
+    if row.slow and slow_of(benchmark, errors) != row.slow:
         faults.append("the Parquet file gives other shares held by slower trackers than the row")
     return faults
 

@@ -7,12 +7,12 @@ import numpy as np
 from rich.console import Console
 
 from servo.bench.audit import (
-    Audit,
     WorldComparison,
     audit,
     compare_run,
     errors_file,
     errors_parquet,
+    expected_worlds,
     read_errors,
     sample,
 )
@@ -263,9 +263,9 @@ def _verify(
     one = _contestant(benchmark, row, given)
     beside = errors_file(file)
     errors = read_errors(beside) if beside.exists() else None
-    found = audit(benchmark, row, one, errors)
-    worlds = [world for world in sample(found.worlds, rng) if world.key in row.worlds]
-    jobs = jobs_of(benchmark, [one], worlds)
+    faults, remarks = audit(benchmark, row, one, errors)
+    drawn = sample(expected_worlds(benchmark, row), rng)
+    jobs = jobs_of(benchmark, [one], [world for world in drawn if world.key in row.worlds])
     if errors is None:
         jobs = [job for job in jobs if job.settings[SLOW] == 0.0]
     runs = list[WorldComparison]()
@@ -275,11 +275,6 @@ def _verify(
                 raise Mistake(f"{job.settings[WORLD]}: {record.reason}")
             runs.append(compare_run(benchmark, row, errors, record))
             ended(job.settings[WORLD])
-    return _print_audit(console, row, found, runs)
-
-
-def _print_audit(console: Console, row: Row, found: Audit, runs: Sequence[WorldComparison]) -> int:
-    """Print the findings of an audit; return the exit code: 1 if something is wrong."""
     every = {run.world for run in runs}
     differing = {run.world for run in runs if not run.agrees}
     rounded = {run.world for run in runs if run.agrees and not run.exactly} - differing
@@ -288,9 +283,9 @@ def _print_audit(console: Console, row: Row, found: Audit, runs: Sequence[WorldC
     if rounded:
         plain(console, f"  {len(rounded)} more agree except for rounding by another processor")
     plain(console, *(f"  {key} differs" for key in sorted(differing)))
-    plain(console, *(f"  wrong: {sentence}" for sentence in found.faults))
-    plain(console, *(f"  note: {sentence}" for sentence in found.remarks))
-    return 1 if differing or found.faults else 0
+    plain(console, *(f"  wrong: {sentence}" for sentence in faults))
+    plain(console, *(f"  note: {sentence}" for sentence in remarks))
+    return 1 if differing or faults else 0
 
 
 def _contestant(benchmark: Benchmark, row: Row, given: Sequence[Contestant] | None) -> Contestant:

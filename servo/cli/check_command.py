@@ -161,8 +161,7 @@ def _check_changes(changes: Sequence[str]) -> None:
 def _print_short(errors: Console, jobs: Sequence[Job]) -> None:
     """Print doubts about scenarios: measures without a value, bounds that decide nothing."""
     found = {job.subject.name: measures_lines(_scenario(job)) for job in jobs}
-    for name, lines in found.items():
-        plain(errors, *(f"{name}: {line}" for line in lines))
+    plain(errors, *(f"{name}: {line}" for name, lines in found.items() for line in lines))
 
 
 def _print_unjudged(errors: Console, records: Sequence[tuple[Job, Record]], count: int) -> None:
@@ -176,10 +175,9 @@ def _print_unjudged(errors: Console, records: Sequence[tuple[Job, Record]], coun
 
 def _shares(records: Sequence[tuple[Job, Record]], count: int) -> list[DrawnShare]:
     """Return the shares of drawn seeds that are judged; each scenario has `count` runs."""
-    shares: list[DrawnShare | None] = []
-    for _, runs in groupby(records, lambda run: run[0].number // count):
-        shares.append(DrawnShare.of([(_scenario(job), end.success) for job, end in runs]))
-    return [share for share in shares if share is not None]
+    groups = groupby(records, lambda run: run[0].number // count)
+    judged = ([(_scenario(job), end.success) for job, end in runs] for _, runs in groups)
+    return [share for share in map(DrawnShare.of, judged) if share is not None]
 
 
 def _scenario(job: Job) -> Scenario:
@@ -266,35 +264,22 @@ def _junit(runs: list[Entry], shares: Sequence[DrawnShare], command: str) -> str
     """Return JUnit's XML: a test case for each run and each share, with what it missed and the
     command that repeats it.
     """
-    tests = str(len(runs) + len(shares))
-    suite = ElementTree.Element("testsuite", name="servobench check", tests=tests)
-    for run in runs:
-        case = _add_case(suite, run["scenario"], f"seed {run['seed']}")
-        case.set("time", f"{run['seconds']:.3f}")
+    of_shares = [_entry(s.scenario, 0, command) | {"missed": [s] * s.missed} for s in shares]
+    names = [f"seed {run['seed']}" for run in runs] + ["drawn seeds"] * len(shares)
+    suite = ElementTree.Element("testsuite", name="servobench check", tests=str(len(names)))
+    for name, run in zip(names, runs + of_shares, strict=True):
+        scenario = one_line(run["scenario"])
+        described = {"classname": f"servobench.{scenario}", "name": f"{scenario}, {name}"}
+        case = ElementTree.SubElement(suite, "testcase", described, time=f"{run['seconds']:.3f}")
         message = run["failed"] or "; ".join(map(str, run["missed"]))
         if run["unjudged"]:
             ElementTree.SubElement(case, "skipped", message=one_line(run["unjudged"]))
         elif message:
-            _add_fault(case, "error" if run["failed"] else "failure", message, run["command"])
-    for share in shares:
-        case = _add_case(suite, share.scenario, "drawn seeds")
-        if share.missed:
-            _add_fault(case, "failure", str(share), command)
+            tag = "error" if run["failed"] else "failure"
+            fault = ElementTree.SubElement(case, tag, message=one_line(message))
+            fault.text = one_line(f"again: {run['command']}")
     for plural, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
         suite.set(plural, str(len(suite.findall(f"testcase/{tag}"))))
     suite.set("time", f"{sum(run['seconds'] for run in runs):.3f}")
     ElementTree.indent(suite)
     return ElementTree.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
-
-
-def _add_case(suite: ElementTree.Element, scenario: str, of: str) -> ElementTree.Element:
-    """Add a test case of a scenario to a suite, and return the case."""
-    name = one_line(scenario)
-    described = {"classname": f"servobench.{name}", "name": f"{name}, {of}"}
-    return ElementTree.SubElement(suite, "testcase", described)
-
-
-def _add_fault(case: ElementTree.Element, tag: str, message: str, command: str) -> None:
-    """Add a failure or an error to a test case, with the command that repeats it."""
-    fault = ElementTree.SubElement(case, tag, message=one_line(message))
-    fault.text = one_line(f"again: {command}")

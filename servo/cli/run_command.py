@@ -200,11 +200,10 @@ def _tilt_line(episode: Episode) -> str:
     tracker = kind_of(scenario.tracker)
     if traits_of(scenario.tracker) is None or reports_corners(scenario):
         return ""
-    goal = episode.running.goal_sight
-    is_tilted = (
-        scenario.start.tilt_deg > degrees(START_TURNED) and not episode.loop.law.uses_pictures
-    )
-    if not is_tilted or len(episode.loop.features.values(goal)) < DOF:
+    is_tilted = scenario.start.tilt_deg > degrees(START_TURNED)
+    if not is_tilted or episode.loop.law.uses_pictures:
+        return ""
+    if len(episode.loop.features.values(episode.running.goal_sight)) < DOF:
         return ""
     instead = "tracker.corners = true" if tracker == "truth" else "the tracker tag or homography"
     return (
@@ -259,8 +258,8 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
     console.print(f"[bold]{escape(scenario.name)}[/], seed {record.seed}: {outcome}")
     rows: list[list[str]] = []
     for name, measure in MEASURES.items():
-        bound = scenario.expect.get(name)
-        limit = "" if bound is None else f"{bound:g}" if isinstance(bound, int | float) else bound
+        bound = scenario.expect.get(name, "")
+        limit = f"{bound:g}" if isinstance(bound, int | float) else bound
         rows.append([name, f"{record.measures[name]:.3g}", limit, measure.meaning])
     print_table(console, Table(("measure", "value", "bound", "meaning"), rows, words=(0, 3)))
     if scenario.drawn:
@@ -275,12 +274,10 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
 def _stage_line(run: Columns, writing: Sequence[float]) -> str:
     """Return a sentence about the median times of a step's stages, and of writing it [s]."""
     seconds = timed(run)
-    each = np.median(seconds, axis=0)
-    total = np.median(seconds.sum(axis=1))
-    stages = zip(("render", "track", "control", "physics"), each, strict=True)
+    stages = zip(("render", "track", "control", "physics"), np.median(seconds, axis=0), strict=True)
     parts = "  ".join(f"{stage} {1e3 * spent:.2f}" for stage, spent in stages)
     return (
-        f"A step took {1e3 * total:.1f} ms: {parts}; "
+        f"A step took {1e3 * np.median(seconds.sum(axis=1)):.1f} ms: {parts}; "
         f"writing it took {1e3 * median(writing):.1f} ms (medians)"
     )
 
