@@ -234,7 +234,7 @@ class Benchmark:
 
 
 def load(name: str) -> Benchmark:
-    """Return a shipped benchmark.
+    """Return a shipped public benchmark by its name, such as "loop-v1".
 
     Raises:
         Mistake: There is no benchmark of this name.

@@ -67,11 +67,6 @@ class Contestant:
     division: Division
 
     @property
-    def is_compared(self) -> bool:
-        """True if the contestant is ranked; those that fix the scale are not."""
-        return self.division is not Division.SCALE
-
-    @property
     def digest(self) -> str:
         """SHA-256 (hex) of the contestant's settings, and of the code and files that they name."""
         found = hashlib.sha256(json.dumps(as_json(self.settings), sort_keys=True).encode())

@@ -29,7 +29,7 @@ from servo.bench.benchmark import (
     Settings,
     condition_of,
 )
-from servo.bench.contestant import Contestant
+from servo.bench.contestant import Contestant, Division
 from servo.bench.world_run import CONTESTANT, ERROR, LAST, PICTURE, SLOW, WORLD
 from servo.mistake import Mistake
 from servo.output.formats import Made
@@ -169,6 +169,7 @@ def row_of(
     """Return the row of a contestant, from the records of all runs, also of others'."""
     own = [r for r in records if r.settings[CONTESTANT] == contestant.name]
     at_once = [r for r in own if r.settings[SLOW] == 0.0]
+    errors = {(r.settings[WORLD], r.settings[SLOW]): r.series[ERROR] for r in own}
     return Row(
         command=command,
         versions=versions(),
@@ -184,7 +185,7 @@ def row_of(
         machine=f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}",
         track_ms=round(float(np.median([r.measures[TRACK_MS] for r in at_once])), 3),
         worlds={r.settings[WORLD]: world_score(benchmark, r) for r in at_once},
-        slow=slow_of(benchmark, _errors_of(own)) if contestant.is_compared else {},
+        slow={} if contestant.division is Division.SCALE else slow_of(benchmark, errors),
         curve=curve_of([r.series[ERROR] for r in at_once]),
         measures=_measures(at_once) if benchmark.score == "arrives" else {},
     )
@@ -204,10 +205,6 @@ def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> 
         if condition_of(world) == benchmark.slow.condition:
             held.setdefault(ms, []).append(score_errors(each).held)
     return {f"{ms:g}": float(np.mean(of)) for ms, of in sorted(held.items())}
-
-
-def _errors_of(records: Sequence[Record]) -> dict[tuple[str, float], Array]:
-    return {(r.settings[WORLD], r.settings[SLOW]): r.series[ERROR] for r in records}
 
 
 def _measures(records: Sequence[Record]) -> dict[str, float | None]:

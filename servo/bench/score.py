@@ -202,7 +202,7 @@ def _levels(worlds: Sequence[World]) -> dict[tuple[str, str], list[str]]:
 
 @dataclass(frozen=True, slots=True)
 class Difficulty:
-    """Numbers of worlds that do not distinguish contestants."""
+    """Numbers of worlds that nobody or everybody holds, which do not distinguish contestants."""
 
     nobody: int
     """Worlds that no contestant held."""

@@ -1,19 +1,18 @@
 """A run of a benchmark: one contestant in one world, as a job of a study."""
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from servo.bench.benchmark import HELD_SHARE, HELD_SIZE, Benchmark, Settings, World
-from servo.bench.contestant import Contestant
+from servo.bench.contestant import Contestant, Division
 from servo.loop.columns import Columns
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
-from servo.loop.step import Step
-from servo.scenario.load import Scenario, parse
+from servo.scenario.load import parse
 from servo.scenario.toml import Table
 from servo.study.run import Job, Record
 from servo.study.scenario_run import Sheet, record_of
@@ -57,13 +56,18 @@ class WorldRun:
         scenario = parse(self.table, job.settings[WORLD], self.benchmark)
         sheet = Sheet(scenario.frames)
         pictures: list[Image] = []
-
-        def keep(step: Step) -> None:
-            sheet.add(step)
-            pictures[1:] = [step.frame.image]
-
+        run = Columns()
         looks = Channel.PICTURE in needs_of(scenario.tracker, SEES_PICTURES)
-        run = _run(scenario, keep if looks else None)
+        with Episode(scenario, seen=looks) as episode:
+            try:
+                for step in episode:
+                    if looks:
+                        sheet.add(step)
+                        pictures[1:] = [step.frame.image]  # the first and the last
+                    run.add(step)
+            except PartFailed as failed:
+                if not isinstance(failed.__cause__, Unstable):  # else the run ends here
+                    raise
         record = record_of(job, scenario, run)
         digests = [hashlib.sha256(picture.tobytes()).hexdigest() for picture in pictures]
         first, last = (digests[0], digests[-1]) if digests else ("", "")
@@ -75,21 +79,6 @@ class WorldRun:
             series={ERROR: errors.astype(np.float32)},
             sheet=sheet.jpeg() if failed else None,
         )
-
-
-def _run(scenario: Scenario, each: Callable[[Step], None] | None) -> Columns:
-    """Return the columns of a run; they end where the simulation becomes unstable."""
-    run = Columns()
-    with Episode(scenario, seen=each is not None) as episode:
-        try:
-            for step in episode:
-                if each is not None:
-                    each(step)
-                run.add(step)
-        except PartFailed as failed:
-            if not isinstance(failed.__cause__, Unstable):
-                raise
-    return run
 
 
 def errors_of(run: Columns, frames: int) -> Array:
@@ -118,7 +107,8 @@ def jobs_of(
     for one in contestants:
         for world in worlds:
             late: list[tuple[float, Settings]] = [(0.0, {})]
-            if slow and one.is_compared and world.condition == slow.condition:
+            is_ranked = one.division is not Division.SCALE
+            if slow and is_ranked and world.condition == slow.condition:
                 late += [(ms, {slow.setting: ms}) for ms in slow.values]
             for ms, settings in late:
                 table = benchmark.table_of(world, one.settings | settings)

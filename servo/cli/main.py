@@ -49,7 +49,12 @@ def run(scenario: str, no_rerun: bool, ros2: bool, outputs: Outputs, **options: 
 
 
 @app.command()
-@click.argument("scenarios", nargs=-1, type=opt.SCENARIO, help="Which (default: all with bounds).")
+@click.argument(
+    "scenarios",
+    nargs=-1,
+    type=opt.SCENARIO,
+    help="Shipped scenarios or .toml files (default: all shipped ones with bounds).",
+)
 @opt.changes_option
 @click.option(
     "--seeds",
@@ -92,7 +97,7 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     "--tracker",
     default="annealed",
     show_default=True,
-    help="Which (servobench list), such as kams or kams:paper.",
+    help="The tracker (servobench list tracker), such as kams or kams:paper.",
 )
 @opt.changes_option
 @click.option(
@@ -117,9 +122,9 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     type=opt.FiniteRange(0.01, 10_000.0),
     default=30.0,
     show_default=True,
-    help="Pictures a second of a folder.",
+    help="Pictures a second of a folder [Hz].",
 )
-@click.option("--frames", type=click.IntRange(1, 1_000_000_000), help="Stop after this many.")
+@click.option("--frames", type=click.IntRange(1, 1_000_000_000), help="Most pictures to track.")
 @opt.quiet_option
 def track(**options: Any) -> None:
     """Follow a target through any pictures; write its track."""
@@ -136,7 +141,7 @@ def track(**options: Any) -> None:
     "sequences (OTB, VOT, GOT-10k), or a .toml file.",
 )
 @click.option(
-    "--trackers", help="Which, such as kams,sok,kams:paper (default: all, or the file's)."
+    "--trackers", help="Trackers, such as kams,sok,kams:paper (default: all, or the file's)."
 )
 @click.option(
     "--seeds", type=opt.COUNT, default=3, show_default=True, help="Number of seeds from 0 on."
@@ -153,7 +158,7 @@ def evaluate(**options: Any) -> None:
 
 
 @app.command()
-@click.argument("name", type=click.Choice(["loop-v1", "servo-v1"]), help="Which benchmark.")
+@click.argument("name", type=click.Choice(["loop-v1", "servo-v1"]), help="The benchmark.")
 @click.option(
     "--contestant",
     "--tracker",
@@ -161,7 +166,7 @@ def evaluate(**options: Any) -> None:
     "given",
     multiple=True,
     metavar="NAME[=WHAT]",
-    help="A shipped one, mine=module:Class, mine='trax:COMMAND' or "
+    help="A contestant: a shipped one, mine=module:Class, mine='trax:COMMAND' or "
     "mine=onnx:FILE (default: all shipped ones).",
 )
 @click.option(
@@ -231,7 +236,12 @@ def sweep(**options: Any) -> None:
 
 @app.command()
 @click.argument(
-    "scenarios", nargs=-1, required=True, type=opt.SCENARIO, metavar="SCENARIO...", help="Where."
+    "scenarios",
+    nargs=-1,
+    required=True,
+    type=opt.SCENARIO,
+    metavar="SCENARIO...",
+    help="Shipped scenarios or .toml files to compare in.",
 )
 @click.option(
     "--tracker",
@@ -248,9 +258,13 @@ def sweep(**options: Any) -> None:
     metavar="NAME=KEY=VALUE,...",
     help="Settings, such as slow=controller.gain=0.5,run.latency=3.",
 )
-@click.option("--measured", is_flag=True, help="With the time that the tracker takes here.")
+@click.option(
+    "--measured", is_flag=True, help="Delay the loop by the time that the tracker takes here."
+)
 @opt.changes_option
-@click.option("--seeds", type=opt.COUNT, default=3, show_default=True, help="From 0 on.")
+@click.option(
+    "--seeds", type=opt.COUNT, default=3, show_default=True, help="Number of seeds from 0 on."
+)
 @opt.workers_option
 @opt.scheduler_option
 @opt.out_option("runs/compare, also to continue")
@@ -270,7 +284,7 @@ def compare(**options: Any) -> None:
 
 
 @app.command()
-@click.argument("claims", nargs=-1, help="Which, such as P1-2 (default: all).")
+@click.argument("claims", nargs=-1, help="Claims, such as P1-2 (default: all).")
 @click.option("--quick", is_flag=True, help="One seed of each, to check that all works.")
 @click.option("--sequences", type=opt.PATH, help="A folder of real sequences to add to P0-1.")
 @click.option(
@@ -456,7 +470,7 @@ def docs(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
 
 
 @app.command()
-@click.argument("model", type=opt.SOURCE, help="Its file, MJCF or URDF, or a shipped one's name.")
+@click.argument("model", type=opt.SOURCE, help="The robot's MJCF or URDF, or a shipped one's name.")
 @click.option("--flange", default="", help="The body or site that carries the camera.")
 @click.option(
     "--mount",
@@ -469,7 +483,7 @@ def docs(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
     "--base",
     type=opt.Numbers(4),
     metavar="X,Y,Z,YAW",
-    help="Where it stands in the room [m, deg] (default: proposed from its reach).",
+    help="The robot's base in the room [m, deg] (default: proposed from its reach).",
 )
 @click.option(
     "--out", type=opt.PATH, help="Picture to write (default: robot.png, or robot-2.png, ...)."
@@ -488,7 +502,8 @@ def robot(model: str, out: Path | None, **given: Any) -> None:
     type=opt.SCENARIO,
     default="line",
     show_default=True,
-    help="Whose robot shall be simulated like that one: the servo of its drives is taken off.",
+    help="The scenario whose robot gets the settings; the lag of its drives' own servo is "
+    "subtracted.",
 )
 @opt.out_option("runs/identify-LOG")
 def identify(log: Path, scenario: str, out: Path | None) -> None:

@@ -29,7 +29,7 @@ class FiniteRange(click.FloatRange):
 
 
 class Numbers(click.ParamType[list[float]]):
-    """Finite numbers with commas between them, such as 0,0.5,0.6,-90."""
+    """A fixed number of finite numbers with commas between them, such as 0,0.5,0.6,-90."""
 
     name = "numbers"
 

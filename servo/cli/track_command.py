@@ -382,17 +382,14 @@ def print_track(
     counts = ", ".join(f"{_count(seen, s)} {s.name}" for s in (Status.UNSURE, Status.LOST))
     console.print(f"[bold]{escape(what)}[/]: {len(seen)} frames, {counts}")
     if comparison is not None:
-        _print_measures(console, comparison)
+        rows = [
+            [m.name, f"{value:.3g} {m.unit}".rstrip(), m.better.value, m.meaning]
+            for m in MEASURES
+            if np.isfinite(value := m.of(comparison))
+        ]
+        head = ("measure", "value", "better", "meaning")
+        print_table(console, words.Table(head, rows, (0, 2, 3)))
     _print_oddities(seen, end)
-
-
-def _print_measures(console: Console, comparison: Comparison) -> None:
-    rows = [
-        [m.name, f"{value:.3g} {m.unit}".rstrip(), m.better.value, m.meaning]
-        for m in MEASURES
-        if np.isfinite(value := m.of(comparison))
-    ]
-    print_table(console, words.Table(("measure", "value", "better", "meaning"), rows, (0, 2, 3)))
 
 
 def _print_oddities(seen: list[Shot], end: End | None) -> None:
