@@ -327,6 +327,9 @@ def _world(
     columns: Mapping[str, Array],
     levels: Mapping[str, Array],
 ) -> World:
+    """Return a world of a condition from balanced numbers (n,), 0 to 1, for each drawn setting and
+    each factor.
+    """
     drawn = {
         key: round(low + float(columns[key][number]) * (high - low), 6)
         for key, (low, high) in condition.ranges.items()
@@ -337,6 +340,6 @@ def _world(
     }
     settings = condition.settings | drawn
     for name, level in chosen.items():
-        settings = settings | condition.factors[name][level]
+        settings |= condition.factors[name][level]
     size = drawn.get(condition.size or "", float("nan"))
     return World(condition.name, number, seed, settings, chosen, size)

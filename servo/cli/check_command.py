@@ -219,13 +219,10 @@ def _print_failures(ends: Sequence[End]) -> int:
     1 for another failure, 0 without one.
     """
     failed = [(job, end) for job, end in ends if isinstance(end, Failure)]
-    mistakes: dict[str, list[str]] = {}
-    for job, end in failed:
-        if end.mistake:
-            mistakes.setdefault(end.mistake, []).append(job.subject.name)
-    for sentence, names in mistakes.items():
+    for sentence in dict.fromkeys(end.mistake for _, end in failed if end.mistake):
+        names = dict.fromkeys(job.subject.name for job, end in failed if end.mistake == sentence)
         known = any(name in sentence for name in names)
-        complain(sentence if known else f"{sentence} ({', '.join(dict.fromkeys(names))})")
+        complain(sentence if known else f"{sentence} ({', '.join(names)})")
     for job, end in failed:
         if not end.mistake:
             complain(f"{job.subject.name} failed: {end.reason}")

@@ -179,8 +179,7 @@ def ending_signals() -> Generator[list[StopSignal]]:
     hook = sys.unraisablehook
     sys.unraisablehook = send_again
     ours = (signal.SIG_DFL, signal.default_int_handler)
-    before = {number: signal.getsignal(number) for number in ENDING}
-    before = {number: handler for number, handler in before.items() if handler in ours}
+    before = {number: handler for number in ENDING if (handler := signal.getsignal(number)) in ours}
     for number in before:
         signal.signal(number, stop)
     try:

@@ -206,7 +206,7 @@ def benchmark(**options: Any) -> None:
 
 @app.command(hidden=True, add_help_option=False, context_settings={"ignore_unknown_options": True})
 @click.argument("words", nargs=-1, type=click.UNPROCESSED)
-def bench(**_: Any) -> None:
+def bench(**_: object) -> None:
     """Print which two commands took the place of `bench`."""
     raise click.UsageError(
         "bench is now two commands: `servobench evaluate SUITE` compares trackers on sequences, "
@@ -488,7 +488,7 @@ def docs(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
 @click.option(
     "--out", type=opt.PATH, help="Picture to write (default: robot.png, or robot-2.png, ...)."
 )
-def robot(model: str, out: Path | None, **given: Any) -> None:
+def robot(model: str, out: Path | None, **given: object) -> None:
     """Print a robot's joints, flanges, reach and [robot] table; draw it in the room."""
     from servo.cli.robot_command import examine
 

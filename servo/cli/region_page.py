@@ -116,13 +116,13 @@ def ask(image: Image, name: str) -> Box | None:
 
 
 def _page(image: Image, name: str) -> bytes:
+    """Return the HTML page with a picture, RGB (H, W, 3), and the source's name as the title."""
     template = (resources.files("servo.cli") / "templates" / "region.html.jinja").read_text("utf-8")
-    picture = base64.b64encode(encoded(image, QUALITY)).decode()
     page = Environment(undefined=StrictUndefined, autoescape=True).from_string(template)
     height, width = image.shape[:2]
-    return page.render(name=name, width=width, height=height, picture=picture).encode(
-        errors="replace"
-    )
+    picture = base64.b64encode(encoded(image, QUALITY)).decode()
+    text = page.render(name=name, width=width, height=height, picture=picture)
+    return text.encode(errors="replace")
 
 
 class _Server(LocalServer):

@@ -139,8 +139,7 @@ def _of_unit(channel: LogChannel, play: Interval | None, fastest: Mapping[str, f
     """Return sentences if a commanded rate or a play is implausibly large for its unit."""
     name, unit = channel.name, channel.unit
     asked = float(abs(channel.command.values).max())
-    limit = FAST * fastest.get(name, inf)
-    limit = limit if isfinite(limit) else FASTEST[unit]
+    limit = FAST * fastest[name] if isfinite(fastest.get(name, inf)) else FASTEST[unit]
     question = f"which is implausible: are its columns in {MISTAKEN[unit]}?"
     sentences: list[str] = []
     if asked > limit:

@@ -123,17 +123,18 @@ def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
     whole = _solved(model_of(none, is_behind=model.is_behind), start)
     apart = _apart(fitted, channels, servos)
     apart_whole = _apart(whole, channels, none)
-    delay = fitted.interval(0, others=apart)
-    lag = fitted.interval(1, others=apart)
     # The simulated lag begins a step late, half of which the model has in its positions.
     delays = [each.interval(0, 1, more=GRID / 2) for each in apart_whole]
     pairs = zip(channels, apart, model.has_play, strict=True)
     steps = {c.name: step for c in channels if (step := _step(c.encoder.values))}
-    noises = {c.name: _noise(c, *each.values[:2]) for c, each in zip(channels, apart, strict=True)}
-    read = {name: noise for name, noise in noises.items() if noise is not None}
+    noises = {
+        c.name: noise
+        for c, each in zip(channels, apart, strict=True)
+        if (noise := _noise(c, *each.values[:2])) is not None
+    }
     return Identified(
-        delay,
-        lag,
+        fitted.interval(0, others=apart),
+        fitted.interval(1, others=apart),
         Whole(
             whole.interval(0, more=GRID / 2, others=apart_whole),
             whole.interval(1, others=apart_whole),
@@ -142,7 +143,7 @@ def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
         ),
         dict(zip((c.name for c in channels), fitted.gains(), strict=True)),
         {c.name: each.play() for c, each, has in pairs if has},
-        {name: _beyond(noise, steps.get(name, 0.0)) for name, noise in read.items()},
+        {name: _beyond(noise, steps.get(name, 0.0)) for name, noise in noises.items()},
         steps,
         _jitter(log.transport),
         float(np.min(log.transport, initial=np.inf)) if len(log.transport) else 0.0,
