@@ -154,10 +154,8 @@ def complete_jobs(
         more = f" (the first of {len(paths)} such runs)" if len(paths) > 1 else ""
         kept = next(filter(Path.exists, paths), paths[0].parent)
         complain(f"{kept}: {reason}{more}")
-    errors = [
-        path for job in jobs if job.key in store.done and (path := store.failure_path(job)).exists()
-    ]
-    if errors:
+    finished = [store.failure_path(job) for job in jobs if job.key in store.done]
+    if errors := [path for path in finished if path.exists()]:
         complain(
             f"{errors[0].parent}: {len(errors)} of the runs failed first and finished when tried "
             "again: a part in them does not give the same result each time"
