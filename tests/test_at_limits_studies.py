@@ -212,4 +212,4 @@ def test_cells_of_a_printed_table(capsys):
     )
     for count, more in ((60, False), (61, True)):
         sweep_command._print_cells(Console(width=100), [cell] * count, [])
-        assert ("... and 1 cells more, in cells.csv" in capsys.readouterr().out) is more
+        assert ("... and 1 more rows in cells.csv" in capsys.readouterr().out) is more

@@ -58,7 +58,7 @@ def test_a_track_that_is_lost_is_computed_again(monkeypatch, capfd, place, damag
         path.unlink()
     code, _, err = bench(monkeypatch, capfd)
     assert code == 0
-    sentence = "this track is missing or damaged; it is computed again"
+    sentence = "this track is missing or damaged and is computed again"
     assert f"servobench: out/tracks/sok/clutter-a-0.csv: {sentence}\n" in err
     assert "Traceback" not in err
     assert len(path.read_bytes().splitlines()) == len(whole.splitlines())

@@ -20,15 +20,15 @@ from servo.bench.contestant import Contestant, Division, contestants, scale_of
 from servo.bench.row import (
     TAUS,
     Row,
-    Won,
+    WorldScore,
+    area_within,
     check_version,
     curve_of,
     row_of,
+    score_errors,
     shipped_rows,
     slow_of,
-    within,
-    won,
-    won_by,
+    world_score,
 )
 from servo.bench.score import Difficulty, effects, standings
 from servo.bench.world_run import ERROR, LAST, PICTURE, jobs_of
@@ -46,7 +46,7 @@ def public(request):
 
 
 def row(name, areas, division="CLOSED", **more):
-    worlds = {f"plain-{i:02}": Won(area, area >= 0.9, "") for i, area in enumerate(areas)}
+    worlds = {f"plain-{i:02}": WorldScore(area, area >= 0.9, "") for i, area in enumerate(areas)}
     fields = dict.fromkeys(("command", "benchmark", "hash", "machine"), "x")
     given = {"band": "dev", "settings": {}, "track_ms": 1.0, "versions": {}}
     given |= {"digest": DIGEST, "curve": [0.5] * len(TAUS)} | more
@@ -150,7 +150,7 @@ def test_the_area_is_that_under_the_curve():
     errors = np.array([0.1, 0.4, 1.7, 3.0, np.inf])
     taus = np.linspace(0.0, 2.0, 200_001)
     curve = [(errors <= tau).mean() for tau in taus[::100]]
-    assert within(errors, 2.0) == pytest.approx(np.mean(curve), abs=1e-3)
+    assert area_within(errors, 2.0) == pytest.approx(np.mean(curve), abs=1e-3)
 
 
 def test_scores_by_hand():
@@ -197,7 +197,7 @@ def test_ranks_compare_what_the_score_is_the_mean_of():
 
 
 def test_a_table_needs_what_fixes_its_scale():
-    with pytest.raises(Mistake, match="the row 'still' is missing"):
+    with pytest.raises(Mistake, match="is missing: run 'still' too"):
         standings([row("a", [1.0])])
 
 
@@ -254,14 +254,14 @@ def test_holding_and_arriving_are_judged_from_a_record():
         measures={"end_position_mm": 9.0, "end_rotation_deg": 0.5, "out_of_view_pct": 0.0},
         series={ERROR: errors},
     )
-    held = won(load("loop-v1"), record)
-    assert held == Won(
+    held = world_score(load("loop-v1"), record)
+    assert held == WorldScore(
         pytest.approx(0.94 * 0.75 + 0.06 * 0.25), held=False, picture="ab" * 6, last="cd" * 6
     )
-    assert won(load("servo-v1"), record).held
+    assert world_score(load("servo-v1"), record).held
     for name, value in (("end_rotation_deg", 1.5), ("out_of_view_pct", 0.4)):
         missed = replace(record, measures=record.measures | {name: value})
-        assert won(load("servo-v1"), missed) == Won(
+        assert world_score(load("servo-v1"), missed) == WorldScore(
             0.0, held=False, picture="ab" * 6, last="cd" * 6
         )
 
@@ -373,11 +373,19 @@ def test_a_network_is_a_guest_and_its_digest_covers_the_file(tmp_path, monkeypat
     assert one.digest != before
 
 
-def test_a_command_without_a_program_is_refused_before_anything_runs():
-    with pytest.raises(Mistake, match=r"^trax:nosuchprogram -x: there is no program 'nosuchprog"):
-        contestants(load("loop-v1"), ["mine=trax:nosuchprogram -x"])
-    with pytest.raises(Mistake, match=r"^trax:'a: No closing quotation$"):
-        contestants(load("loop-v1"), ["mine=trax:'a"])
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [("nosuchprogram -x", "No such file or directory"), ('"a', "No closing quotation")],
+)
+def test_a_command_without_a_program_is_refused_before_anything_runs(
+    monkeypatch, tmp_path, capfd, command, reason
+):
+    monkeypatch.chdir(tmp_path)
+    words = ["loop-v1", "--quick", "--tracker", f"mine=trax:{command}", "--out", "o"]
+    code, _, err = call(monkeypatch, capfd, "benchmark", *words)
+    assert code == 2
+    assert err == f"servobench: TraX server '{command}' cannot be started: {reason}\n"
+    assert not (tmp_path / "o").exists()
 
 
 def test_a_silent_program_is_refused_before_anything_runs(monkeypatch, tmp_path, capfd):
@@ -451,8 +459,8 @@ def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd,
     assert (short / "row.parquet").is_file()
     verify = [*bench, "--verify", "row.json"]
     notes = (
-        "  note: it is of a quick run: 2 of 42 worlds\n"
-        "  note: its medians (time, camera path, corners out of view) are not compared\n"
+        "  note: the row is of a quick run: 2 of 42 worlds\n"
+        "  note: the row's medians (time, camera path, corners out of view) are unchecked\n"
     )
     agreed = f"points: 2 of 2 worlds agree, bit for bit\n{notes}"
     assert call(monkeypatch, capfd, *verify)[:2] == (0, agreed)
@@ -465,7 +473,7 @@ def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd,
     assert call(monkeypatch, capfd, *verify)[:2] == (
         0,
         "points: 0 of 2 worlds agree, bit for bit\n"
-        f"  2 more agree but for the rounding of another processor\n{notes}",
+        f"  2 more agree except for rounding by another processor\n{notes}",
     )
 
 
@@ -515,12 +523,21 @@ def _one_held(row):
     [
         (_one_area, "turn-00 differs"),
         (_one_held, "turn-00 differs"),
-        (lambda row: row["worlds"].pop("turn-01"), "its worlds are not those of the band: turn-01"),
-        (lambda row: row.update(curve=[1.0] * 41), "its Parquet file gives another curve"),
+        (
+            lambda row: row["worlds"].pop("turn-01"),
+            "the row's worlds differ from those of its band: turn-01",
+        ),
+        (
+            lambda row: row.update(curve=[1.0] * 41),
+            "the Parquet file gives another curve than the row",
+        ),
         (lambda row: row.update(slow={"100": 1.0}), "other shares held by slower trackers"),
-        (lambda row: row.update(division="SCALE"), "its division is scale, and is home"),
-        (lambda row: row.update(digest=DIGEST), "the settings or files of its contestant are"),
-        (lambda row: row["settings"].update(x=1), "the settings or files of its contestant are"),
+        (
+            lambda row: row.update(division="SCALE"),
+            "the row's division is scale; it should be home",
+        ),
+        (lambda row: row.update(digest=DIGEST), "the contestant's settings or files differ"),
+        (lambda row: row["settings"].update(x=1), "the contestant's settings or files differ"),
     ],
 )
 def test_what_somebody_writes_into_a_row_is_found_out(sent, change, sentence):
@@ -544,7 +561,7 @@ def test_a_row_of_a_tracker_is_compared_with_the_errors_beside_it():
     rng = np.random.default_rng(0)
     errors = {(key, 0.0): rng.uniform(0, 3, 20) for key in keys}
     errors |= {("reversal-00", 100.0): np.zeros(20), ("reversal-01", 100.0): np.full(20, 9.0)}
-    worlds = {key: won_by(errors[key, 0.0]) for key in keys}
+    worlds = {key: score_errors(errors[key, 0.0]) for key in keys}
     table = row("kams", [], "HOME", digest=kams.digest, settings=kams.settings)
     honest = replace(
         table,
@@ -553,25 +570,28 @@ def test_a_row_of_a_tracker_is_compared_with_the_errors_beside_it():
         curve=curve_of([errors[key, 0.0] for key in keys]),
     )
     assert honest.slow["100"] == 0.5
-    assert audit.audit(loop, honest, kams, errors).faults == []
-    better = worlds | {"plain-00": Won(0.9, held=True)}
+    assert audit.audit(loop, honest, kams, errors)[0] == []
+    better = worlds | {"plain-00": WorldScore(0.9, held=True)}
     for changed, fault in (
-        (replace(honest, worlds=better), "its Parquet file gives other areas: plain-00"),
+        (
+            replace(honest, worlds=better),
+            "the Parquet file gives other scores than the row: plain-00",
+        ),
         (
             replace(honest, slow=honest.slow | {"100": 1.0}),
-            "its Parquet file gives other shares held by slower trackers",
+            "the Parquet file gives other shares held by slower trackers than the row",
         ),
     ):
-        assert audit.audit(loop, changed, kams, errors).faults == [fault]
+        assert audit.audit(loop, changed, kams, errors)[0] == [fault]
     fewer = {key: e for key, e in errors.items() if key[0] != "plain-00"}
-    assert audit.audit(loop, honest, kams, fewer).faults == [
-        "its Parquet file has other worlds: plain-00"
+    assert audit.audit(loop, honest, kams, fewer)[0] == [
+        "the Parquet file has other worlds than the row: plain-00"
     ]
 
 
 def test_a_file_that_has_no_errors_of_a_row_is_a_sentence(tmp_path):
     (tmp_path / "row.parquet").write_bytes(b"PAR1 and no more")
-    with pytest.raises(Mistake, match=r"row.parquet: this is no file of a row's errors"):
+    with pytest.raises(Mistake, match=r"row.parquet: this is not the file of errors that"):
         audit.read_errors(tmp_path / "row.parquet")
 
 
@@ -589,9 +609,9 @@ def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):
     [
         ("loop-v1 --tracker nobody", "there is no contestant 'nobody'; shipped are 'annealed', 'c"),
         ("loop-v1 --trackers kams", "Error: No such option '--trackers'."),
-        ("loop-v1 --submit x.json", "--submit takes the row of one contestant"),
+        ("loop-v1 --submit x.json", "--submit writes the row of one contestant"),
         ("loop-v1 --sealed x", "sealed worlds are drawn for one contestant"),
-        ("loop-v1 --sealed x --tracker m=nomod:T", "follow from the code of 'm', and none was fou"),
+        ("loop-v1 --sealed x --tracker m=nomod:T", "follow from the code of 'm', but no code was"),
         ("clutter --band v1", "'clutter' is not one of 'loop-v1', 'servo-v1'"),
         ("loop-v1 --verify gone.json", "gone.json: cannot read this file"),
     ],
@@ -644,8 +664,11 @@ def test_a_row_without_a_condition_has_an_empty_cell_there(public):
 
 
 def test_a_row_without_a_world_of_the_others_is_a_sentence():
-    rows = [row("still", [0.0] * 3), replace(row("a", [1.0]), worlds={"x-00": Won(1.0, True)})]
-    sentence = "^the row 'a' has no world of the rows that fix the scale$"
+    rows = [
+        row("still", [0.0] * 3),
+        replace(row("a", [1.0]), worlds={"x-00": WorldScore(1.0, True)}),
+    ]
+    sentence = "^the row 'a' shares no world with the rows that fix the scale: run it in the same"
     with pytest.raises(Mistake, match=sentence):
         standings(rows)
 
@@ -732,7 +755,7 @@ def test_a_level_in_a_few_worlds_has_no_effect_told():
     loop = load("loop-v1")
     worlds = loop.every_world(Band("dev"), 2)
     areas = np.random.default_rng(0).uniform(size=len(worlds))
-    keyed = {w.key: Won(float(a), held=False) for w, a in zip(worlds, areas, strict=True)}
+    keyed = {w.key: WorldScore(float(a), held=False) for w, a in zip(worlds, areas, strict=True)}
     table = standings([replace(row(n, []), worlds=keyed) for n in ("still", "a")])
     found = effects(worlds, table)
     assert all(e.points.units >= 5 for e in found)

@@ -1,6 +1,5 @@
 """`servobench compare`: variants of parts and settings as one study, with all that it writes."""
 
-import dataclasses
 import re
 import sys
 
@@ -8,29 +7,32 @@ import pytest
 from kept import found
 
 from servo.cli import compare_command, main
-from servo.cli.compare_command import CompareRequest, study_of
+from servo.cli.compare_command import MEASURED, study_of, variants_of
 from servo.mistake import Mistake
 from servo.study.store import StudyFile
 
+PARTS = ("tracker", "controller", "estimator")
+PLAIN = {"set_of": (), "changes": (), "measured": False, "seeds": 2, "workers": 1}
+PLAIN |= {"scheduler": None, "measures": None, "dry_run": False, "quiet": True}
 
-def request(*scenarios, **options):
-    plain = {"tracker": (), "controller": (), "estimator": (), "set_of": (), "changes": ()}
-    fixed = {"measured": False, "seeds": 2, "workers": 1, "scheduler": None, "out": None}
-    rest = {"measures": None, "dry_run": False, "quiet": True}
-    return CompareRequest(scenarios=scenarios or ("still",), **(plain | fixed | rest | options))
+
+def compared(*scenarios, **options):
+    """Return the study of a comparison, by the options of the command line."""
+    parts = {part: options.get(part, ()) for part in PARTS}
+    variants = variants_of(parts, options.get("set_of", ()))
+    return study_of(scenarios or ("still",), variants, options.get("changes", ()), 2, "mine")
 
 
 def test_variants_are_groups_of_settings_over_scenarios_and_seeds():
-    asked = request(
+    study = compared(
         "still",
         "line",
         tracker=["kams", "mine=mk_pf:paper", "far=trax:python -m tracker --fast"],
         controller=["calm=ibvs"],
         estimator=["none=none"],
         set_of=["slow=controller.gain=0.5,run.latency=3"],
-        measured=True,
+        changes=[MEASURED],
     )
-    study = study_of(asked, "mine")
     assert study.name == "mine"
     assert study.title == "Variants compared in still, line."
     assert study.compare == "variant"
@@ -49,12 +51,12 @@ def test_variants_are_groups_of_settings_over_scenarios_and_seeds():
 def test_a_comma_inside_a_list_separates_no_settings():
     text = 'a=controller.weights=[1.0,1.0,1.0,0.1,0.1,1.0],tracker.kind="frozen"'
     found = {"controller.weights": [1.0, 1.0, 1.0, 0.1, 0.1, 1.0], "tracker.kind": "frozen"}
-    study = study_of(request(set_of=[text]), "mine")
+    study = compared(set_of=[text])
     assert study.bases[0].named["variant"]["a"] == found
 
 
 def test_a_single_variant_stands_beside_the_scenario_as_it_is():
-    study = study_of(request(set_of=["slow=controller.gain=0.5"]), "mine")
+    study = compared(set_of=["slow=controller.gain=0.5"])
     assert study.axes[0].values == ("as it is", "slow")
 
 
@@ -78,13 +80,13 @@ def test_a_single_variant_stands_beside_the_scenario_as_it_is():
 )
 def test_a_mistake_is_one_sentence(options, sentence):
     with pytest.raises(Mistake) as raised:
-        study_of(request(**options), "mine")
+        compared(**options)
     assert str(raised.value) == sentence
 
 
 def test_an_unknown_kind_is_named_before_anything_runs():
     with pytest.raises(Mistake, match=r"^compare: where variant = a: still.toml: .*'kam'"):
-        study_of(request(tracker=["a=kam", "kams"]), "mine")
+        compared(tracker=["a=kam", "kams"])
 
 
 def test_one_command_writes_study_page_table_and_figures(monkeypatch, tmp_path):
@@ -101,16 +103,17 @@ def test_one_command_writes_study_page_table_and_figures(monkeypatch, tmp_path):
     assert "variant & runs & units" in (folder / "tables.tex").read_text()
     assert "Variants compared in still." in (folder / "report.html").read_text()
     assert len(list((folder / "figures").glob("*.pdf"))) == 3
-    again = request(tracker=["frozen", "best=truth"], changes=["run.duration=0.3"], seeds=1)
-    assert compare_command.run(dataclasses.replace(again, out=folder, workers=1)) == 0
+    again = dict.fromkeys(PARTS, ()) | {"tracker": ["frozen", "best=truth"], "seeds": 1}
+    again |= {"changes": ["run.duration=0.3"], "out": folder}
+    assert compare_command.run(["still"], **(PLAIN | again)) == 0
     assert found(folder) == {"000000", "000001"}
 
 
 def test_scenarios_of_different_lengths_share_no_curve_over_time(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    short = "run.duration=0.2"
-    asked = request("still", "line", set_of=["calm=controller.gain=0.5"], changes=[short], seeds=1)
-    assert compare_command.run(dataclasses.replace(asked, out=tmp_path / "both", workers=1)) == 0
+    asked = dict.fromkeys(PARTS, ()) | {"set_of": ["calm=controller.gain=0.5"], "seeds": 1}
+    asked |= {"changes": ["run.duration=0.2"], "out": tmp_path / "both"}
+    assert compare_command.run(["still", "line"], **(PLAIN | asked)) == 0
     page = (tmp_path / "both" / "report.html").read_text()
     for title in ("Distance from the goal", "Still on target"):
         drawn = re.findall(f'aria-label="({title}[^"]*)"', page)

@@ -285,7 +285,7 @@ TWO_JOINTS = (
     "start={}",
 )
 FEW = "the robot has fewer than six joints, and these decide what moves"
-INVERTS = "these features bring their own way from the error to the twist"
+INVERTS = "these features compute the twist from the error by themselves"
 BROYDEN = ("controller.kind=broyden",)
 POSE = ("features.kind=pose", "tracker.corners=true")
 LEARNS = "this law learns the interaction matrix, and the features are those of the image"

@@ -108,9 +108,9 @@ def test_the_directions_that_a_few_joints_move():
 def test_a_start_that_no_posture_takes_is_told():
     with Episode(load("pan_tilt_line", ["start.x=9"])) as episode:
         assert remarks(episode) == [
-            "No posture takes the start pose: the robot begins where it sees the target in the "
+            "The robot cannot take the start pose: it begins where it sees the target in the "
             f"same direction, {episode.begun.distance:.2f} m and "
-            f"{np.degrees(episode.begun.angle):.0f} deg from it"
+            f"{np.degrees(episode.begun.angle):.0f} deg from that pose"
         ]
         assert episode.begun.distance > 0.5
     with Episode(load("still")) as episode:
@@ -122,8 +122,8 @@ def test_a_tilt_that_no_tracker_reports_is_told_and_is_not_converged():
     scenario = load("turn_90_points", changes)
     with Episode(scenario) as episode:
         assert remarks(episode) == [
-            "The tracker truth reports no corners: the tilt of the start is neither seen nor "
-            "servoed; with tracker.corners = true it is"
+            "The tracker truth reports no corners, so the tilt of the start is not measured and "
+            "not servoed; tracker.corners = true measures it"
         ]
     assert measured_run(scenario)[1].outcome is Outcome.TIMED_OUT
     seen = load("turn_90_points", [*changes, "tracker.corners=true"])

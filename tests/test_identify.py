@@ -15,7 +15,8 @@ from foxglove import Channel, Context, open_mcap
 from robot_log import write_log
 
 from servo.cli.main import app
-from servo.identify.fit import GRID, _after_lag, _after_play, identify
+from servo.identify.drive import GRID, after_lag, after_play
+from servo.identify.fit import identify
 from servo.identify.log import read
 from servo.mistake import Mistake
 from servo.scenario.load import load
@@ -75,7 +76,7 @@ def test_what_a_log_has_in_vain_is_named_and_the_drives_own_servo_too(logged, tm
     names = ["joint_x" if name == "joint_x_m" else name for name in table.column_names]
     pyarrow.csv.write_csv(table.rename_columns(names), tmp_path / "log.csv")
     done = run(tmp_path / "log.csv", "--out", tmp_path / "out")
-    assert done.output.endswith("columns without a meaning here, or without numbers: joint_x\n")
+    assert done.output.endswith("unused columns (unknown names, or no numbers): joint_x\n")
     number = r"([\d.]+)"
     [before] = re.findall(rf"# delay {number} .* before the drive", done.output)
     [(after, own)] = re.findall(rf"lag_ms = {number} .*, which adds {number} ms", done.output)
@@ -129,11 +130,11 @@ def test_what_a_table_of_steps_cannot_show_is_said(ran, tmp_path):
 
 def test_play_holds_the_joint_until_the_motor_has_gone_through_it():
     motor = np.array([0.0, 1.0, 3.0, 2.0, 1.0, 0.0, 0.5, 3.0])
-    np.testing.assert_array_equal(_after_play(motor, 2.0), [0.0, 0.0, 2.0, 2.0, 2.0, 1.0, 1.0, 2.0])
-    assert _after_play(motor, 0.0) is motor
+    np.testing.assert_array_equal(after_play(motor, 2.0), [0.0, 0.0, 2.0, 2.0, 2.0, 1.0, 1.0, 2.0])
+    assert after_play(motor, 0.0) is motor
 
 
 def test_a_lag_follows_a_ramp_later_by_its_time_constant():
     times = np.arange(50) * GRID
     exact = times - 0.05 * (1 - np.exp(-times / 0.05))
-    np.testing.assert_allclose(_after_lag(times, 0.05), exact, atol=1e-12)
+    np.testing.assert_allclose(after_lag(times, 0.05), exact, atol=1e-12)

@@ -169,7 +169,7 @@ def test_the_sum_is_right_where_commands_and_arrivals_are_of_one_other_clock(tmp
 
 def test_commands_of_another_clock_are_refused(tmp_path, columns):
     assert refused(tmp_path, columns, asked_s=columns["time_s"] + 37) == (
-        "asked_s is 37 s after time_s; they should have one clock"
+        "asked_s is 37 s after time_s: record both with the same clock"
     )
 
 
@@ -179,22 +179,25 @@ def spiked(values, height):
     return values
 
 
+UNMOVED = "the encoder of x does not move with its joint"
 WRONG = {
     "a reversed encoder": (
         lambda c: {ENCODER: -c[ENCODER]},
-        "the encoder of x moves -1.01 times as far as its joint: the sign of one of them is wrong",
+        "the encoder of x moves -1.01 times as far as its joint: the sign of the encoder's or of the "
+        "joint's positions is wrong",
     ),
     "a dead encoder": (
         lambda c: {ENCODER: np.full(len(c[ENCODER]), 0.1)},
-        "the encoder of x does not move with its joint from 0.01 to 6 s: leave its column out",
+        f"{UNMOVED} from 0.01 to 6 s: leave the encoder's column out",
     ),
     "an encoder that dies": (
         lambda c: {ENCODER: np.where(c["time_s"] < 6, c[ENCODER], c[ENCODER][600])},
-        "the encoder of x does not move with its joint from 6.01 to 11.99 s: leave its column out",
+        f"{UNMOVED} from 6.01 to 11.99 s: leave the encoder's column out",
     ),
     "counts": (
         lambda c: {ENCODER: 4096 * c[ENCODER]},
-        "the encoder of x moves 4.12e+03 times as far as its joint: the unit of one of them is wrong",
+        "the encoder of x moves 4.12e+03 times as far as its joint: the unit of the encoder's or of "
+        "the joint's positions is wrong",
     ),
     "a spike": (
         lambda c: {JOINT: spiked(c[JOINT], 5.0)},
@@ -207,12 +210,12 @@ WRONG = {
     ),
     "an encoder of another motion": (
         lambda c: {JOINT: c[ENCODER][np.random.default_rng(2).permutation(len(c[JOINT]))]},
-        "the encoder of x does not move with its joint from 0.01 to 6 s: leave its column out",
+        f"{UNMOVED} from 0.01 to 6 s: leave the encoder's column out",
     ),
     "positions for rates": (
         lambda c: {COMMAND: np.cumsum(c[COMMAND]) / 100},
-        "x does not follow its commands with a delay and a lag of 0.5 s at most: leave its columns "
-        "out, or correct them if its commands are not rates or its positions not positions",
+        "x does not follow its commands with a delay and a lag of 0.5 s at most: leave the columns "
+        "of x out, or correct them: commands must be rates",
     ),
     "a delay of 1 s": (
         lambda c: {name: np.append(np.zeros(100), c[name][:-100]) for name in (JOINT, ENCODER)},
@@ -228,7 +231,7 @@ WRONG = {
     ),
     "numbers that overflow": (
         lambda c: {JOINT: 1e300 * c[JOINT]},
-        "joint_x_m has 2.23e+298, which no robot has",
+        "joint_x_m has 2.23e+298; values should be at most 1e+12: correct or leave out this row",
     ),
 }
 
@@ -270,7 +273,10 @@ def test_an_encoder_of_half_or_twice_its_joint_is_refused(tmp_path, columns, fac
     [
         (600, "this log has 2 positions of x; at least 40 are needed, and more than one movement"),
         (100, "this log has 12 positions of x; at least 40 are needed, and more than one movement"),
-        (20, "the positions of x come each 0.2 s; delay and lag need one each 0.1 s at least"),
+        (
+            20,
+            "the positions of x come each 0.2 s; record one each 0.1 s at least for delay and lag",
+        ),
     ],
 )
 def test_too_few_rows_are_refused(tmp_path, columns, every, sentence):
@@ -292,15 +298,16 @@ def test_a_joint_that_never_moves_is_named(tmp_path, columns):
     log = read(written(tmp_path, columns, **still))
     assert [channel.name for channel in log.channels] == ["x"]
     assert doubts(log, identify(log, [1e-4]), {}) == [
-        "y is asked to move, and its positions stay the same; it is left out"
+        "y is commanded to move, but its positions stay the same; y is left out"
     ]
 
 
 def test_settings_that_no_run_takes_are_refused(tmp_path, columns):
     large = {name: 1e4 * columns[name] for name in (COMMAND, JOINT, ENCODER)}
     assert refused(tmp_path, columns, **large) == (
-        "this log shows what cannot be simulated: --set robot.backlash=[2.03, 0.0, 0.0, 0.0, 0.0, "
-        "0.0]: robot.backlash.0 = 2.03: input should be less than or equal to 1"
+        "the settings estimated from this log are refused by the scenario: --set robot.backlash="
+        "[2.03, 0.0, 0.0, 0.0, 0.0, 0.0]: robot.backlash.0 = 2.03: input should be less than or "
+        "equal to 1"
     )
 
 

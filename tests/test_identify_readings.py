@@ -11,7 +11,7 @@ from scipy.signal import cont2discrete, lfilter
 
 from servo.cli import identify_command
 from servo.cli.main import app
-from servo.identify.doubts import doubts, said
+from servo.identify.doubts import doubts, interval_text
 from servo.identify.fit import identify
 from servo.identify.lines import BEHIND, lines
 from servo.identify.log import read
@@ -78,8 +78,8 @@ def test_where_rows_are_missing_intervals_cover_and_a_line_says_so(path):
     pairs = [(whole.delay, 0.118), (whole.lag, 0.015), (whole.sum, 0.133), (found.gain["x"], 1)]
     assert all(covers(interval, true) for interval, true in pairs), pairs
     assert doubts(log, found, {}) == [
-        "30 % of the rows are missing, of one each 10 ms, and so are their commands; one that "
-        "changed in a gap is taken to have changed in its middle"
+        "30 % of the rows (one each 10 ms) and of the commands are missing; a command that changed "
+        "in a gap is taken to have changed in the middle of the gap"
     ]
 
 
@@ -98,7 +98,7 @@ def test_a_robot_that_is_no_delay_and_lag_is_doubted(path):
     write(path, ([144.0], [1.0, 12.0, 144.0]))
     log = read(path)
     [sentence] = doubts(log, identify(log, [1e-4]), {})
-    assert sentence.startswith("x does not move as one delay, one lag and a play let it: it is 0.0")
+    assert sentence.startswith("x does not move as with one delay, one lag and a play: it is 0.0")
     write(path, first_order(0.083))
     log = read(path)
     assert doubts(log, identify(log, [1e-4]), {}) == []
@@ -137,7 +137,7 @@ def test_a_play_is_in_the_units_of_the_joint_where_its_gain_is_not_one(path):
     ],
 )
 def test_an_interval_has_two_digits_of_its_width(interval, text):
-    assert said(Interval(*interval)) == text
+    assert interval_text(Interval(*interval)) == text
 
 
 def test_an_encoder_that_reads_in_steps_has_a_step_and_no_noise_below_it(path):

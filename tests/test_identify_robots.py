@@ -69,8 +69,8 @@ def test_intervals_reach_to_a_channel_that_differs_and_a_line_says_so(tmp_path):
     assert covers(found.whole.sum, 0.095)
     [sentence] = doubts(log, found, {})
     assert re.sub(r"[\d.]+", lambda number: f"{float(number[0]):.0f}", sentence) == (
-        "delay and lag together are 75 ms in x and 95 ms in y, each alone; no one delay and lag fit "
-        "both, and the intervals reach from one to the other"
+        "delay and lag together are 75 ms in x and 95 ms in y, each alone; no single delay and lag "
+        "fit both, and the intervals contain both"
     )
 
 
@@ -81,7 +81,7 @@ def test_commands_of_another_unit_or_sign_are_refused(tmp_path, factor, gain, wr
     gear_log(tmp_path / "log.csv", **SLIDE, command_factor=factor)
     done = run(tmp_path / "log.csv")
     assert re.sub(r"(\.\d)\d+ \(.*\)", r"\1 (..)", str(done.exception)) == (
-        f"x moves {gain} (..) times what it is asked for: the {wrong} of its commands or of its "
+        f"x moves {gain} (..) times as far as commanded: the {wrong} of its commands or of its "
         "positions is wrong"
     )
     assert not (tmp_path / "out").exists()
@@ -90,8 +90,8 @@ def test_commands_of_another_unit_or_sign_are_refused(tmp_path, factor, gain, wr
 def test_a_gain_that_is_not_one_is_a_doubt(tmp_path):
     gear_log(tmp_path / "log.csv", **SLIDE, command_factor=1.25)
     assert run(tmp_path / "log.csv").output.startswith(
-        "# not to be trusted: x moves 0.8000 (0.7982 to 0.8018) times what it is asked for, and "
-        "simulated drives move as they are asked\n# the whole"
+        "# not to be trusted: x moves 0.8000 (0.7982 to 0.8018) times as far as commanded, and "
+        "simulated drives move as far as commanded\n# the whole"
     )
 
 
@@ -100,13 +100,13 @@ def test_a_gain_that_is_not_one_is_a_doubt(tmp_path):
     [
         (
             {**SLIDE, "factor": 100.0},
-            "x is asked for 46.7 m/s",
+            "x is commanded to move at 46.7 m/s",
             "x has a play of 0.203 m",
             "millimetres",
         ),
         (
             {"factor": 57.3, "seconds": 20.0},
-            "yaw is asked for 26.8 rad/s",
+            "yaw is commanded to move at 26.8 rad/s",
             "yaw has a play of 0.573 rad",
             "degrees",
         ),

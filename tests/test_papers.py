@@ -180,7 +180,7 @@ def test_a_verdict_that_the_claim_itself_decided_says_so_beside_it():
         ),
         (
             ["tuning-clutter", "--first-seed", "7000"],
-            "tuning-clutter tunes on its own seeds; leave out --first-seed",
+            "tuning-clutter has its own seeds for tuning; leave out --first-seed",
         ),
         (
             ["P1-3", "--quick", "--first-seed", "7000"],

@@ -149,7 +149,7 @@ def test_a_start_that_the_way_would_take_to_an_end_is_a_whole_turn_away(tmp_path
 def test_a_joint_that_no_start_keeps_inside_is_told_before_the_run():
     with Episode(load("joint_limits", ["tracker.kind=truth"]), seen=False) as episode:
         assert remarks(episode)[0] == (
-            "Along this motion the joint x comes to the end of its range after 1.6 s, and no other "
+            "With this motion the joint x reaches the end of its range after 1.6 s; no other "
             "start posture was found that stays inside the ranges"
         )
 

@@ -117,8 +117,8 @@ def test_runs_that_finish_when_they_are_tried_again_are_told(monkeypatch, tmp_pa
     assert sweep_command.run(*arguments) == 0
     out, err = capfd.readouterr()
     assert (
-        "servobench: out/failures: 2 of the runs finished only when they were tried again: "
-        "something in them does not repeat itself\n"
+        "servobench: out/failures: 2 of the runs failed first and finished when tried again: "
+        "a part in them does not give the same result each time\n"
     ) in err
     assert "No run reaches measure.after: what counts from there on has no value.\n" in out
 
@@ -181,10 +181,8 @@ def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(
     if suite == "listed":
         text += '[[trackers]]\nkind = "frozen"\nlabel = "nothing"\n'
     (tmp_path / "s.toml").write_text(text)
-    request = evaluate_command.EvaluateRequest(
-        str(tmp_path / "s.toml"), asked, seeds=2, workers=1, out=None, quiet=True
-    )
-    assert [s.contender.label for s in evaluate_command._subjects(request)] == labels
+    subjects = evaluate_command.subjects_of(str(tmp_path / "s.toml"), asked)
+    assert [s.contender.label for s in subjects] == labels
 
 
 def test_a_scenario_of_a_study_is_a_file_only_by_its_ending(monkeypatch, tmp_path):

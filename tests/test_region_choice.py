@@ -28,7 +28,8 @@ def during(monkeypatch, act):
     """Let a thread act on the page's address while a command waits; a function gives its result."""
     results = []
 
-    def say(text):
+    def say(_, *lines):
+        text = "\n".join(lines)
         printed.append(text)
         if "http://" in text:
             address = text.split("page: ")[1].split()[0]
@@ -37,7 +38,7 @@ def during(monkeypatch, act):
             thread.start()
 
     printed, threads = [], []
-    monkeypatch.setattr(region_page, "_say", say)
+    monkeypatch.setattr(region_page, "plain", say)
 
     def finished():
         threads[0].join(20)

@@ -334,18 +334,22 @@ def test_measures_and_tables_are_refused_where_they_do_not_fit(make_papers, tmp_
         (
             [folder],
             Printed(figure_width=3.4),
-            "--figure-width is for --figures: say pdf, svg or pgf",
+            "--figure-width needs --figures: give --figures pdf, svg or pgf",
         ),
         (
             [folder],
             Printed(latex=tmp_path / "tables.txt"),
             "tables.txt: the name of this file should end in .tex",
         ),
-        ([folder], Printed(latex=tmp_path), "--latex takes the file to write, such as tables.tex"),
+        (
+            [folder],
+            Printed(latex=tmp_path),
+            "this is not a file; name a file to write, such as x.tex",
+        ),
         (
             [make_papers(tmp_path / "papers")],
             Printed(measures="settle_s"),
-            "papers: --measures is for the folders of sweep and compare",
+            "papers: --measures is only for folders of sweep and compare",
         ),
     ]
     for folders, printed, sentence in cases:

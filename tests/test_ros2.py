@@ -173,7 +173,7 @@ def test_a_served_depth_camera_sends_its_depth_pictures():
     with servo.Episode(servo.load("depth_plate", ["run.duration=0.1"])) as episode:
         step = next(iter(episode))
         served = server.Server().serving(episode)
-        frame = given(camera.newest, lambda _: served._publish(step), None)
+        frame = given(camera.newest, lambda _: served.publish(step), None)
     np.testing.assert_array_equal(frame.depth, step.frame.depth)
     np.testing.assert_array_equal(frame.image, step.frame.image)
 
@@ -269,7 +269,9 @@ def test_a_robot_knows_its_posture_from_joint_states_and_sends_twists():
 
 def test_what_never_comes_is_one_sentence(monkeypatch):
     monkeypatch.setattr("servo.ros2.node.PATIENCE", 0.05)
-    with pytest.raises(Mistake, match=r"^/c/info: no message has come within 0.05 s$"):
+    with pytest.raises(
+        Mistake, match=r"^/c/info: no message has come within 0.05 s: start what publishes it$"
+    ):
         Camera(info="/c/info").calibration()
 
 
@@ -295,10 +297,13 @@ def test_a_latency_is_not_used_where_twists_come_from_elsewhere(tmp_path, latenc
     [
         (
             messages.stamped(np.ones(6), messages.header(0.0, "base_link")),
-            "a twist in the frame 'base_link' is not driven: it has to be in the camera's optical "
+            "a twist in the frame 'base_link' is refused: it has to be in the camera's optical "
             "frame 'camera' (header.frame_id)",
         ),
-        (messages.stamped(np.full(6, np.nan), AT), "a twist that is not finite is not driven"),
+        (
+            messages.stamped(np.full(6, np.nan), AT),
+            "a twist with a number that is not finite is refused",
+        ),
     ],
 )
 def test_a_twist_without_a_meaning_is_not_driven_and_said_once(capsys, message, sentence):
@@ -314,7 +319,7 @@ def test_a_twist_without_a_meaning_is_not_driven_and_said_once(capsys, message, 
     time.sleep(0.1)
     assert said() is None
     unnamed = messages.stamped(np.ones(6), messages.header(0.0, ""))
-    given(lambda: served._listen() or None, writer.write, unnamed)
+    given(lambda: served.command(None, None, 0.0).twist.any() or None, writer.write, unnamed)
     assert served.command(None, None, 0.0).twist.all()
 
 

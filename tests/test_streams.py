@@ -215,8 +215,8 @@ def test_a_stream_is_tracked_by_a_slow_tracker(monkeypatch, capfd, tmp_path, par
     total = len(rows) + report["dropped"]
     assert re.fullmatch(
         rf"{address}: {total} pictures, then it ended; {report['dropped']} of them were dropped, "
-        r"because they came too fast; a picture took 2\d\d ms in the tracker and \d+ ms in what is "
-        "written and shown",
+        r"because they came too fast; a picture took 2\d\d ms for tracking and \d+ ms for "
+        "writing and showing",
         report["end"],
     )
     came = datetime.fromisoformat(report["began"])

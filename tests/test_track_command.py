@@ -94,7 +94,8 @@ def test_odd_pictures_are_told_and_give_lost_rows(monkeypatch, capfd, folder):
         "servobench: the pictures change their size at 006.png to 80 x 50 px; the target is "
         "searched for at the same pixels\n"
         f"servobench: 1 of {FRAMES} pictures cannot be read, the first is 003.png (this picture "
-        "cannot be decoded; known formats are JPEG, PNG, BMP, TIFF, WebP, PPM); their rows are LOST\n"
+        "cannot be decoded; known formats are JPEG, PNG, BMP, TIFF, WebP, PPM); their rows have "
+        "the status LOST\n"
     )
     found = rows_of(folder / "out" / "track.csv")
     assert len(found) == FRAMES
@@ -120,7 +121,10 @@ def test_a_video_is_tracked_and_a_recording_written(monkeypatch, capfd, folder):
 
 
 BAD = {
-    "no region": (["in"], "in: there is no truth beside it; give --region X,Y,W,H[,DEG]"),
+    "no region": (
+        ["in"],
+        "in: there is no truth file beside this source; give --region X,Y,W,H[,DEG]",
+    ),
     "an empty region": (
         ["in", "--region", "40,30,0,20"],
         "the region is 0 x 20 px; both sides must be at least 4 px",
@@ -165,7 +169,7 @@ BAD = {
     ),
     "a truth of a camera": (
         ["camera:0", "--truth", "short.txt"],
-        "short.txt: the pictures of camera:0 cannot be counted, so there is no truth for them",
+        "short.txt: the pictures of camera:0 cannot be counted, so a truth cannot belong to them: leave out --truth",
     ),
     "an unknown format": (
         ["in", "--region", REGION, "--truth-format", "coco"],

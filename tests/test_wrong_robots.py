@@ -166,7 +166,7 @@ def test_the_command_prints_a_table_that_runs(tmp_path, seven):
     assert re.search(r"joint2 .* rad +0.3 rad/s +[0-9.]+ ms +velocity: replaced", done.output)
     assert re.search(r"left +slide +0 .. 0.04 +held still", done.output)
     again = CliRunner().invoke(app, ["robot", str(seven), "--out", str(out)])
-    assert str(again.exception) == f"{out}: there is such a file already; choose another name"
+    assert str(again.exception) == f"{out}: this file exists already; choose another name"
     assert re.search(r"attachment +site \(taken\) +7", done.output)
     assert "From the base below the camera can be 1 m above the target." in done.output
     table = done.output[done.output.index("[robot]") : done.output.index(str(out))]

@@ -1,4 +1,4 @@
-"""The audit of a benchmark's row: it is compared with its own errors and with new runs."""
+"""Audit of a contestant's published results: comparison with stored errors and with new runs."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 
 from servo.bench.benchmark import QUICK, Band, Benchmark, World
 from servo.bench.contestant import Contestant, Division
-from servo.bench.row import Row, Won, curve_of, slow_of, won, won_by
+from servo.bench.row import Row, WorldScore, curve_of, score_errors, slow_of, world_score
 from servo.bench.world_run import ERROR, SLOW, WORLD
 from servo.mistake import Mistake
 from servo.study.record_file import parquet
@@ -20,9 +20,10 @@ from sim.types import Array
 from tracking.files.json_text import as_json
 
 ROUNDING = 1e-9
-"""Largest difference of an area between processors, by rounding; 3e-12 was measured."""
+"""Largest difference of a world's score between processors by rounding; 3e-12 was measured."""
 NEAR = 1e-4
-"""The same for the error of one picture, which is kept with seven digits [target sizes]."""
+"""Largest difference of one picture's error between processors [target sizes]; errors are stored
+with seven digits."""
 TENTH = 10
 LEAST = 10
 """An audit repeats a tenth of the worlds, and ten at least."""
@@ -34,12 +35,12 @@ Errors = dict[tuple[str, float], Array]
 
 
 def errors_file(row: Path) -> Path:
-    """Return the path of the errors of a row: a Parquet file beside the row's file."""
+    """Return the path of the Parquet file with a row's errors, beside the row's JSON file."""
     return row.with_suffix(".parquet")
 
 
-def errors_text(records: Sequence[Record]) -> bytes:
-    """Return the errors of a contestant's runs as a Parquet file."""
+def errors_parquet(records: Sequence[Record]) -> bytes:
+    """Return a Parquet file with the error of each picture of some runs [target sizes]."""
     table = pa.table(
         {
             WORLD: [r.settings[WORLD] for r in records],
@@ -51,79 +52,70 @@ def errors_text(records: Sequence[Record]) -> bytes:
 
 
 def read_errors(path: Path) -> Errors:
-    """Return the errors in a Parquet file.
+    """Read the error of each picture [target sizes] from the Parquet file beside a row.
 
     Raises:
-        Mistake: The file cannot be read, or is not one of a row's errors.
+        Mistake: The file cannot be read, or lacks a column of errors, worlds or times.
     """
     try:
         table = pq.read_table(path, columns=[WORLD, SLOW, ERROR]).to_pydict()
         rows = zip(table[WORLD], table[SLOW], table[ERROR], strict=True)
         return {(str(world), float(ms)): np.array(each, float) for world, ms, each in rows}
     except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, MemoryError) as error:
-        raise Mistake(f"{path}: this is no file of a row's errors") from error
+        raise Mistake(f"{path}: this is not the file of errors that --submit writes") from error
 
 
-@dataclass(frozen=True, slots=True)
-class Audit:
-    """The result of an audit before worlds are run again."""
-
-    worlds: Sequence[World]
-    """The worlds that the row should have."""
-    faults: Sequence[str]
-    """A sentence for each contradiction of the row to the benchmark or to itself."""
-    remarks: Sequence[str]
-    """A sentence for each part of the row that could not be compared."""
-
-
-def audit(benchmark: Benchmark, row: Row, one: Contestant, errors: Errors | None) -> Audit:
-    """Compare a row with its benchmark and with the errors of its pictures.
+def audit(
+    benchmark: Benchmark, row: Row, one: Contestant, errors: Errors | None
+) -> tuple[list[str], list[str]]:
+    """Compare a contestant's row with its benchmark and with the errors of its pictures.
 
     Args:
-        benchmark: Of the same version.
+        benchmark: The benchmark, in the row's version.
         row: The row that was sent.
-        one: Its contestant, in this version of servobench.
-        errors: Of all its runs, if they were sent.
+        one: The row's contestant, in this version of servobench.
+        errors: The errors of all runs of the row; None if they were not sent.
+
+    Returns:
+        A sentence for each contradiction of the row to the benchmark or to itself, and a sentence
+        for each part of the row that could not be compared.
     """
     worlds = expected_worlds(benchmark, row)
     faults = list[str]()
     remarks = list[str]()
-    keys = {world.key for world in worlds}
-    if keys != row.worlds.keys():
-        faults.append(f"its worlds are not those of the band: {_some(keys ^ row.worlds.keys())}")
+    if other := {world.key for world in worlds} ^ row.worlds.keys():
+        faults.append(f"the row's worlds differ from those of its band: {_some(other)}")
     whole = len(benchmark.conditions) * benchmark.worlds
     if len(worlds) < whole:
-        remarks.append(f"it is of a quick run: {len(worlds)} of {whole} worlds")
+        remarks.append(f"the row is of a quick run: {len(worlds)} of {whole} worlds")
     if (row.settings, row.digest) != (as_json(one.settings), one.digest):
-        told = faults if one.division in (Division.HOME, Division.SCALE) else remarks
-        told.append("the settings or files of its contestant are others than those given here")
+        found = faults if one.division in (Division.HOME, Division.SCALE) else remarks
+        found.append("the contestant's settings or files differ from those given here")
     if row.division != one.division.name:
-        faults.append(f"its division is {row.division.lower()}, and is {one.division.name.lower()}")
+        right = one.division.name.lower()
+        faults.append(f"the row's division is {row.division.lower()}; it should be {right}")
     if errors is None:
-        remarks.append("without its Parquet file, its curve and slower trackers are not compared")
+        remarks.append(
+            "without its Parquet file, the row's curve and slower trackers are unchecked"
+        )
     else:
         faults += _contradictions(benchmark, row, errors)
     if benchmark.score == "arrives":
-        remarks.append("its medians (time, camera path, corners out of view) are not compared")
-    return Audit(worlds, faults, remarks)
+        remarks.append("the row's medians (time, camera path, corners out of view) are unchecked")
+    return faults, remarks
 
 
 def expected_worlds(benchmark: Benchmark, row: Row) -> list[World]:
-    """Return the worlds that a row should have: all of its band, or those of --quick."""
-    band = band_of(row)
+    """Return the worlds that a row should have: all of its band, or the few of --quick."""
+    band = Band(row.band, row.value, row.digest)
     quick = benchmark.every_world(band, QUICK)
     return quick if len(row.worlds) <= len(quick) else benchmark.every_world(band)
 
 
-def band_of(row: Row) -> Band:
-    """Return the band of a row's worlds."""
-    return Band(row.band, row.value, row.digest) if row.band == "sealed" else Band(row.band)
-
-
 def sample(worlds: Sequence[World], rng: np.random.Generator) -> list[World]:
-    """Return the worlds that an audit repeats.
+    """Draw the worlds that an audit repeats: a tenth of the given ones, and ten at least.
 
-    They are drawn when the audit begins, so that the author of a row cannot know them.
+    An audit draws them when it begins, so that the author of a row cannot know them.
     """
     count = min(len(worlds), max(LEAST, math.ceil(len(worlds) / TENTH)))
     return [worlds[i] for i in sorted(rng.choice(len(worlds), count, replace=False))]
@@ -133,43 +125,43 @@ def _contradictions(benchmark: Benchmark, row: Row, errors: Errors) -> list[str]
     """Return a sentence for each contradiction of a row to its errors."""
     at_once = {world: e for (world, ms), e in errors.items() if ms == 0.0}
     faults = list[str]()
-    if at_once.keys() != row.worlds.keys():
-        other = at_once.keys() ^ row.worlds.keys()
-        return [f"its Parquet file has other worlds: {_some(other)}"]
-    if benchmark.score == "held":
-        wrong = [w for w, e in at_once.items() if not _is_close(won_by(e), row.worlds[w])]
-        if wrong:
-            faults.append(f"its Parquet file gives other areas: {_some(wrong)}")
+    if other := at_once.keys() ^ row.worlds.keys():
+        return [f"the Parquet file has other worlds than the row: {_some(other)}"]
+    wrong = [w for w, e in at_once.items() if not _is_close(score_errors(e), row.worlds[w])]
+    if benchmark.score == "held" and wrong:
+        faults.append(f"the Parquet file gives other scores than the row: {_some(wrong)}")
     if curve_of(list(at_once.values())) != row.curve:
-        faults.append("its Parquet file gives another curve")
-    slow = slow_of(benchmark, errors) if row.slow else {}
-    if slow != row.slow:
-        faults.append("its Parquet file gives other shares held by slower trackers")
+        faults.append("the Parquet file gives another curve than the row")
+    if row.slow and slow_of(benchmark, errors) != row.slow:
+        faults.append("the Parquet file gives other shares held by slower trackers than the row")
     return faults
 
 
-def _is_close(now: Won, before: Won) -> bool:
+def _is_close(now: WorldScore, before: WorldScore) -> bool:
     return abs(now.area - before.area) <= ROUNDING and now.held == before.held
 
 
 def _some(keys: Sequence[str] | set[str]) -> str:
-    """Return the first ones of some worlds' names."""
+    """Return a text with the first few of some worlds' names, and how many more there are."""
     first = sorted(keys)[:NAMED]
     return ", ".join(first) + (f" and {len(keys) - NAMED} more" if len(keys) > NAMED else "")
 
 
 @dataclass(frozen=True, slots=True)
-class Repeated:
-    """The comparison of a new run of a world with its row."""
+class WorldComparison:
+    """Result of comparing a new run of one world with a contestant's row."""
 
     world: str
     agrees: bool
+    """True if score and pictures are equal but for rounding."""
     exactly: bool
-    """Whether it agrees bit for bit."""
+    """True if they are equal bit for bit."""
 
 
-def repeated(benchmark: Benchmark, row: Row, errors: Errors | None, record: Record) -> Repeated:
-    """Compare a new run of a world with its row and with the errors beside the row."""
+def compare_run(
+    benchmark: Benchmark, row: Row, errors: Errors | None, record: Record
+) -> WorldComparison:
+    """Compare the record of a new run of a world with a row and, if given, the row's errors."""
     world, ms = record.settings[WORLD], float(record.settings[SLOW])
     now = np.asarray(record.series[ERROR], np.float32).astype(float)
     exactly = agrees = True
@@ -178,9 +170,10 @@ def repeated(benchmark: Benchmark, row: Row, errors: Errors | None, record: Reco
         exactly = np.array_equal(now, before)
         agrees = exactly or (now.shape == before.shape and np.allclose(now, before, 0, NEAR))
     if ms == 0.0:
-        found, told = won(benchmark, record), row.worlds[world]
-        if not told.last:  # an older row
+        found = world_score(benchmark, record)
+        published = row.worlds[world]
+        if not published.last:  # an older row
             found = replace(found, last="")
-        exactly = exactly and found == told
-        agrees = agrees and _is_close(found, told) and found.picture == told.picture
-    return Repeated(world, agrees, exactly)
+        exactly = exactly and found == published
+        agrees = agrees and _is_close(found, published) and found.picture == published.picture
+    return WorldComparison(world, agrees, exactly)

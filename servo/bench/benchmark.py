@@ -1,4 +1,4 @@
-"""A public benchmark: its frozen conditions, the worlds that are drawn in them, and its hash."""
+"""A public benchmark: frozen conditions, the worlds (scenarios) drawn from them, and a hash."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -42,15 +42,15 @@ NEAR_DEG = 10.0
 """Arrival in the wider sense that is used for learned servoing: a tenth of a path of a metre, and
 ten degrees."""
 OF_CONTESTANTS = {"tracker": ("tracker",), "law": ("features", "controller")}
-"""Tables of a contestant: their defaults are not part of the hash."""
-Settings = dict[str, Any]
+"""Tables of a scenario that a contestant sets; the hash does not cover their defaults."""
+Settings = Table
 Levels = Mapping[str, Settings]
-"""Settings of each level of a factor, by its name."""
+"""Settings of each level of a factor, by the level's name."""
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A disturbance, a motion or a task, with the ranges of its drawn settings."""
+    """A condition of a benchmark, such as a motion, with the ranges of settings drawn in it."""
 
     name: str
     about: str
@@ -59,12 +59,12 @@ class Condition:
     """The two ends of each setting that is drawn uniformly."""
     factors: dict[str, Levels]
     size: str | None = None
-    """The range that measures how large the task is."""
+    """The key in `ranges` whose value measures how large the task is."""
 
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """One drawn world of a condition."""
+    """A world of a benchmark: settings and seed of a scenario, drawn from a condition."""
 
     condition: str
     number: int
@@ -74,16 +74,16 @@ class World:
     levels: dict[str, str]
     """The level of each factor."""
     size: float = float("nan")
-    """How large the task is."""
+    """Size of the task: the value of the condition's setting `size`; nan without one."""
 
     @property
     def key(self) -> str:
-        """Name of the world within its band."""
+        """Name of the world, unique in its band, such as "rain-03"."""
         return f"{self.condition}-{self.number:02}"
 
 
 def condition_of(world: str) -> str:
-    """Return the condition in a world's name."""
+    """Return the condition's name in the key of a world: "rain" of "rain-03"."""
     return world.rpartition("-")[0]
 
 
@@ -105,16 +105,18 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Slow:
-    """The worlds of one condition again, with slower and slower contestants."""
+    """Further runs of one condition's worlds, with slower and slower trackers."""
 
     condition: str
     setting: str
+    """The setting that slows a tracker."""
     values: tuple[float, ...]
+    """Its values [ms a picture]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Benchmark:
-    """A frozen version of a benchmark."""
+    """A frozen version of a public benchmark, as its TOML and JSON files describe it."""
 
     name: str
     title: str
@@ -147,8 +149,8 @@ class Benchmark:
 
     @property
     def hash(self) -> str:
-        """Return the digest of this file, the frozen settings, the scenes' models and pictures, and
-        the worlds of the public band.
+        """Return the digest (16 hex digits) of the benchmark's file, the frozen settings, the
+        models and pictures of its scenes, and the worlds of the public band.
         """
         found = hashlib.sha256(self.text.encode())
         found.update(json.dumps(self.frozen, sort_keys=True).encode())
@@ -159,8 +161,8 @@ class Benchmark:
         return found.hexdigest()[:HASH_DIGITS]
 
     def settings(self) -> Settings:
-        """Return every setting that the contestants have in common, defaults included, and the
-        constants of the measures.
+        """Return, by dotted key, every setting that all contestants share, defaults included, and
+        the constants of the measures.
         """
         found = parse(copy.deepcopy(self.scenario), self.name, self.name).settings()
         for part in OF_CONTESTANTS[self.contestant]:
@@ -168,14 +170,14 @@ class Benchmark:
         return flat(as_json(found), self.name) | _constants(self.score)
 
     def resolved(self, contestant: Settings) -> Settings:
-        """Return every setting of a contestant's own tables, defaults included."""
+        """Return, by dotted key, every setting of a contestant's own tables, defaults included."""
         world = self.every_world(Band(), 1)[0]
         found = self.scenario_of(world, contestant).settings()
         own = {part: found[part] for part in OF_CONTESTANTS[self.contestant]}
         return flat(as_json(own), self.name)
 
     def check_frozen(self) -> None:
-        """Refuse a version of servobench in which a default or a measure has changed.
+        """Check that defaults and measures are those with which the benchmark was frozen.
 
         Raises:
             Mistake: A value differs; settings that were added later do not count.
@@ -185,7 +187,8 @@ class Benchmark:
             if now.get(key) != value:
                 raise Mistake(
                     f"{self.name}: {key} is {now.get(key)!r} in this version, and was "
-                    f"{value!r} when the benchmark was frozen: its rows would not be comparable"
+                    f"{value!r} when the benchmark was frozen: new rows could not be compared with "
+                    "old ones"
                 )
 
     def every_world(self, band: Band, count: int | None = None) -> list[World]:
@@ -193,9 +196,9 @@ class Benchmark:
         return [w for c in self.conditions for w in self.worlds_of(c, band)[:count]]
 
     def worlds_of(self, condition: Condition, band: Band) -> list[World]:
-        """Return all worlds of a condition.
+        """Return all worlds of a condition in a band, in order of their number.
 
-        What is drawn is balanced: among n worlds each n-th part of a range, and each level of a
+        The draws are balanced: among n worlds each n-th part of a range, and each level of a
         factor, occurs equally often (McKay, Beckman and Conover, A comparison of three methods for
         selecting values of input variables, 1979: the Latin hypercube).
         """
@@ -214,7 +217,7 @@ class Benchmark:
         return [SEALED_FROM + int.from_bytes(d[:8], "big") % SEALED_SEEDS for d in digests]
 
     def table_of(self, world: World, contestant: Settings) -> Table:
-        """Return the scenario's table of a world with the settings of a contestant."""
+        """Return the TOML table of a world's scenario, with the settings of a contestant."""
         table = copy.deepcopy(self.scenario)
         for settings in (world.settings, contestant):
             for key in sorted(settings, key=lambda key: not key.endswith("kind")):
@@ -232,7 +235,7 @@ class Benchmark:
 
 
 def load(name: str) -> Benchmark:
-    """Return a shipped benchmark.
+    """Return a shipped public benchmark by its name, such as "loop-v1".
 
     Raises:
         Mistake: There is no benchmark of this name.
@@ -250,12 +253,12 @@ def parsed(
     """Return the benchmark that a TOML text describes.
 
     Args:
-        name: Of the benchmark.
-        text: The file.
-        settings: As they were when it was frozen.
-        rendering: Digest of its first pictures.
-        measures: Constants of the measures, of the first versions: later ones have them among
-            their settings, so that the hash covers them.
+        name: The benchmark's name.
+        text: Contents of the benchmark's file.
+        settings: Value of each setting when the benchmark was frozen.
+        rendering: Digest of the first pictures of the public band.
+        measures: Constants of the measures, for the first versions only: later versions have them
+            among the settings, so that the hash covers them.
     """
     table = toml.decode(text, name)
     ranges = flat(table["ranges"], name)
@@ -325,6 +328,9 @@ def _world(
     columns: Mapping[str, Array],
     levels: Mapping[str, Array],
 ) -> World:
+    """Return a world of a condition from balanced numbers (n,), 0 to 1, for each drawn setting and
+    each factor.
+    """
     drawn = {
         key: round(low + float(columns[key][number]) * (high - low), 6)
         for key, (low, high) in condition.ranges.items()
@@ -335,6 +341,6 @@ def _world(
     }
     settings = condition.settings | drawn
     for name, level in chosen.items():
-        settings = settings | condition.factors[name][level]
+        settings |= condition.factors[name][level]
     size = drawn.get(condition.size or "", float("nan"))
     return World(condition.name, number, seed, settings, chosen, size)

@@ -1,4 +1,4 @@
-"""The contestants of a benchmark: shipped ones by name, and guests by class or command."""
+"""The contestants of a benchmark: shipped ones by name, guests (a user's) by class or command."""
 
 from __future__ import annotations
 
@@ -31,12 +31,11 @@ NULL = "still"
 PERFECT = "truth"
 """Names of the contestants that fix the scale."""
 FROZEN = "frozen"
-"""A home tracker that does not use pictures: any tracker holds the worlds that it holds."""
+"""A shipped tracker that does not use pictures: any tracker holds the worlds that it holds."""
 TRAX = "trax:"
 ONNX = "onnx:"
 """A network file of OpenCV's tracker Vit."""
-SERVER = "tracking.exported.trax_server"
-"""The module that serves a tracker of Python in a process of its own."""
+
 OURS = ("scenes", "servo", "sim", "tracking")
 """Packages of servobench, which do not belong to a contestant: a row names their version."""
 NAMING = ("tracker.command", "tracker.model", "controller.file")
@@ -48,7 +47,7 @@ OF_CONTROLLERS: Settings = {"features.kind": "points"}
 
 
 class Division(Enum):
-    """How a row was obtained; each member carries its sentence."""
+    """How a contestant was run; the value of each member explains it in a sentence."""
 
     HOME = (
         "shipped with servobench, and run in the process of the simulation; its settings are part "
@@ -61,20 +60,15 @@ class Division(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Contestant:
-    """A named tracker or control law with its settings."""
+    """A tracker or control law that takes part in a benchmark."""
 
     name: str
     settings: Settings
     division: Division
 
     @property
-    def is_compared(self) -> bool:
-        """Whether it stands in the ranking."""
-        return self.division is not Division.SCALE
-
-    @property
     def digest(self) -> str:
-        """Digest of its settings, and of the code and files that they name."""
+        """SHA-256 (hex) of the contestant's settings, and of the code and files that they name."""
         found = hashlib.sha256(json.dumps(as_json(self.settings), sort_keys=True).encode())
         for name, content in sorted((path.name, path.read_bytes()) for path in self._files()):
             found.update(name.encode() + content)
@@ -82,15 +76,15 @@ class Contestant:
 
     @property
     def is_unknown(self) -> bool:
-        """Whether its settings name code or files, and none of them was found."""
+        """True if the contestant's settings name code or files, and none of them was found."""
         named = any(key in self.settings for key in NAMING) or any(":" in w for w in self._words())
         return named and not self._files()
 
     def _words(self) -> Iterator[str]:
-        """Yield the words of its settings that may name a file or a module."""
+        """Yield the words of the contestant's settings that may name a file or a module."""
         for key, value in self.settings.items():
             if key == "tracker.command":
-                yield from shlex.split(value)
+                yield from shlex.split(str(value))
             else:
                 yield from value if isinstance(value, list) else [str(value)]
 
@@ -143,13 +137,13 @@ def _modules(folder: Path) -> set[Path]:
 
 
 def scale_of(benchmark: Benchmark) -> list[Contestant]:
-    """Return the contestants that fix 0 and, where the benchmark has one, 100."""
+    """Return the contestants that fix the scale of scores: 0 and, if the benchmark has one, 100."""
     ends = {NULL: benchmark.null, PERFECT: benchmark.perfect}
     return [Contestant(name, s, Division.SCALE) for name, s in ends.items() if s is not None]
 
 
 def home_of(benchmark: Benchmark) -> list[Contestant]:
-    """Return the shipped contestants."""
+    """Return the shipped contestants of a benchmark: trackers, or control laws."""
     if benchmark.contestant == "law":
         return [Contestant(name, s, Division.HOME) for name, s in benchmark.home.items()]
     own = [k for k in general_kinds() if ":" not in k and not TRACKERS.package_of(k)]
@@ -159,15 +153,16 @@ def home_of(benchmark: Benchmark) -> list[Contestant]:
 def contestants(
     benchmark: Benchmark, given: Sequence[str], changes: Sequence[str] = ()
 ) -> list[Contestant]:
-    """Return contestants from the command line.
+    """Return the contestants that the command line names.
 
     Args:
         benchmark: The benchmark that they take part in.
         given: A name of `home_of`, or name=kind:preset, name=module:Class, name='trax:COMMAND'
             for a program that speaks TraX, or name=onnx:FILE for a network of OpenCV's tracker
             Vit; without any, all of `home_of`.
-        changes: Settings of all of them, as for --set, which makes them open. A guest whose tracker
-            is changed so runs in this process; else a server of ours runs it in another one.
+        changes: Changes KEY=VALUE of every contestant's settings, which put it into the division
+            OPEN. A user's tracker with such a change runs in this process, without one in a
+            process of its own.
 
     Raises:
         Mistake: There is no such contestant, or two have one name.
@@ -182,20 +177,18 @@ def contestants(
     for name in names:
         if names.count(name) > 1 or name in (NULL, PERFECT):
             raise Mistake(f"two contestants are called '{name}': write another name before the =")
-    if not changed:
-        return chosen
-    return [Contestant(c.name, c.settings | changed, Division.OPEN) for c in chosen]
+    if changed:
+        chosen = [Contestant(c.name, c.settings | changed, Division.OPEN) for c in chosen]
+    return chosen
 
 
 def named_part(text: str) -> tuple[str, str]:
-    """Return name and part of NAME=PART; without a name, the part is its own name.
+    """Return name and part of a text NAME=PART; a text without "=" is both.
 
     Raises:
-        Mistake: One of them is missing.
+        Mistake: The name or the part is missing.
     """
-    name, equals, what = text.partition("=")
-    if not equals:
-        name, what = text, text
+    name, _, what = text.partition("=") if "=" in text else (text, "", text)
     if not name.strip() or not what.strip():
         raise Mistake(
             f"'{text}': write NAME=KIND, NAME=module:Class, NAME='trax:COMMAND' or NAME=onnx:FILE"
@@ -204,11 +197,12 @@ def named_part(text: str) -> tuple[str, str]:
 
 
 def settings_of(section: str, what: str) -> Settings:
-    """Return the settings that put a part into a section of a scenario.
+    """Return the settings, by dotted key, that put a part into a section of a scenario.
 
     Args:
-        section: Such as "tracker" or "controller".
-        what: kind, kind:preset or module:Class; of a tracker also trax:COMMAND or onnx:FILE.
+        section: The section, such as "tracker" or "controller".
+        what: The part: kind, kind:preset or module:Class, or for a tracker trax:COMMAND or
+            onnx:FILE.
     """
     if section == "tracker" and what.startswith(ONNX):
         network = what.removeprefix(ONNX)
@@ -219,28 +213,14 @@ def settings_of(section: str, what: str) -> Settings:
     return {f"{section}.{key}": value for key, value in table.items()}
 
 
-def check_program(command: str) -> None:
-    """Refuse a command whose program is not there.
-
-    Raises:
-        Mistake: There is no such program, or the command cannot be split into words.
-    """
-    try:
-        words = shlex.split(command)
-    except ValueError as error:
-        raise Mistake(f"{TRAX}{command}: {error}") from None
-    if not words or shutil.which(words[0]) is None:
-        raise Mistake(f"{TRAX}{command}: there is no program '{words[0] if words else ''}'")
-
-
 def _served(settings: Settings) -> Settings:
-    """Return the settings that run a tracker of Python in a process of its own, which gets pictures
-    only.
+    """Return settings that run a Python tracker, given by its settings, in another process, which
+    gets pictures only.
     """
     table = {key.removeprefix("tracker."): value for key, value in settings.items()}
     python = Path(shutil.which("python") or "")
-    words = ["python" if python == Path(sys.executable) else sys.executable, "-m", SERVER]
-    words.append(table.pop("kind"))
+    words = ["python" if python == Path(sys.executable) else sys.executable]
+    words += ["-m", "tracking.exported.trax_server", table.pop("kind")]
     if preset := table.pop("preset", None):
         words += ["--preset", preset]
     words += [f"{key}={json.dumps(value)}" for key, value in table.items()]
@@ -256,20 +236,18 @@ def _guest(benchmark: Benchmark, text: str, served: bool) -> Contestant:
         shipped = ", ".join(f"'{one}'" for one in home)
         raise Mistake(f"there is no contestant '{what}'; shipped are {shipped}")
     if is_law:
-        if what in benchmark.home:
-            return Contestant(name, benchmark.home[what], Division.HOME)
-        division = Division.HOME if what in kinds else Division.OPEN
-        if what in FEATURES.names():
-            return Contestant(name, settings_of("features", what), division)
-        return Contestant(name, OF_CONTROLLERS | settings_of("controller", what), division)
+        own = benchmark.home.get(what)
+        if own is None and what in FEATURES.names():
+            own = settings_of("features", what)
+        division = Division.HOME if what in (*home, *kinds) else Division.OPEN
+        return Contestant(name, own or OF_CONTROLLERS | settings_of("controller", what), division)
     settings = settings_of("tracker", what)
     if what.startswith(TRAX):
-        check_program(what.removeprefix(TRAX))
         return Contestant(name, settings, Division.CLOSED)
     kind = str(settings["tracker.kind"])
     # A class by its path is imported in the process that it runs in, never here.
     if kind in TRACKERS.names() and not follows_any_target(TRACKERS.config(kind)):
-        raise Mistake(f"the tracker '{kind}' cannot compete: it does not only see pictures")
+        raise Mistake(f"the tracker '{kind}' cannot compete: it uses more than pictures")
     if kind in home:
         return Contestant(name, settings, Division.HOME)
     if served:

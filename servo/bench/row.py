@@ -1,4 +1,4 @@
-"""The row of a contestant: a JSON file, from which tables, ranks and pages are made."""
+"""The published results of a contestant in a benchmark (its row of the table): a JSON file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Le, Len
@@ -29,7 +29,7 @@ from servo.bench.benchmark import (
     Settings,
     condition_of,
 )
-from servo.bench.contestant import Contestant
+from servo.bench.contestant import Contestant, Division
 from servo.bench.world_run import CONTESTANT, ERROR, LAST, PICTURE, SLOW, WORLD
 from servo.mistake import Mistake
 from servo.output.formats import Made
@@ -39,7 +39,7 @@ from servo.study.scenario_run import TRACK_MS
 from sim.types import Array
 
 TAUS = np.linspace(0.0, FARTHEST, 41)
-"""The distances of the curve: a step is a twentieth of the target's size."""
+"""The distances of a row's curve [target sizes]."""
 DIGITS = 12
 """Digits of a picture's digest."""
 MEASURES = (
@@ -58,11 +58,11 @@ Milliseconds = Annotated[str, StringConstraints(pattern=r"^\d{1,6}(\.\d{1,6})?$"
 
 
 @dataclass(frozen=True, slots=True)
-class Won:
-    """The result of a contestant in one world."""
+class WorldScore:
+    """The result of a contestant in one world of a benchmark."""
 
     area: Share
-    """From 0 to 1; the score is the mean of it over all worlds."""
+    """Score in this world, 0 to 1."""
     held: bool
     """Whether the robot held its target for 95 % of the time, or arrived."""
     picture: str = ""
@@ -73,7 +73,7 @@ class Won:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row(Made):
-    """The published results of a contestant."""
+    """The published results of a contestant in all worlds of a band of a benchmark."""
 
     KIND: ClassVar[str] = "benchmark row"
 
@@ -86,15 +86,15 @@ class Row(Made):
     contestant: str
     division: str
     """Name of the division."""
-    settings: dict[str, Any]
-    resolved: Settings = field(default_factory=dict[str, Any])
+    settings: Settings
+    resolved: Settings = field(default_factory=Settings)
     """Every setting of its tables, defaults included; empty in older rows."""
     digest: Digest
     """Of the contestant."""
     machine: str
     track_ms: float
     """Measured time of the tracker for a picture, median [ms]: of this machine, never ranked."""
-    worlds: dict[str, Won]
+    worlds: dict[str, WorldScore]
     slow: dict[Milliseconds, Share] = field(default_factory=dict[str, Share])
     """Share of worlds held, by the time that the tracker takes for a picture [ms]."""
     curve: Annotated[list[Share], Len(len(TAUS), len(TAUS))]
@@ -103,52 +103,57 @@ class Row(Made):
 
     @property
     def rendering(self) -> str:
-        """Digest of the first pictures of all its worlds; empty where nothing was rendered."""
-        seen = [f"{key} {won.picture}" for key, won in sorted(self.worlds.items()) if won.picture]
+        """Digest of the first pictures of all worlds of the row; empty if none were rendered."""
+        scores = sorted(self.worlds.items())
+        seen = [f"{key} {score.picture}" for key, score in scores if score.picture]
         return hashlib.sha256("\n".join(seen).encode()).hexdigest()[:DIGITS] if seen else ""
 
 
-def within(errors: Array, most: float) -> float:
-    """Return the area under the share of time within tau of the goal, for tau from 0 to `most`,
-    over `most`: the mean of 1 - error / most, where that is above 0.
+def area_within(errors: Array, most: float) -> float:
+    """Return the mean of max(0, 1 - error / most) over errors (n,).
 
-    >>> within(np.array([0.0, 1.0, 5.0]), 2.0)
+    It is the area under the curve of the share of errors below tau, for tau from 0 to `most`,
+    divided by `most`.
+
+    >>> area_within(np.array([0.0, 1.0, 5.0]), 2.0)
     0.5
     """
     return float(np.clip(1 - errors / most, 0, 1).mean())
 
 
-def won(benchmark: Benchmark, record: Record) -> Won:
-    """Return the result of a contestant in a world, from the record of its run.
+def world_score(benchmark: Benchmark, record: Record) -> WorldScore:
+    """Return the result of a contestant in a world, from the record of the run.
 
-    Holding counts the area of `within`; arriving counts 1 for a camera that ends within 10 mm and
-    1 degree of its goal, and never had a corner of the target outside its picture: no detector
-    would have seen it.
+    The score of holding is `area_within` of the errors; the score of arriving is 1 if the camera
+    ends within 10 mm and 1 degree of its goal and no corner of the target was ever outside the
+    picture, where a detector would have lost it, else 0.
     """
     first, last = (record.settings[name][:DIGITS] for name in (PICTURE, LAST))
     if benchmark.score == "held":
-        return replace(won_by(record.series[ERROR]), picture=first, last=last)
+        return replace(score_errors(record.series[ERROR]), picture=first, last=last)
     lasts = bool(np.isfinite(record.series[ERROR][-1]))
     seen = record.measures["out_of_view_pct"] == 0.0
     arrived = lasts and seen and is_within(record, ARRIVED_MM, ARRIVED_DEG)
-    return Won(float(arrived), arrived, first, last)
+    return WorldScore(float(arrived), arrived, first, last)
 
 
-def won_by(errors: Array) -> Won:
-    """Return area and holding by the error in each picture [target sizes]."""
+def score_errors(errors: Array) -> WorldScore:
+    """Return the result of holding a target, from the error in each picture [target sizes]."""
     errors = np.asarray(errors, float)
     held = float(np.mean(errors <= HELD_SIZE)) >= HELD_SHARE
-    return Won(within(errors, FARTHEST), held)
+    return WorldScore(area_within(errors, FARTHEST), held)
 
 
 def curve_of(errors: Sequence[Array]) -> list[float]:
-    """Return the share of the time within `TAUS` of the goal, over the errors of all runs."""
+    """Return, for each distance of `TAUS`, the share of pictures of all runs whose error is at most
+    as large [target sizes].
+    """
     every = np.concatenate([np.asarray(each, float) for each in errors])
     return [round(float(np.mean(every <= tau)), 4) for tau in TAUS]
 
 
 def is_within(record: Record, position: float, rotation: float) -> bool:
-    """Return whether a camera ends within a distance [mm] and an angle [deg] of its goal."""
+    """Return whether a run's camera ends within a distance [mm] and an angle [deg] of its goal."""
     measures = record.measures
     near = measures["end_position_mm"] <= position
     return bool(near and measures["end_rotation_deg"] <= rotation)
@@ -161,9 +166,10 @@ def row_of(
     records: Sequence[Record],
     command: str,
 ) -> Row:
-    """Return the row of a contestant from the records of all its runs."""
+    """Return the row of a contestant, from the records of all runs, also of others'."""
     own = [r for r in records if r.settings[CONTESTANT] == contestant.name]
     at_once = [r for r in own if r.settings[SLOW] == 0.0]
+    errors = {(r.settings[WORLD], r.settings[SLOW]): r.series[ERROR] for r in own}
     return Row(
         command=command,
         versions=versions(),
@@ -178,35 +184,33 @@ def row_of(
         digest=contestant.digest,
         machine=f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}",
         track_ms=round(float(np.median([r.measures[TRACK_MS] for r in at_once])), 3),
-        worlds={r.settings[WORLD]: won(benchmark, r) for r in at_once},
-        slow=slow_of(benchmark, _errors_of(own)) if contestant.is_compared else {},
+        worlds={r.settings[WORLD]: world_score(benchmark, r) for r in at_once},
+        slow={} if contestant.division is Division.SCALE else slow_of(benchmark, errors),
         curve=curve_of([r.series[ERROR] for r in at_once]),
         measures=_measures(at_once) if benchmark.score == "arrives" else {},
     )
 
 
 def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> dict[str, float]:
-    """Return the share of worlds held, by the time for a picture [ms].
+    """Return the share of worlds held (0 to 1), by the time that a tracker takes a picture [ms].
 
     Args:
-        benchmark: Names the condition that counts, if any.
-        errors: Error in each picture [target sizes], by world and time [ms].
+        benchmark: The benchmark, whose `slow` names the condition that counts, if any.
+        errors: Error in each picture [target sizes], by world and time of the tracker [ms].
     """
     if benchmark.slow is None:
         return {}
     held: dict[float, list[bool]] = {}
     for (world, ms), each in errors.items():
         if condition_of(world) == benchmark.slow.condition:
-            held.setdefault(ms, []).append(won_by(each).held)
+            held.setdefault(ms, []).append(score_errors(each).held)
     return {f"{ms:g}": float(np.mean(of)) for ms, of in sorted(held.items())}
 
 
-def _errors_of(records: Sequence[Record]) -> dict[tuple[str, float], Array]:
-    return {(r.settings[WORLD], r.settings[SLOW]): r.series[ERROR] for r in records}
-
-
 def _measures(records: Sequence[Record]) -> dict[str, float | None]:
-    """Return medians over all worlds, and the share of arrivals in the wider sense."""
+    """Return medians of a law's measures over all worlds, and the share of arrivals in the wider
+    sense [%].
+    """
     found: dict[str, float | None] = {}
     for name in MEASURES:
         values = np.array([r.measures[name] for r in records])
@@ -217,7 +221,7 @@ def _measures(records: Sequence[Record]) -> dict[str, float | None]:
 
 
 def shipped_rows(benchmark: Benchmark) -> list[Row]:
-    """Return the rows in the package, of this version of a benchmark."""
+    """Return the published rows of a benchmark's version, which come with servobench."""
     folder = resources.files("scenes") / FOLDER / "rows" / benchmark.name
     with resources.as_file(folder) as path:
         rows = rows_in(path.glob("*.json")) if path.is_dir() else []
@@ -225,7 +229,7 @@ def shipped_rows(benchmark: Benchmark) -> list[Row]:
 
 
 def rows_in(paths: Iterable[Path]) -> list[Row]:
-    """Return the rows in some files, by their names.
+    """Return the rows in some JSON files, in the order of their paths.
 
     Raises:
         Mistake: A file cannot be read, or is not a row.
@@ -234,19 +238,21 @@ def rows_in(paths: Iterable[Path]) -> list[Row]:
 
 
 def check_version(benchmark: Benchmark, row: Row) -> None:
-    """Refuse a row of another benchmark or version.
+    """Check that a row is of a benchmark, in this version.
 
     Raises:
         Mistake: The row is of another benchmark or version.
     """
     if (row.benchmark, row.hash) != (benchmark.name, benchmark.hash):
         raise Mistake(
-            f"this row is of {row.benchmark} {row.hash}, and here is {benchmark.name} "
-            f"{benchmark.hash}: rows of two versions cannot be compared"
+            f"this row is of {row.benchmark} {row.hash}, but {benchmark.name} {benchmark.hash} is "
+            "installed: rows of two versions cannot be compared"
         )
 
 
 def file_name(contestant: str) -> str:
-    """Return the name of a row's file; characters that a file system may refuse become "_"."""
+    """Return the name of the JSON file of a contestant's row; characters that a file system may
+    refuse become "_".
+    """
     kept = "".join(c if c.isalnum() or c in "-_." else "_" for c in contestant)
     return f"{kept}.json"

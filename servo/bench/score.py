@@ -30,7 +30,7 @@ LIGHT = ("light.azimuth_deg", "light.elevation_deg")
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """A contestant's place in the table."""
+    """A contestant's place in the table of a benchmark, with score and ranks."""
 
     row: Row
     score: Interval
@@ -39,10 +39,10 @@ class Standing:
     """Share of the worlds in which the target was held, or reached."""
     first: int
     last: int
-    """The ranks that it may have: after all that are significantly better, and before all that are
-    significantly worse."""
+    """Best and worst rank that the contestant may have: after all that are significantly better,
+    and before all that are significantly worse."""
     beats_next: float
-    """How often it is better than the next one in the same world; ties count half."""
+    """Share of worlds in which the contestant is better than the next one; ties count half."""
     points: dict[str, float]
     """Points in each world, by its key; the score is their mean."""
     slowest: float | None
@@ -56,15 +56,16 @@ class Standing:
         return self.row.contestant
 
     def mean_in(self, condition: str) -> float:
-        """Return the mean points in a condition; nan where it has none of its worlds."""
+        """Return the contestant's mean points in the worlds of a condition; nan without one."""
         of = [p for key, p in self.points.items() if condition_of(key) == condition]
         return float(np.mean(of)) if of else float("nan")
 
 
 def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
-    """Return the points of a contestant in each world of all three, whose mean is its score.
+    """Return the points of a contestant by world; the mean of its points is its score.
 
-    0 is the mean of `null` over all worlds, and 100 that of `perfect`, or an area of 1 everywhere.
+    0 points are the mean of `null`, 100 that of `perfect` or, without it, of a score of 1, over the
+    worlds that all these rows have.
 
     Raises:
         Mistake: The rows have no world in common.
@@ -73,31 +74,29 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
     if perfect is not None:
         worlds = [key for key in worlds if key in perfect.worlds]
     if not worlds:
-        raise Mistake(f"the row '{row.contestant}' has no world of the rows that fix the scale")
-    areas = [_areas(of, worlds) for of in (row, null, perfect or null)]
-    top = areas[2] if perfect is not None else np.ones(len(worlds))
-    scale = float(top.mean() - areas[1].mean())
-    points = 100 * (areas[0] - areas[1]) / scale
+        raise Mistake(
+            f"the row '{row.contestant}' shares no world with the rows that fix the scale: run it "
+            "in the same band"
+        )
+    own, least = (np.array([of.worlds[key].area for key in worlds]) for of in (row, null))
+    top = [1.0 if perfect is None else perfect.worlds[key].area for key in worlds]
+    points = 100 * (own - least) / float(np.mean(top) - least.mean())
     return dict(zip(worlds, points.tolist(), strict=True))
 
 
-def _areas(row: Row, worlds: Sequence[str]) -> Array:
-    return np.array([row.worlds[key].area for key in worlds])
-
-
 def standings(rows: Sequence[Row]) -> list[Standing]:
-    """Return the table of the rows, the best first; those that fix the scale are left out.
+    """Rank the contestants of some rows, the best first, without those that fix the scale.
 
     Ranks are intervals: each pair is compared over the worlds of both by Student's paired test,
-    and Holm's correction counts all pairs. It asks for the mean, as the score does: signed ranks
-    would prefer the one that is a little better in most worlds and loses the target in some.
+    with Holm's correction for all pairs. The test compares means, as the score does: signed ranks
+    would prefer a contestant that is a little better in most worlds and loses the target in some.
 
     Raises:
-        Mistake: The row that fixes 0 is not among them, or one has no world in common with it.
+        Mistake: The row that fixes 0 is missing, or a row shares no world with it.
     """
     by_name = {row.contestant: row for row in rows}
     if NULL not in by_name:
-        raise Mistake(f"the row '{NULL}' is missing, which fixes 0 on the scale")
+        raise Mistake(f"the row '{NULL}', which fixes 0 on the scale, is missing: run '{NULL}' too")
     ends = by_name[NULL], by_name.get(PERFECT)
     compared = {row.contestant: row for row in rows if row.contestant not in (NULL, PERFECT)}
     points = {name: points_of(row, *ends) for name, row in compared.items()}
@@ -112,7 +111,7 @@ def standings(rows: Sequence[Row]) -> list[Standing]:
             held=mean_of(np.array([float(w.held) for w in compared[name].worlds.values()]), *SHARE),
             first=1 + sum((other, name) in better for other in order),
             last=len(order) - sum((name, other) in better for other in order),
-            beats_next=_improvement(points[name], points[following]),
+            beats_next=float(np.mean(np.heaviside(_gaps(points[name], points[following]), 0.5))),
             points=points[name],
             slowest=_slowest(compared[name], compared.get(FROZEN)),
         )
@@ -155,11 +154,8 @@ def _chance(gaps: Array) -> float:
 
 
 def _gaps(first: Mapping[str, float], second: Mapping[str, float]) -> Array:
+    """Return the differences (n,) between two contestants' points in their common worlds."""
     return np.array([first[key] - second[key] for key in sorted(first.keys() & second.keys())])
-
-
-def _improvement(first: Mapping[str, float], second: Mapping[str, float]) -> float:
-    return float(np.mean(np.heaviside(_gaps(first, second), 0.5)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,8 +169,9 @@ class Effect:
 
 
 def effects(worlds: Sequence[World], table: Sequence[Standing]) -> list[Effect]:
-    """Return the main effects of all factors and of the light's direction, where a level has a few
-    worlds; the unit is the world.
+    """Return the mean points at each level of the factors and of the light's direction.
+
+    Intervals are over worlds; a level with fewer than five worlds is left out.
     """
     found = list[Effect]()
     for (factor, level), keys in _levels(worlds).items():
@@ -205,7 +202,7 @@ def _levels(worlds: Sequence[World]) -> dict[tuple[str, str], list[str]]:
 
 @dataclass(frozen=True, slots=True)
 class Difficulty:
-    """How many worlds do not distinguish contestants."""
+    """Numbers of worlds that nobody or everybody holds, which do not distinguish contestants."""
 
     nobody: int
     """Worlds that no contestant held."""
@@ -215,7 +212,7 @@ class Difficulty:
 
     @staticmethod
     def of(table: Sequence[Standing]) -> Difficulty | None:
-        """Return the difficulty of the worlds of all contestants; None for too few contestants."""
+        """Count the worlds that nobody or everybody holds; None of fewer than three contestants."""
         rows = [standing.row.worlds for standing in table if standing.name != FROZEN]
         if len(rows) < FEWEST_CONTESTANTS:
             return None
@@ -225,7 +222,9 @@ class Difficulty:
 
 
 def by_size(row: Row, worlds: Sequence[World], condition: str, parts: int) -> list[float]:
-    """Return the share of worlds reached, from the smallest part of a condition's tasks on."""
+    """Return the share of a condition's worlds in which the goal was reached, in `parts` groups of
+    equal number by size of the task, the smallest first; nan for an empty group.
+    """
     own = sorted(
         (w for w in worlds if w.condition == condition and w.key in row.worlds),
         key=lambda w: w.size,

@@ -1,20 +1,18 @@
 """A run of a benchmark: one contestant in one world, as a job of a study."""
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from servo.bench.benchmark import HELD_SHARE, HELD_SIZE, Benchmark, Settings, World
-from servo.bench.contestant import Contestant
+from servo.bench.contestant import Contestant, Division
 from servo.loop.columns import Columns
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
-from servo.loop.step import Step
-from servo.scenario.load import Scenario, parse
+from servo.scenario.load import parse
 from servo.scenario.toml import Table
 from servo.study.run import Job, Record
 from servo.study.scenario_run import Sheet, record_of
@@ -36,31 +34,40 @@ ERROR = "error_sizes"
 
 @dataclass(frozen=True, slots=True)
 class WorldRun:
-    """A subject of jobs: a contestant in a world."""
+    """A contestant in a world, as the subject of a study's job."""
 
     benchmark: str
-    """Its name and hash."""
+    """Name and hash of the benchmark."""
     name: str
-    """The condition."""
+    """Name of the condition."""
     table: Table
+    """The scenario's TOML table."""
 
-    def describe(self) -> dict[str, Any]:
-        """Return the benchmark's version, and the scenario's table."""
+    def describe(self) -> Table:
+        """Return the benchmark's name with its hash, and the scenario's table, by these words."""
         return {"benchmark": self.benchmark, "scenario": self.table}
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the contestant."""
+        """Run the contestant in the world, and return the record with the error of each picture.
+
+        No file is written into `folder`.
+        """
         del folder
         scenario = parse(self.table, job.settings[WORLD], self.benchmark)
         sheet = Sheet(scenario.frames)
         pictures: list[Image] = []
-
-        def keep(step: Step) -> None:
-            sheet.add(step)
-            pictures[1:] = [step.frame.image]
-
+        run = Columns()
         looks = Channel.PICTURE in needs_of(scenario.tracker, SEES_PICTURES)
-        run = _run(scenario, keep if looks else None)
+        with Episode(scenario, seen=looks) as episode:
+            try:
+                for step in episode:
+                    if looks:
+                        sheet.add(step)
+                        pictures[1:] = [step.frame.image]  # the first and the last
+                    run.add(step)
+            except PartFailed as failed:
+                if not isinstance(failed.__cause__, Unstable):  # else the run ends here
+                    raise
         record = record_of(job, scenario, run)
         digests = [hashlib.sha256(picture.tobytes()).hexdigest() for picture in pictures]
         first, last = (digests[0], digests[-1]) if digests else ("", "")
@@ -74,26 +81,11 @@ class WorldRun:
         )
 
 
-def _run(scenario: Scenario, each: Callable[[Step], None] | None) -> Columns:
-    """Return the columns of a run; they end where the simulation becomes unstable."""
-    run = Columns()
-    with Episode(scenario, seen=each is not None) as episode:
-        try:
-            for step in episode:
-                if each is not None:
-                    each(step)
-                run.add(step)
-        except PartFailed as failed:
-            if not isinstance(failed.__cause__, Unstable):
-                raise
-    return run
-
-
 def errors_of(run: Columns, frames: int) -> Array:
-    """Return how far the target's centre is from the goal (frames,), in sizes of the target.
+    """Return the image distance of the target's centre from its goal (frames,) [target sizes].
 
-    Its size is that at the goal, the square root of its area [px]. A picture that a run did not
-    reach, or in which the target is behind the camera, is infinitely far.
+    A target size is the square root of the target's area in the goal picture [px]. The distance
+    is infinite where the run ended before, or the target is behind the camera.
     """
     x, y = run.first.truth.corners.T
     area = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
@@ -106,14 +98,17 @@ def errors_of(run: Columns, frames: int) -> Array:
 def jobs_of(
     benchmark: Benchmark, contestants: Sequence[Contestant], worlds: Sequence[World]
 ) -> list[Job]:
-    """Return the jobs of some contestants in some worlds, those with slower trackers included."""
+    """Return a job for each contestant in each world, and those with the slower trackers of the
+    benchmark's `slow`.
+    """
     of = f"{benchmark.name} {benchmark.hash}"
     slow = benchmark.slow
     found = list[Job]()
     for one in contestants:
         for world in worlds:
             late: list[tuple[float, Settings]] = [(0.0, {})]
-            if slow and one.is_compared and world.condition == slow.condition:
+            is_ranked = one.division is not Division.SCALE
+            if slow and is_ranked and world.condition == slow.condition:
                 late += [(ms, {slow.setting: ms}) for ms in slow.values]
             for ms, settings in late:
                 table = benchmark.table_of(world, one.settings | settings)

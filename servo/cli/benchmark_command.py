@@ -1,20 +1,19 @@
-"""The command `servobench benchmark`: contestants in a public benchmark, and their rows."""
+"""The command `servobench benchmark`: run contestants in a public benchmark, publish and verify."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 
 from servo.bench.audit import (
-    Audit,
-    Repeated,
+    WorldComparison,
     audit,
+    compare_run,
     errors_file,
-    errors_text,
+    errors_parquet,
+    expected_worlds,
     read_errors,
-    repeated,
     sample,
 )
 from servo.bench.benchmark import QUICK, Band, Benchmark, World, load
@@ -39,93 +38,118 @@ from tracking.types import Region, State
 from tracking.wrapped.trax_client import TraxClient
 
 
-@dataclass(frozen=True, slots=True)
-class BenchmarkRequest:
-    """The options of the command line."""
+def run(
+    name: str,
+    given: Sequence[str],
+    changes: Sequence[str],
+    band: str | None,
+    sealed: str | None,
+    quick: bool,
+    submit: Path | None,
+    verify: Path | None,
+    workers: int,
+    out: Path | None,
+    quiet: bool,
+    dry_run: bool,
+) -> int:
+    """Run contestants in a benchmark and write their rows, or verify a published row.
 
-    name: str
-    given: Sequence[str]
-    """Contestants."""
-    changes: Sequence[str]
-    band: str | None
-    sealed: str | None
-    quick: bool
-    submit: Path | None
-    verify: Path | None
-    workers: int
-    out: Path | None
-    quiet: bool
-    dry_run: bool
+    Args:
+        name: The benchmark.
+        given: The contestants, as `contestants` takes them.
+        changes: Changes of settings of all contestants, such as "controller.gain=2".
+        band: The set of worlds: "dev" (also None) or "v1".
+        sealed: A public value from which other worlds are drawn; None: those of the band.
+        quick: Whether to run two worlds of each condition only.
+        submit: A file for the contestant's row.
+        verify: The file of a row to verify.
+        workers: Number of processes.
+        out: The folder; None: runs/benchmark-NAME.
+        quiet: Whether to print nothing but mistakes.
+        dry_run: Whether to print only how many runs there are and how long they take.
 
-    @property
-    def folder(self) -> Path:
-        """Where the results are written."""
-        return self.out or Path("runs") / f"benchmark-{self.name}"
-
-    @property
-    def command(self) -> str:
-        """The command line, without --out and --workers."""
-        return command_line(
-            "benchmark",
-            self.name,
-            contestant=list(self.given),
-            set=list(self.changes),
-            band=self.band,
-            sealed=self.sealed,
-            quick=self.quick,
-        )
-
-
-def run(request: BenchmarkRequest) -> int:
-    """Run contestants in a benchmark, and write their rows; the exit code: 1 if a run failed.
+    Returns:
+        The exit code: 1 if a run failed or a verified row is wrong, else 0.
 
     Raises:
         Mistake: A contestant is wrong, or the folder cannot be used.
         Refused: A file cannot be written, or the workers cannot work.
     """
-    console = Console(quiet=request.quiet)
-    benchmark = load(request.name)
+    console = Console(quiet=quiet)
+    benchmark = load(name)
     benchmark.check_frozen()
-    chosen = contestants(benchmark, request.given, request.changes)
+    chosen = contestants(benchmark, given, changes)
     gl.is_there()
-    if request.verify is not None:
-        given = chosen if request.given else None
+    if verify is not None:
         rng = np.random.default_rng()
-        return _verify(benchmark, request.verify, given, request.workers, console, rng)
-    band = _band(request, chosen)
-    worlds = benchmark.every_world(band, QUICK if request.quick else None)
+        return _verify(benchmark, verify, chosen if given else None, workers, console, rng)
+    if submit is not None and len(chosen) != 1:
+        raise Mistake("--submit writes the row of one contestant: name one with --contestant")
+    of = _sealed(sealed, chosen) if sealed is not None else Band("v1" if band == "v1" else "dev")
+    worlds = benchmark.every_world(of, QUICK if quick else None)
     for one in chosen:  # what is wrong with it is said before anything is run
         _try_out(benchmark.scenario_of(worlds[0], one.settings), console)
-    known = _scale_rows(benchmark) if band.name == "v1" else []
+    known = _scale_rows(benchmark) if of.name == "v1" else []
     every = chosen if known else [*scale_of(benchmark), *chosen]
     jobs = jobs_of(benchmark, every, worlds)
     check_number(len(jobs))
-    if request.dry_run:
-        return print_estimate(jobs, request.workers, console, Store(request.folder))
-    workers = Workers(request.workers)
-    again = go_on(request.command, request.out)
-    plain(console, f"{benchmark.name} {benchmark.hash}, worlds: {band.name}")
-    with opened(request.folder, _described(request, benchmark, every, len(jobs))) as store, workers:
+    folder = out or Path("runs") / f"benchmark-{name}"
+    if dry_run:
+        return print_estimate(jobs, workers, console, Store(folder))
+    command = command_line(
+        "benchmark",
+        name,
+        contestant=list(given),
+        set=list(changes),
+        band=band,
+        sealed=sealed,
+        quick=quick,
+    )
+    described = StudyFile(
+        command=command,
+        versions=versions(),
+        holds="benchmark",
+        name=name,
+        title=benchmark.title,
+        axes={CONTESTANT: [one.name for one in every]},
+        draws={},
+        seeds=[0],
+        compare=CONTESTANT,
+        expect={},
+        runs=len(jobs),
+        table={
+            "hash": benchmark.hash,
+            "band": band,
+            "sealed": sealed,
+            "quick": quick,
+            "contestants": {one.name: as_json(one.settings) for one in every},
+            "digests": {one.name: one.digest for one in every},
+        },
+        scenarios={},
+    )
+    plain(console, f"{name} {benchmark.hash}, worlds: {of.name}")
+    with Workers(workers) as pool, opened(folder, described) as store:
         store.find(jobs)
-        title = f"benchmark {benchmark.name}"
-        failed = complete_jobs(jobs, store, workers, console, title, again)
+        again = go_on(command, out)
+        failed = complete_jobs(jobs, store, pool, console, f"benchmark {name}", again)
         records = store.records(jobs)
-        rows = known + _rows(benchmark, band, every, worlds, records, request.command)
+        rows = known + _rows(benchmark, of, every, worlds, records, command)
         _keep(store, rows)
         _print(console, benchmark, rows)
-        if request.submit is not None and not failed:
-            _submit(request.submit, rows[-1], records)
-            plain(console, f"  {request.submit}")
+        if submit is not None and not failed:
+            _submit(submit, rows[-1], records)
+            plain(console, f"  {submit}")
         plain(console, f"for a page, run: servobench report {store.folder}")
     return 1 if failed else 0
 
 
 def _try_out(scenario: Scenario, console: Console) -> None:
-    """Show a guest's program a picture of noise, and end it: one that is silent or cannot begin
-    would fail in every world, after its limit.
+    """Start a guest's TraX program on a picture of noise, and end it.
+
+    A program that is silent would fail in every world, after its timeout.
 
     Raises:
-        Mistake: It does not speak TraX, or cannot begin.
+        Mistake: The program cannot be started or does not speak TraX.
     """
     guest = scenario.tracker
     if isinstance(guest, trax.Config):
@@ -136,29 +160,24 @@ def _try_out(scenario: Scenario, console: Console) -> None:
             client.start(noise, Region(80.0, 60.0), State(160.0, 120.0))
 
 
-def _band(request: BenchmarkRequest, chosen: Sequence[Contestant]) -> Band:
-    """Return the worlds that are asked for.
+def _sealed(value: str, chosen: Sequence[Contestant]) -> Band:
+    """Return the worlds that are drawn for one contestant from a public value.
 
     Raises:
-        Mistake: There are several contestants where only one may be.
+        Mistake: There are several contestants, or the code of the contestant was not found.
     """
-    several = len(chosen) != 1
-    if request.submit is not None and several:
-        raise Mistake("--submit takes the row of one contestant: name one with --contestant")
-    if request.sealed is None:
-        return Band("v1" if request.band == "v1" else "dev")
-    if several:
+    if len(chosen) != 1:
         raise Mistake("sealed worlds are drawn for one contestant: name one with --contestant")
     if chosen[0].is_unknown:
         raise Mistake(
-            f"sealed worlds follow from the code of '{chosen[0].name}', and none was found: name "
-            "its file or its module"
+            f"sealed worlds follow from the code of '{chosen[0].name}', but no code was found: "
+            "name the contestant's file or module"
         )
-    return Band("sealed", request.sealed, chosen[0].digest)
+    return Band("sealed", value, chosen[0].digest)
 
 
 def _keep(store: Store, rows: Sequence[Row]) -> None:
-    """Write the rows, and the table of all runs."""
+    """Write the rows and the table of all runs into the folder of a store."""
     atomic.folder(store.folder, benchmark_section.ROWS)
     for row in rows:
         name = f"{benchmark_section.ROWS}/{file_name(row.contestant)}"
@@ -197,8 +216,7 @@ def _print(console: Console, benchmark: Benchmark, rows: Sequence[Row]) -> None:
         every = benchmark_section.beside_published(benchmark, rows)
         for of in benchmark_section.by_pictures(benchmark, every).values():
             print_table(console, benchmark_section.standings_table(benchmark, of))
-            if sentence := benchmark_section.difficulty_of(of):
-                plain(console, sentence)
+            plain(console, benchmark_section.difficulty_of(of))
     here = {row.rendering for row in rows if row.rendering}
     if benchmark_section.is_whole(benchmark, rows) and here - {benchmark.rendering}:
         plain(
@@ -212,7 +230,7 @@ def _submit(file: Path, row: Row, records: Sequence[Record]) -> None:
     own = [r for r in records if r.settings[CONTESTANT] == row.contestant]
     with writing(file, "this row"):
         atomic.write(file.parent, file.name, row.text())
-        atomic.write(file.parent, errors_file(file).name, errors_text(own))
+        atomic.write(file.parent, errors_file(file).name, errors_parquet(own))
 
 
 def _verify(
@@ -223,93 +241,64 @@ def _verify(
     console: Console,
     rng: np.random.Generator,
 ) -> int:
-    """Audit a row, and repeat a tenth of its worlds; the exit code: 1 if something is wrong.
+    """Audit a row, and repeat a tenth of its worlds.
 
     Args:
-        benchmark: Which the row should be of.
-        file: The row.
-        given: Contestants of the command line, if any.
+        benchmark: The benchmark that the row should be of.
+        file: The row's file.
+        given: Contestants of the command line; None without any.
         count: Number of workers.
-        console: Where the findings are printed.
+        console: The output of the command.
         rng: Draws the worlds.
 
+    Returns:
+        The exit code: 1 if a world differs or the row contradicts itself, else 0.
+
     Raises:
-        Mistake: The file is no row of this version, a guest's command is not given again, or a run
-            failed.
+        Mistake: The file is not a row of this version, a guest's command is not given again, or a
+            run failed.
     """
     row = Row.read(file)
     check_version(benchmark, row)
     one = _contestant(benchmark, row, given)
     beside = errors_file(file)
     errors = read_errors(beside) if beside.exists() else None
-    found = audit(benchmark, row, one, errors)
-    worlds = [world for world in sample(found.worlds, rng) if world.key in row.worlds]
-    jobs = jobs_of(benchmark, [one], worlds)
+    faults, remarks = audit(benchmark, row, one, errors)
+    drawn = sample(expected_worlds(benchmark, row), rng)
+    jobs = jobs_of(benchmark, [one], [world for world in drawn if world.key in row.worlds])
     if errors is None:
         jobs = [job for job in jobs if job.settings[SLOW] == 0.0]
-    runs = list[Repeated]()
+    runs = list[WorldComparison]()
     with Workers(count) as workers, progress(console, f"verify {file.name}", len(jobs)) as ended:
         for job, record in execute(jobs, workers):
             if isinstance(record, Failure):
                 raise Mistake(f"{job.settings[WORLD]}: {record.reason}")
-            runs.append(repeated(benchmark, row, errors, record))
+            runs.append(compare_run(benchmark, row, errors, record))
             ended(job.settings[WORLD])
-    return _print_audit(console, row, found, runs)
-
-
-def _print_audit(console: Console, row: Row, found: Audit, runs: Sequence[Repeated]) -> int:
-    """Print what was found; the exit code."""
     every = {run.world for run in runs}
     differing = {run.world for run in runs if not run.agrees}
     rounded = {run.world for run in runs if run.agrees and not run.exactly} - differing
     agree = len(every) - len(differing) - len(rounded)
     plain(console, f"{row.contestant}: {agree} of {len(every)} worlds agree, bit for bit")
     if rounded:
-        plain(console, f"  {len(rounded)} more agree but for the rounding of another processor")
-    for key in sorted(differing):
-        plain(console, f"  {key} differs")
-    for sentence in found.faults:
-        plain(console, f"  wrong: {sentence}")
-    for sentence in found.remarks:
-        plain(console, f"  note: {sentence}")
-    return 1 if differing or found.faults else 0
+        plain(console, f"  {len(rounded)} more agree except for rounding by another processor")
+    plain(console, *(f"  {key} differs" for key in sorted(differing)))
+    plain(console, *(f"  wrong: {sentence}" for sentence in faults))
+    plain(console, *(f"  note: {sentence}" for sentence in remarks))
+    return 1 if differing or faults else 0
 
 
 def _contestant(benchmark: Benchmark, row: Row, given: Sequence[Contestant] | None) -> Contestant:
-    """Return the contestant of a row: a shipped one by name; nothing that a file names is run."""
+    """Return the contestant of a row: that of the command line, or a shipped one by its name.
+
+    Code that a row's file names is not run.
+    """
     if given is not None:
         return given[0]
     ours = {one.name: one for one in (*home_of(benchmark), *scale_of(benchmark))}
     if row.division not in (Division.HOME.name, Division.SCALE.name) or row.contestant not in ours:
         raise Mistake(
-            f"'{row.contestant}' is not shipped: give it again with --contestant, as its command "
-            f"does: {row.command}"
+            f"the contestant '{row.contestant}' is not shipped: name it with --contestant, as in "
+            f"the row's command: {row.command}"
         )
     return ours[row.contestant]
-
-
-def _described(
-    request: BenchmarkRequest, benchmark: Benchmark, every: Sequence[Contestant], runs: int
-) -> StudyFile:
-    return StudyFile(
-        command=request.command,
-        versions=versions(),
-        holds="benchmark",
-        name=benchmark.name,
-        title=benchmark.title,
-        axes={CONTESTANT: [one.name for one in every]},
-        draws={},
-        seeds=[0],
-        compare=CONTESTANT,
-        expect={},
-        runs=runs,
-        table={
-            "hash": benchmark.hash,
-            "band": request.band,
-            "sealed": request.sealed,
-            "quick": request.quick,
-            "contestants": {one.name: as_json(one.settings) for one in every},
-            "digests": {one.name: one.digest for one in every},
-        },
-        scenarios={},
-    )

@@ -1,4 +1,4 @@
-"""The command `servobench check`: test scenarios against their bounds, also for other programs."""
+"""The command `servobench check`: test scenarios against their bounds, and report to programs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,10 +10,11 @@ from xml.etree import ElementTree
 from rich.console import Console
 
 from servo.cli.jobs import print_estimate, progress
+from servo.cli.outputs import check_place
 from servo.cli.run_command import load, measures_lines, print_missed
 from servo.cli.terminal import complain, plain, print_table
 from servo.loop.measure import MEASURES
-from servo.mistake import Mistake, Refused, check_suffix, one_line, writing
+from servo.mistake import Mistake, Refused, one_line, writing
 from servo.output.formats import Made, command_line
 from servo.output.versions import versions
 from servo.report.words import Badge, Cell, Table
@@ -30,19 +31,19 @@ from tracking.files import atomic
 from tracking.files.json_text import number
 
 End = tuple[Job, Record | Failure]
+Entry = dict[str, Any]
+"""A run in the files of --json and --junit."""
 NO_BOUNDS = "No verdict: this scenario has no bounds."
-UNFINISHED = "the check was stopped before this run ended"
-TITLES = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckFile(Made):
-    """The file of --json."""
+    """The file that --json writes: the results of a check."""
 
     FILE: ClassVar[str] = "check.json"
     KIND: ClassVar[str] = "check"
 
-    runs: list[dict[str, Any]]
+    runs: list[Entry]
     """An entry for each run: scenario, seed, the command that repeats it, wall-clock time in
     seconds, outcome, measures, missed bounds, the reason why it has no outcome (`failed`) and the
     reason why it has no verdict (`unjudged`)."""
@@ -50,30 +51,25 @@ class CheckFile(Made):
     """The shares of drawn seeds that ended as expected, of each scenario that bounds this share."""
 
 
-def _described(job: Job, end: Record | Failure) -> dict[str, Any]:
-    """Return the entry of a run in the files."""
-    entry = _entry(job.subject.name, job.seed, job.command)
+def _described(job: Job, end: Record | Failure) -> Entry:
+    """Return the entry of a run for --json and --junit."""
+    name = job.subject.name
     if isinstance(end, Failure):
-        return entry | {"failed": end.reason}
-    measures = {name: number(end.measures[name]) for name in MEASURES if name in end.measures}
-    return entry | {
+        return _entry(name, job.seed, job.command, end.reason)
+    scenario = _scenario(job)
+    return _entry(name, job.seed, job.command) | {
         "seconds": end.seconds,
         "outcome": end.outcome,
-        "measures": measures,
+        "measures": {m: number(end.measures[m]) for m in MEASURES if m in end.measures},
         "missed": list(end.missed),
-        "unjudged": _unjudged(_scenario(job), end),
+        "unjudged": unjudged(scenario, end.success) or NO_BOUNDS * (not scenario.expect),
     }
 
 
-def _entry(name: str, seed: int, command: str) -> dict[str, Any]:
-    """Return the entry of a run that has no result."""
+def _entry(name: str, seed: int, command: str, failed: str = "") -> Entry:
+    """Return the entry of a run without a result for --json and --junit."""
     run = {"scenario": name, "seed": seed, "command": command, "seconds": 0.0, "outcome": ""}
-    return run | {"measures": {}, "missed": [], "failed": "", "unjudged": ""}
-
-
-def _unjudged(scenario: Scenario, record: Record) -> str:
-    """Return the reason why a run has no verdict; an empty text if it has one."""
-    return unjudged(scenario, record.success) or NO_BOUNDS * (not scenario.expect)
+    return run | {"measures": {}, "missed": [], "failed": failed, "unjudged": ""}
 
 
 def check_scenarios(
@@ -87,8 +83,18 @@ def check_scenarios(
     junit: Path | None = None,
     json: Path | None = None,
 ) -> int:
-    """Run scenarios, each with `count` seeds from `seed` on, and print the bounds that they miss;
-    write this also into the files `junit` (XML) and `json`.
+    """Run scenarios and print the bounds that they miss.
+
+    Args:
+        names: The scenarios; none: all shipped ones with bounds.
+        changes: Changes of settings, such as "run.duration=5".
+        seed: The first seed of each scenario.
+        count: Number of seeds of each scenario.
+        workers: Number of processes.
+        quiet: Whether to print nothing but mistakes and missed bounds.
+        dry_run: Whether to print only how many runs there are and how long they take.
+        junit: A file for JUnit's XML.
+        json: A file for all measures.
 
     Returns:
         The exit code: 1 if a bound was missed or a run failed, 2 if a run failed because of the
@@ -97,8 +103,8 @@ def check_scenarios(
     chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
     check_number(len(chosen) * count)
     _check_changes(changes)
-    _check_place(junit, ".xml")
-    _check_place(json, ".json")
+    check_place(junit, ".xml")
+    check_place(json, ".json")
     console = Console(quiet=quiet)
     each = [(name, s) for name in chosen for s in range(seed, seed + count)]
     jobs: list[Job] = []
@@ -108,7 +114,7 @@ def check_scenarios(
             try:
                 scenario = load(name, changes, s)
             except Mistake as mistake:
-                refused = _entry(name, s, again) | {"failed": str(mistake)}
+                refused = _entry(name, s, again, str(mistake))
                 _write([refused], junit, json, command_line("check", *names, set=list(changes)))
                 raise
             jobs.append(Job(len(jobs), LoadedScenario(scenario), s, command=again))
@@ -123,7 +129,8 @@ def check_scenarios(
     try:
         _carry_out(jobs, workers, console, done)
     except KeyboardInterrupt:
-        ends = [done.get(job.number, (job, Failure(UNFINISHED))) for job in jobs]
+        unfinished = Failure("the check was stopped before this run ended")
+        ends = [done.get(job.number, (job, unfinished)) for job in jobs]
         _write([_described(*end) for end in ends], junit, json, again)
         raise
     ends = [done[job.number] for job in jobs]
@@ -143,12 +150,18 @@ def check_scenarios(
     return max(_print_failures(ends), missed)
 
 
+def _check_changes(changes: Sequence[str]) -> None:
+    """Check that no change sets run.seed, which --seed and --seeds set."""
+    for item in changes:
+        key, value = assignment(item)
+        if key == "run.seed" or (key == "run" and isinstance(value, dict) and "seed" in value):
+            raise Mistake(f"--set {item}: use --seed and --seeds in place of it")
+
+
 def _print_short(errors: Console, jobs: Sequence[Job]) -> None:
-    """Print which scenarios end before their errors count, or have bounds without an effect."""
+    """Print doubts about scenarios: measures without a value, bounds that decide nothing."""
     found = {job.subject.name: measures_lines(_scenario(job)) for job in jobs}
-    for name, lines in found.items():
-        for line in lines:
-            plain(errors, f"{name}: {line}")
+    plain(errors, *(f"{name}: {line}" for name, lines in found.items() for line in lines))
 
 
 def _print_unjudged(errors: Console, records: Sequence[tuple[Job, Record]], count: int) -> None:
@@ -162,10 +175,9 @@ def _print_unjudged(errors: Console, records: Sequence[tuple[Job, Record]], coun
 
 def _shares(records: Sequence[tuple[Job, Record]], count: int) -> list[DrawnShare]:
     """Return the shares of drawn seeds that are judged; each scenario has `count` runs."""
-    shares: list[DrawnShare | None] = []
-    for _, runs in groupby(records, lambda run: run[0].number // count):
-        shares.append(DrawnShare.of([(_scenario(job), end.success) for job, end in runs]))
-    return [share for share in shares if share is not None]
+    groups = groupby(records, lambda run: run[0].number // count)
+    judged = ([(_scenario(job), end.success) for job, end in runs] for _, runs in groups)
+    return [share for share in map(DrawnShare.of, judged) if share is not None]
 
 
 def _scenario(job: Job) -> Scenario:
@@ -174,7 +186,7 @@ def _scenario(job: Job) -> Scenario:
 
 
 def _write(
-    runs: list[dict[str, Any]],
+    runs: list[Entry],
     junit: Path | None,
     json: Path | None,
     command: str,
@@ -188,16 +200,8 @@ def _write(
                 atomic.write(path.absolute().parent, path.name, text)
 
 
-def _check_changes(changes: Sequence[str]) -> None:
-    """Refuse a change of run.seed, which --seed and --seeds set."""
-    for item in changes:
-        key, value = assignment(item)
-        if key == "run.seed" or (key == "run" and isinstance(value, dict) and "seed" in value):
-            raise Mistake(f"--set {item}: a check gives the seeds; use --seed and --seeds")
-
-
 def _carry_out(jobs: Sequence[Job], workers: int, console: Console, ends: dict[int, End]) -> None:
-    """Do all runs, and enter the end of each into `ends`, by its job's number."""
+    """Do all runs, and add the record or failure of each to `ends`, by its job's number."""
     pool = Workers(min(workers, len(jobs)))
     with pool, progress(console, "check", len(jobs)) as ended:
         try:
@@ -205,19 +209,20 @@ def _carry_out(jobs: Sequence[Job], workers: int, console: Console, ends: dict[i
                 ends[job.number] = job, end
                 ended(f"{job.subject.name}, seed {job.seed}")
         except ClusterLost as error:
-            raise Refused(f"{error}; the check has no result") from None
+            raise Refused(
+                f"{error}; the check was stopped without a result: run it again"
+            ) from None
 
 
 def _print_failures(ends: Sequence[End]) -> int:
-    """Print why runs failed, each mistake once; return the exit code."""
+    """Print why runs failed, each mistake once; return the exit code: 2 for a mistake of the user,
+    1 for another failure, 0 without one.
+    """
     failed = [(job, end) for job, end in ends if isinstance(end, Failure)]
-    mistakes: dict[str, list[str]] = {}
-    for job, end in failed:
-        if end.mistake:
-            mistakes.setdefault(end.mistake, []).append(job.subject.name)
-    for sentence, names in mistakes.items():
+    for sentence in dict.fromkeys(end.mistake for _, end in failed if end.mistake):
+        names = dict.fromkeys(job.subject.name for job, end in failed if end.mistake == sentence)
         known = any(name in sentence for name in names)
-        complain(sentence if known else f"{sentence} ({', '.join(dict.fromkeys(names))})")
+        complain(sentence if known else f"{sentence} ({', '.join(names)})")
     for job, end in failed:
         if not end.mistake:
             complain(f"{job.subject.name} failed: {end.reason}")
@@ -248,56 +253,30 @@ def _table(ends: Sequence[End]) -> Table:
                 f"{record.seconds:.1f} s",
             ]
         )
-    return Table(TITLES, cells, words=(0, 2, 6))
+    head = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
+    return Table(head, cells, words=(0, 2, 6))
 
 
-def _check_place(path: Path | None, suffix: str) -> None:
-    """Check, before the runs, that a file can be written.
-
-    Raises:
-        Mistake: Its folder is missing, it is a folder, a device or a link, or has another suffix.
-    """
-    if path is None:
-        return
-    check_suffix(path, suffix)
-    other = path.is_symlink() or (path.exists() and not path.is_file())
-    if other or not path.absolute().parent.is_dir():
-        raise Mistake(f"{path}: this should be a file to write, in a folder that is there")
-
-
-def _junit(runs: list[dict[str, Any]], shares: Sequence[DrawnShare], command: str) -> str:
+def _junit(runs: list[Entry], shares: Sequence[DrawnShare], command: str) -> str:
     """Return JUnit's XML: a test case for each run and each share, with what it missed and the
     command that repeats it.
     """
-    tests = str(len(runs) + len(shares))
-    suite = ElementTree.Element("testsuite", name="servobench check", tests=tests)
-    for run in runs:
-        case = _add_case(suite, run["scenario"], f"seed {run['seed']}")
-        case.set("time", f"{run['seconds']:.3f}")
+    of_shares = [_entry(s.scenario, 0, command) | {"missed": [s] * s.missed} for s in shares]
+    names = [f"seed {run['seed']}" for run in runs] + ["drawn seeds"] * len(shares)
+    suite = ElementTree.Element("testsuite", name="servobench check", tests=str(len(names)))
+    for name, run in zip(names, runs + of_shares, strict=True):
+        scenario = one_line(run["scenario"])
+        described = {"classname": f"servobench.{scenario}", "name": f"{scenario}, {name}"}
+        case = ElementTree.SubElement(suite, "testcase", described, time=f"{run['seconds']:.3f}")
         message = run["failed"] or "; ".join(map(str, run["missed"]))
         if run["unjudged"]:
             ElementTree.SubElement(case, "skipped", message=one_line(run["unjudged"]))
         elif message:
-            _add_fault(case, "error" if run["failed"] else "failure", message, run["command"])
-    for share in shares:
-        case = _add_case(suite, share.scenario, "drawn seeds")
-        if share.missed:
-            _add_fault(case, "failure", str(share), command)
+            tag = "error" if run["failed"] else "failure"
+            fault = ElementTree.SubElement(case, tag, message=one_line(message))
+            fault.text = one_line(f"again: {run['command']}")
     for plural, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
         suite.set(plural, str(len(suite.findall(f"testcase/{tag}"))))
     suite.set("time", f"{sum(run['seconds'] for run in runs):.3f}")
     ElementTree.indent(suite)
     return ElementTree.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
-
-
-def _add_case(suite: ElementTree.Element, scenario: str, of: str) -> ElementTree.Element:
-    """Add a test case to a suite, and return it."""
-    name = one_line(scenario)
-    described = {"classname": f"servobench.{name}", "name": f"{name}, {of}"}
-    return ElementTree.SubElement(suite, "testcase", described)
-
-
-def _add_fault(case: ElementTree.Element, tag: str, message: str, command: str) -> None:
-    """Add a failure or an error to a test case, with the command that repeats it."""
-    fault = ElementTree.SubElement(case, tag, message=one_line(message))
-    fault.text = one_line(f"again: {command}")

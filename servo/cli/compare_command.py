@@ -1,17 +1,16 @@
-"""The command `servobench compare`: a study of some variants, with its page, table and figures."""
+"""The command `servobench compare`: a study of variants (parts, settings) with page and figures."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
+from servo.bench.benchmark import Settings
 from servo.bench.contestant import named_part, settings_of
 from servo.cli import report_command
 from servo.cli.sweep_command import measures_of, run_study
-from servo.cli.terminal import plain
+from servo.cli.terminal import print_paths
 from servo.mistake import Mistake
 from servo.output.formats import command_line
 from servo.scenario.toml import assignment
@@ -21,117 +20,138 @@ from servo.study.plan import Study
 from sim.camera import gl
 
 AXIS = "variant"
-AS_IT_IS = "as it is"
-"""Variant without any change, beside which a single one is shown."""
+
 MEASURED = "run.tracker_ms=measured"
 NEXT = re.compile(r",(?=[\w.\"]+=)")
-"""The commas between settings; those inside of a list stay."""
+"""Commas between settings; those inside of a list do not match."""
 
 
-@dataclass(frozen=True, slots=True)
-class CompareRequest:
-    """The options of the command line."""
+def run(
+    scenarios: Sequence[str],
+    tracker: Sequence[str],
+    controller: Sequence[str],
+    estimator: Sequence[str],
+    set_of: Sequence[str],
+    measured: bool,
+    changes: Sequence[str],
+    seeds: int,
+    workers: int,
+    scheduler: str | None,
+    out: Path | None,
+    measures: str | None,
+    dry_run: bool,
+    quiet: bool,
+) -> int:
+    """Do the missing runs of a comparison, and write page, table and figures.
 
-    scenarios: Sequence[str]
-    tracker: Sequence[str]
-    controller: Sequence[str]
-    estimator: Sequence[str]
-    set_of: Sequence[str]
-    measured: bool
-    changes: Sequence[str]
-    seeds: int
-    workers: int
-    scheduler: str | None
-    out: Path | None
-    measures: str | None
-    dry_run: bool
-    quiet: bool
+    Args:
+        scenarios: Shipped scenarios or TOML files.
+        tracker: Variants NAME=TRACKER.
+        controller: Variants NAME=CONTROLLER.
+        estimator: Variants NAME=ESTIMATOR.
+        set_of: Variants NAME=KEY=VALUE,... of settings.
+        measured: Whether the tracker's time on this machine delays the loop.
+        changes: Changes of settings of all variants, such as "run.duration=5".
+        seeds: Number of seeds from 0 on.
+        workers: Number of processes on this machine.
+        scheduler: Address of a Dask scheduler to work on instead; None: this machine.
+        out: The folder; None: runs/compare.
+        measures: Columns of the tables, with commas between them; None: a few.
+        dry_run: Whether to print only how many runs there are and how long they take.
+        quiet: Whether to print nothing but mistakes.
 
-    @property
-    def command(self) -> str:
-        """The command line, without --out and --workers."""
-        return command_line(
-            "compare",
-            *self.scenarios,
-            tracker=self.tracker,
-            controller=self.controller,
-            estimator=self.estimator,
-            set_of=self.set_of,
-            measured=self.measured,
-            set=self.changes,
-            seeds=self.seeds,
-        )
-
-
-def run(request: CompareRequest) -> int:
-    """Do the missing runs and write page, table and figures; the exit code is that of a study.
+    Returns:
+        The exit code: 1 if a run failed, else 0.
 
     Raises:
         Mistake: A variant or a scenario is wrong, or the folder cannot be used.
         Refused: A file cannot be written, or the workers cannot work.
     """
-    console = Console(quiet=request.quiet)
-    folder = request.out or Path("runs") / "compare"
-    study = study_of(request, folder.name)
-    measures = None if request.measures is None else measures_of(request.measures)
-    if request.scheduler is None:
+    parts = {"tracker": tracker, "controller": controller, "estimator": estimator}
+    folder = out or Path("runs") / "compare"
+    every = [*changes, *[MEASURED] * measured]
+    study = study_of(scenarios, variants_of(parts, set_of), every, seeds, folder.name)
+    columns = None if measures is None else measures_of(measures)
+    if scheduler is None:
         gl.is_there()
-    workers = Workers(request.workers, request.scheduler)
-    dry = request.dry_run
+    console = Console(quiet=quiet)
     code = run_study(
         study,
-        request.command,
-        workers,
+        command_line(
+            "compare",
+            *scenarios,
+            **parts,
+            set_of=set_of,
+            measured=measured,
+            set=changes,
+            seeds=seeds,
+        ),
+        Workers(workers, scheduler),
         folder,
         console,
-        dry_run=dry,
-        measures=measures,
+        dry_run=dry_run,
+        measures=columns,
         has_page=True,
     )
-    if not dry:
-        files = report_command.Printed(folder / "tables.tex", "pdf", request.measures)
-        for path in report_command.write([folder], None, files):
-            plain(console, f"  {path}")
+    if not dry_run:
+        files = report_command.Printed(folder / "tables.tex", "pdf", measures)
+        print_paths(console, report_command.write([folder], None, files))
     return code
 
 
-def study_of(request: CompareRequest, name: str) -> Study:
+def study_of(
+    scenarios: Sequence[str],
+    variants: Mapping[str, Settings],
+    changes: Sequence[str],
+    seeds: int,
+    name: str,
+) -> Study:
     """Return the study of a comparison: one axis of variants, over scenarios and seeds.
 
+    Args:
+        scenarios: Shipped scenarios or TOML files.
+        variants: Settings of each variant by its name.
+        changes: Changes of settings of all variants, such as "run.duration=5".
+        seeds: Number of seeds from 0 on.
+        name: Name of the study.
+
     Raises:
-        Mistake: There is no variant, two have one name, or one is wrong.
+        Mistake: A scenario, a variant or a change is wrong.
     """
     table = {
-        "scenario": list(request.scenarios),
-        "seeds": request.seeds,
-        "named": {AXIS: _variants(request)},
+        "scenario": list(scenarios),
+        "seeds": seeds,
+        "named": {AXIS: dict(variants)},
         "compare": AXIS,
     }
-    changes = [*request.changes, *([MEASURED] if request.measured else [])]
-    title = f"Variants compared in {', '.join(request.scenarios)}."
+    title = f"Variants compared in {', '.join(scenarios)}."
     return parsed(table, changes, Path(f"{name}.toml"), "compare", title)
 
 
-def _variants(request: CompareRequest) -> dict[str, dict[str, Any]]:
-    """Return the settings of each variant by its name."""
-    parts = {
-        "tracker": request.tracker,
-        "controller": request.controller,
-        "estimator": request.estimator,
-    }
+def variants_of(parts: Mapping[str, Sequence[str]], set_of: Sequence[str]) -> dict[str, Settings]:
+    """Return the settings of each variant by its name; a single one gets "as it is" beside it.
+
+    Args:
+        parts: Texts NAME=PART for each section of a scenario.
+        set_of: Texts NAME=KEY=VALUE,...
+
+    Raises:
+        Mistake: There is no variant, two have one name, or a text has another form.
+    """
     named = [(section, *named_part(text)) for section, texts in parts.items() for text in texts]
     found = [(name, settings_of(section, what)) for section, name, what in named]
-    found += map(_settings, request.set_of)
+    found += map(_settings, set_of)
     names = [name for name, _ in found]
     for name in names:
         if names.count(name) > 1:
             raise Mistake(f"two variants are called '{name}': write another name before the =")
     if not found:
         raise Mistake("nothing to compare: give --tracker, --controller, --estimator or --set-of")
-    return dict([(AS_IT_IS, {}), *found] if len(found) == 1 else found)
+    return dict([("as it is", {}), *found] if len(found) == 1 else found)
 
 
-def _settings(text: str) -> tuple[str, dict[str, Any]]:
+def _settings(text: str) -> tuple[str, Settings]:
+    """Return name and settings of a variant NAME=KEY=VALUE,..."""
     name, _, settings = text.partition("=")
     if not name.strip() or "=" not in settings:
         raise Mistake(

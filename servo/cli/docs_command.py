@@ -1,4 +1,4 @@
-"""What `servobench docs` does: build the documentation's pages from a checkout."""
+"""The command `servobench docs`: build the documentation's pages from a checkout."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -7,16 +7,10 @@ import servo
 from servo.mistake import Mistake
 
 ROOT = Path(servo.__file__).parents[1]
-EXTRA = "docs needs the extra 'docs': pip install 'servobench[docs]'"
-KERNEL = (
-    "docs --run needs the extra 'test', for all that the tutorials import: "
-    "pip install 'servobench[test]'"
-)
-CHECKOUT = "docs needs a checkout of servobench: this is an installed package, without the manuals"
 
 
 def build(out: Path, *, still: bool = False, run: bool = False) -> Path:
-    """Build what is missing or has changed; return the first page.
+    """Build the pages of the documentation that are missing or have changed; return the first page.
 
     Args:
         out: The folder to write.
@@ -28,13 +22,16 @@ def build(out: Path, *, still: bool = False, run: bool = False) -> Path:
             a wrong link, or a tutorial that runs ends with an error.
     """
     if not (ROOT / "CONTRIBUTING.md").is_file():
-        raise Mistake(CHECKOUT)
+        raise Mistake("docs needs a checkout of servobench: this installed package has no manuals")
     try:
         from sphinx.cmd.build import build_main
     except ImportError:
-        raise Mistake(EXTRA) from None
+        raise Mistake("docs needs the extra 'docs': pip install 'servobench[docs]'") from None
     if run and not all(find_spec(name) for name in ("nbclient", "ipykernel")):
-        raise Mistake(KERNEL)
+        raise Mistake(
+            "docs --run needs the extra 'test', for all that the tutorials import: "
+            "pip install 'servobench[test]'"
+        )
     options = ["-q", "--fail-on-warning", "--keep-going", "-c", str(ROOT / "servo" / "docs")]
     options += ["-D", "gallery_seconds=0"] * still
     options += ["-D", "run_tutorials=1"] * run

@@ -20,17 +20,19 @@ from sim.camera import gl
 from sim.kinds import UnknownKind
 from tracking.wrapped.cv2_tracker import running
 
-WAITS = "run.latency=0"
-"""With this a run waits for each picture, and makes none meanwhile."""
-AGAIN = "install servobench again, in an environment of its own"
 FINE = "All is well. To begin with: servobench run reversal"
 
 
 def examine() -> int:
-    """Print back end, renderer, versions and speed of this machine; the exit code."""
+    """Print OpenGL back end, renderer, versions and speed of this machine.
+
+    Returns:
+        The exit code: 1 if a package is broken, else 0.
+    """
     console = Console()
     opengl = gl.is_there()
-    scenario = scenarios.load("still", [WAITS])
+    # Without latency a run makes each picture only when it is needed, so that its time counts.
+    scenario = scenarios.load("still", ["run.latency=0"])
     with Episode(scenario) as episode:
         seconds = median(step.seconds.render for step in episode)
     camera = scenario.camera
@@ -46,27 +48,28 @@ def examine() -> int:
     found = _broken() + _overwritten()
     if sentence := clash():
         found.append(f"{sentence}; OpenCV {running()} is used")
-    for sentence in found:
-        complain(sentence)
-    if not found:
-        plain(console, FINE)
+    complain(*found)
+    plain(console, FINE * (not found))
     return bool(found)
 
 
 def _overwritten() -> list[str]:
-    """Return which of our packages another distribution has overwritten with its own."""
+    """Return a sentence for each package of servobench that another package has overwritten."""
     found: list[str] = []
     for file in files("servobench") or []:
         place = Path(str(file.locate()))
         if file.name == "__init__.py" and file.hash is not None and place.is_file():
             digest = sha256(place.read_bytes()).digest()
             if urlsafe_b64encode(digest).decode().rstrip("=") != file.hash.value:
-                found.append(f"{place}: another package has written over this file: {AGAIN}")
+                found.append(
+                    f"{place}: another package has written over this file: install servobench "
+                    "again, in an environment of its own"
+                )
     return found
 
 
 def _broken() -> list[str]:
-    """Return why kinds of installed packages cannot be used."""
+    """Return a sentence for each kind of an installed package that cannot be used."""
     reasons: list[str] = []
     for kinds in [registry for registry, _ in PLUGINS.values()] + list(LISTS.values()):
         for kind in filter(kinds.package_of, kinds.names()):

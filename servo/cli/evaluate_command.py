@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, go_on, print_estimate
 from servo.cli.sweep_command import run_study
-from servo.cli.terminal import complain, plain, print_table
+from servo.cli.terminal import complain, print_paths, print_table
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.report import bench_section
@@ -31,125 +30,112 @@ from tracking.files.csv_text import csv_text
 COLUMNS = (TRACKER, "sequence", "family", "seed", "drawn", "frames")
 """Columns of runs.csv before those of the measures."""
 WIDE = 7
-"""Most columns of a table that fit beside its names."""
+"""Most columns of numbers of a printed table."""
 
 
-@dataclass(frozen=True, slots=True)
-class EvaluateRequest:
-    """The options of the command line."""
+def run(
+    suite: str,
+    trackers: str | None,
+    seeds: int,
+    workers: int,
+    out: Path | None,
+    quiet: bool,
+    dry_run: bool = False,
+) -> int:
+    """Compare trackers on the sequences of a suite, and write and print tables and curves.
 
-    suite: str
-    trackers: str | None
-    seeds: int
-    workers: int
-    out: Path | None
-    quiet: bool
-    dry_run: bool = False
+    Args:
+        suite: A shipped suite, a folder of sequences, or a TOML file.
+        trackers: The trackers, with commas between them; None: all, or those of the file.
+        seeds: Number of seeds from 0 on.
+        workers: Number of processes.
+        out: The folder; None: runs/evaluate-SUITE.
+        quiet: Whether to print nothing but mistakes.
+        dry_run: Whether to print only how many runs there are and how long they take.
 
-    @property
-    def folder(self) -> Path:
-        """Where the results are written."""
-        return self.out or Path("runs") / f"evaluate-{Path(self.suite).stem}"
-
-    @property
-    def command(self) -> str:
-        """The command line, without --out and --workers."""
-        return command_line("evaluate", self.suite, trackers=self.trackers, seeds=self.seeds)
-
-
-def run(request: EvaluateRequest) -> int:
-    """Compare trackers; the exit code: 1 if a run failed.
+    Returns:
+        The exit code: 1 if a run failed, else 0.
 
     Raises:
         Mistake: The suite or a tracker is wrong, or the folder cannot be used.
         Refused: A file cannot be written, or the workers cannot work.
     """
-    console = Console(quiet=request.quiet)
-    if request.suite == suites.CLOSED_LOOP:
-        return _closed_loop(request, console)
-    subjects = _subjects(request)
-    seeds = range(request.seeds)
-    check_number(len(subjects) * request.seeds)
+    console = Console(quiet=quiet)
+    title = Path(suite).stem
+    folder = out or Path("runs") / f"evaluate-{title}"
+    command = command_line("evaluate", suite, trackers=trackers, seeds=seeds)
+    if suite == suites.CLOSED_LOOP:
+        chosen = None if trackers is None else suites.tracker_tables(trackers)
+        study = load(suite, seeds=seeds, trackers=chosen)
+        gl.is_there()
+        return run_study(study, command, Workers(workers), folder, console, dry_run=dry_run)
+    subjects = subjects_of(suite, trackers)
+    check_number(len(subjects) * seeds)
     jobs = [
-        Job(i * len(seeds) + seed, subject, seed, {TRACKER: subject.contender.label})
+        Job(i * seeds + seed, subject, seed, {TRACKER: subject.contender.label})
         for i, subject in enumerate(subjects)
-        for seed in seeds
+        for seed in range(seeds)
     ]
-    title = Path(request.suite).stem
-    if request.dry_run:
-        return print_estimate(jobs, request.workers, console, Store(request.folder))
-    workers = Workers(request.workers)
-    again = go_on(request.command, request.out)
-    with opened(request.folder, _described(request, subjects)) as store, workers:
-        store.find(jobs)
-        _forget_lost_tracks(jobs, store)
-        failed = complete_jobs(jobs, store, workers, console, f"evaluate {title}", again)
-        records = store.records(jobs)
-        if records:
-            ranks = ranking.ranked(records)
-            paths = _write(store, records, ranks, title)
-            paths.append(_sheets(subjects, ranks[0].tracker, store.folder))
-            print_ranks(console, ranks)
-            for path in paths:
-                plain(console, f"  {path}")
-    return 1 if failed else 0
-
-
-def _forget_lost_tracks(jobs: Sequence[Job], store: Store) -> None:
-    """Let jobs be done again whose tracks are missing, cut or damaged."""
-    done = [job for job in jobs if job.key in store.done]
-    for job, record in zip(done, store.records(done), strict=True):
-        if not isinstance(job.subject, TrackedSequence):
-            continue
-        path = job.subject.track_path(store.folder, job.seed)
-        if _length(path) != record.settings["frames"]:
-            complain(f"{path}: this track is missing or damaged; it is computed again")
-            store.forget(job)
-
-
-def _length(path: Path) -> int:
-    """Return the number of rows of a track; 0 if it cannot be read."""
-    try:
-        return len(read_track(path).states)
-    except ValueError:
-        return 0
-
-
-def _closed_loop(request: EvaluateRequest, console: Console) -> int:
-    chosen = None if request.trackers is None else suites.tracker_tables(request.trackers)
-    study = load(suites.CLOSED_LOOP, seeds=request.seeds, trackers=chosen)
-    workers = Workers(request.workers)
-    gl.is_there()
-    return run_study(
-        study, request.command, workers, request.folder, console, dry_run=request.dry_run
-    )
-
-
-def _subjects(request: EvaluateRequest) -> list[TrackedSequence]:
-    entries, listed = suites.suite(request.suite)
-    chosen = listed if listed and request.trackers is None else suites.contenders(request.trackers)
-    return [TrackedSequence(c, e) for c in chosen for e in entries]
-
-
-def _described(request: EvaluateRequest, subjects: Sequence[TrackedSequence]) -> StudyFile:
-    return StudyFile(
-        command=request.command,
+    if dry_run:
+        return print_estimate(jobs, workers, console, Store(folder))
+    described = StudyFile(
+        command=command,
         versions=versions(),
         holds="evaluate",
-        name=Path(request.suite).stem,
+        name=title,
         title="Trackers against each other on sequences with a truth.",
         axes={
             TRACKER: list(dict.fromkeys(s.contender.label for s in subjects)),
             "sequence": list(dict.fromkeys(s.name for s in subjects)),
         },
         draws={},
-        seeds=list(range(request.seeds)),
+        seeds=list(range(seeds)),
         compare=TRACKER,
         expect={},
-        runs=len(subjects) * request.seeds,
+        runs=len(jobs),
         table={"runs": [subject.describe() for subject in subjects]},
         scenarios={},
     )
+    with Workers(workers) as pool, opened(folder, described) as store:
+        store.find(jobs)
+        _forget_lost_tracks(jobs, store)
+        again = go_on(command, out)
+        failed = complete_jobs(jobs, store, pool, console, f"evaluate {title}", again)
+        records = store.records(jobs)
+        if records:
+            ranks = ranking.ranked(records)
+            paths = _write(store, records, ranks, title)
+            paths.append(_sheets(subjects, ranks[0].tracker, store.folder))
+            print_ranks(console, ranks)
+            print_paths(console, paths)
+    return 1 if failed else 0
+
+
+def _forget_lost_tracks(jobs: Sequence[Job], store: Store) -> None:
+    """Forget the records of jobs whose track files are missing or damaged: they are done again."""
+    done = [job for job in jobs if job.key in store.done]
+    for job, record in zip(done, store.records(done), strict=True):
+        if not isinstance(job.subject, TrackedSequence):
+            continue
+        path = job.subject.track_path(store.folder, job.seed)
+        rows = 0
+        with suppress(ValueError):  # the file cannot be read
+            rows = len(read_track(path).states)
+        if rows != record.settings["frames"]:
+            complain(f"{path}: this track is missing or damaged and is computed again")
+            store.forget(job)
+
+
+def subjects_of(suite: str, trackers: str | None) -> list[TrackedSequence]:
+    """Return each tracker on each sequence of a suite.
+
+    Args:
+        suite: A shipped suite, a folder of sequences, or a TOML file.
+        trackers: The trackers, with commas between them; None: all, or those of the file.
+    """
+    entries, listed = suites.suite(suite)
+    chosen = listed if listed and trackers is None else suites.contenders(trackers)
+    return [TrackedSequence(c, e) for c in chosen for e in entries]
 
 
 def _write(
@@ -185,7 +171,7 @@ def _write(
 
 
 def print_ranks(console: Console, ranks: Sequence[Rank]) -> None:
-    """Print the table of all trackers, and success by sequence if there are several."""
+    """Print the table of all trackers, and, if it fits, their success by sequence."""
     print_table(console, bench_section.trackers_table(ranks))
     families = bench_section.families_table(ranks)
     if families is not None and len(families.head) <= WIDE + 1:
@@ -194,7 +180,9 @@ def print_ranks(console: Console, ranks: Sequence[Rank]) -> None:
 
 
 def _sheets(subjects: Sequence[TrackedSequence], best: str, folder: Path) -> Path:
-    """Write a contact sheet of each sequence's first seed with the best tracker's estimate."""
+    """Write a contact sheet of each sequence with the best tracker's estimates of seed 0; return
+    the folder.
+    """
     place = atomic.folder(folder, bench_section.SHEETS)
     for subject in subjects:
         if subject.contender.label == best:

@@ -20,13 +20,13 @@ from servo.study.run_report import RunReport
 def write(
     runs: tuple[str, str], asked: Callable[[list[str]], Scenario], out: Path, *, quiet: bool
 ) -> None:
-    """Write the film of two runs.
+    """Run two scenarios and write a film of both, side by side.
 
     Args:
-        runs: Each the folder of a run, or the words after `servobench run`.
-        asked: Returns the scenario of these words.
+        runs: Each the folder of a run to repeat, or the words after `servobench run`.
+        asked: Returns the scenario of the words after `servobench run`.
         out: The film's file.
-        quiet: Whether to print nothing.
+        quiet: Whether to print nothing but mistakes.
 
     Raises:
         Mistake: A run cannot be repeated, or the file cannot be written.
@@ -42,7 +42,7 @@ def write(
 
 
 def _words(run: str) -> list[str]:
-    """Return the words after `servobench run`, as given or as a run's folder tells them."""
+    """Return the words after `servobench run`, as given or from the report in a run's folder."""
     if run and Path(run).is_dir():
         run = RunReport.read(Path(run) / RunReport.FILE).command.removeprefix("servobench run ")
     try:

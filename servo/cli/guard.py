@@ -1,5 +1,5 @@
-"""The end of every command, whatever the output: a failure is one sentence and an exit code, and a
-signal raises an exception, as Ctrl-C does, so that files are closed.
+"""The end of every command: a failure prints one sentence and gives an exit code, and a signal
+raises an exception, as Ctrl-C does, so that files are closed.
 """
 
 import errno
@@ -31,12 +31,12 @@ ENVIRONMENT = {
 }
 """Settings that keep libraries from writing to the terminal: a command prints one sentence about a
 failure. Values that the user has set stay."""
-WINDOWS = "this runs on Linux and macOS; on Windows use WSL (wsl --install)"
 
 
-def guarded(command: Callable[[], Any]) -> None:
-    """Run a command; a failure is one sentence on stderr and an exit code, never a traceback."""
-    _set_environment()
+def guarded(command: Callable[[], object]) -> None:
+    """Run a command; print a failure as one sentence on stderr, and exit with its code."""
+    os.environ.update(ENVIRONMENT | os.environ)
+    os.environ["MPLBACKEND"] = "agg"  # plots never open a window
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it prints messages about its caches
     _say_warnings_in_a_line()
     printer = Printer(sys.stdout)
@@ -44,7 +44,7 @@ def guarded(command: Callable[[], Any]) -> None:
     sys.stderr = cast(TextIO, Printer(sys.stderr))
     try:
         if platform.system() == "Windows":
-            raise Mistake(WINDOWS)
+            raise Mistake("this runs on Linux and macOS; on Windows use WSL (wsl --install)")
         check_environment()
         command()
     except SystemExit as end:  # of every command that click has run
@@ -62,22 +62,20 @@ def guarded(command: Callable[[], Any]) -> None:
         _end("there is not enough memory for this", REFUSED)
 
 
-def _set_environment() -> None:
-    """Set the environment variables that the libraries read; those of `ENVIRONMENT` that the user
-    has set keep their values.
-    """
-    os.environ.update(ENVIRONMENT | os.environ)
-    os.environ["MPLBACKEND"] = "agg"  # plots never open a window
-
-
 def _say_warnings_in_a_line() -> None:
-    """Print our warnings without Python's place in the code."""
+    """Print warnings of servobench as one line, without the place in the code that Python adds."""
     of_python = warnings.formatwarning
 
-    def formatted(message: Warning | str, category: type[Warning], *place: Any) -> str:
+    def formatted(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        line: str | None = None,
+    ) -> str:
         if issubclass(category, Notice):
             return f"servobench: {message}\n"
-        return of_python(message, category, *place)
+        return of_python(message, category, filename, lineno, line)
 
     warnings.formatwarning = formatted
 
@@ -89,32 +87,33 @@ def _end(sentence: str, code: int) -> NoReturn:
 
 
 class Printer:
-    """A stream that accepts text in any state: closed, full, or with a small character set.
+    """A standard stream that accepts text in any state: closed, full, or with a small character
+    set.
 
     A command writes its files before it prints; an error in printing does not interrupt it.
     """
 
     def __init__(self, stream: TextIO | None) -> None:
-        """Print to a standard stream; None: it was closed before the start."""
+        """Print to a standard stream; None stands for one that was closed before the start."""
         self._stream = stream or io.StringIO()
         self.refused: OSError | None = None
-        """Why not all could be printed; a reader that has seen enough (`| head`) is no reason."""
+        """The error of a text that was not printed; that of a closed pipe (`| head`) is ignored."""
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
 
     def write(self, text: str) -> int:
-        """Write as much as can be written; the length of the text."""
+        """Write as much of a text as the stream takes, and return the length of the whole text."""
         self._try(lambda: self._stream.write(text))
         return len(text)
 
     def flush(self) -> None:
-        """Flush what can be flushed."""
+        """Flush the stream; keep its error in `refused`."""
         self._try(lambda: self._stream.flush())
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
-    def _try(self, act: Callable[[], Any]) -> None:
+    def _try(self, act: Callable[[], object]) -> None:
         try:
             act()
         except (OSError, ValueError) as error:
@@ -136,7 +135,7 @@ SOON = 0.02
 
 
 class StopSignal(KeyboardInterrupt):
-    """A signal that ends the command."""
+    """Raised by a signal that ends the command: SIGINT, SIGTERM or SIGHUP."""
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -147,7 +146,7 @@ CTRL_C = 128 + signal.SIGINT
 
 
 def exit_code(cause: KeyboardInterrupt) -> int:
-    """The exit code that shells use for a program ended by a signal."""
+    """Return the exit code of a program that a signal ended, as shells give it: 128 + number."""
     return 128 + (cause.number if isinstance(cause, StopSignal) else signal.SIGINT)
 
 
@@ -158,7 +157,7 @@ def ending_signals() -> Generator[list[StopSignal]]:
     A signal that is ignored from the start (nohup, a background job of a shell) stays ignored.
 
     Yields:
-        What was raised: libraries of C make other exceptions of it.
+        The exception that was raised, in a list, since libraries of C may replace it by their own.
     """
     raised = list[StopSignal]()
 
@@ -180,8 +179,7 @@ def ending_signals() -> Generator[list[StopSignal]]:
     hook = sys.unraisablehook
     sys.unraisablehook = send_again
     ours = (signal.SIG_DFL, signal.default_int_handler)
-    before = {number: signal.getsignal(number) for number in ENDING}
-    before = {number: handler for number, handler in before.items() if handler in ours}
+    before = {number: handler for number in ENDING if (handler := signal.getsignal(number)) in ours}
     for number in before:
         signal.signal(number, stop)
     try:
@@ -193,9 +191,10 @@ def ending_signals() -> Generator[list[StopSignal]]:
 
 
 def stop(cause: KeyboardInterrupt, more: str = "") -> NoReturn:
-    """Print that Ctrl-C or another signal stopped the command, and end the program.
+    """Print that Ctrl-C or another signal stopped the command, and exit with the signal's code.
 
-    It imports nothing: the signal may have interrupted an import, which then cannot be repeated.
+    This function imports nothing: the signal may have interrupted an import, which then cannot be
+    repeated.
     """
     print(printable(f"{STOPPED} {more}".rstrip()), file=sys.stderr)
     raise SystemExit(exit_code(cause))

@@ -1,4 +1,4 @@
-"""`servobench identify`: from the log of a robot to the settings that simulate it."""
+"""The command `servobench identify`: from the log of a robot to the settings that simulate it."""
 
 import tomllib
 from pathlib import Path
@@ -9,7 +9,7 @@ from servo.cli.terminal import plain, waiting
 from servo.identify.doubts import doubts
 from servo.identify.fit import Identified, identify
 from servo.identify.lines import lines, picture
-from servo.identify.log import Channel, Log, listed, read
+from servo.identify.log import Log, LogChannel, listed, read
 from servo.loop.episode import Episode
 from servo.mistake import Mistake, writing
 from servo.output.run_folder import prepare
@@ -20,40 +20,38 @@ from sim.world import World
 from tracking.drawing.figures import save
 from tracking.files import atomic
 
-LINES = "robot.toml"
-PICTURE = "response.png"
-SHOWN = 6
-"""Most unused columns that are named."""
-
 
 def run(path: Path, scenario: str, out: Path | None) -> int:
-    """Identify the robot of a log; write its settings for a scenario's robot, and a picture.
+    """Estimate the settings of the robot that recorded a log; write them and a figure.
+
+    Args:
+        path: The log.
+        scenario: The scenario whose robot the settings are for.
+        out: The folder to write; None: the next free runs/identify-LOG.
+
+    Returns:
+        The exit code 0.
 
     Raises:
-        Mistake: The log or the scenario cannot be used, or the folder not be written.
+        Mistake: The log or the scenario cannot be used, or the folder cannot be written.
     """
     log = read(path)
     with waiting(Console(stderr=True), "estimating delay, lag, play and noise"):
         found, text = estimated(log, scenario)
     folder = prepare(out, f"identify-{path.stem}")
     with writing(folder):
-        files = [atomic.write(folder, LINES, text), save(picture(log, found), folder, PICTURE)]
-    console = Console()
-    for each in (text, *files):
-        plain(console, str(each))
-    if log.unused:
-        names = listed(log.unused, SHOWN)
-        plain(console, f"columns without a meaning here, or without numbers: {names}")
-    if log.cut:
-        plain(console, log.cut)
+        settings = atomic.write(folder, "robot.toml", text)
+        drawn = save(picture(log, found), folder, "response.png")
+    unused = f"unused columns (unknown names, or no numbers): {listed(log.unused, most=6)}"
+    plain(Console(), text, str(settings), str(drawn), unused * bool(log.unused), log.cut)
     return 0
 
 
 def estimated(log: Log, scenario: str) -> tuple[Identified, str]:
-    """Return what a log shows, and the lines that make a scenario's robot like that one.
+    """Return the estimates from a log, and the TOML lines that give them to a scenario's robot.
 
     Raises:
-        Mistake: The scenario's robot has no such joints, or the log cannot be its.
+        Mistake: The scenario's robot lacks a joint of the log, or the log contradicts itself.
     """
     with Episode(load(scenario), seen=False) as episode:
         world = episode.world
@@ -68,7 +66,9 @@ def estimated(log: Log, scenario: str) -> tuple[Identified, str]:
     try:
         load(scenario, [f"{part}.{key}={keys[key]}" for part, keys in parts for key in keys])
     except Mistake as mistake:
-        raise Mistake(f"this log shows what cannot be simulated: {mistake}") from None
+        raise Mistake(
+            f"the settings estimated from this log are refused by the scenario: {mistake}"
+        ) from None
     return found, text
 
 
@@ -90,9 +90,9 @@ def _check_names(log: Log, world: World, scenario: str) -> None:
             )
 
 
-def _servo(world: World, channel: Channel) -> float:
-    """Time constant of the simulated drive's own servo [s]; of a part of the twist that of the
-    joints that move it.
+def _servo(world: World, channel: LogChannel) -> float:
+    """Return the time constant of a simulated drive's own servo [s]; for a component of the twist
+    the mean of those of the joints that move it.
     """
     each = world.robot.servos()
     if channel.name in world.robot.names:

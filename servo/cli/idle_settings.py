@@ -1,4 +1,4 @@
-"""Settings that are given and change nothing, because of other settings: a sentence each."""
+"""Settings that a user gives and that have no effect because of other settings."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -20,27 +20,27 @@ from sim.types import Effect
 from tracking.types import SEES_PICTURES, Trait, traits_of
 
 OF_IMAGE = ("moments", "points", "partitioned", "polar", "segment")
-"""Features whose values are of the image alone: the target's plane is in their matrix only."""
+"""Feature sets with values from the image alone; only their matrix uses the target's plane."""
 OF_POSE = ("hybrid", "pose")
-"""Features that take the target's pose, and no other depth."""
+"""Feature sets that use the target's pose, and no other depth."""
 LAWS = ("ibvs", "qp")
-"""Laws of ours that follow an estimate of the target's motion."""
+"""Shipped laws that follow an estimate of the target's motion."""
 
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """What some settings need to have an effect."""
+    """A condition without which some settings have no effect."""
 
     settings: tuple[str, ...]
-    """Dotted keys, or tables."""
+    """Dotted keys of the settings, or names of tables."""
     is_met: Callable[[Episode], bool]
-    """Whether they have one in an episode."""
+    """Returns whether the settings have an effect in an episode."""
     otherwise: str
-    """Why they have none."""
+    """The reason why the settings have no effect."""
 
 
 def idle_settings(episode: Episode) -> list[str]:
-    """Return a sentence for each setting that is given, and has no effect in an episode."""
+    """Return a sentence for each setting that the user gave and that has no effect in a run."""
     scenario = episode.scenario
     if not isinstance(scenario, Scenario):
         return []
@@ -56,12 +56,12 @@ def idle_settings(episode: Episode) -> list[str]:
 
 
 def reports_corners(scenario: Setup) -> bool:
-    """Return whether the tracker is known to report the target's corners."""
+    """Return whether a scenario's tracker declares that it reports the target's corners."""
     return Trait.CORNERS in (traits_of(scenario.tracker) or ())
 
 
 def _late(episode: Episode) -> list[str]:
-    """Return a sentence for each disturbance that does nothing in any picture of the run."""
+    """Return a sentence for each disturbance that changes no picture of the run."""
     scenario = episode.scenario
     times = (np.arange(scenario.frames) / scenario.camera.rate).tolist()
     said: list[str] = []
@@ -74,18 +74,16 @@ def _late(episode: Episode) -> list[str]:
     return said
 
 
-def _end(scenario: Setup) -> float:
-    """Return a time [s] that no picture of the run has."""
-    return max(scenario.run.duration, scenario.frames / scenario.camera.rate)
-
-
 def _of_scenario(is_met: Callable[[Setup], object]) -> Callable[[Episode], bool]:
-    """Return what looks at the settings alone."""
+    """Return a condition on an episode from a condition on its settings."""
     return lambda episode: bool(is_met(episode.scenario))
 
 
 def _of_law(is_met: Callable[[LawSettings, Episode], object]) -> Callable[[Episode], bool]:
-    """Return what looks at the settings of a law of ours; others have their own."""
+    """Return a condition on an episode from one on the settings of a shipped law.
+
+    A user's law, which has its own settings, always meets the condition.
+    """
 
     def found(episode: Episode) -> bool:
         law = episode.scenario.controller
@@ -95,8 +93,8 @@ def _of_law(is_met: Callable[[LawSettings, Episode], object]) -> Callable[[Episo
 
 
 def _may_see_tilt(episode: Episode) -> bool:
-    """Return whether the tilt of the target's plane may be measured: a tracker that names no traits
-    may report corners.
+    """Return whether the tilt of the target's plane may be measured; a tracker that declares no
+    traits may report corners.
     """
     s = episode.scenario
     is_known = traits_of(s.tracker) is not None
@@ -104,8 +102,8 @@ def _may_see_tilt(episode: Episode) -> bool:
 
 
 def _sights(episode: Episode) -> list[Sight]:
-    """Return the sights that a run may bring, as far as it matters what of them is known; the first
-    one is that before the tracker has reported anything.
+    """Return sights with each combination of known angle, size and tilt that a run may have; the
+    first is that before the tracker's first report.
     """
     goal = episode.running.goal_sight
     is_seen = episode.scenario.sight.plane == "picture"
@@ -119,8 +117,8 @@ def _sights(episode: Episode) -> list[Sight]:
 
 
 def _dof_chooses(law: LawSettings, episode: Episode) -> bool:
-    """Return whether the law may have to invert the matrix itself, or to move what changes none of
-    the features.
+    """Return whether the law may invert the interaction matrix itself, or may move the camera
+    without changing a feature, for a secondary task.
     """
     features = episode.loop.features
     known = map(features.known, _sights(episode))
@@ -129,12 +127,14 @@ def _dof_chooses(law: LawSettings, episode: Episode) -> bool:
 
 
 def _weights_forbid(law: LawSettings, episode: Episode) -> bool:
-    """Return whether a part of the twist stands, which limits could also move."""
+    """Return whether a weight of 0 holds a component of the twist that the law could else use."""
     return 0 in law.weights and (_has_six_joints(episode) or kind_of(law) == "qp")
 
 
 def _weights_choose(law: LawSettings, episode: Episode) -> bool:
-    """Return whether a part of the twist stands, or several could move a feature."""
+    """Return whether a weight holds a component of the twist that a feature needs, or several
+    components could move one feature, so that weights decide.
+    """
     features = episode.loop.features
     stands = np.array(law.weights) == 0
     for sight in _sights(episode):
@@ -159,22 +159,23 @@ def _law_among(episode: Episode, *kinds: str) -> bool:
 
 
 def _takes_depth(episode: Episode) -> bool:
-    """Return whether something may take the depth that matrices are computed with."""
+    """Return whether the believed depth may enter an interaction matrix."""
     of_pose = _features_among(episode, OF_POSE) and _law_among(episode, "ibvs", "broyden")
     of_image = _features_among(episode, OF_IMAGE) and _law_among(episode, "broyden")
     return episode.scenario.run.ego or not (of_pose or of_image)
 
 
 def _takes_plane(episode: Episode) -> bool:
-    """Return whether something may take the plane, where a law learns the matrix."""
+    """Return whether the target's plane may be used although a law learns the matrix."""
     s = episode.scenario
     of_image = _features_among(episode, OF_IMAGE) and _law_among(episode, "broyden")
     return s.run.ego or bool(s.sight.needs) or not of_image
 
 
 def _lacks_corners(episode: Episode) -> bool:
-    """Return whether the plane may have to be found without the target's corners. Before they are
-    reported, nothing is servoed of a set of which nothing is known then.
+    """Return whether the plane may have to be estimated without the target's corners.
+
+    A feature set that knows no feature before the first corners servoes nothing until then.
     """
     s = episode.scenario
     first, *_ = _sights(episode)
@@ -185,8 +186,8 @@ def _lacks_corners(episode: Episode) -> bool:
 
 
 def _size_is_seen(episode: Episode) -> bool:
-    """Return whether something may take the target's size: of a tag, the region begins with it, and
-    through a lens the goal's depth is found with it.
+    """Return whether the target's believed size may be used: for the region of a tag, or, through a
+    lens, for the goal's depth.
     """
     s = episode.scenario
     of_pixels = _features_among(episode, ("photometric",)) and _law_among(episode, *LAWS)
@@ -194,12 +195,8 @@ def _size_is_seen(episode: Episode) -> bool:
     return is_taken or not of_pixels
 
 
-def _sight_is_servoed(episode: Episode) -> bool:
-    return not episode.loop.law.uses_pictures
-
-
 FEW = "the robot has fewer than six joints, and these decide what moves"
-INVERTS = "these features bring their own way from the error to the twist"
+INVERTS = "these features compute the twist from the error by themselves"
 NEEDS = (
     Need(
         ("goal.change_start", "goal.change_duration"),
@@ -238,7 +235,7 @@ NEEDS = (
     ),
     Need(
         ("sight.plane", "sight.depth", "sight.table_height"),
-        _sight_is_servoed,
+        lambda episode: not episode.loop.law.uses_pictures,
         "pixels are servoed",
     ),
     Need(
@@ -333,8 +330,13 @@ NEEDS = (
     ),
     Need(
         ("goal.depth_to", "goal.change_start", "goal.change_duration"),
-        _of_scenario(lambda s: s.goal.depth_to is None or s.goal.change_start < _end(s)),
+        _of_scenario(
+            lambda s: (
+                s.goal.depth_to is None
+                or s.goal.change_start < max(s.run.duration, s.frames / s.camera.rate)
+            )
+        ),
         "the run ends before goal.change_start",
     ),
 )
-"""In the order in which they are said."""
+"""The conditions, in the order in which their sentences are printed."""

@@ -1,4 +1,4 @@
-"""The jobs of a command: how long they will take, their progress, and how to go on with them."""
+"""The jobs of a command: their estimated time, their progress, and how to continue them."""
 
 import os
 import shlex
@@ -27,16 +27,16 @@ HOUR = 3600
 def progress(
     console: Console, title: str, total: int, done: int = 0
 ) -> Generator[Callable[[str], None]]:
-    """Show progress within the block: a bar on a terminal, else a line on stderr now and then.
+    """Show progress within the block: a bar on a terminal, else a line on stderr each 30 s.
 
     Args:
-        console: The output of the command; a quiet one shows nothing.
-        title: What is done.
-        total: How many pieces of work there are.
-        done: How many of them are done already.
+        console: The output of the command; a quiet console shows no progress.
+        title: Name of the work.
+        total: Number of pieces of work.
+        done: Number of pieces that are done already.
 
     Yields:
-        A function to call after each piece, with a note.
+        A function to call after each piece of work, with a note to show.
     """
     if moves(console):
         with progress_bar(console) as bar:
@@ -61,7 +61,7 @@ def progress(
 
 
 def duration(seconds: float) -> str:
-    """Return a time in words, such as "12 min"."""
+    """Return a time [s] as a text, such as "12 min"."""
     if seconds < 2 * MINUTE:
         return f"{max(1, seconds):.0f} s"
     return f"{seconds / MINUTE:.0f} min" if seconds < 2 * HOUR else f"{seconds / HOUR:.1f} h"
@@ -70,16 +70,16 @@ def duration(seconds: float) -> str:
 def print_estimate(
     jobs: Sequence[Job], workers: int, console: Console, store: Store | None = None
 ) -> int:
-    """Print how many runs there are, and how long they will take, by a few that are tried.
+    """Try a few runs, and print how many runs there are and how long all of them will take.
 
     Args:
-        jobs: All of them.
-        workers: How many processes will do them.
-        console: For the line.
-        store: The folder in which some may be finished.
+        jobs: All jobs, one for each run.
+        workers: Number of processes that will do the jobs.
+        console: The output of the command.
+        store: The folder in which some of the jobs may have a record.
 
     Returns:
-        The exit code: 1 if one of those that are tried fails.
+        The exit code: 1 if a run that was tried fails, else 0.
     """
     if store is not None:
         store.find(jobs)
@@ -94,13 +94,12 @@ def print_estimate(
         console,
         f"one takes {spent:.1f} s here, {len(missing):,} of them about {whole}, {at_once} at once",
     )
-    for job, failure in failed:
-        complain(f"{failure.reason} (again: {job.command})")
+    complain(*(f"{failure.reason} (again: {job.command})" for job, failure in failed))
     return 1 if failed else 0
 
 
 def go_on(command: str, out: Path | None) -> str:
-    """How a stopped command goes on; `out` is its option."""
+    """Return the sentence that says how to continue a stopped command; `out` is its --out."""
     return f"go on with: {command}" + (f" --out {shlex.quote(str(out))}" if out else "")
 
 
@@ -112,15 +111,18 @@ def complete_jobs(
     title: str,
     again: str,
 ) -> int:
-    """Do the jobs that have no record in a store, showing progress; how many failed.
+    """Do the jobs that have no record in a store, and show progress.
 
     Args:
         jobs: All jobs of the study.
-        store: Its folder, in which they were looked for.
-        workers: Where they are done.
-        console: For the progress.
-        title: Beside it.
-        again: How to go on when the workers are gone or the user stops the command.
+        store: The study's folder, after `Store.find` of these jobs.
+        workers: The processes that do the jobs.
+        console: The output of the command.
+        title: The text beside the progress.
+        again: A sentence that says how to continue, for a stopped command or lost workers.
+
+    Returns:
+        The number of jobs that failed.
 
     Raises:
         Mistake: The user's cluster has stopped.
@@ -128,8 +130,8 @@ def complete_jobs(
     """
     if store.damaged:
         complain(
-            f"{store.folder / RUNS}: run {store.damaged[0]} is not as it was written (the first of "
-            f"{len(store.damaged)} such runs); what is missing is run again"
+            f"{store.folder / RUNS}: the record of run {store.damaged[0]} is damaged (the first of "
+            f"{len(store.damaged)} such runs); these runs are done again"
         )
     plain(console, f"{title}: {len(jobs):,} runs, {len(store.done):,} of them finished")
     failed = 0
@@ -152,12 +154,10 @@ def complete_jobs(
         more = f" (the first of {len(paths)} such runs)" if len(paths) > 1 else ""
         kept = next(filter(Path.exists, paths), paths[0].parent)
         complain(f"{kept}: {reason}{more}")
-    errors = [
-        path for job in jobs if job.key in store.done and (path := store.failure_path(job)).exists()
-    ]
-    if errors:
+    finished = [store.failure_path(job) for job in jobs if job.key in store.done]
+    if errors := [path for path in finished if path.exists()]:
         complain(
-            f"{errors[0].parent}: {len(errors)} of the runs finished only when they were tried "
-            "again: something in them does not repeat itself"
+            f"{errors[0].parent}: {len(errors)} of the runs failed first and finished when tried "
+            "again: a part in them does not give the same result each time"
         )
     return failed

@@ -39,7 +39,7 @@ def show(name: str) -> None:
     """Print the kinds of a part, or the settings of a section or a kind.
 
     Raises:
-        Mistake: There is nothing of that name.
+        Mistake: There is no part, section or kind of that name.
     """
     from servo.scenario.tables import SECTIONS  # it takes time to import
 
@@ -56,19 +56,22 @@ def show(name: str) -> None:
 def _show_names(found: Iterable[tuple[str, str]]) -> None:
     table = Table(box=None, show_header=False, pad_edge=False)
     for part, name in found:
-        if part in FOLDERS:
-            package = FOLDERS[part].package_of(name)
-            about = f"({package}) " * bool(package) + FOLDERS[part].summary(name)
-        else:
-            about = sentence((FILES[part] / f"{name}.toml").read_text(encoding="utf-8"))
-        table.add_row(part, f"[bold]{escape(name)}[/]", escape(about))
+        table.add_row(part, f"[bold]{escape(name)}[/]", escape(_about(part, name)))
     Console().print(table)
 
 
+def _about(part: str, name: str) -> str:
+    """Return the first sentence about a kind, a scenario or a study, after its package's name."""
+    if part in FILES:
+        return sentence((FILES[part] / f"{name}.toml").read_text(encoding="utf-8"))
+    package = FOLDERS[part].package_of(name)
+    return f"({package}) " * bool(package) + FOLDERS[part].summary(name)
+
+
 def _names(part: str) -> list[str]:
-    if part in FOLDERS:
-        return FOLDERS[part].names()
-    return studies() if part == "study" else shipped()
+    """Return the names of the kinds of a part, of the scenarios or of the studies."""
+    files = {"scenario": shipped, "study": studies}
+    return files[part]() if part in files else FOLDERS[part].names()
 
 
 def _show_kind(part: str, kind: str) -> None:
@@ -118,7 +121,12 @@ def _show_settings(title: str, about: str, rows: list[tuple[str, str, str]]) -> 
 
 
 def settings_rows(prefix: str, settings: type[BaseModel]) -> list[tuple[str, str, str]]:
-    """Return name, default and meaning of every setting, including those of nested tables."""
+    """Return name, default and meaning of every setting of a table, with those of tables in it.
+
+    Args:
+        prefix: Name of the table, such as "camera".
+        settings: The table's model.
+    """
     rows = list[tuple[str, str, str]]()
     for name, field in settings.model_fields.items():
         default = field.default

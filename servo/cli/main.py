@@ -1,4 +1,4 @@
-"""The command line. Heavy imports happen inside the commands."""
+"""The command line `servobench` with all its commands; each imports its own code when it runs."""
 
 import sys
 from dataclasses import replace
@@ -13,7 +13,7 @@ from servo.cli.outputs import PORT, PORTS, Outputs, output_options, serve
 from sim.ranges import LONGEST
 
 PARTS = ("tracker", "law", "features", "estimator", "motion", "robot", "scenarios")
-"""What `servobench new` begins."""
+"""Parts that `servobench new` can begin."""
 
 
 @click.group(
@@ -49,7 +49,12 @@ def run(scenario: str, no_rerun: bool, ros2: bool, outputs: Outputs, **options: 
 
 
 @app.command()
-@click.argument("scenarios", nargs=-1, type=opt.SCENARIO, help="Which (default: all with bounds).")
+@click.argument(
+    "scenarios",
+    nargs=-1,
+    type=opt.SCENARIO,
+    help="Shipped scenarios or .toml files (default: all shipped ones with bounds).",
+)
 @opt.changes_option
 @click.option(
     "--seeds",
@@ -92,7 +97,7 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     "--tracker",
     default="annealed",
     show_default=True,
-    help="Which (servobench list), such as kams or kams:paper.",
+    help="The tracker (servobench list tracker), such as kams or kams:paper.",
 )
 @opt.changes_option
 @click.option(
@@ -117,15 +122,15 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     type=opt.FiniteRange(0.01, 10_000.0),
     default=30.0,
     show_default=True,
-    help="Pictures a second of a folder.",
+    help="Pictures a second of a folder [Hz].",
 )
-@click.option("--frames", type=click.IntRange(1, 1_000_000_000), help="Stop after this many.")
+@click.option("--frames", type=click.IntRange(1, 1_000_000_000), help="Most pictures to track.")
 @opt.quiet_option
 def track(**options: Any) -> None:
     """Follow a target through any pictures; write its track."""
     from servo.cli import track_command
 
-    sys.exit(track_command.run(track_command.TrackRequest(**options)))
+    sys.exit(track_command.run(**options))
 
 
 @app.command()
@@ -136,7 +141,7 @@ def track(**options: Any) -> None:
     "sequences (OTB, VOT, GOT-10k), or a .toml file.",
 )
 @click.option(
-    "--trackers", help="Which, such as kams,sok,kams:paper (default: all, or the file's)."
+    "--trackers", help="Trackers, such as kams,sok,kams:paper (default: all, or the file's)."
 )
 @click.option(
     "--seeds", type=opt.COUNT, default=3, show_default=True, help="Number of seeds from 0 on."
@@ -149,11 +154,11 @@ def evaluate(**options: Any) -> None:
     """Compare trackers on sequences; the same command continues a stopped evaluation."""
     from servo.cli import evaluate_command
 
-    sys.exit(evaluate_command.run(evaluate_command.EvaluateRequest(**options)))
+    sys.exit(evaluate_command.run(**options))
 
 
 @app.command()
-@click.argument("name", type=click.Choice(["loop-v1", "servo-v1"]), help="Which benchmark.")
+@click.argument("name", type=click.Choice(["loop-v1", "servo-v1"]), help="The benchmark.")
 @click.option(
     "--contestant",
     "--tracker",
@@ -161,7 +166,7 @@ def evaluate(**options: Any) -> None:
     "given",
     multiple=True,
     metavar="NAME[=WHAT]",
-    help="A shipped one, mine=module:Class, mine='trax:COMMAND' or "
+    help="A contestant: a shipped one, mine=module:Class, mine='trax:COMMAND' or "
     "mine=onnx:FILE (default: all shipped ones).",
 )
 @click.option(
@@ -196,13 +201,13 @@ def benchmark(**options: Any) -> None:
     """Run trackers or laws in a public benchmark; the same command continues a stopped one."""
     from servo.cli import benchmark_command
 
-    sys.exit(benchmark_command.run(benchmark_command.BenchmarkRequest(**options)))
+    sys.exit(benchmark_command.run(**options))
 
 
 @app.command(hidden=True, add_help_option=False, context_settings={"ignore_unknown_options": True})
 @click.argument("words", nargs=-1, type=click.UNPROCESSED)
-def bench(**_: Any) -> None:
-    """Name the two commands that took the place of this one."""
+def bench(**_: object) -> None:
+    """Print which two commands took the place of `bench`."""
     raise click.UsageError(
         "bench is now two commands: `servobench evaluate SUITE` compares trackers on sequences, "
         "`servobench benchmark loop-v1` (or servo-v1) runs a public benchmark"
@@ -231,7 +236,12 @@ def sweep(**options: Any) -> None:
 
 @app.command()
 @click.argument(
-    "scenarios", nargs=-1, required=True, type=opt.SCENARIO, metavar="SCENARIO...", help="Where."
+    "scenarios",
+    nargs=-1,
+    required=True,
+    type=opt.SCENARIO,
+    metavar="SCENARIO...",
+    help="Shipped scenarios or .toml files to compare in.",
 )
 @click.option(
     "--tracker",
@@ -248,9 +258,13 @@ def sweep(**options: Any) -> None:
     metavar="NAME=KEY=VALUE,...",
     help="Settings, such as slow=controller.gain=0.5,run.latency=3.",
 )
-@click.option("--measured", is_flag=True, help="With the time that the tracker takes here.")
+@click.option(
+    "--measured", is_flag=True, help="Delay the loop by the time that the tracker takes here."
+)
 @opt.changes_option
-@click.option("--seeds", type=opt.COUNT, default=3, show_default=True, help="From 0 on.")
+@click.option(
+    "--seeds", type=opt.COUNT, default=3, show_default=True, help="Number of seeds from 0 on."
+)
 @opt.workers_option
 @opt.scheduler_option
 @opt.out_option("runs/compare, also to continue")
@@ -266,11 +280,11 @@ def compare(**options: Any) -> None:
     """
     from servo.cli import compare_command
 
-    sys.exit(compare_command.run(compare_command.CompareRequest(**options)))
+    sys.exit(compare_command.run(**options))
 
 
 @app.command()
-@click.argument("claims", nargs=-1, help="Which, such as P1-2 (default: all).")
+@click.argument("claims", nargs=-1, help="Claims, such as P1-2 (default: all).")
 @click.option("--quick", is_flag=True, help="One seed of each, to check that all works.")
 @click.option("--sequences", type=opt.PATH, help="A folder of real sequences to add to P0-1.")
 @click.option(
@@ -403,7 +417,7 @@ def film(first: str, second: str, out: Path, quiet: bool) -> None:
     def asked(words: list[str]) -> Scenario:
         given = run.make_context("run", words).params
         if given["ros2"]:
-            raise Mistake("film: a run that ROS 2 drives cannot be done again")
+            raise Mistake("film: a run with --ros2 cannot be repeated: name another run")
         return load(given["scenario"], given["changes"], given["seed"])
 
     write((first, second), asked, out, quiet=quiet)
@@ -456,7 +470,7 @@ def docs(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
 
 
 @app.command()
-@click.argument("model", type=opt.SOURCE, help="Its file, MJCF or URDF, or a shipped one's name.")
+@click.argument("model", type=opt.SOURCE, help="The robot's MJCF or URDF, or a shipped one's name.")
 @click.option("--flange", default="", help="The body or site that carries the camera.")
 @click.option(
     "--mount",
@@ -469,12 +483,12 @@ def docs(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
     "--base",
     type=opt.Numbers(4),
     metavar="X,Y,Z,YAW",
-    help="Where it stands in the room [m, deg] (default: proposed from its reach).",
+    help="The robot's base in the room [m, deg] (default: proposed from its reach).",
 )
 @click.option(
     "--out", type=opt.PATH, help="Picture to write (default: robot.png, or robot-2.png, ...)."
 )
-def robot(model: str, out: Path | None, **given: Any) -> None:
+def robot(model: str, out: Path | None, **given: object) -> None:
     """Print a robot's joints, flanges, reach and [robot] table; draw it in the room."""
     from servo.cli.robot_command import examine
 
@@ -488,7 +502,8 @@ def robot(model: str, out: Path | None, **given: Any) -> None:
     type=opt.SCENARIO,
     default="line",
     show_default=True,
-    help="Whose robot shall be simulated like that one: the servo of its drives is taken off.",
+    help="The scenario whose robot gets the settings; the lag of its drives' own servo is "
+    "subtracted.",
 )
 @opt.out_option("runs/identify-LOG")
 def identify(log: Path, scenario: str, out: Path | None) -> None:
@@ -499,5 +514,5 @@ def identify(log: Path, scenario: str, out: Path | None) -> None:
 
 
 def main() -> None:
-    """Run the command line `servobench`; a failure is one sentence on stderr and an exit code."""
+    """Run the command line `servobench`; print a failure as one sentence and exit with its code."""
     guarded(app)

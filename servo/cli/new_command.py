@@ -1,4 +1,4 @@
-"""What `servobench new` does: write a small package with a part, which installs and runs, or a
+"""The command `servobench new`: write a small package with a part, which installs and runs, or a
 repository of scenarios.
 """
 
@@ -23,7 +23,6 @@ PART = {
     "test_part.py.jinja": "tests/test_{kind}.py",
 }
 """Templates of a package with a part, and the files that are made of them."""
-SCENARIOS = "scenarios"
 SCENES = {
     "scenarios.md.jinja": "README.md",
     "requirements.txt.jinja": "requirements.txt",
@@ -31,7 +30,7 @@ SCENES = {
     "scenes.yml.jinja": ".github/workflows/scenes.yml",
     "scenario.toml.jinja": "scenarios/{kind}.toml",
 }
-"""The same, of a repository of scenarios."""
+"""Templates of a repository of scenarios, and the files that are made of them."""
 SECTIONS = {
     "tracker": "tracker",
     "law": "controller",
@@ -41,8 +40,7 @@ SECTIONS = {
     "robot": "robot",
 }
 """The section of a scenario in which each part has its kind."""
-ROBOT = "arm.xml"
-"""The shipped model that a new robot begins with."""
+
 TAKEN = {
     "servobench's package '{}'": {"sim", "tracking", "servo", "scenes"},
     "Python's module '{}'": sys.stdlib_module_names,
@@ -50,21 +48,25 @@ TAKEN = {
 
 
 def new(part: str, kind: str, folder: Path | None) -> list[Path]:
-    """Write the package of a new part, or a repository of scenarios; the paths of its files.
+    """Write the package of a new part, or a repository of scenarios.
 
     Args:
-        part: One of `SECTIONS`, or "scenarios".
-        kind: Its name.
-        folder: To write (default: a folder of this name).
+        part: What to begin: "tracker", "law", "features", "estimator", "motion", "robot" or
+            "scenarios".
+        kind: Name of the part, and of its package.
+        folder: The folder to write; None: a folder with the part's name.
+
+    Returns:
+        The paths of the files.
 
     Raises:
-        Mistake: The name is no name of a package, is taken, or there is such a folder.
+        Mistake: The name is not valid for a package or is taken, or the folder is not empty.
     """
     _check_name(part, kind)
     folder = folder or Path(kind)
     with writing(folder):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise Mistake(f"{folder}: there is something of this name; choose another with --out")
+            raise Mistake(f"{folder}: this exists and is not empty; choose another with --out")
         return [atomic.write(folder, name, text) for name, text in _files(part, kind).items()]
 
 
@@ -93,7 +95,7 @@ def _files(part: str, kind: str) -> dict[str, str]:
         for template, name in chosen.items()
     }
     if part == "robot":
-        model = resources.files("scenes") / "robots" / ROBOT
+        model = resources.files("scenes") / "robots" / "arm.xml"
         found[f"{kind}/robot.xml"] = model.read_text("utf-8")
     return found
 
@@ -102,14 +104,14 @@ def _check_name(part: str, kind: str) -> None:
     asked = f"new {part} {kind}"
     if not NAME.fullmatch(kind) or keyword.iskeyword(kind):
         raise Mistake(
-            f"{asked}: a name has small letters, digits and single underscores, such as my_{part}"
+            f"{asked}: use small letters, digits and single underscores, such as my_{part}"
         )
-    if part == SCENARIOS:
+    if part == "scenarios":
         return
     section = SECTIONS[part]
     if kind in PLUGINS[section][0].names():
-        raise Mistake(f"{asked}: there is a {part} '{kind}' already")
+        raise Mistake(f"{asked}: the {part} '{kind}' exists already; choose another name")
     owner = next((owner for owner, taken in TAKEN.items() if kind in taken), "")
     if owner or find_spec(kind) is not None:
         what = owner or "the module '{}', which is installed here"
-        raise Mistake(f"{asked}: this would hide {what.format(kind)}")
+        raise Mistake(f"{asked}: this would hide {what.format(kind)}; choose another name")

@@ -1,4 +1,4 @@
-"""Options that several commands share, and the group of all commands."""
+"""Types and options of the command line that several commands share, and their group."""
 
 import math
 from collections.abc import Callable
@@ -12,14 +12,16 @@ from servo.cli.guard import ending_signals, stop
 from servo.mistake import Refused
 from servo.scenario import catalogue
 
-Command = TypeVar("Command", bound=Callable[..., Any])
+Command = TypeVar("Command", bound=Callable[..., object])
 
 
 class FiniteRange(click.FloatRange):
     """A range of numbers without nan, which click's own range accepts."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The number; a usage error of click if it is out of range."""
+    def convert(
+        self, value: float, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the number, or fail with a usage error of click if it is out of range."""
         number = super().convert(value, param, ctx)
         if math.isnan(number):
             self.fail(f"{value!r} is not in the range {self._describe_range()}.", param, ctx)
@@ -27,15 +29,17 @@ class FiniteRange(click.FloatRange):
 
 
 class Numbers(click.ParamType[list[float]]):
-    """Finite numbers with commas between them, such as 0,0.5,0.6,-90."""
+    """A fixed number of finite numbers with commas between them, such as 0,0.5,0.6,-90."""
 
     name = "numbers"
 
     def __init__(self, count: int) -> None:
         self._count = count
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The list of numbers, or click's usage error."""
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> list[float]:
+        """Return the numbers, or fail with a usage error of click."""
         try:
             numbers = [float(part) for part in str(value).split(",")]
         except ValueError:
@@ -46,20 +50,20 @@ class Numbers(click.ParamType[list[float]]):
 
 
 class Named(click.Path):
-    """A path, or a word in its place, that is not empty and could be a name.
+    """A path, or a word in its place, that is neither empty nor has a NUL character.
 
     A script whose variable is not set passes an empty text, which would be the current folder.
     """
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The path; a usage error of click if no file can have this name."""
+        """Return the path, or fail with a usage error of click if no file can have this name."""
         if not str(value) or "\0" in str(value):
             self.fail("no file can have this name." if value else "this is empty.", param, ctx)
         return super().convert(value, param, ctx)
 
 
 class Shipped(click.ParamType[str]):
-    """A shipped name, or a file of one's own; shells complete both."""
+    """A shipped name or a user's file, which the shell can complete."""
 
     name = "text"
 
@@ -109,7 +113,7 @@ dry_run_option = click.option(
 
 
 def out_option(default: str) -> Callable[[Command], Command]:
-    """The option that names the folder to write."""
+    """Return the option --out, which names the folder to write; `default` is for its help."""
     return click.option("--out", type=PATH, help=f"Folder to write (default: {default}).")
 
 
@@ -134,7 +138,7 @@ GROUPS = {
 
 
 class Commands(click.Group):
-    """Commands, listed by what they are for; Ctrl-C, TERM and HUP end all in the same way."""
+    """The commands of servobench, listed by purpose; Ctrl-C, TERM and HUP end all in one way."""
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write a section of the help for each group of commands."""
@@ -145,14 +149,14 @@ class Commands(click.Group):
                 formatter.write_dl(rows)
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Five commands to try, below the help."""
+        """Write five commands to try below the help."""
         formatter.write(TO_TRY)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(self.commands)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command."""
+        """Run a command; a signal ends it with one sentence and the signal's exit code."""
         with ending_signals() as raised:
             try:
                 return super().invoke(ctx)

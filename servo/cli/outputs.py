@@ -1,4 +1,4 @@
-"""The options of `run` and `track` for films, logs and viewers."""
+"""The options of `servobench run` and `track` for films, logs and viewers, and their outputs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 PORT = 9090
 PORTS = click.IntRange(1024, 65_534)
 VIEWER = "the viewer"
-NEEDS = {"web": "live", "light": "web", "speed": "live", "port": "live"}
-"""Options, each with the option that it needs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,44 +41,44 @@ class Outputs:
     live: bool = False
     web: bool = False
     light: bool | None = None
-    """Whether the browser gets the light page; None: only on a machine without a GPU."""
+    """True: the browser gets the light page, False: Rerun's; None: light where no GPU is."""
     speed: float | None = None
     port: int | None = None
     server: Server | None = None
-    """Connects the run to ROS 2; None: the run does without."""
+    """Connection of the run to ROS 2, or None."""
 
     @property
     def files(self) -> list[Path]:
-        """The films and logs to write."""
+        """Paths of the film and the log to write, if they were asked for."""
         return [path for path in (self.video, self.mcap) if path is not None]
 
     def check(self) -> None:
-        """Check the options before anything is written.
+        """Check the options, before anything is written.
 
         Raises:
             Mistake: An option needs another one or a package, or a file cannot be written.
         """
-        given = {
-            "web": self.web,
-            "light": self.light is not None,
-            "speed": self.speed is not None,
-            "port": self.port is not None,
+        needs = {
+            "--web needs --live": self.web and not self.live,
+            "--light needs --web": self.light is not None and not self.web,
+            "--speed needs --live": self.speed is not None and not self.live,
+            "--port needs --live": self.port is not None and not self.live,
         }
-        for name, other in NEEDS.items():
-            if given[name] and not getattr(self, other):
-                raise Mistake(f"--{name} needs --{other}")
-        for path, suffix in ((self.video, ".mp4"), (self.mcap, ".mcap")):
-            if path is not None:
-                check_suffix(path, suffix)
+        for sentence, is_missing in needs.items():
+            if is_missing:
+                raise Mistake(sentence)
         if self.mcap is not None:
             from servo.output.mcap_file import check_installed
 
+            check_suffix(self.mcap, ".mcap")
             check_installed()
+        if self.video is not None:
+            check_suffix(self.video, ".mp4")
         for path in self.files:
             check_writable(path)
 
     def viewer(self) -> LiveViewer | LightPage | None:
-        """Return the viewer of --live; None without this option.
+        """Start and return the viewer of --live; None without this option.
 
         Raises:
             Mistake: There is no display, or a port is in use.
@@ -98,7 +96,7 @@ class Outputs:
     def of_run(
         self, episode: Episode, viewer: LiveViewer | LightPage | None
     ) -> dict[Path | str, Sink]:
-        """Return the sinks that take the steps of a run, by their file or name."""
+        """Return the outputs that receive each step of a run, by their file or name."""
         from servo.output.film import RunFilm
 
         found: dict[Path | str, Sink] = {}
@@ -122,7 +120,7 @@ class Outputs:
     def of_track(
         self, region: Region, source: Source, title: str, viewer: LiveViewer | LightPage | None
     ) -> dict[Path | str, Sink]:
-        """Return the sinks that take the shots of a track, by their file or name."""
+        """Return the outputs that receive each tracked picture (shot), by their file or name."""
         from tracking.drawing.annotated_video import AnnotatedVideo
 
         found: dict[Path | str, Sink] = {}
@@ -152,12 +150,12 @@ def _shown(
     film: Callable[[NewestPicture], Sink],
     log: Callable[..., Sink],
 ) -> Sink:
-    """Return the sink that feeds a viewer.
+    """Return the output that feeds a viewer.
 
     Args:
         viewer: The viewer.
-        film: Makes the sink of the light page, which shows a film.
-        log: Makes the sink of Rerun's viewer, given the viewer and the time between pictures.
+        film: Makes the output of the light page, which shows a film.
+        log: Makes the output of Rerun's viewer, given the viewer and the time between pictures.
     """
     from servo.output.light_page import LightPage, NowAndThen
 
@@ -169,7 +167,7 @@ def _shown(
 
 
 def announce(viewer: LiveViewer | LightPage | None, console: Console) -> None:
-    """Print the address of a viewer that runs in a browser."""
+    """Print the address of a viewer's page in a browser, if it has one."""
     if viewer is not None and viewer.page is not None:
         from servo.cli.terminal import plain
 
@@ -209,25 +207,43 @@ def serve(recording: Path, port: int) -> None:
     linger(viewer, Console())
 
 
-def check_writable(path: Path) -> None:
-    """Check that a new file can be written.
+def check_place(path: Path | None, *suffixes: str) -> None:
+    """Check that a file can be written or replaced at a path, if one is given, and has one of some
+    suffixes.
 
     Raises:
-        Mistake: The file exists, its folder does not, or the file cannot be written.
+        Mistake: The folder is missing, the path is not a file, or the suffix differs.
+    """
+    if path is None:
+        return
+    if not path.absolute().parent.is_dir():
+        raise Mistake(f"{path}: there is no folder {path.parent}: make it first")
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        raise Mistake(f"{path}: this is not a file; name a file to write, such as x{suffixes[0]}")
+    check_suffix(path, *suffixes)
+
+
+def check_writable(path: Path) -> None:
+    """Check that a new file can be written at a path.
+
+    Raises:
+        Mistake: The file exists, its folder does not exist, or the file cannot be written.
     """
     if not path.parent.exists():
-        raise Mistake(f"{path}: there is no folder {path.parent} yet: make it first")
+        raise Mistake(f"{path}: there is no folder {path.parent}: make it first")
     try:
         path.open("xb").close()
         path.unlink()
     except FileExistsError:
-        raise Mistake(f"{path}: there is such a file already; choose another name") from None
+        raise Mistake(f"{path}: this file exists already; choose another name") from None
     except OSError as error:
         raise unwritable(path, error, "this file") from None
 
 
-def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add these options to a command, which gets them as one argument, `outputs`."""
+def output_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the options for films, logs and viewers to a command, which gets them as one argument
+    `outputs`.
+    """
 
     @wraps(command)
     def gathered(
@@ -239,9 +255,9 @@ def output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         light: bool | None,
         speed: float | None,
         port: int | None,
-        **others: Any,
-    ) -> Any:
-        return command(outputs=Outputs(video, mcap, live, web, light, speed, port), **others)
+        **others: object,
+    ) -> None:
+        command(outputs=Outputs(video, mcap, live, web, light, speed, port), **others)
 
     added = (
         click.option("--video", metavar="FILE.mp4", type=opt.PATH, help="Also write a film."),

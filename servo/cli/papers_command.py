@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, print_estimate
-from servo.cli.terminal import complain, escape, plain, print_table
+from servo.cli.terminal import complain, escape, plain, print_paths, print_table
 from servo.mistake import Mistake, as_mistake, check_known
 from servo.output.formats import command_line
 from servo.output.versions import versions
@@ -48,8 +48,19 @@ def run(
     dry_run: bool,
     quiet: bool,
 ) -> int:
-    """Test claims; the exit code: 1 if a run failed, or a full run on the registered seeds found
-    another verdict than is known.
+    """Test claims of the papers again, and print and write the verdicts.
+
+    Args:
+        names: The claims; none: all.
+        effort: Number of seeds, sequences and first seed.
+        workers: Number of processes.
+        out: The folder; None: runs/papers, or another name for other seeds.
+        dry_run: Whether to print only how many runs there are and how long they take.
+        quiet: Whether to print nothing but mistakes and changed verdicts.
+
+    Returns:
+        The exit code: 1 if a run failed, or if a full run on the registered seeds found another
+        verdict than the published one, else 0.
 
     Raises:
         Mistake: There is no such claim, none of the claims uses the given sequences, or the seeds
@@ -58,7 +69,8 @@ def run(
     chosen = _chosen(names, effort)
     with as_mistake():
         jobs = {claim.name: claim.jobs(effort) for claim in chosen}
-    folder = out or Path("runs") / _folder(effort)
+    usual = "papers-quick" if effort.quick else "papers"
+    folder = out or Path("runs") / (f"papers-{effort.first}" if effort.first else usual)
     again = command_line(
         "papers",
         *names,
@@ -67,15 +79,30 @@ def run(
         first_seed=effort.first,
     )
     console = Console(quiet=quiet)
-    runs = {job.key for some in jobs.values() for job in some}
+    every = {job.key: job for some in jobs.values() for job in some}
     verdicts: dict[str, Verdict] = {}
-    if any(isinstance(job.subject, EstimatedLoop) for some in jobs.values() for job in some):
+    if any(isinstance(job.subject, EstimatedLoop) for job in every.values()):
         gl.is_there()  # it says in one sentence where this machine has none
     if dry_run:
-        every = {job.key: job for some in jobs.values() for job in some}
         return print_estimate(list(every.values()), workers, console, Store(folder))
-    with Workers(workers) as pool, opened(folder, _described(again)) as store:
-        plain(console, f"claims: {len(chosen)}, runs: {len(runs)}")
+    # The folder is described in the same way for all claims, which share runs.
+    described = StudyFile(
+        command=again,
+        versions=versions(),
+        holds="papers",
+        name="papers",
+        title="Claims of the three papers, tested again.",
+        axes={},
+        draws={},
+        seeds=[],
+        compare=None,
+        expect={},
+        runs=0,
+        table={},
+        scenarios={},
+    )
+    with Workers(workers) as pool, opened(folder, described) as store:
+        plain(console, f"claims: {len(chosen)}, runs: {len(every)}")
         for claim in chosen:
             _print_rule(console, claim)
             store.find(jobs[claim.name])
@@ -97,39 +124,18 @@ def run(
         found = found_in(verdicts)
         atomic.write(folder, VERDICTS, json_text(found))
     plain(console, f"\n| {' | '.join(TITLES)} |\n|{'---|' * len(TITLES)}")
-    for name, judged in tested.items():
-        plain(console, judged.row(name))
-    plain(console, f"  {folder / FIGURES}\n  {written}")
+    plain(console, *(judged.row(name) for name, judged in tested.items()))
+    print_paths(console, [folder / FIGURES, written])
     if effort.first is not None:
         _print_beside(console, found, effort.first)
         return 1 if len(verdicts) < len(chosen) else 0
-    others = [] if effort.quick else broken(found, known())
-    for sentence in others:
-        complain(f"papers: {sentence}")
+    others = [] if effort.quick else [f"papers: {one}" for one in broken(found, known())]
+    complain(*others)
     return 1 if others or len(verdicts) < len(chosen) else 0
 
 
-def _described(command: str) -> StudyFile:
-    """Return the description of the folder; it is the same for all claims, which share runs."""
-    return StudyFile(
-        command=command,
-        versions=versions(),
-        holds="papers",
-        name="papers",
-        title="Claims of the three papers, tested again.",
-        axes={},
-        draws={},
-        seeds=[],
-        compare=None,
-        expect={},
-        runs=0,
-        table={},
-        scenarios={},
-    )
-
-
 def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
-    """The claims of these names, or all.
+    """Return the claims of these names, or all.
 
     Raises:
         Mistake: There is no such claim, or none of the claims uses the given sequences.
@@ -138,7 +144,7 @@ def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
     check_known(names, there, "papers", "claim")
     chosen = [there[name] for name in names] if names else list(CLAIMS)
     if effort.sequences is not None and there[JOINED] not in chosen:
-        raise Mistake(f"papers: --sequences joins {JOINED}, which is not among these claims")
+        raise Mistake(f"papers: --sequences needs the claim {JOINED}: name {JOINED} too")
     if effort.first is not None:
         _check_first(effort, effort.first, chosen)
         return [replace(claim, rule=claim.rule.on(effort.first)) for claim in chosen]
@@ -146,10 +152,10 @@ def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
 
 
 def _check_first(effort: Effort, first: int, chosen: Sequence[Claim]) -> None:
-    """Refuse seeds that say nothing about a claim.
+    """Check that the claims can be tested on seeds from `first` on.
 
     Raises:
-        Mistake: They are those of tuning, or a claim tunes, or one seed is enough.
+        Mistake: These seeds were used for tuning, a claim is about tuning, or --quick is given.
     """
     if effort.quick:
         raise Mistake("papers: --quick has its own seed; leave out --first-seed")
@@ -160,13 +166,7 @@ def _check_first(effort: Effort, first: int, chosen: Sequence[Claim]) -> None:
         )
     tuning = [claim.name for claim in chosen if claim in TUNING]
     if tuning:
-        raise Mistake(f"papers: {tuning[0]} tunes on its own seeds; leave out --first-seed")
-
-
-def _folder(effort: Effort) -> str:
-    if effort.first is not None:
-        return f"papers-{effort.first}"
-    return "papers-quick" if effort.quick else "papers"
+        raise Mistake(f"papers: {tuning[0]} has its own seeds for tuning; leave out --first-seed")
 
 
 def _print_beside(console: Console, found: Found, first: int) -> None:
@@ -179,17 +179,16 @@ def _print_beside(console: Console, found: Found, first: int) -> None:
 
 
 def _print_rule(console: Console, claim: Claim) -> None:
-    """Print what is claimed and how it will be judged, before anything is run."""
+    """Print a claim and the rule by which its runs will be judged."""
     console.print(f"\n[bold]{claim.name}[/] {escape(claim.says)}", highlight=False)
     for name, text in asdict(claim.rule).items():
         console.print(f"  {name + ':':9} {escape(text)}", highlight=False)
 
 
 def _print(console: Console, verdict: Verdict) -> None:
-    word = WORDS[verdict.finding]
-    tone = TONES[verdict.finding]
+    word = f"[{TONES[verdict.finding]}]{WORDS[verdict.finding]}[/]"
     effect = escape(f"{words(verdict.effect, verdict.unit)}, {verdict.count} units")
-    console.print(f"  verdict:  [{tone}]{word}[/]: {effect}", highlight=False)
+    console.print(f"  verdict:  {word}: {effect}", highlight=False)
     console.print(f"  measured: {escape(verdict.measured)}", highlight=False)
     if verdict.table:
         head, *rows = verdict.table

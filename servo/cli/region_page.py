@@ -1,7 +1,7 @@
-"""A page on 127.0.0.1 on which a person draws a region, for machines without a desktop.
+"""A page on 127.0.0.1 on which the user draws a region, for machines without a desktop.
 
-Its address holds a random token, so that other users of the machine cannot answer, and no other
-page in the browser. The server ends with the first answer.
+The page's address holds a random token, so that neither other users of the machine nor other pages
+in the browser can answer. The server ends with the first answer.
 """
 
 import base64
@@ -42,63 +42,65 @@ HEADERS = {
     "Content-Security-Policy": "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
     "script-src 'unsafe-inline'; connect-src 'self'",
 }
-DIGITS = 6
-"""Digits of a region's numbers."""
+
 CANCELLED = "cancelled"
-"""The answer of a person who draws no region."""
+"""The answer of a user who cancels."""
 ANSWER = pydantic.TypeAdapter[Box | Literal["cancelled"]](Box | Literal["cancelled"])
 
 
 def select(
     source: str, pictures: Iterator[Picture], region: str | None
 ) -> tuple[str, Iterator[Picture]]:
-    """Let a person draw the region in the first picture.
+    """Let the user draw the target's region in the first picture.
+
+    Args:
+        source: Name of the source, for the page and for errors.
+        pictures: The pictures of the source.
+        region: The option --region, which must be None.
 
     Returns:
-        The region as a text for `region_of`, and all pictures.
+        The region as a text "X,Y,W,H[,DEG]", and all pictures.
 
     Raises:
-        Mistake: There is a region already, the first picture cannot be read, or none was drawn.
+        Mistake: There is a region already, the first picture cannot be read, or the user drew no
+            region.
         ValueError: The source cannot be read.
     """
     if region is not None:
         raise Mistake("give --region or --select, not both")
     first = next(pictures, None)
     if first is None:
-        raise Mistake(f"{source}: there are no pictures in it")
+        raise Mistake(f"{source}: this source has no pictures")
     if first.image is None:
         raise Mistake(f"{first.name}: the first picture cannot be read: {first.reason}")
     box = ask(first.image, source)
     if box is None:
         raise Mistake("--select was cancelled; give --region X,Y,W,H[,DEG]")
-    text = ",".join(f"{number:.{DIGITS}g}" for number in (box if box[4] else box[:4]))
-    _say(f"--region {text} repeats this choice")
+    text = ",".join(f"{number:.6g}" for number in (box if box[4] else box[:4]))
+    plain(Console(stderr=True), f"--region {text} repeats this choice")
     return text, itertools.chain([first], pictures)
 
 
-def _say(text: str) -> None:
-    plain(Console(stderr=True), text)
-
-
 def ask(image: Image, name: str) -> Box | None:
-    """Serve the page until it is answered, and open it in a browser where there is a desktop.
+    """Serve a page on which the user draws a region, and open it where there is a desktop.
 
     Args:
         image: The picture, RGB (H, W, 3).
         name: The source's name, for the title.
 
     Returns:
-        The region; None if the person cancelled.
+        The region (left, top, width, height [px], rotation [deg]); None if the user cancelled.
 
     Raises:
-        Mistake: There was no answer in time.
+        Mistake: The user did not answer within 10 minutes.
     """
     with _Server(_page(image, name)) as server:
         server.begin()
         address = server.address
-        _say(
-            f"draw the region on this page: {address}\n"
-            f"  (of another machine: first ssh -L {server.port}:{HOST}:{server.port} THIS-MACHINE)"
+        plain(
+            Console(stderr=True),
+            f"draw the region on this page: {address}",
+            f"  (on another machine: first ssh -L {server.port}:{HOST}:{server.port} THIS-MACHINE)",
         )
         if has_display():
             webbrowser.open(address)
@@ -114,17 +116,17 @@ def ask(image: Image, name: str) -> Box | None:
 
 
 def _page(image: Image, name: str) -> bytes:
+    """Return the HTML page with a picture, RGB (H, W, 3), and the source's name as the title."""
     template = (resources.files("servo.cli") / "templates" / "region.html.jinja").read_text("utf-8")
-    picture = base64.b64encode(encoded(image, QUALITY)).decode()
     page = Environment(undefined=StrictUndefined, autoescape=True).from_string(template)
     height, width = image.shape[:2]
-    return page.render(name=name, width=width, height=height, picture=picture).encode(
-        errors="replace"
-    )
+    picture = base64.b64encode(encoded(image, QUALITY)).decode()
+    text = page.render(name=name, width=width, height=height, picture=picture)
+    return text.encode(errors="replace")
 
 
 class _Server(LocalServer):
-    """Serves one page at an address that nobody can guess."""
+    """Server of one page at an address that nobody can guess."""
 
     def __init__(self, page: bytes) -> None:
         super().__init__(0, _Handler, f"/{secrets.token_urlsafe(16)}")
@@ -133,7 +135,7 @@ class _Server(LocalServer):
 
 
 class _Handler(LocalHandler):
-    """Sends the page, and takes its answer."""
+    """Handler of requests: GET sends the page, POST takes the user's answer."""
 
     server: _Server  # pyright: ignore[reportIncompatibleVariableOverride]
 

@@ -2,13 +2,15 @@
 and figures as files.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from servo.bench.benchmark import NAMES
+from servo.cli.outputs import check_place
 from servo.cli.sweep_command import measures_of
-from servo.mistake import Mistake, check_suffix, writing
+from servo.mistake import Mistake, writing
 from servo.output.steps_table import STREAM, TABLE
 from servo.papers.claims import PapersReport
 from servo.report import (
@@ -24,39 +26,17 @@ from servo.study.run_report import RunReport
 from servo.study.store import StudyFile
 from tracking.files import atomic
 
-PAGE = "report.html"
-PAGES = (".html", ".htm")
 FIGURES = "figures"
 """Folder of the figures, beside the page."""
-ONLY_STUDIES = "--measures is for the folders of sweep and compare"
-
-
-def _study(folder: Path, measures: Sequence[str] | None) -> Section:
-    study = StudyFile.read(folder / StudyFile.FILE)
-    if measures is not None and study.holds != "sweep":
-        raise Mistake(f"{folder}: {ONLY_STUDIES}")
-    if study.holds == "evaluate":
-        return bench_section.section(folder, study)
-    if study.holds == "benchmark":
-        return benchmark_section.section(folder, study)
-    if study.holds == "papers":
-        return papers_section.section(folder)
-    return study_section.section(folder, measures)
-
-
-KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Section]], ...] = (
-    ((PapersReport.FILE,), papers_section.section),
-    ((TABLE, STREAM), run_section.section),
-)
-"""Files by which a folder without a study is known, and the function that makes its section."""
+ONLY_STUDIES = "--measures is only for folders of sweep and compare"
 
 
 @dataclass(frozen=True, slots=True)
 class Printed:
-    """What is written beside the page."""
+    """Files to write beside the page of a report."""
 
     latex: Path | None = None
-    """File of the tables."""
+    """File for the tables as LaTeX."""
     figures: str | None = None
     """Format of the figures: pdf, svg or pgf."""
     measures: str | None = None
@@ -66,8 +46,15 @@ class Printed:
 
 
 def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = None) -> list[Path]:
-    """Write the page, and what is asked for beside it; the paths of the page, the tables and the
-    folder of figures.
+    """Write the page about the results in some folders, and the files beside it.
+
+    Args:
+        folders: The folders, or names of public benchmarks for their published rows.
+        out: The page's file; None: report.html in the first folder.
+        printed: Tables and figures to write beside the page.
+
+    Returns:
+        The paths of the page, of the LaTeX file and of the folder of figures, if written.
 
     Raises:
         Mistake: A folder is missing, unknown or damaged, or a file cannot be written.
@@ -75,13 +62,13 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
     """
     printed = printed or Printed()
     if printed.figure_width is not None and printed.figures is None:
-        raise Mistake("--figure-width is for --figures: say pdf, svg or pgf")
+        raise Mistake("--figure-width needs --figures: give --figures pdf, svg or pgf")
     measures = None if printed.measures is None else measures_of(printed.measures)
-    path = out or (folders[0] / PAGE if folders[0].is_dir() else Path(f"{folders[0]}.html"))
-    _check_out(path, *PAGES)
-    if printed.latex is not None:
-        _check_out(printed.latex, ".tex")
-    sections = [_section(folder, measures) for folder in folders]
+    of_first = folders[0] / "report.html" if folders[0].is_dir() else Path(f"{folders[0]}.html")
+    path = out or of_first
+    check_place(path, ".html", ".htm")
+    check_place(printed.latex, ".tex")
+    sections = [section_of(folder, measures) for folder in folders]
     files: dict[Path, str | bytes] = {path: render(sections)}
     if printed.latex is not None:
         files[printed.latex] = latex(sections)
@@ -97,36 +84,38 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
     return paths
 
 
-def _check_out(path: Path, *suffixes: str) -> None:
-    """Refuse a path at which a file with one of these endings must not be written."""
-    if not path.parent.is_dir():
-        raise Mistake(f"{path}: cannot write this page: there is no such folder")
-    if path.is_dir():
-        option, name = ("--latex", "tables") if ".tex" in suffixes else ("--out", "page")
-        raise Mistake(
-            f"{path}: this is a folder; {option} takes the file to write, such as "
-            f"{name}{suffixes[0]}"
-        )
-    check_suffix(path, *suffixes)
+def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
+    """Return the section of a page about the results in a folder; `measures` are for studies.
 
-
-def _section(folder: Path, measures: Sequence[str] | None = None) -> Section:
+    Raises:
+        Mistake: The folder is missing, unknown or damaged.
+    """
     if not folder.is_dir():
         if str(folder) in NAMES and measures is None:
             return benchmark_section.published_section(str(folder))
         raise Mistake(f"{folder}: there is no such folder")
+    study = None
     if (folder / StudyFile.FILE).exists():
-        return _study(folder, measures)
-    if measures is not None:
+        study = StudyFile.read(folder / StudyFile.FILE)
+    if measures is not None and (study is None or study.holds != "sweep"):
         raise Mistake(f"{folder}: {ONLY_STUDIES}")
-    for names, section in KINDS:
-        if any((folder / name).exists() for name in names):
-            return section(folder)
+    if study is not None:
+        of_studies = {
+            "evaluate": partial(bench_section.section, study=study),
+            "benchmark": partial(benchmark_section.section, study=study),
+            "papers": papers_section.section,
+        }
+        of_sweep = partial(study_section.section, measures=measures)
+        return of_studies.get(study.holds, of_sweep)(folder)
+    if (folder / PapersReport.FILE).exists():
+        return papers_section.section(folder)
+    if (folder / TABLE).exists() or (folder / STREAM).exists():
+        return run_section.section(folder)
     if (folder / RunReport.FILE).exists():
         raise Mistake(
             f"{folder / RunReport.FILE}: there is no {TABLE} beside it; is this a run's folder?"
         )
     raise Mistake(
-        f"{folder}: nothing in this folder is of `servobench run`, `evaluate`, `benchmark`, "
+        f"{folder}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, "
         "`papers` or `sweep`"
     )

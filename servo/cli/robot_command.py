@@ -5,9 +5,9 @@
 import dataclasses
 import itertools
 import json
+from collections.abc import Mapping
 from math import degrees, isfinite
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -23,7 +23,7 @@ from servo.scenario.fill import fill
 from servo.types import DOF
 from sim.camera.camera import CameraConfig, pinhole
 from sim.camera.choice import renderer_of
-from sim.camera.renderer import Unseen
+from sim.camera.renderer import MakeRenderer, Unseen
 from sim.kinds import PartConfig, kind_of
 from sim.kinematics.chain import ALL_WAYS, Chain, flanges
 from sim.kinematics.doubts import doubts
@@ -33,7 +33,7 @@ from sim.kinematics.model import camera_chain
 from sim.kinematics.robot import Robot
 from sim.kinematics.rollout import STEP
 from sim.kinematics.workspace import Workspace, movable_shares, sample_workspace
-from sim.models.assembly import ROBOT, build_model
+from sim.models.assembly import ROBOT
 from sim.models.model_reader import read_spec
 from sim.motions import circle, line, still, wander
 from sim.mounting import CAMERA
@@ -54,7 +54,8 @@ RATE = 2
 """Indices of the position and the velocity feedback in an actuator's bias."""
 
 BESIDE = (0.0, -DEPTH, 0.0, 90.0)
-"""Base of a robot that cannot bring the camera above the target, but sees it from aside."""
+"""Base (x, y, z [m], yaw [deg]) of a robot that cannot bring the camera above the target, but sees
+the target from the side."""
 MOTIONS = (line.Config(), circle.Config(), wander.Config())
 DRIVEN = 10.0
 """Duration of these motions, as in a scenario by default [s]."""
@@ -70,21 +71,28 @@ LEAST_SHARE = 0.05
 """Smaller shares of a twist's components are not printed."""
 
 
-def examine(given: dict[str, Any], out: Path | None) -> int:
-    """Print joints, flanges, reach and the table of a robot; draw it into the PNG `out`, by default
-    the first of robot.png, robot-2.png and so on that is free.
+def examine(given: Mapping[str, object], out: Path | None) -> int:
+    """Print joints, flanges, reach and the [robot] table of a robot, and draw it in the room.
+
+    Args:
+        given: Settings of the table [robot], with its model.
+        out: The PNG to write; None: the first free one of robot.png, robot-2.png and so on.
+
+    Returns:
+        The exit code 0.
 
     Raises:
-        Mistake: The model cannot be used, a setting does not fit it, or `out` is no PNG or
-            exists.
+        Mistake: The model cannot be used, a setting does not fit it, or `out` exists or is not a
+            PNG.
     """
-    out = out or _free_name()
+    names = (Path(f"robot-{k}.png" if k > 1 else "robot.png") for k in itertools.count(1))
+    out = out or next(name for name in names if not name.exists())
     check_suffix(out, ".png")
     check_writable(out)
-    if given["model"].endswith(".toml"):
+    if str(given["model"]).endswith(".toml"):
         raise Mistake(
-            f"robot: {given['model']}: this looks like a scenario; give the robot's model file "
-            "(MJCF or URDF), which its [robot] names as model"
+            f"robot: {given['model']}: this is a scenario; give the robot's model file (MJCF or "
+            "URDF), which the scenario's table [robot] names as model"
         )
     console = Console()
     config = fill(mjcf.Config, given, "robot")
@@ -94,7 +102,7 @@ def examine(given: dict[str, Any], out: Path | None) -> int:
         if not given.keys() & {"flange", "mount", "camera"}:
             config = dataclasses.replace(config, camera=_own_camera(model))
             model, chain = camera_chain(spec, config.flange, config.camera)
-        robot = _robot(dataclasses.replace(config, base=(0.0, 0.0, 0.0, 0.0)))
+        robot = _world(dataclasses.replace(config, base=(0.0, 0.0, 0.0, 0.0)), Unseen).robot
         workspace = sample_workspace(robot, DEPTH)
         bases = [config.base] if "base" in given else [workspace.base, BESIDE]
         proposed = next((base for base in bases if _begins(config, base)), None)
@@ -114,17 +122,17 @@ def examine(given: dict[str, Any], out: Path | None) -> int:
     return 0
 
 
-def _free_name() -> Path:
-    """Return the first of robot.png, robot-2.png and so on that does not exist."""
-    names = (Path(f"robot-{k}.png" if k > 1 else "robot.png") for k in itertools.count(1))
-    return next(name for name in names if not name.exists())
-
-
-def _robot(config: mjcf.Config) -> Robot:
-    """Return the robot of these settings in a room with a car."""
+def _world(
+    config: mjcf.Config,
+    renderer: MakeRenderer | None = None,
+    motion: PartConfig[Motion] | None = None,
+) -> World:
+    """Return the world of a robot and a car, which stands without a motion."""
     rng = np.random.default_rng(0)
     design = config.build(rng)
-    return Robot(build_model(480.0, PICTURE, design, car.Config().build(rng)), design)
+    moved = (motion or still.Config()).build(rng)
+    parts = WorldParts(design, car.Config().build(rng), moved, camera=PICTURE)
+    return World(parts, rng, renderer=renderer)
 
 
 def _own_camera(model: mujoco.MjModel) -> str:
@@ -134,20 +142,19 @@ def _own_camera(model: mujoco.MjModel) -> str:
 
 
 def _begins(config: mjcf.Config, base: tuple[float, float, float, float]) -> bool:
-    """Return whether a run can begin from a base: with the camera above the target, or, from
-    `BESIDE`, anywhere where it sees it.
+    """Return whether a run can begin from a base (x, y, z [m], yaw [deg]).
+
+    The camera must be above the target or, from the base `BESIDE`, anywhere where it sees it.
     """
     reach = _begun(dataclasses.replace(config, base=base), still.Config())
     return reach.there and (reach.distance < NEAR or base == BESIDE)
 
 
 def _begun(config: mjcf.Config, motion: PartConfig[Motion]) -> Reach:
-    """Return the start of a run with a motion of the target, and how the joints follow it."""
-    rng = np.random.default_rng(0)
-    parts = WorldParts(
-        config.build(rng), car.Config().build(rng), motion.build(rng), camera=PICTURE
-    )
-    world = World(parts, rng, renderer=Unseen)
+    """Return how near a run's start comes to the camera pose 1 m above the target, and whether the
+    joints can follow a motion of the target from there.
+    """
+    world = _world(config, Unseen, motion)
     facing = Pose(np.eye(3), np.array([0.0, 0.0, DEPTH]))
     times = np.arange(0.0, DRIVEN, STEP).tolist()
     middle = np.array([PICTURE.width, PICTURE.height]) / 2
@@ -157,7 +164,7 @@ def _begun(config: mjcf.Config, motion: PartConfig[Motion]) -> Reach:
 
 
 def _ranges_text(config: mjcf.Config) -> str:
-    """Return a sentence that says which usual motions keep the joints inside their ranges."""
+    """Return a sentence about the usual motions that keep the joints inside their ranges."""
     found = list[str]()
     for motion in MOTIONS:
         reach = _begun(config, motion)
@@ -176,10 +183,7 @@ def _ranges_text(config: mjcf.Config) -> str:
 
 def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     """Return a picture of the room beside the camera's view, and sentences about this view."""
-    rng = np.random.default_rng(0)
-    design = config.build(rng)
-    target = car.Config().build(rng)
-    world = World(WorldParts(design, target, still.Config().build(rng), camera=PICTURE), rng)
+    world = _world(config)
     model = world.model
     size = PICTURE.width, PICTURE.height
     room = RoomView(model, *size)
@@ -201,8 +205,7 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     else:
         away = f"{reach.distance:.2f} m and {degrees(reach.angle):.0f} deg"
         text = f"From the base below the camera sees the target, {away} from the pose {above}."
-    joints = len(world.robot.ids)
-    if joints < ALL_WAYS:
+    if len(world.robot.ids) < ALL_WAYS:
         text += f"\n{_directions(world.robot.jacobian(world.data))}"
     if seen.any():
         share = 100 * seen.mean()
@@ -218,7 +221,9 @@ def _belongs(model: mujoco.MjModel, geom: int) -> bool:
 
 
 def _corners(world: World, geoms: NDArray[np.bool_]) -> Array:
-    """Return the corners (n, 3) of the boxes around some geoms, and the table's middle [m]."""
+    """Return the corners of the boxes around some geoms, and the table's middle (n, 3), in the
+    world [m].
+    """
     signs = np.array(list(itertools.product((-1, 1), repeat=3)))
     boxes = world.model.geom_aabb[geoms]
     local = boxes[:, None, :3] + signs * boxes[:, None, 3:]
@@ -247,22 +252,20 @@ def _directions(jacobian: Array) -> str:
 def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
     """Return the table of all joints: range, largest rate, lag and actuator."""
     rows: list[list[str]] = []
-    servos = robot.servos()
     kept = has_velocity_drives(model, chain.joints)
     for joint in range(model.njnt):
         low, high = model.jnt_range[joint]
-        limits = f"{low:.3g} .. {high:.3g}" if model.jnt_limited[joint] else "none"
-        name = model.joint(joint).name
+        place = chain.joints.index(joint) if joint in chain.joints else None
+        unit = "" if place is None else f" {robot.units[place]}"
+        limits = f"{low:.3g} .. {high:.3g}{unit}" if model.jnt_limited[joint] else "none"
+        drive = ["held still", "", ""]
+        if place is not None:
+            fastest = robot.fastest[place]
+            rate = f"{fastest:.3g}{unit}/s" if isfinite(fastest) else "none"
+            lag = f"{1e3 * robot.servos()[place]:.1f} ms"
+            drive = [rate, lag, _actuator(model, joint, kept=kept)]
         kind = kind_of_joint(model.jnt_type[joint])
-        if joint in chain.joints:
-            fastest = robot.fastest[robot.names.index(name)]
-            unit = robot.units[chain.joints.index(joint)]
-            rate = f"{fastest:.3g} {unit}/s" if isfinite(fastest) else "none"
-            limits = f"{limits} {unit}" if model.jnt_limited[joint] else limits
-            own = f"{1e3 * servos[robot.names.index(name)]:.1f} ms"
-            rows.append([name, kind, limits, rate, own, _actuator(model, joint, kept=kept)])
-        else:
-            rows.append([name, kind, limits, "held still", "", ""])
+        rows.append([model.joint(joint).name, kind, limits, *drive])
     head = ("joint", "type", "limits", "largest rate", "servo's lag", "actuator")
     return Table(head, rows, words=(0, 1))
 
@@ -286,14 +289,13 @@ def _flange_table(model: mujoco.MjModel, chain: Chain) -> Table:
         [name, f"{what}{' (taken)' * (name == chain.flange)}", str(joints)]
         for what, name, joints in found[:SHOWN]
     ]
-    if len(found) > SHOWN:
-        rows.append([f"and {len(found) - SHOWN} more"])
+    rows += [[f"and {len(found) - SHOWN} more"]] * (len(found) > SHOWN)
     return Table(("candidates for the flange", "", "joints"), rows, words=range(3))
 
 
 def _reach_text(reach: Workspace) -> str:
-    """Return a sentence about the places that the camera gets to."""
-    text = f"The camera gets {reach.farthest:.2f} m away from the base's origin at most"
+    """Return a sentence about the distances and heights that the camera reaches [m]."""
+    text = f"The camera reaches at most {reach.farthest:.2f} m from the base's origin"
     if not isfinite(reach.lowest):
         return f"{text}; it never looks down: turn it with --mount."
     heights = f"{reach.lowest:.2f} to {reach.highest:.2f} m"
@@ -302,10 +304,8 @@ def _reach_text(reach: Workspace) -> str:
 
 def _toml(config: mjcf.Config, chain: Chain) -> str:
     """Return the [robot] table of a scenario."""
-    table: dict[str, Any] = {"kind": "mjcf", "model": config.model, "base": list(config.base)}
-    if config.camera:
-        table["camera"] = config.camera
-    else:
-        table |= {"flange": chain.flange, "mount": list(config.mount)}
+    flange = {"flange": chain.flange, "mount": list(config.mount)}
+    carried = {"camera": config.camera} if config.camera else flange
+    table = {"kind": "mjcf", "model": config.model, "base": list(config.base)} | carried
     lines = (f"{key} = {json.dumps(value)}" for key, value in table.items())
     return "\n".join(("[robot]", *lines))

@@ -19,6 +19,7 @@ from servo.cli.terminal import (
     WAITING,
     escape,
     plain,
+    print_paths,
     print_table,
     progress_bar,
     waiting,
@@ -45,7 +46,6 @@ from servo.study.scenario_run import LoadedScenario, record_of
 from sim.camera import gl
 from sim.kinds import kind_of
 from sim.kinematics.doubts import doubts
-from sim.kinematics.inverse_kinematics import Reach
 from sim.outline import Outline
 from sim.types import Array
 from tracking.advice import advice
@@ -55,10 +55,10 @@ if TYPE_CHECKING:
     from servo.ros2.server import Server
 
 HIDDEN = 0.1
-"""A target counts as hidden if a smaller share of it is visible."""
+"""Share of the target below which it counts as hidden if no more is visible."""
 START_NEAR = 1e-3
 START_TURNED = radians(1.0)
-"""The robot takes its start pose if it is nearer than this [m, rad]."""
+"""Largest distance and angle from the start pose at which the robot counts as there [m, rad]."""
 
 
 def run_scenario(
@@ -71,7 +71,19 @@ def run_scenario(
     rerun: bool,
     outputs: Outputs = NOTHING_MORE,
 ) -> int:
-    """Run one scenario into a folder; return the exit code: 1 if a bound was missed.
+    """Run one scenario, write its results into a folder, and print a table of its measures.
+
+    Args:
+        name: A shipped scenario or a TOML file.
+        changes: Changes of settings, such as "run.duration=5".
+        seed: Seed of the random streams; None: that of the scenario.
+        out: The folder; None: the next free runs/NAME-SEED.
+        quiet: Whether to print nothing but mistakes.
+        rerun: Whether to write a Rerun recording.
+        outputs: Further files, viewers, and the connection to ROS 2.
+
+    Returns:
+        The exit code: 1 if a bound was missed, else 0.
 
     Raises:
         Mistake: The scenario or a setting is wrong, or the folder cannot be used.
@@ -90,8 +102,7 @@ def run_scenario(
     except PartFailed as error:
         raise with_traceback(error, prepare(out, name)) from None
     with episode:
-        for line in remarks(episode):
-            plain(console, line)
+        plain(console, *remarks(episode))
         viewer = outputs.viewer()
         folder = prepare(out, name)
         announce(viewer, console)
@@ -109,14 +120,10 @@ def run_scenario(
     job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
     record = record_of(job, scenario, run)
     _print_record(console, scenario, record)
-    if why := unjudged(scenario, record.success):
-        plain(console, why)
-    if doubt := uncertain(run):
-        plain(console, doubt)
+    doubt = uncertain(run)
+    plain(console, unjudged(scenario, record.success), doubt)
     console.print(_stage_line(run, writing))
-    paths = output.finish(RunReport.of(record, scenario, run.first.scene, doubt))
-    for path in paths:
-        plain(console, f"  {path}")
+    print_paths(console, output.finish(RunReport.of(record, scenario, run.first.scene, doubt)))
     print_missed(Console(stderr=True), record)
     linger(viewer, console)
     if output.refused is not None:
@@ -125,7 +132,9 @@ def run_scenario(
 
 
 def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) -> list[float]:
-    """Add the steps to `run` and to the output; return the time to write each of them [s]."""
+    """Add the steps of an episode to `run` and to the output; return the time that writing each
+    step took [s].
+    """
     writing: list[float] = []
     with closing(output.close), progress_bar(console) as progress:
         name = escape(episode.scenario.name)
@@ -143,7 +152,7 @@ def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) 
 def load(
     name: str, changes: Sequence[str], seed: int | None, server: Server | None = None
 ) -> Scenario:
-    """Return a scenario whose bounds name existing measures; a server replaces its controller.
+    """Read a scenario and check its bounds; a `server` of ROS 2 replaces its controller.
 
     Raises:
         Mistake: There is no such scenario, or a setting or a bound is wrong.
@@ -158,7 +167,9 @@ def load(
 
 
 def _outline_line(outline: Array) -> str:
-    """Return a sentence about the rectangle (4, 3) [m] that was found around the target."""
+    """Return a sentence about the rectangle that was found around the target: its corners (4, 3) in
+    the target's frame [m].
+    """
     sides = Outline(outline)
     x, y = outline.mean(axis=0)[:2]
     return (
@@ -169,14 +180,12 @@ def _outline_line(outline: Array) -> str:
 
 
 def remarks(episode: Episode) -> list[str]:
-    """Return remarks about a run that is about to begin, a sentence each."""
+    """Return remarks for the user about a run that is about to begin, a sentence each."""
     first, region, state = episode.shown
     lines = [
         _outline_line(episode.world.outline) if episode.world.outline_found else "",
         *doubts(episode.world.robot),
-        _start_line(episode.begun),
-        _range_line(episode.begun),
-        _hidden_line(episode),
+        *_start_lines(episode),
         advice(episode.scenario.tracker, first.image, region, state),
         _tilt_line(episode),
         *measures_lines(episode.scenario),
@@ -186,66 +195,61 @@ def remarks(episode: Episode) -> list[str]:
 
 
 def _tilt_line(episode: Episode) -> str:
-    """Return a sentence about a tilt of the start that no feature measures; else an empty text."""
+    """Return a sentence if the tilt of the start is not measured; else an empty text."""
     scenario = episode.scenario
     tracker = kind_of(scenario.tracker)
     if traits_of(scenario.tracker) is None or reports_corners(scenario):
         return ""
-    goal = episode.running.goal_sight
-    is_tilted = (
-        scenario.start.tilt_deg > degrees(START_TURNED) and not episode.loop.law.uses_pictures
-    )
-    if not is_tilted or len(episode.loop.features.values(goal)) < DOF:
+    is_tilted = scenario.start.tilt_deg > degrees(START_TURNED)
+    if not is_tilted or episode.loop.law.uses_pictures:
         return ""
-    instead = "tracker.corners = true" if tracker == "truth" else "tag and homography"
+    if len(episode.loop.features.values(episode.running.goal_sight)) < DOF:
+        return ""
+    instead = "tracker.corners = true" if tracker == "truth" else "the tracker tag or homography"
     return (
-        f"The tracker {tracker} reports no corners: the tilt of the start is neither seen nor "
-        f"servoed; with {instead} it is"
+        f"The tracker {tracker} reports no corners, so the tilt of the start is not measured and "
+        f"not servoed; {instead} measures it"
     )
 
 
 def measures_lines(scenario: Setup) -> list[str]:
-    """Return sentences about measures without a value, as no frame of the run counts, and about
-    bounds that every run keeps or every run misses.
+    """Return sentences about measures without a value, because the run ends before its frames
+    count, and about bounds that every run keeps or every run misses.
     """
     lines = list[str]()
     if scenario.run.duration <= scenario.measure.after:
         lines.append(
             f"The run ends after {scenario.run.duration:g} s, and measure.after = "
-            f"{scenario.measure.after:g} s: measures that count from there on have no value"
+            f"{scenario.measure.after:g} s: measures that count from that time on have no value"
         )
     if isinstance(scenario, Scenario):
         lines += doubts_of(scenario)
     return lines
 
 
-def _hidden_line(episode: Episode) -> str:
-    """Return a sentence about a target hidden in the first picture; else an empty text."""
+def _start_lines(episode: Episode) -> list[str]:
+    """Return sentences about a start pose that the robot cannot take, a joint that will reach the
+    end of its range, and a target that is hidden in the first picture.
+    """
+    begun = episode.begun
     visible = episode.world.visible()
-    if visible >= HIDDEN:
-        return ""
-    return f"The target is hidden in the first picture: {100 * visible:.0f} % of it is visible"
-
-
-def _start_line(begun: Reach) -> str:
-    """Return a sentence about a start pose that the robot cannot take; else an empty text."""
-    if begun.distance < START_NEAR and begun.angle < START_TURNED:
-        return ""
-    return (
-        "No posture takes the start pose: the robot begins where it sees the target in the same "
-        f"direction, {begun.distance:.2f} m and {degrees(begun.angle):.0f} deg from it"
-    )
-
-
-def _range_line(begun: Reach) -> str:
-    """Return a sentence about a joint that will reach the end of its range; else an empty text."""
-    rollout = begun.rollout
-    if rollout is None or not rollout.joint:
-        return ""
-    return (
-        f"Along this motion the joint {rollout.joint} comes to the end of its range after "
-        f"{rollout.time:.1f} s, and no other start posture was found that stays inside the ranges"
-    )
+    lines = list[str]()
+    if begun.distance >= START_NEAR or begun.angle >= START_TURNED:
+        lines.append(
+            "The robot cannot take the start pose: it begins where it sees the target in the same "
+            f"direction, {begun.distance:.2f} m and {degrees(begun.angle):.0f} deg from that pose"
+        )
+    if begun.rollout is not None and begun.rollout.joint:
+        lines.append(
+            f"With this motion the joint {begun.rollout.joint} reaches the end of its range after "
+            f"{begun.rollout.time:.1f} s; no other start posture was found that stays inside the "
+            "ranges"
+        )
+    if visible < HIDDEN:
+        lines.append(
+            f"The target is hidden in the first picture: {100 * visible:.0f} % of it is visible"
+        )
+    return lines
 
 
 def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
@@ -254,8 +258,8 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
     console.print(f"[bold]{escape(scenario.name)}[/], seed {record.seed}: {outcome}")
     rows: list[list[str]] = []
     for name, measure in MEASURES.items():
-        bound = scenario.expect.get(name)
-        limit = "" if bound is None else f"{bound:g}" if isinstance(bound, int | float) else bound
+        bound = scenario.expect.get(name, "")
+        limit = f"{bound:g}" if isinstance(bound, int | float) else bound
         rows.append([name, f"{record.measures[name]:.3g}", limit, measure.meaning])
     print_table(console, Table(("measure", "value", "bound", "meaning"), rows, words=(0, 3)))
     if scenario.drawn:
@@ -263,26 +267,23 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
         plain(console, f"drawn for seed {scenario.run.seed}: {values}")
     if not scenario.run.repeats:
         plain(console, DOES_NOT_REPEAT)
-    for name, used in scenario.rates_changed.items():
-        plain(console, f"{name} = {used:.6g} Hz was used, to fit camera.rate")
+    changed = scenario.rates_changed.items()
+    plain(console, *(f"{key} = {hz:.6g} Hz was used, to fit camera.rate" for key, hz in changed))
 
 
 def _stage_line(run: Columns, writing: Sequence[float]) -> str:
     """Return a sentence about the median times of a step's stages, and of writing it [s]."""
     seconds = timed(run)
-    each = np.median(seconds, axis=0)
-    total = np.median(seconds.sum(axis=1))
-    stages = zip(("render", "track", "control", "physics"), each, strict=True)
+    stages = zip(("render", "track", "control", "physics"), np.median(seconds, axis=0), strict=True)
     parts = "  ".join(f"{stage} {1e3 * spent:.2f}" for stage, spent in stages)
     return (
-        f"A step took {1e3 * total:.1f} ms: {parts}; "
+        f"A step took {1e3 * np.median(seconds.sum(axis=1)):.1f} ms: {parts}; "
         f"writing it took {1e3 * median(writing):.1f} ms (medians)"
     )
 
 
 def print_missed(console: Console, record: Record) -> None:
-    """Print missed bounds and the command that repeats the run; print nothing if it missed none."""
-    for line in missed_lines(record.missed, record.measures):
-        plain(console, f"missed: {line}")
-    if record.missed:
-        plain(console, f"  again: {record.command}")
+    """Print the bounds that a run missed, and the command that repeats the run."""
+    lines = missed_lines(record.missed, record.measures)
+    again = f"  again: {record.command}" * bool(record.missed)
+    plain(console, *(f"missed: {line}" for line in lines), again)

@@ -1,6 +1,6 @@
 """The command `servobench schema`: the JSON Schema (draft 2020-12) of scenarios and studies.
 
-An editor checks and completes a scenario with it. What several settings must fulfil together is
+Editors check and complete scenarios with the schema. Conditions on several settings together are
 checked by the parser only.
 """
 
@@ -29,13 +29,13 @@ SHARE: Schema = {"type": "number", "minimum": 0, "maximum": 1}
 
 
 def text() -> str:
-    """The schema as JSON."""
+    """Return the JSON Schema of scenarios and studies as a text."""
     more = {"vary": vary_schema(), "expect": expect_schema(), "sweep": sweep_schema()}
     return json.dumps(scenario_schema(more), indent=1)
 
 
 def expect_schema() -> Schema:
-    """Schema of the table of bounds: any measure, and the outcome."""
+    """Return the schema of the table `expect`: bounds on measures, and the outcome."""
     ends = list(Outcome.__members__)
     outcome = {"enum": ends, "description": f"How the run has to end: {', '.join(ends)}."}
     one = {"outcome": outcome} | _bounds()
@@ -52,7 +52,7 @@ def expect_schema() -> Schema:
 
 
 def vary_schema() -> Schema:
-    """Schema of the table of settings that are drawn for each seed."""
+    """Return the schema of the table `vary`: settings that are drawn for each seed."""
     nested = {"$ref": "#/properties/vary"}
     return {
         "description": "Settings that are drawn for each seed but 0, by dotted keys, such as "
@@ -63,7 +63,7 @@ def vary_schema() -> Schema:
 
 
 def sweep_schema() -> Schema:
-    """Schema of the table of a study of this scenario."""
+    """Return the schema of the table `sweep`: a study of the scenario."""
     share = SHARE | {"description": "Share of good runs."}
     seed = {"type": "integer", "minimum": 0}
     most = {"maximum": parse.MOST_RUNS}
@@ -105,7 +105,7 @@ def _bounds() -> Schema:
 
 
 def _laws(counts: Mapping[str, int | None]) -> list[Schema]:
-    """Schemas of tables with one law, by how many numbers each takes."""
+    """Return a schema of a table for each law of draws, from the number of values that it takes."""
     number = {"type": "number"}
     laws: list[Schema] = []
     for name, count in counts.items():
@@ -116,7 +116,7 @@ def _laws(counts: Mapping[str, int | None]) -> list[Schema]:
 
 
 def _axes() -> Schema:
-    """Schema of nested tables of settings, each with a list of values, a span, or a draw."""
+    """Return the schema of nested tables of settings with a list of values, a span, or a draw."""
     laws = _laws(COUNTS)
     some = {"type": "array", "minItems": 1, "maxItems": MOST_VALUES}
     nested = {"$ref": "#/properties/sweep/properties/axes"}
@@ -129,7 +129,7 @@ def _axes() -> Schema:
 
 
 class _Json(GenerateJsonSchema):
-    """Writes schemas as TOML needs them: without null, and without titles that repeat the key."""
+    """Generator of schemas for TOML: without null, and without titles that repeat the key."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
         return False
@@ -143,13 +143,13 @@ class _Json(GenerateJsonSchema):
 
 
 def scenario_schema(more: Schema) -> Schema:
-    """Return the schema of a scenario's file, given those of the tables that are no settings."""
-    tables: dict[str, Any] = {
+    """Return the schema of a scenario's file; `more` has the schemas of tables without settings."""
+    tables: Schema = {
         **{name: form(config, described=True) for name, config in SECTIONS.items()},
         **{name: _table_of_kind(name, *of) for name, of in PLUGINS.items()},
         **{name: list[_table_of_kind(name, kinds)] for name, kinds in LISTS.items()},
     }
-    members: dict[str, Any] = {name: (table, None) for name, table in tables.items()}
+    members: Schema = {name: (table, None) for name, table in tables.items()}
     scenario = create_model("Scenario", __config__=STRICT, **members)
     found = scenario.model_json_schema(schema_generator=_Json)
     about = {"$schema": GenerateJsonSchema.schema_dialect, "title": "A scenario of servobench"}
@@ -157,7 +157,7 @@ def scenario_schema(more: Schema) -> Schema:
 
 
 def table(properties: Schema, description: str = "") -> Schema:
-    """Return the schema of a table that has these keys only."""
+    """Return the schema of a table that allows these keys only, from their schemas."""
     about = {"description": description} if description else {}
     return about | {"type": "object", "properties": properties, "additionalProperties": False}
 
@@ -174,7 +174,7 @@ def _table_of_kind(name: str, kinds: Kinds[Any], default: str = "") -> Any:
 def _model(name: str, kinds: Kinds[Any], kind: str, default: str) -> type[BaseModel]:
     """Return the model of a table with a kind."""
     config = kinds.config_of(kind)
-    members: dict[str, Any] = {"kind": (Literal[kind], default if kind == default else ...)}
+    members: Schema = {"kind": (Literal[kind], default if kind == default else ...)}
     if presets := kinds.presets(kind):
         about = Field(None, description="Settings that are not given.")
         members["preset"] = (Literal[*presets], about)

@@ -1,4 +1,4 @@
-"""The command `servobench sweep`: do the missing runs of a study, store and summarise them."""
+"""The command `servobench sweep`: do the missing runs of a study and summarise all its runs."""
 
 import shlex
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, go_on, print_estimate
-from servo.cli.terminal import complain, escape, plain, print_table, waiting
+from servo.cli.terminal import complain, escape, plain, print_paths, print_table, waiting
 from servo.mistake import check_known
 from servo.output.formats import command_line
 from servo.report.study_data import cell_row
@@ -34,7 +34,6 @@ from servo.study.store import Store, StudyFile, opened
 from sim.camera import gl
 from tracking.files.csv_text import csv_text
 
-SUCCESS = "success: share of runs with the expected outcome, with its 95 % interval over the units"
 MOST_SHOWN = 60
 """Most cells in the printed table; the files have all."""
 
@@ -50,7 +49,21 @@ def run(
     dry_run: bool = False,
     measures: str | None = None,
 ) -> int:
-    """Do the missing runs of a study; the exit code: 1 if a run failed or a bound was missed.
+    """Do the missing runs of a study, and write and print its tables.
+
+    Args:
+        study: A shipped study or a TOML file.
+        changes: Changes of settings of all runs, such as "run.duration=5".
+        seeds: Number of seeds from 0 on; None: those of the study.
+        workers: Number of processes on this machine.
+        scheduler: Address of a Dask scheduler to work on instead; None: this machine.
+        out: The folder; None: runs/sweep-STUDY.
+        quiet: Whether to print nothing but mistakes and missed bounds.
+        dry_run: Whether to print only how many runs there are and how long they take.
+        measures: Columns of the table, with commas between them; None: those that differ most.
+
+    Returns:
+        The exit code: 1 if a run failed or a bound was missed, else 0.
 
     Raises:
         Mistake: The study or its folder is wrong, or the scheduler cannot be used.
@@ -68,7 +81,7 @@ def run(
 
 
 def measures_of(text: str) -> list[str]:
-    """Return the measures that are named in a text, with commas between them.
+    """Return the names of measures in a text, which has commas between them.
 
     Raises:
         Mistake: There is no such measure.
@@ -89,12 +102,26 @@ def run_study(
     measures: Sequence[str] | None = None,
     has_page: bool = False,
 ) -> int:
-    """Do the missing runs of a study in a folder; result and errors are those of `run`.
+    """Do the missing runs of a study, and write and print its tables.
 
-    Where it `has_page`, the caller writes the page, and no line says how to.
+    Args:
+        study: The study.
+        command: The command line that repeats it.
+        workers: The processes that do the runs.
+        out: The folder; None: runs/sweep-STUDY.
+        console: The output of the command.
+        dry_run: Whether to print only how many runs there are and how long they take.
+        measures: Columns of the printed table; None: those that differ most.
+        has_page: Whether the caller writes a page, so that no line says how to.
+
+    Returns:
+        The exit code: 1 if a run failed or a bound was missed, else 0.
+
+    Raises:
+        Mistake: The folder cannot be used.
+        Refused: A file cannot be written, or the workers cannot work.
     """
-    for line in _doubts(study):
-        plain(console, line)
+    plain(console, *_doubts(study))
     folder = out or Path("runs") / f"sweep-{study.name}"
     if dry_run:
         return print_estimate(list(study.jobs()), workers.count, console, Store(folder))
@@ -110,7 +137,7 @@ def run_study(
 
 
 def _doubts(study: Study) -> list[str]:
-    """Return a sentence for each bound of a study that says nothing of runs with some settings."""
+    """Return a sentence for each bound that decides nothing about runs with some settings."""
     lines = list[str]()
     for job in islice(study.samples() if study.expect else (), MOST_VALUES):
         base = job.subject
@@ -122,7 +149,7 @@ def _doubts(study: Study) -> list[str]:
 def _sum_up(
     study: Study, store: Store, console: Console, measures: Sequence[str] | None = None
 ) -> int:
-    """Write the tables and print a summary; the exit code: 1 if a bound was missed."""
+    """Write the tables and print a summary; return the exit code: 1 if a bound was missed."""
     if not store.done:
         return 0
     table = store.table()
@@ -139,14 +166,11 @@ def _sum_up(
                 f"{escape(str(c.first))} holds more often than {escape(str(c.second))}: "
                 f"in {c.test.wins} {c.unit}s against {c.test.losses}, p = {c.p_holm:.2g} after Holm"
             )
-    for path in paths:
-        plain(console, f"  {path}")
-    if short := uncounted(rows):
-        plain(console, short)
-    not_kept = missed_by_cells(grouped(study.keys, rows), study.expect)
-    for line in not_kept:
-        complain(line)
-    return 1 if not_kept else 0
+    print_paths(console, paths)
+    plain(console, uncounted(rows))
+    missed = missed_by_cells(grouped(study.keys, rows), study.expect)
+    complain(*missed)
+    return 1 if missed else 0
 
 
 def _print_cells(console: Console, cells: Sequence[Cell], measures: Sequence[str]) -> None:
@@ -155,7 +179,9 @@ def _print_cells(console: Console, cells: Sequence[Cell], measures: Sequence[str
     rows = [cell_row(cell, measures) for cell in cells[:MOST_SHOWN]]
     print_table(console, Table((*keys, "units", "success", *titles), rows, range(len(keys))))
     if len(cells) > MOST_SHOWN:
-        console.print(f"... and {len(cells) - MOST_SHOWN} cells more, in cells.csv")
-    plain(console, SUCCESS)
-    for name in measures:
-        plain(console, f"{name}: {RECORDED[name]}")
+        console.print(f"... and {len(cells) - MOST_SHOWN} more rows in cells.csv")
+    plain(
+        console,
+        "success: share of runs with the expected outcome, with its 95 % interval over the units",
+        *(f"{name}: {RECORDED[name]}" for name in measures),
+    )

@@ -1,6 +1,8 @@
-"""Printing that all commands share: progress bars, tables and plain lines."""
+"""Printing for all commands: progress bars, tables and plain lines."""
 
+from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
 
 from rich import markup
 from rich.console import Console
@@ -12,7 +14,7 @@ from servo.report import words
 
 COMPILING = "(the first run on a machine compiles the hot loops)"
 ROOMY = 6
-"""Most columns with wide gaps."""
+"""Most columns of a table with wide gaps."""
 WAITING = f"preparing {COMPILING}"
 NARROWEST = 12
 """Least width of a column of words where the numbers beside it leave no room [characters]; a word,
@@ -21,22 +23,23 @@ COLOURS = {words.Tone.GOOD: "green", words.Tone.BAD: "red", words.Tone.PLAIN: "b
 
 
 def escape(text: str) -> str:
-    """Return a text for rich as it stands: neither markup nor control characters have an effect."""
+    """Return a text that rich prints literally: markup and control characters are escaped."""
     return markup.escape(printable(text))
 
 
 def moves(console: Console) -> bool:
-    """Return whether what moves can be shown; in a pipe, FORCE_COLOR asks for colours only."""
+    """Return whether animated text, such as a progress bar, can be shown on a console."""
+    # In a pipe, FORCE_COLOR makes `is_terminal` true, but asks for colours only.
     return console.is_terminal and console.file.isatty()
 
 
 def waiting(console: Console, text: str) -> AbstractContextManager[object]:
-    """Show a text that moves until the block ends."""
+    """Show a text with a spinner until the block ends; nothing where the console is no terminal."""
     return console.status(text) if moves(console) else nullcontext()
 
 
 def progress_bar(console: Console) -> Progress:
-    """A bar with count, time left, and a note; it disappears when the work is done."""
+    """Return a progress bar with count, time left and a note, which disappears at the end."""
     title = TextColumn("{task.description}")
     note = TextColumn("{task.fields[note]}")
     columns = (title, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), note)
@@ -44,17 +47,16 @@ def progress_bar(console: Console) -> Progress:
 
 
 def print_table(console: Console, shown: words.Table) -> None:
-    """Print a table and its note; long texts wrap, so that numbers keep all their digits."""
+    """Print a table with its note; long texts wrap, so that numbers keep all their digits."""
     table = Table(box=None, pad_edge=False, collapse_padding=len(shown.head) > ROOMY)
     for i, title in enumerate(shown.head):
         is_text = i in shown.words
-        lines = _lines(shown, i)
-        longest = max(map(len, lines))
-        word = max((len(word) for line in lines for word in line.split()), default=0)
-        justify = "left" if is_text else "right"
+        cells = [title, *(_text(row[i]) for row in shown.rows if i < len(row))]
+        longest = max(len(line) for cell in cells for line in cell.split("\n"))
+        word = max((len(word) for cell in cells for word in cell.split()), default=0)
         table.add_column(
             escape(title),
-            justify=justify,
+            justify="left" if is_text else "right",
             overflow="fold",
             no_wrap=not is_text,
             min_width=min(longest, max(word, NARROWEST)) if is_text else longest,
@@ -66,28 +68,31 @@ def print_table(console: Console, shown: words.Table) -> None:
     needed = sum((column.min_width or 0) + gap for column in table.columns)
     table.width = needed if needed > console.width else None
     console.print(table, crop=False)
-    if shown.note:
-        plain(console, shown.note)
+    plain(console, shown.note)
 
 
-def _lines(shown: words.Table, column: int) -> list[str]:
-    """Return the lines of a column's title and cells, without their tones."""
-    cells = [shown.head[column], *(row[column] for row in shown.rows if column < len(row))]
-    texts = [cell if isinstance(cell, str) else cell.text for cell in cells]
-    return "\n".join(texts).split("\n")
+def _text(cell: words.Cell) -> str:
+    """Return the text of a cell without its colour."""
+    return cell if isinstance(cell, str) else cell.text
 
 
 def _marked(cell: words.Cell) -> str:
-    if isinstance(cell, str):
-        return escape(cell)
-    return f"[{COLOURS[cell.tone]}]{escape(cell.text)}[/]"
+    """Return the text of a cell with rich's markup of its colour."""
+    text = escape(_text(cell))
+    return text if isinstance(cell, str) else f"[{COLOURS[cell.tone]}]{text}[/]"
 
 
-def plain(console: Console, text: str) -> None:
-    """Print a path or a command as it stands: without colours, line breaks and markup."""
-    console.print(printable(text), highlight=False, soft_wrap=True, markup=False)
+def plain(console: Console, *lines: str) -> None:
+    """Print lines literally: without colours, added line breaks and markup; skip empty ones."""
+    for line in filter(None, lines):
+        console.print(printable(line), highlight=False, soft_wrap=True, markup=False)
 
 
-def complain(sentence: object) -> None:
-    """Print a sentence on stderr."""
-    plain(Console(stderr=True), f"servobench: {one_line(str(sentence))}")
+def print_paths(console: Console, paths: Iterable[Path]) -> None:
+    """Print the paths of written files, a line each."""
+    plain(console, *(f"  {path}" for path in paths))
+
+
+def complain(*sentences: str) -> None:
+    """Print sentences about problems on stderr, a line each, after "servobench: "."""
+    plain(Console(stderr=True), *(f"servobench: {one_line(each)}" for each in sentences))

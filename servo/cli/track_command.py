@@ -1,14 +1,14 @@
 """The command `servobench track`: run a tracker on pictures and write its track and report."""
 
 import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 from rich.console import Console
+from rich.progress import Progress
 
 from servo.cli.guard import REFUSED, STOPPED, exit_code
 from servo.cli.outputs import Outputs, announce, linger
@@ -18,6 +18,7 @@ from servo.cli.terminal import (
     complain,
     escape,
     plain,
+    print_paths,
     print_table,
     progress_bar,
     waiting,
@@ -29,9 +30,10 @@ from servo.output.formats import command_line
 from servo.output.run_folder import prepare, with_traceback
 from servo.output.track_folder import TrackFolder, TrackReport
 from servo.output.versions import versions
-from servo.report.words import Table
+from servo.report import words
 from servo.scenario.fill import fill_plugin
-from servo.scenario.toml import assignment, put
+from servo.scenario.toml import Table, assignment, put
+from sim.kinds import PartConfig
 from sim.types import Array
 from tracking.advice import advice
 from tracking.evaluation.track import Shot, Track, follow
@@ -41,139 +43,136 @@ from tracking.files.json_text import number
 from tracking.sequences import truth as truths
 from tracking.sequences.quadrilateral import placement
 from tracking.sequences.sequence import check_truth, source_of, truth_beside
-from tracking.sequences.sources import SECOND, End, Picture, Source
+from tracking.sequences.sources import SECOND, End, Source
 from tracking.sequences.stream import shown
 from tracking.trackers import KINDS as TRACKERS
-from tracking.types import Region, State, Status
+from tracking.types import Region, State, Status, Tracker
 
 
-@dataclass(frozen=True, slots=True)
-class TrackRequest:
-    """The options of the command line."""
+def run(
+    source: str,
+    region: str | None,
+    topic: str | None,
+    select: bool,
+    tracker: str,
+    changes: Sequence[str],
+    seed: int,
+    truth: Path | None,
+    truth_format: str,
+    out: Path | None,
+    outputs: Outputs,
+    rerun: bool,
+    rate: float,
+    frames: int | None,
+    quiet: bool,
+) -> int:
+    """Track the target in the pictures of a source, and write the track and its report.
 
-    source: str
-    region: str | None
-    topic: str | None
-    select: bool
-    tracker: str
-    changes: Sequence[str]
-    seed: int
-    truth: Path | None
-    truth_format: str
-    out: Path | None
-    outputs: Outputs
-    rerun: bool
-    rate: float
-    frames: int | None
-    quiet: bool
+    Args:
+        source: A folder of pictures, a video, a bag, a camera or an address.
+        region: The target in the first picture, "X,Y,W,H[,DEG]" [px, deg]; None: that of the truth.
+        topic: The topic of a bag.
+        select: Whether the user draws the region.
+        tracker: The tracker, such as "kams" or "kams:paper".
+        changes: Changes of its settings, such as "tracker.particles=80".
+        seed: Seed of the tracker's random numbers.
+        truth: A file of the truth; None: one beside the source, if there is one.
+        truth_format: "otb", "vot", "tld", "csv" or "auto".
+        out: The folder; None: the next free runs/SOURCE-TRACKER-SEED.
+        outputs: Further files and viewers.
+        rerun: Whether to write a Rerun recording.
+        rate: Pictures a second of a folder [Hz].
+        frames: Most pictures to track.
+        quiet: Whether to print nothing but mistakes.
 
-    @property
-    def command(self) -> str:
-        """The command line, without --out and other places to write to."""
-        return command_line(
-            "track",
-            self.source,
-            region=self.region,
-            topic=self.topic,
-            tracker=self.tracker,
-            set=list(self.changes),
-            seed=self.seed,
-            truth=self.truth,
-            truth_format=self.truth_format,
-            rerun=self.rerun,
-            rate=f"{self.rate:g}",
-            frames=self.frames,
-        )
-
-    def name_with(self, kind: str) -> str:
-        """The name of the folder, with the tracker's kind in it."""
-        source = Path(self.source.replace(":", "-")).stem.encode(errors="replace").decode()
-        return f"{source}-{kind.replace(':', '-')}-{self.seed}"
-
-
-def run(request: TrackRequest) -> int:
-    """Track the target and write the files; return the exit code.
+    Returns:
+        The exit code: 1 if the stream broke off or a picture could not be read, that of a signal
+        that stopped the command, else 0.
 
     Raises:
         Mistake: The source, its truth, the region or the tracker is wrong, or the folder cannot be
             used.
         Refused: The video or the recording could not be written completely.
     """
-    settings, config = tracker_of(request.tracker, request.changes)
-    request.outputs.check()
-    console = Console(quiet=request.quiet)
-    with as_mistake():
-        source = source_of(request.source, request.rate, request.topic)
-        request = replace(request, source=shown(request.source))
-        truth = _truth(request, source)
-        _warm_up(request, source, config, console)
-        request, pictures = _selected(request, source)
-        region, start = _placement(request, truth)
-    if truth is not None and len(truth) == 1 and source.count != 1:
-        complain(f"the truth has one line for {source.count} pictures: there are no measures")
-        truth = None
-    part = Part("tracker", config)
-    tracker = part.guarded(part.build(np.random.default_rng(request.seed)))
-    shots = _shots(itertools.islice(follow(tracker, pictures, region, start), request.frames))
+    settings, config = tracker_of(tracker, changes)
     kind = settings["kind"]
-    name = request.name_with(kind)
-    viewer = request.outputs.viewer()  # before the first picture of a stream, which goes on
-    first = _first(request, shots, name)
-    folder = prepare(request.out, name)
+    outputs.check()
+    console = Console(quiet=quiet)
+    with as_mistake():
+        stream = source_of(source, rate, topic)
+        source = shown(source)
+        true = _truth(truth, truths.Format.named(truth_format), source, stream)
+        if stream.count is None:
+            _warm_up(config, console, rerun=rerun)
+        pictures = iter(stream)
+        if select:
+            from servo.cli import region_page  # jinja2 takes a while to import
+
+            region, pictures = region_page.select(source, pictures, region)
+        target, start = _placement(region, source, true)
+    if true is not None and len(true) == 1 and stream.count != 1:
+        complain(f"the truth has one line for {stream.count} pictures: there are no measures")
+        true = None
+    guarded = _built(config, seed)
+    shots = _shots(itertools.islice(follow(guarded, pictures, target, start), frames))
+    stem = Path(source.replace(":", "-")).stem.encode(errors="replace").decode()
+    name = f"{stem}-{kind.replace(':', '-')}-{seed}"
+    viewer = outputs.viewer()  # before the first picture of a stream, which goes on
+    first = _first(shots, source, out, name)
+    folder = prepare(out, name)
     announce(viewer, console)
     # A live source does not wait: advice would take time and so cost pictures.
-    if (
-        first.picture.image is not None
-        and source.count is not None
-        and (line := advice(config, first.picture.image, region, start))
-    ):
-        plain(console, line)
-    more = request.outputs.of_track(region, source, f"{kind} on {name}", viewer)
+    image = None if stream.count is None else first.picture.image
+    if image is not None:
+        plain(console, advice(config, image, target, start))
+    title = f"{kind} on {name}"
+    more = outputs.of_track(target, stream, title, viewer)
     try:
-        files = TrackFolder(folder, region, recording=request.rerun, more=more)
-        seen, code = _write(request, files, truth, itertools.chain([first], shots), source)
+        files = TrackFolder(folder, target, recording=rerun, more=more)
+        bar = progress_bar(console)
+        bar.add_task(
+            escape(tracker),
+            total=min(filter(None, (stream.count, frames)), default=None),
+            note=COMPILING,
+        )
+        seen, code = _write(files, true, itertools.chain([first], shots), bar)
     except PartFailed as error:
         raise with_traceback(error, folder) from None
-    comparison = (
-        Comparison.of(Track.of(seen, region), truth) if truth is not None and seen else None
+    comparison = Comparison.of(Track.of(seen, target), true) if true is not None and seen else None
+    end = _with_reason(stream.end, seen, files.seconds)
+    again = command_line(
+        "track",
+        source,
+        region=region,
+        topic=topic,
+        tracker=tracker,
+        set=list(changes),
+        seed=seed,
+        truth=truth,
+        truth_format=truth_format,
+        rerun=rerun,
+        rate=f"{rate:g}",
+        frames=frames,
     )
-    end = _with_reason(source.end, seen, files.seconds)
-    report = _report(request, folder, settings, seen, comparison, end)
-    print_track(console, f"{kind} on {name}", seen, comparison, end)
-    for path in (*files.paths, report):
-        plain(console, f"  {path}")
+    report = _report(again, source, settings, seed, seen, comparison, end).write(folder)
+    print_track(console, title, seen, comparison, end)
+    print_paths(console, [*files.paths, report])
     if code == 0:
         linger(viewer, console)
     if files.refused is not None:
         raise files.refused
-    is_lost = end is not None and end.lost
-    return code or (REFUSED if is_lost or any(shot.blind for shot in seen) else 0)
+    is_whole = not any(shot.blind for shot in seen) and (end is None or not end.lost)
+    return code or (0 if is_whole else REFUSED)
 
 
-def _warm_up(request: TrackRequest, source: Source, config: Any, console: Console) -> None:
-    """Run the tracker and the recording of a live source on pictures of noise, which compiles them.
-
-    A live source does not wait: compiling after its first picture would lose a second of it.
-    """
-    if source.count is not None:
-        return
-    with waiting(console, WAITING):
-        seen = warm_up(config)
-        with TemporaryDirectory() as place:
-            files = TrackFolder(Path(place), Region(1.0, 1.0), recording=request.rerun)
-            for shot in seen:
-                files.add(shot, None)
-            files.close()
+def _built(config: PartConfig[Tracker], seed: int) -> Tracker:
+    """Return a new tracker whose errors name it."""
+    part = Part("tracker", config)
+    return part.guarded(part.build(np.random.default_rng(seed)))
 
 
-def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
-    """Yield the shots; raise a ValueError of the source or the tracker as a Mistake."""
-    with as_mistake():
-        yield from shots
-
-
-def _first(request: TrackRequest, shots: Iterator[Shot], name: str) -> Shot:
-    """Return the first shot.
+def _first(shots: Iterator[Shot], source: str, out: Path | None, name: str) -> Shot:
+    """Return the first tracked picture.
 
     Raises:
         Mistake: The tracker failed, or there is no picture.
@@ -181,19 +180,42 @@ def _first(request: TrackRequest, shots: Iterator[Shot], name: str) -> Shot:
     try:
         return next(shots)
     except PartFailed as error:
-        raise with_traceback(error, prepare(request.out, name)) from None
+        raise with_traceback(error, prepare(out, name)) from None
     except StopIteration:
-        raise Mistake(f"{request.source}: there are no pictures in it") from None
+        raise Mistake(f"{source}: this source has no pictures") from None
 
 
-def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
-    """Return the settings of a tracker such as "kams" or "kams:paper" as a table, with changes such
-    as "tracker.particles=80", and its `Config`.
+def _warm_up(config: PartConfig[Tracker], console: Console, *, rerun: bool) -> None:
+    """Compile the tracker and the recording for a live source, by running them on noise.
+
+    A live source does not wait: compiling after its first picture would lose a second of it.
+    """
+    with waiting(console, WAITING):
+        seen = warm_up(config)
+        with TemporaryDirectory() as place:
+            files = TrackFolder(Path(place), Region(1.0, 1.0), recording=rerun)
+            for shot in seen:
+                files.add(shot, None)
+            files.close()
+
+
+def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
+    """Yield the tracked pictures; raise a ValueError of source or tracker as a Mistake."""
+    with as_mistake():
+        yield from shots
+
+
+def tracker_of(kind: str, changes: Sequence[str]) -> tuple[Table, PartConfig[Tracker]]:
+    """Return the settings of a tracker as a TOML table, and its `Config`.
+
+    Args:
+        kind: The tracker, such as "kams" or "kams:paper".
+        changes: Changes of settings, such as "tracker.particles=80".
 
     Raises:
         Mistake: There is no such kind or setting.
     """
-    table: dict[str, Any] = {"tracker": TRACKERS.named(kind)}
+    table: Table = {"tracker": TRACKERS.named(kind)}
     for item in changes:
         put(table, *assignment(item), f"--set {item}")
         if len(table) > 1:
@@ -201,56 +223,48 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[dict[str, Any], Any]:
     return table["tracker"], fill_plugin(TRACKERS, table["tracker"], "tracker")
 
 
-def _selected(request: TrackRequest, source: Source) -> tuple[TrackRequest, Iterator[Picture]]:
-    """Return the request, with the region that the user draws for --select, and the pictures."""
-    pictures = iter(source)
-    if not request.select:
-        return request, pictures
-    from servo.cli import region_page  # jinja2 takes a while to import
-
-    text, pictures = region_page.select(request.source, pictures, request.region)
-    return replace(request, region=text), pictures
-
-
-def _truth(request: TrackRequest, source: Source) -> Array | None:
-    """Return the truth that the request names or that stands beside its source; None without one.
+def _truth(truth: Path | None, form: truths.Format, source: str, stream: Source) -> Array | None:
+    """Return the true corners (n, 4, 2) [px] in the given file or in one beside the source; None
+    without such a file.
 
     Raises:
         Mistake: The source has no end, or the truth does not fit it.
     """
-    form = truths.Format.named(request.truth_format)
-    path = request.truth or truth_beside(request.source)
+    path = truth or truth_beside(source)
     if path is None:
         return None
-    if source.count is None:
+    if stream.count is None:
         raise Mistake(
-            f"{path}: the pictures of {request.source} cannot be counted, so there is no "
-            "truth for them"
+            f"{path}: the pictures of {source} cannot be counted, so a truth cannot belong to "
+            "them: leave out --truth"
         )
-    truth = truths.read(path, form, source.count)
-    check_truth(truth, source, str(path), form, start_is_enough=True)
+    found = truths.read(path, form, stream.count)
+    check_truth(found, stream, str(path), form, start_is_enough=True)
     if truths.has_masks(path):
         complain(f"{path}: its masks are replaced by the boxes around them")
-    return truth
+    return found
 
 
-def _placement(request: TrackRequest, truth: Array | None) -> tuple[Region, State]:
+def _placement(region: str | None, source: str, truth: Array | None) -> tuple[Region, State]:
     """Return the target's region and its state in the first picture.
 
     Raises:
-        Mistake: Neither the request nor the truth gives them.
+        Mistake: Neither the region nor the truth gives them.
     """
-    if request.region is not None:
-        return region_of(request.region)
+    if region is not None:
+        return region_of(region)
     if truth is None:
-        raise Mistake(f"{request.source}: there is no truth beside it; give --region X,Y,W,H[,DEG]")
+        raise Mistake(
+            f"{source}: there is no truth file beside this source; give --region X,Y,W,H[,DEG]"
+        )
     if not np.isfinite(truth[0]).all():
         raise Mistake("the target is not in the first picture of the truth; give --region")
     return placement(truth[0])
 
 
 def region_of(text: str) -> tuple[Region, State]:
-    """Return the region "X,Y,W,H[,DEG]": top left corner, size, rotation about its centre.
+    """Return a target's region and state in the first picture from a text "X,Y,W,H[,DEG]": top left
+    corner [px], size [px], rotation about the centre [deg].
 
     >>> region_of("40,30,30,20")[1]
     State(x=55.0, y=40.0, theta=0.0, scale=1.0)
@@ -269,25 +283,23 @@ def region_of(text: str) -> tuple[Region, State]:
 
 
 def _write(
-    request: TrackRequest,
-    files: TrackFolder,
-    truth: Array | None,
-    shots: Iterator[Shot],
-    source: Source,
+    files: TrackFolder, truth: Array | None, shots: Iterable[Shot], bar: Progress
 ) -> tuple[list[Shot], int]:
-    """Write all shots; return them without their pictures, and the exit code."""
+    """Write all tracked pictures, and show the first task of a progress bar.
+
+    Returns:
+        The tracked pictures without their images, and the exit code.
+    """
     seen: list[Shot] = []
-    count = min(filter(None, (source.count, request.frames)), default=None)
     code = 0
     with closing(files.close):
         try:
-            with progress_bar(Console(quiet=request.quiet)) as bar:
-                task = bar.add_task(escape(request.tracker), total=count, note=COMPILING)
+            with bar:
                 for shot in shots:
                     true = None if truth is None or shot.index >= len(truth) else truth[shot.index]
                     seen.append(shot.without_picture())  # first: a signal may come in between
                     files.add(shot, true)
-                    bar.update(task, advance=1, note=shot.estimate.status.name)
+                    bar.update(bar.task_ids[0], advance=1, note=shot.estimate.status.name)
         except KeyboardInterrupt as cause:
             plain(Console(stderr=True), STOPPED)
             code = exit_code(cause)
@@ -295,11 +307,11 @@ def _write(
 
 
 def _with_reason(end: End | None, seen: list[Shot], writing: float) -> End | None:
-    """Return the end of a source; if it dropped pictures, its sentence also says what took time.
+    """Return the end of a source; if it dropped pictures, with the times that a picture took.
 
     Args:
-        end: The end.
-        seen: All shots.
+        end: How the source ended; None for a usual end.
+        seen: All tracked pictures.
         writing: Time that writing and showing them took [s].
     """
     if end is None or not end.dropped:
@@ -307,29 +319,30 @@ def _with_reason(end: End | None, seen: list[Shot], writing: float) -> End | Non
     tracking = sum(shot.seconds for shot in seen)
     took = [1e3 * seconds / max(len(seen), 1) for seconds in (tracking, writing)]
     sentence = (
-        f"{end.sentence}; a picture took {took[0]:.0f} ms in the tracker and {took[1]:.0f} ms in "
-        "what is written and shown"
+        f"{end.sentence}; a picture took {took[0]:.0f} ms for tracking and {took[1]:.0f} ms for "
+        "writing and showing"
     )
     return replace(end, sentence=sentence)
 
 
 def _report(
-    request: TrackRequest,
-    folder: Path,
-    settings: dict[str, Any],
+    command: str,
+    source: str,
+    tracker: Table,
+    seed: int,
     seen: list[Shot],
     comparison: Comparison | None,
     end: End | None,
-) -> Path:
-    """Write the report of a track into its folder; return the file."""
+) -> TrackReport:
+    """Return the report of a track; `tracker` has the tracker's settings."""
     measures = {} if comparison is None else measure_all(comparison)
     came = next((shot.picture.came for shot in seen), None)
     return TrackReport(
-        command=request.command,
+        command=command,
         versions=versions(),
-        source=request.source,
-        tracker=settings,
-        seed=request.seed,
+        source=source,
+        tracker=tracker,
+        seed=seed,
         frames=len(seen),
         undecodable=[shot.picture.name for shot in seen if shot.blind],
         lost=_count(seen, Status.LOST),
@@ -342,11 +355,11 @@ def _report(
         dropped=0 if end is None else end.dropped,
         damaged=0 if end is None else end.damaged,
         notes=_notes(seen),
-    ).write(folder)
+    )
 
 
 def _notes(seen: list[Shot]) -> list[str]:
-    """Return the notes about the pictures, each once."""
+    """Return the notes of the source about its pictures, each once."""
     return list(dict.fromkeys(note for shot in seen for note in shot.picture.notes))
 
 
@@ -357,25 +370,30 @@ def _count(seen: list[Shot], status: Status) -> int:
 def print_track(
     console: Console, what: str, seen: list[Shot], comparison: Comparison | None, end: End | None
 ) -> None:
-    """Print how many frames were tracked, the measures if there is a truth, and complaints."""
+    """Print how many frames were tracked, the measures if there is a truth, and warnings.
+
+    Args:
+        console: The output of the command.
+        what: Title, such as "kams on car".
+        seen: All tracked pictures.
+        comparison: The track beside its truth, if there is one.
+        end: How the source ended; None for a usual end.
+    """
     counts = ", ".join(f"{_count(seen, s)} {s.name}" for s in (Status.UNSURE, Status.LOST))
     console.print(f"[bold]{escape(what)}[/]: {len(seen)} frames, {counts}")
     if comparison is not None:
-        _print_measures(console, comparison)
+        rows = [
+            [m.name, f"{value:.3g} {m.unit}".rstrip(), m.better.value, m.meaning]
+            for m in MEASURES
+            if np.isfinite(value := m.of(comparison))
+        ]
+        head = ("measure", "value", "better", "meaning")
+        print_table(console, words.Table(head, rows, (0, 2, 3)))
     _print_oddities(seen, end)
 
 
-def _print_measures(console: Console, comparison: Comparison) -> None:
-    rows = [
-        [m.name, f"{value:.3g} {m.unit}".rstrip(), m.better.value, m.meaning]
-        for m in MEASURES
-        if np.isfinite(value := m.of(comparison))
-    ]
-    print_table(console, Table(("measure", "value", "better", "meaning"), rows, (0, 2, 3)))
-
-
 def _print_oddities(seen: list[Shot], end: End | None) -> None:
-    """Complain about pictures that cannot be read or change size, and about a stream's end."""
+    """Print warnings about pictures that cannot be read or change size, and a stream's end."""
     blind = [shot.picture for shot in seen if shot.blind]
     sizes = [shot for shot in seen if shot.size is not None]
     change = next((b for a, b in itertools.pairwise(sizes) if a.size != b.size), None)
@@ -388,9 +406,6 @@ def _print_oddities(seen: list[Shot], end: End | None) -> None:
     if blind:
         complain(
             f"{len(blind)} of {len(seen)} pictures cannot be read, the first is "
-            f"{blind[0].name} ({blind[0].reason}); their rows are LOST"
+            f"{blind[0].name} ({blind[0].reason}); their rows have the status LOST"
         )
-    for note in _notes(seen):
-        complain(note)
-    if end is not None:
-        complain(end.sentence)
+    complain(*_notes(seen), *([] if end is None else [end.sentence]))

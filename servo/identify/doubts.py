@@ -1,4 +1,4 @@
-"""Sentences about signs, units and motions of a log that make its estimates unreliable."""
+"""Sentences about signs, units and motions of a log that make estimates from it unreliable."""
 
 from collections.abc import Mapping
 from math import floor, inf, isfinite, log10
@@ -6,7 +6,7 @@ from math import floor, inf, isfinite, log10
 import numpy as np
 
 from servo.identify.fit import LONGEST, SLOWEST, Identified
-from servo.identify.log import FEWEST, LEAST, SPARSEST, Channel, Log, Series
+from servo.identify.log import FEWEST, LEAST, SPARSEST, Log, LogChannel, Series
 from servo.mistake import Mistake
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
@@ -20,7 +20,8 @@ FAST = 3.0
 FASTEST = {"m": 3.0, "rad": 10.0}
 """Largest plausible rate of the camera, or of a joint without a limit [m/s, rad/s]."""
 VAGUE = 0.2
-"""Largest width of a gain's interval, relative to the gain, of a joint that follows its command."""
+"""Largest width of a gain's interval, relative to the gain, at which a joint counts as following
+its command."""
 ALIKE = 0.5
 """Least correlation of an encoder with its joint, which play and noise do not reduce below this."""
 PIECE = 4.0
@@ -41,11 +42,11 @@ MISTAKEN = {"m": "millimetres", "rad": "degrees"}
 
 
 def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[str]:
-    """Return sentences about the reasons why the estimates may be wrong.
+    """Return a sentence for each reason why estimates from a robot's log may be wrong.
 
     Args:
         log: The log.
-        found: The estimates from it.
+        found: The estimates from the log.
         fastest: Largest rate of each joint of the simulated robot [m/s, rad/s].
 
     Raises:
@@ -63,16 +64,16 @@ def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[st
         if not apart:
             sentences += _misfit(channel, modelled, MISFIT + log.uncertain)
     sentences += [
-        f"{name} is asked to move, and its positions stay the same; it is left out"
+        f"{name} is commanded to move, but its positions stay the same; {name} is left out"
         for name in log.still
     ]
     sentences += _too_long("delay", found.delay, found.whole.delay, LONGEST)
     sentences += _too_long("lag", found.lag, found.whole.lag, SLOWEST)
     if log.missing > MISSING:
         sentences.append(
-            f"{100 * log.missing:.0f} % of the rows are missing, of one each "
-            f"{MILLI * log.interval:.3g} ms, and so are their commands; one that changed in a gap "
-            "is taken to have changed in its middle"
+            f"{100 * log.missing:.0f} % of the rows (one each {MILLI * log.interval:.3g} ms) and "
+            "of the commands are missing; a command that changed in a gap is taken to have changed "
+            "in the middle of the gap"
         )
     return sentences + apart
 
@@ -85,69 +86,71 @@ def _disagreement(found: Identified) -> list[str]:
         return []
     return [
         f"delay and lag together are {MILLI * least.value:.3g} ms in {first} and "
-        f"{MILLI * most.value:.3g} ms in {last}, each alone; no one delay and lag fit both, "
-        "and the intervals reach from one to the other"
+        f"{MILLI * most.value:.3g} ms in {last}, each alone; no single delay and lag fit both, "
+        "and the intervals contain both"
     ]
 
 
 def _too_long(what: str, own: Interval, whole: Interval, most: float) -> list[str]:
-    """Return a sentence if a time is as long as the longest of the search [s].
+    """Return a sentence if a delay or lag is as long as the longest of the search [s].
+
+    Args:
+        what: "delay" or "lag".
+        own: Its estimate without the drives' own servo.
+        whole: Its estimate with the drives' own servo.
+        most: Longest time of the search [s].
 
     Raises:
-        Mistake: Its interval is as wide as the search.
+        Mistake: An interval is as wide as the search.
     """
     interval = max(own, whole, key=lambda each: each.high - each.low)
     if not interval.high - interval.low < most:
         raise Mistake(
-            f"this log does not show the {what}, {said(interval, MILLI)} ms: it needs more "
+            f"this log does not show the {what}, {interval_text(interval, MILLI)} ms: record more "
             "movements, such as steps of 0.2 to 0.6 s in both directions for 40 s"
         )
     if interval.value < NEARLY * most:
         return []
-    return [
-        f"the {what} is {MILLI * most:.3g} ms, the longest that is looked for; it may be longer"
-    ]
+    return [f"the {what} is {MILLI * most:.3g} ms, the longest of the search; it may be longer"]
 
 
 def _of_gain(name: str, gain: Interval, *, is_joint: bool) -> list[str]:
-    """Return a sentence if a channel's motion is not as large as its command.
+    """Return a sentence if a channel does not move as far as commanded.
 
     Raises:
-        Mistake: The motion of a joint is not that of its command, or has another sign or unit.
+        Mistake: A joint does not follow its command, or with another sign or unit.
     """
     is_sure = gain.high - gain.low < VAGUE * abs(gain.value)
     if is_joint and not (is_sure or gain.low <= 1 <= gain.high):
         raise Mistake(
             f"{name} does not follow its commands with a delay and a lag of {LONGEST:g} s at most: "
-            "leave its columns out, or correct them if its commands are not rates or its positions "
-            "not positions"
+            f"leave the columns of {name} out, or correct them: commands must be rates"
         )
-    times = f"{name} moves {said(gain)} times what it is asked for"
+    times = f"{name} moves {interval_text(gain)} times as far as commanded"
     if is_joint and _outside(gain, REFUSED):
         wrong = "sign" if gain.value < 0 else "unit"
         raise Mistake(f"{times}: the {wrong} of its commands or of its positions is wrong")
     if not _outside(gain, DOUBTED):
         return []
-    return [f"{times}, and simulated drives move as they are asked"]
+    return [f"{times}, and simulated drives move as far as commanded"]
 
 
-def _of_unit(channel: Channel, play: Interval | None, fastest: Mapping[str, float]) -> list[str]:
-    """Return sentences if a rate or a play is too large for its unit."""
+def _of_unit(channel: LogChannel, play: Interval | None, fastest: Mapping[str, float]) -> list[str]:
+    """Return sentences if a commanded rate or a play is implausibly large for its unit."""
     name, unit = channel.name, channel.unit
     asked = float(abs(channel.command.values).max())
-    limit = FAST * fastest.get(name, inf)
-    limit = limit if isfinite(limit) else FASTEST[unit]
+    limit = FAST * fastest[name] if isfinite(fastest.get(name, inf)) else FASTEST[unit]
     question = f"which is implausible: are its columns in {MISTAKEN[unit]}?"
     sentences: list[str] = []
     if asked > limit:
-        sentences.append(f"{name} is asked for {asked:.3g} {unit}/s, {question}")
+        sentences.append(f"{name} is commanded to move at {asked:.3g} {unit}/s, {question}")
     if play is not None and play.low > LARGEST_PLAY[unit]:
         sentences.append(f"{name} has a play of {play.value:.3g} {unit}, {question}")
     return sentences
 
 
 def _outside(gain: Interval, limits: tuple[float, float]) -> bool:
-    """Return True if the whole interval is below or above the limits."""
+    """Return whether the whole interval of a gain is below or above the limits."""
     low, high = limits
     return gain.high < low or gain.low > high
 
@@ -157,8 +160,8 @@ def _correlation(first: Array, second: Array) -> float:
     return float(np.corrcoef(first, second)[0, 1]) if np.ptp(first) > LEAST else 0.0
 
 
-def _of_encoder(channel: Channel) -> list[str]:
-    """Return a sentence if an encoder is behind its joint.
+def _of_encoder(channel: LogChannel) -> list[str]:
+    """Return a sentence if a motor's encoder reports a motion later than its joint.
 
     Raises:
         Mistake: In a piece of the log the readings do not move with the joint, or they have another
@@ -182,14 +185,14 @@ def _of_encoder(channel: Channel) -> list[str]:
             begin, end = times[piece[[0, -1]]]
             raise Mistake(
                 f"the encoder of {channel.name} does not move with its joint from {begin:.6g} to "
-                f"{end:.6g} s: leave its column out"
+                f"{end:.6g} s: leave the encoder's column out"
             )
     ratio = float(np.sign(_correlation(read, joint)) * np.std(read) / np.std(joint))
     if not REFUSED[0] < ratio < REFUSED[1]:
         wrong = "sign" if ratio < 0 else "unit"
         raise Mistake(
             f"the encoder of {channel.name} moves {ratio:.3g} times as far as its joint: the "
-            f"{wrong} of one of them is wrong"
+            f"{wrong} of the encoder's or of the joint's positions is wrong"
         )
     rates = np.gradient(joint, times)
     late = rates @ (joint - read / ratio) / (rates @ rates)
@@ -198,8 +201,8 @@ def _of_encoder(channel: Channel) -> list[str]:
     return [f"the encoder of {channel.name} is {late:.2g} s or more behind its joint"]
 
 
-def _misfit(channel: Channel, modelled: Series, most: float) -> list[str]:
-    """Return a sentence if a motion is far from the modelled one.
+def _misfit(channel: LogChannel, modelled: Series, most: float) -> list[str]:
+    """Return a sentence if a channel's motion is far from the modelled motion.
 
     The noise of the readings, estimated from consecutive differences, does not count. Measured
     rates are left out: their noise adds up in positions.
@@ -217,14 +220,14 @@ def _misfit(channel: Channel, modelled: Series, most: float) -> list[str]:
     if beyond < most * np.std(channel.command.values):
         return []
     return [
-        f"{channel.name} does not move as one delay, one lag and a play let it: it is {beyond:.2g} "
+        f"{channel.name} does not move as with one delay, one lag and a play: it is {beyond:.2g} "
         f"{channel.unit} from the modelled motion (root mean square without noise), so its "
-        "numbers, its play too, may be wrong by more than their intervals"
+        "estimates, its play too, may be wrong by more than their intervals"
     ]
 
 
-def said(interval: Interval, factor: float = 1.0) -> str:
-    """Return a value with its interval, times a factor, with two digits of the interval's width."""
+def interval_text(interval: Interval, factor: float = 1.0) -> str:
+    """Return "VALUE (LOW to HIGH)", times a factor, with two digits of the interval's width."""
     numbers = [factor * each for each in (interval.value, interval.low, interval.high)]
     width = max(numbers) - min(numbers)
     digits = 1 - floor(log10(width)) if width > 0 else 6

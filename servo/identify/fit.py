@@ -12,20 +12,18 @@ residuals are not.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from servo.identify.log import Channel, Log, Series
+from servo.identify.drive import GRID, after_lag, after_play
+from servo.identify.log import Log, LogChannel, Series
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-GRID = 2e-3
-"""Interval of the modelled motion [s], equal to a step of the physics."""
 BLOCK = 2.0
 """Length of a block [s]: the time after which the drift absorbs an error of the position."""
 LONGEST = 0.5
@@ -37,7 +35,7 @@ TRADE = 8e-3
 SETTLED = 5.0
 """Time until a robot stands after its delay, in lags."""
 STANDS = 0.1
-"""Time until its drives' own servo stands as well [s]."""
+"""Further time until the drives' own servo stands as well [s]."""
 LEVEL = 0.95
 """Confidence level of the intervals."""
 DRIFT = 2.0
@@ -64,7 +62,7 @@ step of the digits."""
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """The robot as one delay and one lag, which include the drives' own servo."""
+    """Delay and lag of a robot including its drives' own servo."""
 
     delay: Interval
     """Time from a command's stamp to the first motion [s]."""
@@ -78,7 +76,7 @@ class Whole:
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """Estimates from a log."""
+    """The estimates of `identify` from a robot's log."""
 
     delay: Interval
     """Time from a command's stamp until the drives take it over [s]."""
@@ -107,7 +105,7 @@ class Identified:
 
 
 def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
-    """Return estimates of delay, lag, gains, play, noise and jitter of a log's robot.
+    """Estimate delay, lag, gains, play, noise and jitter of the robot that recorded a log.
 
     Args:
         log: The log.
@@ -125,17 +123,18 @@ def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
     whole = _solved(model_of(none, is_behind=model.is_behind), start)
     apart = _apart(fitted, channels, servos)
     apart_whole = _apart(whole, channels, none)
-    delay = fitted.interval(0, others=apart)
-    lag = fitted.interval(1, others=apart)
     # The simulated lag begins a step late, half of which the model has in its positions.
     delays = [each.interval(0, 1, more=GRID / 2) for each in apart_whole]
     pairs = zip(channels, apart, model.has_play, strict=True)
     steps = {c.name: step for c in channels if (step := _step(c.encoder.values))}
-    noises = {c.name: _noise(c, *each.values[:2]) for c, each in zip(channels, apart, strict=True)}
-    read = {name: noise for name, noise in noises.items() if noise is not None}
+    noises = {
+        c.name: noise
+        for c, each in zip(channels, apart, strict=True)
+        if (noise := _noise(c, *each.values[:2])) is not None
+    }
     return Identified(
-        delay,
-        lag,
+        fitted.interval(0, others=apart),
+        fitted.interval(1, others=apart),
         Whole(
             whole.interval(0, more=GRID / 2, others=apart_whole),
             whole.interval(1, others=apart_whole),
@@ -144,7 +143,7 @@ def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
         ),
         dict(zip((c.name for c in channels), fitted.gains(), strict=True)),
         {c.name: each.play() for c, each, has in pairs if has},
-        {name: _beyond(noise, steps.get(name, 0.0)) for name, noise in read.items()},
+        {name: _beyond(noise, steps.get(name, 0.0)) for name, noise in noises.items()},
         steps,
         _jitter(log.transport),
         float(np.min(log.transport, initial=np.inf)) if len(log.transport) else 0.0,
@@ -159,7 +158,7 @@ class _Model:
 
     def __init__(
         self,
-        channels: Sequence[Channel],
+        channels: Sequence[LogChannel],
         servos: Sequence[float] | Array,
         *,
         is_behind: bool,
@@ -172,7 +171,12 @@ class _Model:
         self.resolution = resolution
         """Least half width of an interval [s], or, for positions, the travel in this time."""
         self.spans = np.array([np.ptp(c.moved.values) for c in channels])
-        self.has_play = np.array([c.shows_play and _reverses(c.command) for c in channels])
+        self.has_play = np.array(
+            [
+                c.shows_play and bool(c.command.values.min() < 0 < c.command.values.max())
+                for c in channels
+            ]
+        )
         self.free = np.flatnonzero([True, True, *self.has_play])
         """Indices of the parameters that the log determines."""
         begin = min(c.moved.times[0] for c in channels)
@@ -302,9 +306,9 @@ class _Fitted:
 
 
 def _apart(
-    fitted: _Fitted, channels: Sequence[Channel], servos: Sequence[float] | Array
+    fitted: _Fitted, channels: Sequence[LogChannel], servos: Sequence[float] | Array
 ) -> list[_Fitted]:
-    """Return a fit of each channel alone."""
+    """Fit the model to each channel alone, with the place of the play that fits the whole log."""
     if len(channels) == 1:
         return [fitted]
     return [
@@ -372,7 +376,7 @@ def _weights(basis: Array, moved: Array) -> Array:
 
 
 def _basis(
-    channel: Channel,
+    channel: LogChannel,
     servo: float,
     drift: tuple["csr_array", Array],
     is_behind: bool,
@@ -392,13 +396,13 @@ def _basis(
     # The simulated lag begins a step of the physics late, and positions are half a step ahead.
     motion = np.interp(grid - delay - GRID / 2, knots, asked)
     if not is_behind:
-        motion = _after_play(motion, play)
-    motion = _after_lag(_after_lag(motion, lag), servo)
+        motion = after_play(motion, play)
+    motion = after_lag(after_lag(motion, lag), servo)
     if is_behind:
-        motion = _after_play(motion, play)
+        motion = after_play(motion, play)
     rate = np.diff(motion, prepend=motion[0])
     slides = np.sign(rate) * (np.abs(rate) > STILL * np.abs(rate).max())
-    friction = _after_lag(GRID * np.cumsum(slides), servo)
+    friction = after_lag(GRID * np.cumsum(slides), servo)
     both = [np.interp(moved.times, grid, each) for each in (motion, friction)]
     return np.stack([_less(drift, each) for each in both])
 
@@ -427,38 +431,7 @@ def _less(drift: tuple["csr_array", Array], values: Array) -> Array:
     return values - hats @ (inverse @ (hats.T @ values))
 
 
-def _after_play(motion: Array, play: float) -> Array:
-    """Return the joint's motion for the motor's (n,), from the middle of the play."""
-    if play == 0.0:
-        return motion
-    half = play / 2
-    ends = np.append(np.flatnonzero(np.diff(np.sign(np.diff(motion)))) + 1, len(motion) - 1)
-    # Between two turns of the motor the joint is pushed one way from its place at the first.
-    places = accumulate(
-        motion[ends].tolist(),
-        lambda last, to: min(max(last, to - half), to + half),
-        initial=float(motion[0]),
-    )
-    last = np.repeat(list(places)[:-1], np.diff(ends, prepend=-1))
-    return np.clip(last, motion - half, motion + half)
-
-
-def _after_lag(motion: Array, lag: float) -> Array:
-    """Return the first-order lag, with a time constant [s], of a piecewise linear motion (n,)."""
-    from scipy.signal import lfilter
-
-    if lag < GRID / 20:
-        return motion
-    kept = np.exp(-GRID / lag)
-    now = 1.0 - (1.0 - kept) * lag / GRID
-    return motion[0] + lfilter([now, 1.0 - kept - now], [1.0, -kept], motion - motion[0])
-
-
-def _reverses(command: Series) -> bool:
-    return bool(command.values.min() < 0 < command.values.max())
-
-
-def _noise(channel: Channel, delay: float, lag: float) -> Interval | None:
+def _noise(channel: LogChannel, delay: float, lag: float) -> Interval | None:
     """Return the standard deviation of an encoder at standstill, with its chi-squared interval.
 
     Each standstill has a level, and the end of the motion before it, which decays with the lag.

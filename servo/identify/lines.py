@@ -1,11 +1,11 @@
-"""The estimates from a log as lines of a scenario and as a picture."""
+"""Estimates from a robot's log as lines of a scenario's TOML file, and as a figure."""
 
 from collections.abc import Mapping, Sequence
 from math import floor
 
 import numpy as np
 
-from servo.identify.doubts import said
+from servo.identify.doubts import interval_text
 from servo.identify.fit import Identified
 from servo.identify.log import Log, Series
 from tracking.drawing.figures import Drawing, literal, panels
@@ -26,7 +26,7 @@ NO_NOISE = "# encoder_noise: not known; it needs encoder_JOINT_m of a joint that
 
 
 def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequence[str]) -> str:
-    """Return the settings that simulate the robot, with their intervals, as TOML.
+    """Return TOML with the settings that simulate a robot, and with their intervals as comments.
 
     Args:
         found: The estimates.
@@ -36,39 +36,41 @@ def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequenc
     """
     late = found.delay.value + found.transport
     latency = max(0.0, (floor(late / tick + 0.5) - 0.5) * tick)
-    delay = f"latency_ms = {latency * MILLI:.2f}  # delay {said(found.delay, MILLI)} ms"
-    delay += " before the drive"
-    if found.transport > 0:
-        delay += f", and {found.transport * MILLI:.2f} ms until a picture arrives"
-    run = [f"{delay}; the drives round it up"]
-    if found.jitter is None:
-        run.append(NO_JITTER)
-    else:
-        run.append(f"jitter_ms = {found.jitter.value * MILLI:.2f}  # {said(found.jitter, MILLI)}")
-    own = Interval(float(np.mean(found.servos)), min(found.servos), max(found.servos))
-    lag = (
-        f"lag_ms = {found.lag.value * MILLI:.2f}  # {said(found.lag, MILLI)} ms before the drive's"
+    arrival = f", and {found.transport * MILLI:.2f} ms until a picture arrives"
+    delay = (
+        f"latency_ms = {latency * MILLI:.2f}  # delay {interval_text(found.delay, MILLI)} ms "
+        f"before the drive{arrival if found.transport > 0 else ''}; the drives round it up"
     )
-    lag += f" own servo, which adds {own.value * MILLI:.3g} ms"
+    jitter = NO_JITTER
+    if found.jitter is not None:
+        waits = interval_text(found.jitter, MILLI)
+        jitter = f"jitter_ms = {found.jitter.value * MILLI:.2f}  # {waits}"
+    lag = (
+        f"lag_ms = {found.lag.value * MILLI:.2f}  # {interval_text(found.lag, MILLI)} ms before "
+        f"the drive's own servo, which adds {float(np.mean(found.servos)) * MILLI:.3g} ms"
+    )
     play = _each("backlash", found.play, joints) or [NO_PLAY]
     if found.is_behind and any(each.low > 0 for each in found.play.values()):
         play.append(BEHIND)
     noise = _each("encoder_noise", found.noise, joints) or [NO_NOISE]
     if found.step:
         noise.append(_step(found.step, joints))
-    gains = ", ".join(f"{name} {said(gain)}" for name, gain in found.gain.items())
+    gains = ", ".join(f"{name} {interval_text(gain)}" for name, gain in found.gain.items())
     whole = found.whole
     head = [
         *(f"# not to be trusted: {doubt}" for doubt in doubts),
-        f"# the whole robot as one delay, {said(whole.delay, MILLI)} ms, and one lag, "
-        f"{said(whole.lag, MILLI)} ms; together {said(whole.sum, MILLI)} ms",
+        f"# the whole robot as one delay, {interval_text(whole.delay, MILLI)} ms, and one lag, "
+        f"{interval_text(whole.lag, MILLI)} ms; together {interval_text(whole.sum, MILLI)} ms",
         f"# gain from command to motion: {gains}; simulated drives have 1, less friction",
     ]
-    return "\n".join([*head, "", "[run]", *run, "", "[robot]", lag, *play, *noise, ""])
+    run = ["[run]", delay, jitter]
+    return "\n".join([*head, "", *run, "", "[robot]", lag, *play, *noise, ""])
 
 
 def picture(log: Log, found: Identified) -> Drawing:
-    """Draw commanded, measured and modelled rates around the largest change of each command."""
+    """Draw commanded, measured and modelled rates [m/s, rad/s] of each channel, for 3 s around the
+    largest change of its command.
+    """
     figure, axes = panels(9.0, 2.4 * len(log.channels), len(log.channels))
     for channel, modelled, ax in zip(log.channels, found.modelled, axes, strict=True):
         command = channel.command
@@ -90,11 +92,11 @@ def _rates(positions: Series) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _each(key: str, found: Mapping[str, Interval], joints: Sequence[str]) -> list[str]:
-    """Return the line of a setting of the joints; no line if no joint has a value."""
+    """Return the TOML line of a setting of the joints; no line if no joint has a value."""
     if not found:
         return []
     values = {name: f"{each.value:.3g}" for name, each in found.items() if each.low > 0}
-    each = ", ".join(f"{name} {said(interval)}" for name, interval in found.items())
+    each = ", ".join(f"{name} {interval_text(interval)}" for name, interval in found.items())
     small = [name for name, interval in found.items() if interval.low <= 0]
     if small:
         each += f"; not distinguished from 0, so 0: {', '.join(small)}"
@@ -105,7 +107,7 @@ def _each(key: str, found: Mapping[str, Interval], joints: Sequence[str]) -> lis
 
 
 def _step(found: Mapping[str, float], joints: Sequence[str]) -> str:
-    """Return the line of the steps of encoders."""
+    """Return the TOML line of the steps of encoders [m, rad]."""
     names = ", ".join(found)
     steps = {name: f"{step:.6g}" for name, step in found.items()}
     return (

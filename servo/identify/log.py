@@ -1,6 +1,6 @@
 """A robot's log: its commands, its motion, and the arrival times of its pictures.
 
-Columns have the names of those of steps.parquet; a row may leave any of them empty but `time_s`.
+Columns are named as in the steps.parquet of a run; a row may leave any cell but `time_s` empty.
 """
 
 import io
@@ -72,21 +72,22 @@ NEEDS = "a log in MCAP needs the package mcap: install servobench[ros]"
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Numbers (n,) and their stamps, in order of time."""
+    """Numbers with their stamps, in order of time."""
 
     times: Array
-    """[s]."""
+    """Stamps (n,) [s]."""
     values: Array
+    """Numbers (n,)."""
 
     @property
     def varies(self) -> bool:
-        """True if the values are not all the same."""
+        """True if there are two values that differ."""
         return len(self.values) > 1 and bool(np.ptp(self.values) > LEAST)
 
 
 @dataclass(frozen=True, slots=True)
-class Channel:
-    """One direction of motion: a joint, or a component of the camera's twist."""
+class LogChannel:
+    """The logged motion of a joint, or of a component of the camera's twist."""
 
     name: str
     unit: str
@@ -103,9 +104,9 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """The contents of a log."""
+    """The contents of a robot's log, by channel: a joint, or a component of the camera's twist."""
 
-    channels: list[Channel]
+    channels: list[LogChannel]
     """Channels with a command that varies and a position that varies."""
     transport: Array
     """From each picture's stamp to its arrival (n,) [s]; empty if unknown."""
@@ -126,12 +127,12 @@ class Log:
 
     @property
     def uncertain(self) -> float:
-        """Mean error of a command's stamp due to missing rows [s]."""
+        """Mean error of a command's stamp because of missing rows [s]."""
         return self.missing * self.interval
 
 
 def read(path: Path) -> Log:
-    """Read a log: CSV, Parquet, or MCAP with JSON messages, such as /step of a run.
+    """Read a robot's log: CSV, Parquet, or MCAP with JSON messages, such as /step of a run.
 
     Raises:
         Mistake: The file cannot be read, a column contradicts its name, or no channel has both a
@@ -153,16 +154,19 @@ def read(path: Path) -> Log:
         )
     time = columns["time_s"]
     if not (len(time) and np.isfinite(time).all() and np.all(time[1:] > time[:-1])):
-        raise Mistake(f"{path}: time_s should increase from row to row")
+        raise Mistake(f"{path}: time_s should increase from row to row: sort or correct the rows")
     span = round(float(time[-1]) - float(time[0]), 3)
     if not SHORTEST <= span <= LONGEST:
         length = f"{span:.3g} s long; {SHORTEST:g} to {LONGEST:g} s are needed"
         raise Mistake(f"{path}: this log is {length}")
     lost = _lost(time)
     asked, waited = _pictures(columns, lost)
-    late = _late(time, asked)
+    new = np.isfinite(asked) & (np.diff(asked, prepend=np.nan) != 0)  # rows with a new command
+    late = float(np.median((asked - time)[new])) if new.any() else 0.0
     if abs(late) > LATEST:
-        raise Mistake(f"{path}: asked_s is {late:.6g} s after time_s; they should have one clock")
+        raise Mistake(
+            f"{path}: asked_s is {late:.6g} s after time_s: record both with the same clock"
+        )
     clock, transport = _arrivals(waited, is_with_commands=late < 0)
     channels = [
         _channel(columns, asked, name, unit, path)
@@ -185,13 +189,13 @@ def read(path: Path) -> Log:
 
 
 def _parts(name: str, unit: str) -> tuple[str, str, str, str]:
-    """Return the columns of a channel: its command, measured rate, joint and encoder."""
+    """Return the names of a channel's columns: command, measured rate, joint and encoder."""
     of = f"{name}_{unit}"
     return f"command_{of}_s", f"measured_{of}_s", f"joint_{of}", f"encoder_{of}"
 
 
-def _check_enough(moving: Sequence[Channel], path: Path) -> None:
-    """Refuse a log without a moving channel, or with too few positions of one."""
+def _check_enough(moving: Sequence[LogChannel], path: Path) -> None:
+    """Check that a log has a channel that moves, and enough positions of each of them."""
     for channel in moving:
         positions = len(channel.moved.values)
         if positions < FEWEST:
@@ -202,8 +206,8 @@ def _check_enough(moving: Sequence[Channel], path: Path) -> None:
         # Stamps of 10 Hz differ by 0.1 s and a rounding error.
         if (interval := round(float(np.median(np.diff(channel.moved.times))), 3)) > SPARSEST:
             raise Mistake(
-                f"{path}: the positions of {channel.name} come each {interval:.3g} s; delay and "
-                f"lag need one each {SPARSEST:g} s at least"
+                f"{path}: the positions of {channel.name} come each {interval:.3g} s; record one "
+                f"each {SPARSEST:g} s at least for delay and lag"
             )
     if not moving:
         raise Mistake(
@@ -213,7 +217,7 @@ def _check_enough(moving: Sequence[Channel], path: Path) -> None:
 
 
 def listed(names: Sequence[str], most: int) -> str:
-    """Return names with commas between them; names beyond `most` are only counted."""
+    """Return a text with the first `most` names, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
@@ -240,8 +244,10 @@ def _table(path: Path) -> tuple[pa.Table, str]:
 
 
 def _lines(data: bytes) -> tuple[pa.Table, str]:
-    """Return the rows of a CSV file. A last line without an end may have lost some of its digits,
-    so it is left out; a file system may have filled the unwritten rest of a file with zeros.
+    """Return the rows of a CSV file, and a sentence about a last line that was left out.
+
+    A last line without an end may have lost some of its digits, so it is left out; a file system
+    may have filled the unwritten rest of a file with zeros.
     """
     data = data.rstrip(b"\0")
     whole = 1 + data.rfind(b"\n")
@@ -256,7 +262,7 @@ def _lines(data: bytes) -> tuple[pa.Table, str]:
 
 
 def _numbers(table: pa.Table, name: str, path: Path) -> Array:
-    """Return a column (n,); an empty cell is nan."""
+    """Return a column of a log (n,); an empty cell is nan."""
     try:
         return np.asarray(table[name].cast(pa.float64()), np.float64)
     except (pa.ArrowException, KeyError) as error:
@@ -264,7 +270,7 @@ def _numbers(table: pa.Table, name: str, path: Path) -> Array:
 
 
 def _messages(data: bytes) -> list[dict[str, object]]:
-    """Return the JSON messages with a time_s of a log in MCAP."""
+    """Return the JSON messages of a log in MCAP that have a time_s."""
     try:
         from mcap.exceptions import McapError
         from mcap.reader import make_reader
@@ -307,12 +313,6 @@ def _pictures(columns: dict[str, Array], lost: Array) -> tuple[Array, Array]:
     return columns.get("asked_s", time - since / 2), waited
 
 
-def _late(time: Array, asked: Array) -> float:
-    """Return the median time from a row to its command, over the new commands [s]."""
-    new = np.isfinite(asked) & (np.diff(asked, prepend=np.nan) != 0)
-    return float(np.median((asked - time)[new])) if new.any() else 0.0
-
-
 def _arrivals(waited: Array, *, is_with_commands: bool) -> tuple[str, Array]:
     """Return a sentence about unreliable waits for pictures, and the usable waits (k,) [s].
 
@@ -352,14 +352,16 @@ def _arrivals(waited: Array, *, is_with_commands: bool) -> tuple[str, Array]:
     ), found - least
 
 
-def _channel(columns: dict[str, Array], asked: Array, name: str, unit: str, path: Path) -> Channel:
-    """Return the series of a channel.
+def _channel(
+    columns: dict[str, Array], asked: Array, name: str, unit: str, path: Path
+) -> LogChannel:
+    """Return the commands, positions and encoder readings of a channel.
 
     Args:
         columns: The log's columns (n,) by name.
         asked: Stamps of the commands (n,) [s].
-        name: Of the joint, or of the component of the twist.
-        unit: Of its positions: m or rad.
+        name: Name of the joint, or of the component of the twist.
+        unit: Unit of the positions: m or rad.
         path: The file, for messages.
 
     Raises:
@@ -376,7 +378,7 @@ def _channel(columns: dict[str, Array], asked: Array, name: str, unit: str, path
     moved = next((each for each in (joint, encoder) if np.isfinite(each).any()), None)
     if moved is None:
         moved = np.cumsum(np.diff(time, prepend=time[0]) * measured)
-    return Channel(
+    return LogChannel(
         name,
         unit,
         _series(asked, command),
@@ -387,17 +389,23 @@ def _channel(columns: dict[str, Array], asked: Array, name: str, unit: str, path
 
 
 def _check_positions(series: Series, fastest: float, key: str, path: Path) -> None:
-    """Refuse numbers that are too large, and jumps of a position.
+    """Check a column of a log for numbers that are too large and for jumps of a position.
 
     Args:
-        series: A column of the log.
+        series: The column.
         fastest: Largest commanded rate [m/s, rad/s]; the positions of an unmoved joint are unused.
         key: Name of the column.
         path: The file.
+
+    Raises:
+        Mistake: A number is too large, or a position jumps.
     """
     largest = float(np.abs(series.values).max(initial=0.0))
     if largest > FARTHEST:
-        raise Mistake(f"{path}: {key} has {largest:.3g}, which no robot has")
+        raise Mistake(
+            f"{path}: {key} has {largest:.3g}; values should be at most {FARTHEST:g}: correct or "
+            "leave out this row"
+        )
     changes = np.abs(np.diff(series.values))
     if key.endswith("_s") or len(changes) < FEWEST or not changes.any() or not fastest:
         return
@@ -412,14 +420,14 @@ def _check_positions(series: Series, fastest: float, key: str, path: Path) -> No
 
 
 def _series(times: Array, values: Array) -> Series:
-    """Return the finite values in order of time."""
+    """Return the finite values of a column with their stamps [s], in order of time."""
     known = np.flatnonzero(np.isfinite(times) & np.isfinite(values))
     order = known[np.argsort(times[known], kind="stable")]
     return Series(times[order], values[order])
 
 
 def _averaged(series: Series) -> Series:
-    """Return the means over pieces of `FINEST`, if the values come faster."""
+    """Return means over intervals of 5 ms of a series that is faster; else the series itself."""
     times = series.times
     if len(times) < FEWEST or np.median(np.diff(times)) > FINEST / 2:
         return series

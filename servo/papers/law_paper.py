@@ -13,7 +13,7 @@ import numpy as np
 
 from servo.bench.benchmark import Band, load
 from servo.bench.contestant import contestants
-from servo.bench.row import won
+from servo.bench.row import world_score
 from servo.bench.world_run import CONTESTANT, WORLD, jobs_of
 from servo.papers.claim import FRESH, Claim, Effort, Evidence, Rule, Verdict
 from servo.papers.summaries import column, group, intervals, mean, mean_percent, words
@@ -55,7 +55,7 @@ def _jobs(condition: str, laws: Sequence[str], effort: Effort) -> Sequence[Job]:
 def _arrived(records: Sequence[Record]) -> Array:
     """Return 1 for each world that was reached, else 0 (n,)."""
     benchmark = load(BENCHMARK)
-    return np.array([won(benchmark, record).area for record in records])
+    return np.array([world_score(benchmark, record).area for record in records])
 
 
 def _left(records: Sequence[Record]) -> Array:

@@ -1,4 +1,4 @@
-"""Cameras and robots of ROS 2 without an installation of it: DDS by CycloneDDS (extra `ros2`)."""
+"""Cameras and robots of ROS 2, reached by DDS (CycloneDDS, extra `ros2`) without installing ROS."""
 
 from importlib.util import find_spec
 

@@ -1,4 +1,4 @@
-"""A camera and a robot of ROS 2, with the methods of the tutorial on real robots."""
+"""A camera and a robot of ROS 2, for a loop of servobench that drives them."""
 
 import math
 import time
@@ -35,16 +35,16 @@ WAITS = duration(milliseconds=20)
 TOGETHER = 0.01
 """Largest difference between the stamps of a picture and its depth picture [s]."""
 KEPT_DEPTHS = 5
-"""Number of depth pictures that are kept to find the one of a picture."""
+"""Number of depth pictures that are kept to find the one with a picture's stamp."""
 KEPT = 100
-"""Number of joint states that are kept to find the one nearest to a picture."""
+"""Number of joint states that are kept to find the one nearest to a picture's stamp."""
 
 
 class Camera:
-    """A camera: topics of sensor_msgs/Image and CameraInfo.
+    """A camera of ROS 2, which publishes sensor_msgs/Image and CameraInfo.
 
     A topic that ends with /compressed has CompressedImage. A depth picture is a sensor_msgs/Image
-    with the same size and stamp (ROS REP 118).
+    with the same size and stamp as the picture (ROS REP 118).
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Camera:
         info: str = "/camera/camera_info",
         depth: str | None = None,
     ) -> None:
-        """Subscribe to the topics.
+        """Subscribe to the camera's topics.
 
         Args:
             image: Topic of the pictures.
@@ -81,7 +81,7 @@ class Camera:
         return camera_of_info(first(self._info, self._topic), self._topic)
 
     def newest(self) -> Frame | None:
-        """Return the newest picture, or None if no newer one comes within 20 ms.
+        """Return the newest picture, or None if no newer one than the last comes within 20 ms.
 
         Raises:
             ValueError: A picture or depth picture is damaged or has an unknown encoding.
@@ -109,7 +109,9 @@ class Camera:
 
 
 class Robot:
-    """A robot that sends sensor_msgs/JointState and takes TwistStamped of its camera."""
+    """A robot of ROS 2, which publishes sensor_msgs/JointState and follows TwistStamped of its
+    camera.
+    """
 
     def __init__(
         self,
@@ -151,7 +153,7 @@ class Robot:
         return self._robot.posture(self._data, self._twist(seconds(state.header.stamp)))
 
     def go(self, twist: Array) -> None:
-        """Send a camera twist (6,) [m/s, rad/s].
+        """Send a twist (6,) of the camera in its own frame [m/s, rad/s].
 
         Raises:
             Mistake: The twist is not finite; it is not sent.
@@ -164,7 +166,9 @@ class Robot:
         return time.time()
 
     def _twist(self, now: float) -> Array:
-        """Return the mean camera twist (6,) [m/s, rad/s] from the last posture to now [s]."""
+        """Return the mean camera twist (6,), in the camera's frame [m/s, rad/s], from the last
+        posture to that of the time `now` [s].
+        """
         pose = self._robot.eye(self._data)
         before = self._last
         self._last = now, pose

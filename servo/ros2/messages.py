@@ -1,4 +1,4 @@
-"""Messages of ROS 2 as types of DDS; `rosbags` has the definitions of their fields."""
+"""Messages of ROS 2 as types of DDS, made from the definitions of fields in `rosbags`."""
 
 from functools import cache
 from typing import Any
@@ -12,9 +12,11 @@ from rosbags.typesys import Stores, get_typestore
 from servo.mistake import Mistake, check_known
 from sim.types import Array, DepthPicture
 
-FIELDS: Any = get_typestore(Stores.ROS2_HUMBLE).fielddefs
+Message = Any
+"""A message of ROS 2, its type, or a part of either: DDS makes the types at run time."""
+FIELDS: Message = get_typestore(Stores.ROS2_HUMBLE).fielddefs
 """Names and types of the fields of each message; they are the same in all distributions here."""
-PLAIN: dict[str, Any] = {
+PLAIN: dict[str, Message] = {
     "bool": bool,
     "float64": float64,
     "int32": int32,
@@ -24,18 +26,21 @@ PLAIN: dict[str, Any] = {
 }
 PICTURES = ("Image", "CompressedImage")
 METRES = "32FC1"
-DEPTHS: dict[str, tuple[Any, float]] = {METRES: (np.float32, 1.0), "16UC1": (np.uint16, 1e-3)}
+DEPTHS: dict[str, tuple[type[np.number], float]] = {
+    METRES: (np.float32, 1.0),
+    "16UC1": (np.uint16, 1e-3),
+}
 """Type and unit [m] of the numbers of each encoding of depth; 0 is an unknown depth."""
 SECOND = 1_000_000_000
 """A second [ns]."""
 
 
 @cache
-def message(name: str) -> Any:
-    """Return the class of a message, such as "sensor_msgs/Image"."""
+def message(name: str) -> Message:
+    """Return the DDS type of a message of ROS 2 by its name, such as "sensor_msgs/Image"."""
     package, _, short = name.partition("/")
     fields = {field: _type_of(*of) for field, of in FIELDS[f"{package}/msg/{short}"][1]}
-    made: Any = make_idl_struct(short, f"{package}.msg.dds_.{short}_", fields)
+    made: Message = make_idl_struct(short, f"{package}.msg.dds_.{short}_", fields)
     if short in PICTURES:  # as a sequence of numbers, a picture of 640 x 480 px would take 60 ms
         made.__idl__.populate()
         made.__idl__.v1_machine.members_machines["data"] = BytesMachine()
@@ -43,7 +48,7 @@ def message(name: str) -> Any:
     return made
 
 
-def _type_of(node: Any, of: Any) -> Any:
+def _type_of(node: Message, of: Message) -> Message:
     """Return the IDL type of a field: plain, message, array or sequence."""
     match node.name:
         case "BASE":
@@ -65,34 +70,34 @@ TwistStamped = message("geometry_msgs/TwistStamped")
 Clock = message("rosgraph_msgs/Clock")
 
 
-def header(seconds: float, frame: str) -> Any:
-    """Return a std_msgs/Header with a stamp [s] and the name of a frame."""
+def header(seconds: float, frame: str) -> Message:
+    """Return a std_msgs/Header with a stamp [s] and the name of a coordinate frame."""
     stamp = message("builtin_interfaces/Time")(*divmod(round(seconds * SECOND), SECOND))
     return message("std_msgs/Header")(stamp, frame)
 
 
-def seconds(stamp: Any) -> float:
+def seconds(stamp: Message) -> float:
     """Return a builtin_interfaces/Time as a number [s]."""
     return stamp.sec + stamp.nanosec / SECOND
 
 
-def stamped(twist: Array, at: Any) -> Any:
-    """Return the TwistStamped of a twist (6,) [m/s, rad/s] with the header `at`."""
+def stamped(twist: Array, at: Message) -> Message:
+    """Return a geometry_msgs/TwistStamped with a twist (6,) [m/s, rad/s] and the header `at`."""
     linear, angular = map(message("geometry_msgs/Vector3"), *twist.reshape(2, 3).T.tolist())
     return TwistStamped(at, message("geometry_msgs/Twist")(linear, angular))
 
 
-def depth_message(depth: DepthPicture, at: Any) -> Any:
-    """Return the Image of a depth picture (H, W) [m] with the header `at` (ROS REP 118)."""
+def depth_message(depth: DepthPicture, at: Message) -> Message:
+    """Return a sensor_msgs/Image of a depth picture (H, W) [m] (ROS REP 118), with header `at`."""
     height, width = depth.shape
     return Image(at, height, width, METRES, 0, 4 * width, depth.astype("<f4").tobytes())
 
 
-def depth_of(message: Any, topic: str) -> DepthPicture:
-    """Return the depth picture (H, W) [m] of an Image (ROS REP 118), nan where depth is unknown.
+def depth_of(message: Message, topic: str) -> DepthPicture:
+    """Return the depth picture (H, W) [m] in a sensor_msgs/Image (ROS REP 118); unknown depth: nan.
 
     Raises:
-        Mistake: The encoding is not one of `DEPTHS`, or the message is damaged.
+        Mistake: The encoding is neither 32FC1 nor 16UC1, or the message is damaged.
     """
     check_known([message.encoding], DEPTHS, topic, "encoding of depth")
     number, unit = DEPTHS[message.encoding]

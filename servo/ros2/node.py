@@ -1,7 +1,6 @@
-"""Readers and writers of topics over DDS, as ROS 2 names and serves them."""
+"""DDS readers and writers of the topics of ROS 2."""
 
 import os
-from typing import Any
 
 from cyclonedds.core import DDSException
 from cyclonedds.domain import DomainParticipant
@@ -12,6 +11,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from servo.mistake import Mistake
+from servo.ros2.messages import Message
 
 VARIABLES = {"ROS_DOMAIN_ID": "0", "CYCLONEDDS_URI": ""}
 """Environment variables of the domain and the network, with their defaults."""
@@ -22,10 +22,10 @@ BLOCKS = duration(milliseconds=5)
 
 
 class Node:
-    """A DDS participant in the domain ROS_DOMAIN_ID, by default 0."""
+    """A node of ROS 2: a DDS participant in the domain ROS_DOMAIN_ID (default: 0)."""
 
     def __init__(self) -> None:
-        """Join the domain.
+        """Join the DDS domain.
 
         Raises:
             Mistake: An environment variable has an invalid value.
@@ -39,26 +39,28 @@ class Node:
                 f"CYCLONEDDS_URI='{network}'"
             ) from None
 
-    def writer(self, topic: str, kind: Any) -> DataWriter[Any]:
-        """Return a reliable writer, which reliable and best-effort readers can read."""
+    def writer(self, topic: str, kind: Message) -> DataWriter[Message]:
+        """Return a reliable writer of a topic, which reliable and best-effort readers can read."""
         qos = Qos(Policy.Reliability.Reliable(BLOCKS), Policy.History.KeepLast(1))
         return DataWriter(self._participant, self._topic(topic, kind), qos)
 
-    def reader(self, topic: str, kind: Any, depth: int = 1) -> DataReader[Any]:
-        """Return a best-effort reader of the newest messages, which can read all writers."""
+    def reader(self, topic: str, kind: Message, depth: int = 1) -> DataReader[Message]:
+        """Return a best-effort reader of a topic, which can read all writers and keeps the newest
+        `depth` messages.
+        """
         qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(depth))
         return DataReader(self._participant, self._topic(topic, kind), qos)
 
-    def _topic(self, topic: str, kind: Any) -> Topic[Any]:
+    def _topic(self, topic: str, kind: Message) -> Topic[Message]:
         return Topic(self._participant, f"rt/{topic.strip('/')}", kind)
 
 
-def first(reader: DataReader[Any], topic: str) -> Any:
-    """Wait for a message and return it.
+def first(reader: DataReader[Message], topic: str) -> Message:
+    """Wait for a reader's next message and return it; `topic` is for the error.
 
     Raises:
         Mistake: No message has come within 10 s.
     """
     for message in reader.take_iter(timeout=duration(seconds=PATIENCE)):
         return message
-    raise Mistake(f"{topic}: no message has come within {PATIENCE:g} s")
+    raise Mistake(f"{topic}: no message has come within {PATIENCE:g} s: start what publishes it")

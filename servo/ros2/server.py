@@ -35,7 +35,8 @@ WHOLE = RegionOfInterest(0, 0, 0, 0, False)
 
 
 class Server:
-    """A controller that commands the twists received from ROS 2, and a sink that publishes steps.
+    """A simulated camera and robot in ROS 2: a controller that commands the twists received there,
+    and an output that publishes each step of the run.
 
     The run's time begins with the first twist. A picture is published at its time; the newest twist
     one frame interval later acts from then on.
@@ -44,7 +45,7 @@ class Server:
     SETTINGS = ("tracker.kind=truth", "estimator.kind=none", "run.latency=0")
     """Settings of a run whose tracker and law are in another process."""
     UNUSED = ("run.latency", "run.latency_ms")
-    """Settings without effect: a twist acts when it arrives."""
+    """Settings that have no effect, because a twist acts when it arrives."""
 
     def __init__(self) -> None:
         """Subscribe to twists, and advertise the camera and the robot."""
@@ -62,40 +63,46 @@ class Server:
         """Refusals that were printed."""
 
     def serving(self, episode: Episode) -> Self:
-        """Take the run to publish, with the calibration that its loop has; return self."""
+        """Publish the steps of this run from now on, with the calibration that its loop believes;
+        return the server.
+        """
         self._camera = episode.world.camera_believed
         self._names = list(episode.world.robot.names)
         return self
 
     def start(self, task: Task) -> None:
-        """Begin a task; its contents are not used."""
+        """Accept the task of a run; the external controller does not need its contents."""
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the newest twist; zeros if it is too old or was refused."""
+        """Return the newest camera twist from ROS 2 [m/s, rad/s]; zeros if it is older than 0.3 s
+        or was refused. The arguments are not used.
+        """
         self._listen()
         is_new = time.monotonic() < self._heard + DEAD_MAN
         return Command(self._twist if is_new else np.zeros(6))
 
     def add(self, step: Step) -> None:
-        """Serve a step, and wait until it is time for the next one."""
-        self._publish(step)
+        """Publish a step (picture, calibration, joints, time), and wait in real time until the next
+        one is due; at the first step, wait for a twist.
+        """
+        self.publish(step)
         if self._began is None:
             sys.stderr.write(f"waiting for a twist on {TOPIC}\n")
             while not self._listen():
                 time.sleep(step.scene.period)
-                self._publish(step)
+                self.publish(step)
             self._began = time.monotonic() - step.frame.time
         due = self._began + step.frame.time + step.scene.period
         time.sleep(max(0.0, due - time.monotonic()))
 
     def close(self) -> None:
-        """End the run; the topics end with the process."""
+        """Do nothing: the topics end with the process."""
 
     def abandon(self) -> None:
-        """End the run after an error; the topics end with the process."""
+        """Do nothing after an error: the topics end with the process."""
 
     def _listen(self) -> bool:
-        """Take the newest twist, and return True if it is valid.
+        """Read the newest twist; return True if there is one and it is valid.
 
         An invalid twist stops the robot; each reason is printed once.
         """
@@ -111,7 +118,8 @@ class Server:
             return not wrong
         return False
 
-    def _publish(self, step: Step) -> None:
+    def publish(self, step: Step) -> None:
+        """Send the picture, depth picture, calibration, joints and time of a step to ROS 2."""
         at = header(step.frame.time, FRAME)
         image = step.frame.image
         height, width, _ = image.shape
@@ -126,10 +134,10 @@ class Server:
 
 
 def _wrong(twist: Array, frame: str) -> str:
-    """Return why a twist (6,) in a frame is refused; an empty text if it is valid."""
+    """Return why a twist (6,) in a coordinate frame is refused; an empty text if it is valid."""
     if frame not in ("", FRAME):
         return (
-            f"a twist in the frame '{frame}' is not driven: it has to be in the camera's optical "
+            f"a twist in the frame '{frame}' is refused: it has to be in the camera's optical "
             f"frame '{FRAME}' (header.frame_id)"
         )
-    return "" if np.isfinite(twist).all() else "a twist that is not finite is not driven"
+    return "" if np.isfinite(twist).all() else "a twist with a number that is not finite is refused"

@@ -158,4 +158,4 @@ def section(monkeypatch, drawn, tmp_path):
             return value.split(";base64")[0].replace(str(tmp_path), "FOLDER")
         return value
 
-    return lambda folder: plain(as_json(report_command._section(folder)))
+    return lambda folder: plain(as_json(report_command.section_of(folder)))

@@ -1,0 +1,43 @@
+"""The model of a drive: the play of its gear and its lag, as the simulator has them."""
+
+from itertools import accumulate
+
+import numpy as np
+
+from sim.types import Array
+
+GRID = 2e-3
+"""Interval of the modelled motion [s], equal to a step of the physics."""
+
+
+def after_play(motion: Array, play: float) -> Array:
+    """Return a joint's positions (n,) behind a gear with play, from those of its motor [m, rad].
+
+    The joint begins in the middle of the play.
+    """
+    if play == 0.0:
+        return motion
+    half = play / 2
+    ends = np.append(np.flatnonzero(np.diff(np.sign(np.diff(motion)))) + 1, len(motion) - 1)
+    # Between two turns of the motor the joint is pushed one way from its place at the first.
+    places = accumulate(
+        motion[ends].tolist(),
+        lambda last, to: min(max(last, to - half), to + half),
+        initial=float(motion[0]),
+    )
+    last = np.repeat(list(places)[:-1], np.diff(ends, prepend=-1))
+    return np.clip(last, motion - half, motion + half)
+
+
+def after_lag(motion: Array, lag: float) -> Array:
+    """Return the positions (n,) of a drive with a first-order lag, a time constant [s].
+
+    The drive follows a motion (n,) that is linear between its samples, one each `GRID` s.
+    """
+    from scipy.signal import lfilter
+
+    if lag < GRID / 20:
+        return motion
+    kept = np.exp(-GRID / lag)
+    now = 1.0 - (1.0 - kept) * lag / GRID
+    return motion[0] + lfilter([now, 1.0 - kept - now], [1.0, -kept], motion - motion[0])
