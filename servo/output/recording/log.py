@@ -7,6 +7,7 @@
 | world/eye, world/eye/image | camera: pose and pinhole; JPEG frames |
 | world/eye/image/estimate, goal, truth | green, red and white rectangles |
 | world/eye/image/particles | the particle cloud |
+| world/path/0, world/eye/image/path/0, ... | paths of camera and target's corners, in pieces |
 | world/eye/depth | the depth picture, where there is one |
 | plots/error | distance of the true centre from goal and from estimate [px] |
 | plots/features | feature errors e = s - s* |
@@ -23,7 +24,6 @@ Timelines: `frame` and `sim_time`. Data is sent in columns, to a file once a sec
 calls for each entity and frame would take half as long as rendering.
 """
 
-from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -56,9 +56,9 @@ XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
 PALETTE = (*XYZ, PARTICLES, VIOLET, GREY, ESTIMATE, GOAL)
 PATH_RADIUS = 0.004
 """Half the thickness of the camera's path [m]."""
-PATH_GROWTH = 1.25
-"""Growth of the path after which the whole path is written again: the copies in the file are then
-five times as long as the path; one copy a second would grow with the square of the run's length.
+PIECE = 500
+"""Frames after which a path continues in a new entity. A path in one entity would be written as a
+whole again and again: file and memory would grow with it.
 """
 FRUSTUM = 0.15
 """Distance from the camera at which its image plane is drawn [m]."""
@@ -88,15 +88,15 @@ class RerunLog:
         self._moving = solids.entities(episode.world.moving)
         self._plots = _plots(episode.world.robot, self._features)
         self._every = Every(every)
-        self._next_path = 0
         self._file = recording
         self.abandon = recording.abandon
         self._rec = recording.begin("servobench", blueprint_of_run(self._features))
         self._before: Step | None = None
         self._steps = list[Step]()
         self._jpegs = list[bytes]()
-        self._path = array("f")
-        self._corners = array("f")
+        self._piece = 0
+        self._places = list[Array]()
+        self._corners = list[Array]()
         self._log_scene()
         self._name_series()
 
@@ -129,8 +129,6 @@ class RerunLog:
             Refused: The disk cannot be written.
         """
         self._send()
-        if self._path:
-            self._log_paths()
         self._file.close()
 
     def _log_scene(self) -> None:
@@ -168,12 +166,7 @@ class RerunLog:
         ]
         self._send_pictures(steps, jpegs, index)
         self._send_numbers(steps, index)
-        for step in steps:
-            self._path.extend(step.truth.T_world_camera.translation.tolist())
-            self._corners.extend(step.truth.corners.ravel().tolist())
-        if len(self._path) >= self._next_path:
-            self._log_paths()
-            self._next_path = int(PATH_GROWTH * len(self._path))
+        self._log_paths(steps)
 
     def _send_pictures(
         self, steps: list[Step], jpegs: list[bytes], index: list[rr.TimeColumn]
@@ -218,14 +211,20 @@ class RerunLog:
         for i, path in enumerate(self._moving):
             self._send_poses(path, index, poses[:, i, :, 3], poses[:, i, :, :3])
 
-    def _log_paths(self) -> None:
-        """Log the paths so far of camera and corners, as lines without a time."""
-        places = np.array(self._path).reshape(-1, 3)
-        path = rr.LineStrips3D([places], colors=PARTICLES, radii=PATH_RADIUS)
-        self._rec.log("world/way", path, static=True)
-        corners = np.array(self._corners).reshape(-1, 4, 2).swapaxes(0, 1)
+    def _log_paths(self, steps: list[Step]) -> None:
+        """Extend the newest piece of the paths of camera and corners: lines without a time."""
+        self._places += [s.truth.T_world_camera.translation for s in steps]
+        self._corners += [s.truth.corners for s in steps]
+        path = rr.LineStrips3D([self._places], colors=PARTICLES, radii=PATH_RADIUS)
+        self._rec.log(f"world/path/{self._piece}", path, static=True)
+        corners = np.stack(self._corners, axis=1)
         paths = rr.LineStrips2D(list(corners), colors=PARTICLES, radii=solids.LINE_RADIUS / 2)
-        self._rec.log(f"{IMAGE}/way", paths, static=True)
+        self._rec.log(f"{IMAGE}/path/{self._piece}", paths, static=True)
+        if len(self._places) >= PIECE:
+            self._piece += 1
+            # The next piece begins where this one ends.
+            del self._places[:-1]
+            del self._corners[:-1]
 
     def _send_poses(self, path: str, index: list[rr.TimeColumn], t: Any, R: Any) -> None:
         turned = np.asarray(R).reshape(-1, 9)
