@@ -239,7 +239,7 @@ BAD = {
     ),
     "an empty bench": (
         {"study.json": json.dumps(json.loads(STUDY) | {"holds": "evaluate"}).encode()},
-        "{}: there are no runs in this bench",
+        "{}: this folder has no finished runs; run its command again",
     ),
     "papers that were stopped": (
         {"study.json": json.dumps(json.loads(STUDY) | {"holds": "papers"}).encode()},
