@@ -86,7 +86,7 @@ BAD = {
     ),
     "a folder that is full": (
         ["run", "still", "--out", "full"],
-        "full: there is something in this folder; choose another with --out",
+        "full: this folder is not empty; choose another with --out",
     ),
     "a folder that is a file": (
         ["run", "still", "--out", "fake.rrd"],

@@ -68,7 +68,10 @@ def here(tmp_path, monkeypatch, capfd):
 def test_a_recording_that_cannot_grow_costs_neither_rows_nor_report(tmp_path):
     # The recording of two seconds has 1.4 MiB; the room that is reserved for the rows is smaller.
     code, err = limited(1260, f"run still --out out {QUICK} --set camera.noise=40", tmp_path)
-    assert (code, err) == (1, "servobench: out/run.rrd: it ends too early: the disk refuses more\n")
+    assert (code, err) == (
+        1,
+        "servobench: out/run.rrd: this output ends too early: the disk refuses more\n",
+    )
     assert pq.read_table(tmp_path / "out" / "steps.parquet").num_rows == 60
     assert json.loads((tmp_path / "out" / "report.json").read_text())["outcome"] == "TIMED_OUT"
 
@@ -118,7 +121,10 @@ def test_papers_stop_likewise(here):
 
 def test_a_recording_for_which_there_is_no_room_does_not_begin(pictures):
     code, err = limited(8, "track seen --tracker frozen --out out -q --rerun", pictures)
-    assert (code, err) == (1, "servobench: out/track.rrd: it ends too early: File too large\n")
+    assert (code, err) == (
+        1,
+        "servobench: out/track.rrd: this output ends too early: File too large\n",
+    )
     assert len((pictures / "out" / "track.csv").read_text().splitlines()) == 91
     assert not (pictures / "out" / "track.rrd").exists()
 
@@ -128,7 +134,7 @@ def test_a_video_or_a_recording_that_cannot_grow_costs_no_row(pictures, extra):
     file = extra.partition(" ")[2] or "out/track.rrd"
     code, err = limited(30, f"track seen --tracker frozen --out out -q {extra}", pictures)
     assert code == 1
-    assert err.startswith(f"servobench: {file}: it ends too early: ")
+    assert err.startswith(f"servobench: {file}: this output ends too early: ")
     assert not (pictures / "out.mp4").exists()  # not a second of it has found room
     assert err.count("\n") == 1
     assert len((pictures / "out" / "track.csv").read_text().splitlines()) == 91

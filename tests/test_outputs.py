@@ -17,6 +17,9 @@ from commands import frames_in
 from servoing import METRIC
 
 from servo.cli import run_command
+from servo.loop.episode import Episode
+from servo.output.recording import log
+from servo.output.recording.destination import RecordingFile
 from servo.output.steps_table import STREAM, quantities
 from servo.scenario.load import load, parse
 
@@ -175,6 +178,32 @@ def test_the_recording_shows_what_the_steps_say(folder):
     }.items():
         ring = np.array(found[f"/world/eye/image/{name}", "LineStrips2D:strips"][0][:4])
         np.testing.assert_allclose(ring.mean(axis=0), [x, y], atol=0.3, err_msg=name)
+
+
+@pytest.mark.newest
+def test_the_paths_are_recorded_in_pieces_of_bounded_size(tmp_path, monkeypatch):
+    """A path in one entity would be written whole each second; its copies would grow in memory."""
+    from rerun.chunk import RrdReader
+
+    monkeypatch.setattr(log, "PIECE", 5)
+    path = tmp_path / "a.rrd"
+    with Episode(load("still", ["tracker.kind=truth", "run.duration=0.4"])) as episode:
+        recording = log.RerunLog(RecordingFile(path), episode, every=0.0)
+        steps = list(episode)
+        for step in steps:
+            recording.add(step)
+        recording.close()
+    pieces = {}
+    for chunk in RrdReader(str(path)).stream():
+        if chunk.entity_path.startswith("/world/path/"):
+            column = chunk.to_record_batch().column("LineStrips3D:strips")
+            pieces[chunk.entity_path] = np.array(column.to_pylist()[-1][0])
+    assert [len(piece) for piece in pieces.values()] == [5, 5, 4]
+    first, second, third = pieces.values()
+    whole = np.concatenate([first, second[1:], third[1:]])  # each begins where the last one ends
+    assert np.array_equal(second[0], first[-1])
+    camera = [step.truth.T_world_camera.translation for step in steps]
+    np.testing.assert_allclose(whole, camera, atol=1e-6)
 
 
 def test_the_table_pairs_commands_with_the_frames_they_act_in(folder):

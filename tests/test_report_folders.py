@@ -239,7 +239,7 @@ BAD = {
     ),
     "an empty bench": (
         {"study.json": json.dumps(json.loads(STUDY) | {"holds": "evaluate"}).encode()},
-        "{}: there are no runs in this bench",
+        "{}: this folder has no finished runs; run its command again",
     ),
     "papers that were stopped": (
         {"study.json": json.dumps(json.loads(STUDY) | {"holds": "papers"}).encode()},
@@ -275,7 +275,7 @@ def test_broken_pictures_and_recordings_are_mistakes(ran, tmp_path):
     shutil.copytree(ran, tmp_path / "run")
     whole = (ran / "run.rrd").read_bytes()
     (tmp_path / "run" / "run.rrd").write_bytes(whole[:100] + bytes(500))
-    with pytest.raises(Mistake, match=r"/run\.rrd: this recording is broken$"):
+    with pytest.raises(Mistake, match=r"/run\.rrd: this recording is damaged$"):
         write([tmp_path / "run"], None)
 
 
@@ -311,7 +311,7 @@ def test_steps_without_a_column_of_a_run_are_a_mistake(ran, tmp_path, name, valu
     with pytest.raises(Mistake) as told:
         text_of(folder, tmp_path)
     assert str(told.value) == (
-        f"{folder}/steps.parquet: there is no such column '{name}' as a run writes"
+        f"{folder}/steps.parquet: column '{name}' is missing or has no numbers"
     )
 
 

@@ -94,7 +94,9 @@ def test_what_the_viewer_cannot_do_is_one_sentence(viewer, tmp_path, monkeypatch
     )
     _, clock = viewer(looks=10_000)
     began = clock[0]
-    assert refused(tmp_path, png) == f"{tmp_path}: the viewer did not show this within 30 s"
+    assert (
+        refused(tmp_path, png) == f"{tmp_path}: the viewer did not load this recording within 30 s"
+    )
     assert 30.0 < clock[0] - began < 31.0
     gone = tmp_path / "gone" / "out.png"
     assert refused(tmp_path, gone) == f"{gone}: there is no such folder to write to"

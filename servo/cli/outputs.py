@@ -157,10 +157,10 @@ def _shown(
         film: Makes the output of the light page, which shows a film.
         log: Makes the output of Rerun's viewer, given the viewer and the time between pictures.
     """
-    from servo.output.light_page import LightPage, NowAndThen
+    from servo.output.light_page import LightPage, ThrottledSink
 
     if isinstance(viewer, LightPage):
-        return NowAndThen(film(viewer.pictures))
+        return ThrottledSink(film(viewer.pictures))
     from servo.output.recording.live import EVERY
 
     return log(viewer, every=EVERY)

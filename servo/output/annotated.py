@@ -1,4 +1,4 @@
-"""The picture of a step with its rectangles: truth white, goal red, estimate by its status."""
+"""Pictures of steps with outlines: truth white, goal red, the estimate in its status's colour."""
 
 import cv2
 from matplotlib import pyplot
@@ -16,7 +16,11 @@ BAND = 24
 
 
 def annotated(step: Step) -> Image:
-    """Return an RGB picture (H, W, 3), about `WIDTH` wide, with time, status and error."""
+    """Return the step's picture as RGB (H, W, 3), about 640 px wide, with outlines and text.
+
+    The outlines are those of truth, goal and estimate. The text gives time [s], status of the
+    tracker, and distance of the true centre from the goal [px].
+    """
     image = step.frame.image
     factor = max(1, round(WIDTH / image.shape[1]))
     drawn = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)
@@ -50,7 +54,7 @@ class View:
         self.image: AxesImage | None = None
 
     def show(self, picture: Image) -> None:
-        """Show a picture (H, W, 3)."""
+        """Show an RGB picture (H, W, 3) in place of the last one; the first opens the window."""
         if self.image is None:
             self.image = self._axes.imshow(picture)
             self.figure.show()

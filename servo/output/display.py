@@ -1,4 +1,4 @@
-"""Whether this machine has a screen on which windows can be opened."""
+"""Detection of a screen on which windows can be opened."""
 
 import os
 import sys
@@ -8,5 +8,7 @@ DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def has_display() -> bool:
-    """Return whether there is a screen; macOS and Windows always count as having one."""
+    """Return whether windows can be opened: on Linux, whether DISPLAY or WAYLAND_DISPLAY is set; on
+    macOS and Windows always.
+    """
     return sys.platform != "linux" or any(map(os.environ.get, DISPLAYS))

@@ -1,4 +1,4 @@
-"""The film of a run: the camera with its overlays, the room, and the errors over time."""
+"""Films of runs: the camera's picture with outlines, the room from outside, errors over time."""
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import zip_longest
@@ -48,14 +48,21 @@ PARTS = 16
 
 
 class RunViews:
-    """The two pictures of each step of one run: what the camera sees, and the room with it.
+    """Drawer of two pictures for each step of a run: the camera's picture, the room from outside.
 
-    The camera's picture has the paths of the target's corners. The room has the camera's pyramid of
-    view and its path so far, drawn over all else, and in its corner a view that follows the camera.
+    The camera's picture has the outlines, and the paths of the target's corners so far. The room
+    has the camera's field of view as a pyramid, and its path so far, both drawn over everything;
+    in its lower right corner is a second view, which follows the camera.
     """
 
     def __init__(self, camera: Camera, room: MjModel, size: tuple[int, int]) -> None:
-        """Begin with the camera and the world's model; `size` is that of a picture [px]."""
+        """Prepare the drawing.
+
+        Args:
+            camera: The run's camera.
+            room: The MuJoCo model of the world.
+            size: Width and height of each picture [px].
+        """
         borders = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * (camera.width, camera.height)
         self._frustum = FRUSTUM * np.insert(camera.normalise(borders), 2, 1.0, axis=1)
         self._size = size
@@ -70,7 +77,7 @@ class RunViews:
         self._beside.close()
 
     def draw(self, step: Step) -> tuple[Image, Image]:
-        """Return the pictures of the camera and of the room (H, W, 3)."""
+        """Return the pictures of camera and room at a step, RGB (H, W, 3); steps come in order."""
         self._path.append(step.truth.T_world_camera.translation)
         self._corners.append(step.truth.corners)
         return self._draw_camera(step), self._draw_room(step)
@@ -86,7 +93,7 @@ class RunViews:
         return panel(step.frame.image, *self._size, marks, step.estimate.particles, lines)
 
     def _draw_room(self, step: Step) -> Image:
-        """The room, with the following view in its lower right corner."""
+        """Return the room as RGB (H, W, 3), with the view that follows the camera in its corner."""
         camera = step.truth.T_world_camera.translation
         target = step.truth.T_world_target.translation
         middle = (camera + target) / 2
@@ -114,7 +121,7 @@ class RunViews:
 
 
 class RunFilm:
-    """Writer of one film."""
+    """Sink that draws the steps of a run into a film, an MP4 file."""
 
     def __init__(self, to: Path | Pages, title: str = "", end: float | None = None) -> None:
         """Prepare a film; the file is opened with the first step.
@@ -130,7 +137,7 @@ class RunFilm:
         self._opened: tuple[FilmPage, RunViews] | None = None
 
     def add(self, step: Step) -> None:
-        """Write the frame of a step that has its picture.
+        """Append a frame that shows a step, which must have its picture.
 
         Raises:
             OSError: The file cannot be written.
@@ -146,7 +153,7 @@ class RunFilm:
         film.add(step.frame.time, views.draw(step), errors, [step.estimate.status.name], note)
 
     def close(self) -> None:
-        """Finish the file."""
+        """Finish the file; without a step there is no file."""
         self._finish(whole=True)
 
     def abandon(self) -> None:
@@ -166,15 +173,15 @@ class RunFilm:
 
 
 def write_film(steps: Iterable[Step], path: Path, title: str = "") -> Path:
-    """Write the film of a run's steps, which still have their pictures, as `servo.run` gives them.
+    """Write the film of a run's steps, which must have their pictures (those of `servo.run` do).
 
     Args:
-        steps: In order; a list, or the run itself, which is then filmed while it goes on.
-        path: The file to write, an MP4; an older one is replaced.
-        title: Its first line.
+        steps: All steps in order: a list, or the run itself, which is then filmed as it goes on.
+        path: MP4 file to write; an older one is replaced.
+        title: First line of the film.
 
     Returns:
-        The path.
+        The path of the file.
 
     Raises:
         OSError: The file cannot be written.
@@ -193,13 +200,13 @@ def write_film_of_two(
     path: Path,
     written: Callable[[str], None],
 ) -> None:
-    """Run two episodes and film them beside each other; one that has ended stands still.
+    """Run two episodes and film both beside each other; the shorter run keeps its last picture.
 
     Args:
-        episodes: Both, not yet run.
-        names: Of both, which stand above them and at their curves.
-        path: The file to write, an MP4; an older one is replaced.
-        written: Is called after each frame, with a note.
+        episodes: Two episodes that have not begun.
+        names: Captions above the two halves.
+        path: MP4 file to write; an older one is replaced.
+        written: Called after each frame with a line about the errors, such as "error 3.1 px".
 
     Raises:
         Mistake: The rates of the cameras differ.
@@ -208,7 +215,9 @@ def write_film_of_two(
     worlds = [episode.world for episode in episodes]
     rates = [1 / world.period for world in worlds]
     if rates[0] != rates[1]:
-        raise Mistake(f"film: the cameras' rates differ: {rates[0]:g} and {rates[1]:g} Hz")
+        raise Mistake(
+            f"film: both cameras need the same rate; they have {rates[0]:g} and {rates[1]:g} Hz"
+        )
     end = max(episode.scenario.run.duration for episode in episodes)
     captions = [_shortened(f"{number}: {name}") for number, name in enumerate(names, 1)]
     curves = {"run 1": colours.CURVES[0], "run 2": colours.CURVES[1]}
@@ -229,7 +238,9 @@ def write_film_of_two(
 
 
 def _shortened(caption: str) -> str:
-    """Return a caption without its middle where it is too long: what differs often comes last.
+    """Return a caption of at most 47 characters: the middle of a longer one is left out.
+
+    The end stays, because the difference between two runs often comes last.
 
     >>> _shortened("2: reversal --set run.duration=4.0 --set estimator.kind=none")
     '2: reversal --set run.d…set estimator.kind=none'

@@ -1,4 +1,4 @@
-"""The JSON files of servobench: each kind is a frozen dataclass that writes and reads it."""
+"""The JSON files of servobench: each kind is a frozen dataclass that writes and reads its file."""
 
 import shlex
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ HALF = "it may be half-written"
 
 
 class OtherFormat(Mistake):
-    """A file whose format number differs from the one that this version reads."""
+    """A file has another format number than this version of servobench reads."""
 
     def __init__(self, path: Path, found: Any, number: int) -> None:
         has = "has no format number" if found is None else f"has format {found!r}"
@@ -35,17 +35,17 @@ class OtherFormat(Mistake):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Document:
-    """A JSON file; a subclass has a field for each key, and the kind of the file."""
+    """Base of JSON files: a subclass has a field for each key of its file, and the file's kind."""
 
     FILE: ClassVar[str]
-    """Its usual name."""
+    """Usual name of the file."""
     KIND: ClassVar[str]
     """The command that writes it."""
     FORMAT: ClassVar[int] = 1
     """Format number; it increases by one when older versions cannot read the file any more."""
 
     def write(self, folder: Path, name: str | None = None) -> Path:
-        """Write the file into a folder, and return its path.
+        """Write the file into a folder, under its usual name if none is given, and return its path.
 
         Raises:
             OSError: The file cannot be written.
@@ -53,15 +53,15 @@ class Document:
         return atomic.write(folder, name or self.FILE, self.text())
 
     def text(self) -> str:
-        """Return the content of the file."""
+        """Return the file's JSON, which begins with its format number and kind."""
         return json_text({"format": self.FORMAT, "kind": self.KIND} | as_json(self))
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read a file of this kind; keys that are not fields of the dataclass are ignored.
+        """Return the content of a file of this kind; keys without a field are ignored.
 
         Raises:
-            OtherFormat: It has another format number, or none.
+            OtherFormat: The file has another format number, or has none.
             Mistake: The file cannot be read, is not JSON, is of another kind, or lacks a key.
         """
         encoded = content(path)
@@ -76,7 +76,7 @@ class Document:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Made(Document):
-    """A file with the command and the versions that made it."""
+    """A JSON file that names the command line and the package versions that made it."""
 
     command: str
     """The command line that repeats it, without --out and the number of workers; empty if it was
@@ -87,17 +87,22 @@ class Made(Document):
 
 
 def check_format(path: Path, found: Any, number: int) -> None:
-    """Refuse a file whose format number differs.
+    """Check that a file has the format number that this version reads.
+
+    Args:
+        path: The file, for the message.
+        found: Format number in the file, of any type; None if the file has none.
+        number: Format number that this version reads.
 
     Raises:
-        OtherFormat: The number that was found is another one.
+        OtherFormat: The numbers differ.
     """
     if type(found) is not int or found != number:
         raise OtherFormat(path, found, number)
 
 
 def content(path: Path) -> bytes:
-    """Return the bytes of a file.
+    """Return the bytes of a file of at most 1 GB.
 
     Raises:
         Mistake: The file cannot be read, is not a regular file, or is too large.
@@ -118,8 +123,13 @@ def _parsed(path: Path, encoded: bytes, kind: Any) -> Any:
 
 
 def command_line(command: str, *words: str, **options: object) -> str:
-    """Return a command line for a shell. An option with the value True is a flag; each value of a
-    list or a tuple repeats the option; None and False leave the option out.
+    """Return a command line of servobench as text for a shell.
+
+    Args:
+        command: Subcommand, such as "run".
+        words: Positional arguments.
+        options: Options by name. True gives a flag; a list or tuple repeats the option for each of
+            its values; None and False leave the option out.
     """
     given: list[str] = []
     for name, value in options.items():

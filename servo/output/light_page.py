@@ -1,6 +1,6 @@
-"""A page that shows a run or a track while it goes on, picture by picture (MJPEG).
+"""A local web page that shows the film of a run or a track while it goes on, as MJPEG pictures.
 
-A browser needs no GPU for it, as it does for Rerun's viewer. What it shows is the film.
+The browser needs no GPU, unlike for Rerun's viewer.
 """
 
 import threading
@@ -11,7 +11,7 @@ from typing import Any, final
 from servo.mistake import Mistake
 from servo.output.display import has_display
 from servo.output.local_page import LocalHandler, LocalServer
-from servo.output.sinks import Every, Sink
+from servo.output.sinks import Sink, Timer
 from sim.types import Image
 from tracking.drawing.picture_bytes import encoded
 
@@ -23,7 +23,7 @@ PICTURES = "/pictures"
 BOUNDARY = "picture"
 STREAM = f"multipart/x-mixed-replace; boundary={BOUNDARY}"
 BETWEEN = f"--{BOUNDARY}\r\n".encode()
-"""Is sent right after each picture: browsers show one when they see that it is complete."""
+"""Sent right after each picture: browsers show a picture when they see that it is complete."""
 PAGE = f"""<!DOCTYPE html>
 <html lang="en">
 <meta charset="utf-8">
@@ -39,7 +39,7 @@ HEADERS = {"Content-Type": "text/html; charset=utf-8", "Cache-Control": "no-stor
 
 
 class NewestPicture:
-    """The newest picture of a film, for any number of readers; slow ones miss some."""
+    """The newest frame of a film, read by any number of threads; slow readers skip frames."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -48,7 +48,7 @@ class NewestPicture:
         self._ended = False
 
     def add(self, image: Image, time: float) -> None:
-        """Take a picture (H, W, 3); its time in the film does not count here."""
+        """Store an RGB picture (H, W, 3) as the newest frame; `time` is not used."""
         jpeg = encoded(image, QUALITY)
         with self._changed:
             self._number += 1
@@ -56,18 +56,18 @@ class NewestPicture:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Take no more; readers keep the last one."""
+        """Do nothing: readers keep the last frame until `end`."""
 
     abandon = close
 
     def end(self) -> None:
-        """Let the readers go."""
+        """Make all readers stop."""
         with self._changed:
             self._ended = True
             self._changed.notify_all()
 
     def read(self) -> Iterator[bytes]:
-        """Yield the newest JPEG file, and each time there is a newer one, that, until `end`."""
+        """Yield the newest frame as a JPEG file, then each newer one as it comes, until `end`."""
         seen = 0
         while True:
             with self._changed:
@@ -82,10 +82,10 @@ class NewestPicture:
 
 @final
 class LightPage:
-    """The page, and the server of its pictures."""
+    """The server of the page; a frame added to its `pictures` appears on the page."""
 
     def __init__(self, port: int) -> None:
-        """Serve the page, which shows what comes into `pictures`.
+        """Start to serve at a port of 127.0.0.1; open the page if there is a display.
 
         Raises:
             Mistake: The port is in use.
@@ -103,28 +103,28 @@ class LightPage:
             webbrowser.open(self.page)
 
     def wait(self) -> None:
-        """Serve until Ctrl-C."""
+        """Wait until Ctrl-C, while the page is served."""
         threading.Event().wait()
 
     def stop(self) -> None:
-        """Stop serving."""
+        """End all connections, and stop serving."""
         self.pictures.end()
         self._server.shutdown()
         self._server.server_close()
 
 
-class NowAndThen:
-    """A sink that takes only as many frames as a page can show."""
+class ThrottledSink:
+    """A sink that passes on at most ten frames a second (wall clock), and drops the others."""
 
     def __init__(self, sink: Sink) -> None:
         self._sink = sink
-        self._every = Every(EVERY)
+        self._timer = Timer(EVERY)
         self.close = sink.close
         self.abandon = sink.abandon
 
     def add(self, *given: Any) -> None:
-        """Pass a frame on, if the last one is long enough ago."""
-        if self._every.due():
+        """Pass a frame on if 0.1 s have passed since the last one that was passed on."""
+        if self._timer.due():
             self._sink.add(*given)
 
 
@@ -135,7 +135,7 @@ class _Server(LocalServer):
 
 
 class _Handler(LocalHandler):
-    """Sends the page, or its pictures for as long as they come."""
+    """Answers requests for the page, and for its pictures, which come until the run ends."""
 
     server: _Server  # pyright: ignore[reportIncompatibleVariableOverride]
 

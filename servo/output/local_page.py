@@ -1,4 +1,4 @@
-"""Pages that are served on 127.0.0.1, to this machine alone."""
+"""Web pages that are served on 127.0.0.1, so that only this machine can open them."""
 
 import secrets
 import threading
@@ -9,10 +9,15 @@ HOST = "127.0.0.1"
 
 
 class LocalServer(ThreadingHTTPServer):
-    """Serves from threads of its own, from its first call of `begin` on."""
+    """HTTP server at 127.0.0.1 that answers each request in a thread of its own."""
 
     def __init__(self, port: int, handler: type[BaseHTTPRequestHandler], path: str = "/") -> None:
-        """Listen at a port, or at any for 0; the page is at `path`.
+        """Listen at a port; requests are answered after `begin`.
+
+        Args:
+            port: TCP port; 0: any free one.
+            handler: Class that answers requests.
+            path: Path of the page in its address.
 
         Raises:
             OSError: The port is in use.
@@ -23,21 +28,23 @@ class LocalServer(ThreadingHTTPServer):
         self.address = f"http://{HOST}:{self.port}{path}"
 
     def begin(self) -> None:
-        """Serve until `shutdown`."""
+        """Answer requests in the background until `shutdown` is called."""
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Go on: a client that resets its connection is no failure of the page."""
+        """Ignore an error of one connection, such as a browser that resets it."""
 
 
 class LocalHandler(BaseHTTPRequestHandler):
-    """Answers those who know the address, and no page of another site that guesses it."""
+    """Handler of requests that answers only those to a known path and with this server's name as
+    Host, so that a page of another site gets no answer.
+    """
 
     server: LocalServer  # pyright: ignore[reportIncompatibleVariableOverride]
     timeout = 10.0  # of a browser that neither sends nor reads
 
     def is_ours(self, path: str) -> bool:
-        """Return whether this path is asked for; otherwise, answer that there is nothing."""
+        """Return whether the request is for this path of this server; if not, answer with 404."""
         hosts = {f"{HOST}:{self.server.port}", f"localhost:{self.server.port}"}
         right = secrets.compare_digest(self.path.encode(), path.encode())
         if not right or self.headers.get("Host") not in hosts:
@@ -46,7 +53,7 @@ class LocalHandler(BaseHTTPRequestHandler):
         return True
 
     def send(self, code: int, body: bytes, headers: dict[str, str]) -> None:
-        """Send a whole answer."""
+        """Answer with an HTTP status code, headers and a body."""
         self.send_response(code)
         for header, value in headers.items():
             self.send_header(header, value)
@@ -55,4 +62,4 @@ class LocalHandler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002  (its name there)
-        """Print nothing."""
+        """Print no line about the request, as the base class would."""

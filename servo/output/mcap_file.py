@@ -1,4 +1,4 @@
-"""A run or a track as an MCAP log for Foxglove and the tools of ROS 2, by foxglove-sdk and rosbags.
+"""Runs and tracks as MCAP logs for Foxglove and the tools of ROS 2, by foxglove-sdk and rosbags.
 
 | topic | messages |
 |---|---|
@@ -10,12 +10,12 @@
 | /tf | tf2_msgs/TFMessage (run): world to base and target, base to camera |
 | /step, /shot | the row of steps.parquet; confidence, status, state, milliseconds |
 
-All are messages of ROS 2 in CDR, with their definitions (`ros2msg`): /step and /shot are of a type
-of our own, `servobench_msgs`, with a field for each number.
+All are messages of ROS 2 in CDR, with their definitions (`ros2msg`): /step and /shot have types of
+our own, in `servobench_msgs`, with a field for each number.
 
-Times are those of the frames; of a track's pictures their own stamps, where its source has some. A
-log whose program was killed lacks its last chunk and its index;
-`mcap recover` writes it again.
+Times of messages are those of the frames; in a track they are the stamps of its pictures, where its
+source has stamps. A log of a killed program lacks its last chunk and its index: `mcap recover`
+repairs it.
 """
 
 from __future__ import annotations
@@ -82,15 +82,15 @@ def check_installed() -> None:
 
 
 class McapFile:
-    """An MCAP file; a frame's messages have its time `at` [ns]."""
+    """An MCAP file with the messages of frames; `at` is a frame's time [ns]."""
 
     def __init__(self, path: Path, topic: str, columns: Mapping[str, str]) -> None:
         """Open a new file.
 
         Args:
-            path: Of the file.
-            topic: Of the rows.
-            columns: Of the rows: their names, and their types in ROS's words.
+            path: File to write.
+            topic: Topic of the rows, such as "/step".
+            columns: ROS types of the rows' columns by name, such as "float64".
 
         Raises:
             OSError: The file cannot be written.
@@ -98,29 +98,36 @@ class McapFile:
         import foxglove
         from foxglove import mcap
 
-        self._context = context = foxglove.Context()  # kept: its channels end with it
+        self._context = context = foxglove.Context()  # kept: its topics end with it
         self._file = _CheckedFile(path)
         options = mcap.MCAPWriteOptions(profile="ros2", chunk_size=CHUNK, compression_threads=0)
         self._writer = foxglove.open_mcap(self._file, context=context, writer_options=options)  # type: ignore[arg-type]
 
-        def channel(topic: str, kind: str) -> Channel:
-            return Channel(topic, Kind(kind), context)
+        def topic_of(name: str, kind: str) -> Topic:
+            return Topic(name, Kind(kind), context)
 
-        self._image = channel("/camera/image/compressed", "sensor_msgs/CompressedImage")
-        self._depth = channel("/camera/depth", "sensor_msgs/Image")
-        self._info = channel("/camera/camera_info", "sensor_msgs/CameraInfo")
-        self._annotations = channel("/camera/annotations", "foxglove_msgs/ImageAnnotations")
-        self._estimate = channel("/estimate", "geometry_msgs/PolygonStamped")
-        self._tf = channel("/tf", "tf2_msgs/TFMessage")
+        self._image = topic_of("/camera/image/compressed", "sensor_msgs/CompressedImage")
+        self._depth = topic_of("/camera/depth", "sensor_msgs/Image")
+        self._info = topic_of("/camera/camera_info", "sensor_msgs/CameraInfo")
+        self._annotations = topic_of("/camera/annotations", "foxglove_msgs/ImageAnnotations")
+        self._estimate = topic_of("/estimate", "geometry_msgs/PolygonStamped")
+        self._tf = topic_of("/tf", "tf2_msgs/TFMessage")
         self._fields = _fields(columns)
         kind = f"servobench_msgs/{topic.strip('/').capitalize()}"
         fields = {self._fields[name]: of for name, of in columns.items()}
-        self._rows = Channel(topic, Kind(kind, fields), context)
+        self._rows = Topic(topic, Kind(kind, fields), context)
 
     def picture(
         self, at: int, image: Image | None, corners: Corners, particles: Array | None
     ) -> None:
-        """Write a picture, the outlines in it (the estimate's is the last) and the particles."""
+        """Write a picture, with outlines and particles as annotations.
+
+        Args:
+            at: Time of the frame [ns].
+            image: RGB (H, W, 3); None: there is no picture.
+            corners: Corners (4, 2) [px] of outlines by their RGB colour; the last is the estimate.
+            particles: Particles (n, 2 or more), x and y first [px]; None: there are none.
+        """
         header = ros2.header(at, FRAME)
         if image is not None:
             jpeg = np.frombuffer(encoded(image, JPEG_QUALITY), np.uint8)
@@ -139,7 +146,7 @@ class McapFile:
         self._estimate.log(at, header=header, polygon=polygon)
 
     def depth(self, at: int, depth: DepthPicture) -> None:
-        """Write a depth picture."""
+        """Write a depth picture (H, W) [m]."""
         height, width = depth.shape
         self._depth.log(
             at,
@@ -153,7 +160,7 @@ class McapFile:
         )
 
     def calibration(self, at: int, camera: Camera) -> None:
-        """Write the intrinsics of a picture's camera."""
+        """Write the intrinsics of the camera that took a picture."""
         region = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
         known = camera_info(camera)
         numbers = {name: np.array(known[name]) for name in ("d", "k", "r", "p")}
@@ -165,7 +172,7 @@ class McapFile:
         )
 
     def transforms(self, at: int, poses: Mapping[tuple[str, str], Pose]) -> None:
-        """Write poses by their frames, parent and child."""
+        """Write poses of child frames in parent frames, by the names (parent, child)."""
         found = [
             ros2.part(
                 "geometry_msgs/TransformStamped",
@@ -178,33 +185,33 @@ class McapFile:
         self._tf.log(at, transforms=found)
 
     def row(self, at: int, values: Mapping[str, Any]) -> None:
-        """Write the values of the columns, the last of a frame's messages; None is not a number.
+        """Write a frame's row, its last message: values by column, of which None is written as nan.
 
         Raises:
-            OSError: The file cannot be written.
+            OSError: This message or an earlier one cannot be written.
         """
         cells = {self._fields[name]: np.nan if v is None else v for name, v in values.items()}
         self._rows.log(at, **cells)
         self._file.check()
 
     def close(self) -> None:
-        """Finish the file.
+        """Write the last chunk and the index, and close the file.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The file cannot be written.
         """
         with closing(self._file.close):
             self._writer.close()
             self._file.check()
 
     def abandon(self) -> None:
-        """Close the file after an error: what the disk refuses is left out."""
+        """Close the file after an error; data that the disk refuses is lost."""
         self._writer.close()  # else it complains on stderr when it is deleted
         self._file.close()
 
 
 def _fields(columns: Iterable[str]) -> dict[str, str]:
-    """Return the names of a message's fields by those of columns, each its own."""
+    """Return a valid and unique name of a message's field for each column, by column."""
     found: dict[str, str] = {}
     for number, column in enumerate(columns):
         name = NOT_A_FIELD.sub("_", column)
@@ -237,8 +244,8 @@ def _transform(pose: Pose) -> Any:
     )
 
 
-class Channel:
-    """A topic with messages of ROS 2."""
+class Topic:
+    """A topic of an MCAP file, with messages of one ROS 2 type."""
 
     def __init__(self, topic: str, kind: Kind, context: Any) -> None:
         import foxglove
@@ -250,12 +257,12 @@ class Channel:
         )
 
     def log(self, at: int, **fields: Any) -> None:
-        """Write a message with these fields at a time [ns]."""
+        """Write a message with these fields; its time is `at` [ns]."""
         self._channel.log(self._kind.encoded(**fields), log_time=at)
 
 
 class _CheckedFile:
-    """An unbuffered file that keeps its first error: the writer only prints errors."""
+    """An unbuffered file that keeps its first error, because foxglove only prints errors."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("wb", buffering=0)
@@ -277,7 +284,7 @@ class _CheckedFile:
 
 
 class RunMcap(McapFile):
-    """Writer of the log of one run."""
+    """Sink that writes the steps of a run into an MCAP log."""
 
     def __init__(self, path: Path, episode: Episode) -> None:
         self._quantities = quantities_of(episode)
@@ -285,7 +292,7 @@ class RunMcap(McapFile):
         super().__init__(path, "/step", {c.name: TYPES[c.type] for c in columns})
 
     def add(self, step: Step) -> None:
-        """Write a step.
+        """Write a step: picture, depth, camera, transforms and row.
 
         Raises:
             OSError: The file cannot be written.
@@ -315,7 +322,7 @@ class RunMcap(McapFile):
 
 
 class TrackMcap(McapFile):
-    """Writer of the log of one track."""
+    """Sink that writes the shots (picture and estimate) of a track into an MCAP log."""
 
     def __init__(self, path: Path, region: Region) -> None:
         super().__init__(path, "/shot", SHOT)
@@ -323,7 +330,7 @@ class TrackMcap(McapFile):
         self._zero = 0
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a shot.
+        """Write a shot: picture and row; `truth` are the true corners (4, 2) [px], or None.
 
         Raises:
             OSError: The file cannot be written.

@@ -24,7 +24,7 @@ ABOVE: dict[str, Any] = {
 
 
 def figure(curves: RunCurves, title: str) -> Drawing:
-    """Return a figure with both plots of a run."""
+    """Return one figure of a run: feature errors, distances [px], and the target's motion."""
     rows = len(curves.moving)
     whole, axes = _figure(2 + rows, 5.4 + 2.4 * rows)
     _draw_errors(curves, literal(title), axes[:2])
@@ -33,14 +33,17 @@ def figure(curves: RunCurves, title: str) -> Drawing:
 
 
 def draw(curves: RunCurves, title: str, folder: Path) -> list[Path]:
-    """Write both plots of a run as PNG files into a folder, and return their paths."""
+    """Write target_motion.png and errors.png into a folder; return their paths in this order."""
     title = literal(title)
     motion = save(motion_figure(curves, title), folder, "target_motion.png")
     return [motion, save(error_figure(curves, title), folder, "errors.png")]
 
 
 def motion_figure(curves: RunCurves, title: str) -> Drawing:
-    """Draw figure 9: the target's own motion in the image, measured, estimated and true."""
+    """Return figure 9: the target's own motion in the image over time, as rates of the features.
+
+    Each fed-forward feature has axes of its own, with the measured, estimated and true rate.
+    """
     rows = len(curves.moving)
     figure, axes = _figure(rows, 0.6 + 2.4 * rows)
     _draw_motion(curves, title, axes)
@@ -48,7 +51,9 @@ def motion_figure(curves: RunCurves, title: str) -> Drawing:
 
 
 def error_figure(curves: RunCurves, title: str) -> Drawing:
-    """Draw figure 10: the feature errors, and below them the true distance from the goal."""
+    """Return figure 10: the feature errors over time, and below them the distances [px] of the true
+    centre from the goal and from the estimate.
+    """
     figure, axes = _figure(2, 5.4)
     _draw_errors(curves, title, axes)
     return figure

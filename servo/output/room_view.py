@@ -1,4 +1,4 @@
-"""Pictures of the room with all bodies at the poses of a step: for films and model pages."""
+"""Pictures of the room from outside, with all bodies at the poses of a step."""
 
 from math import radians, tan
 
@@ -27,9 +27,10 @@ MARGIN = 1.1
 
 
 class RoomView:
-    """Renderer of a model's bodies at the poses of a step. It holds GL buffers: close it.
+    """Renderer of the room from outside, with all bodies at the poses of a step.
 
-    Lights are not part of a step: they are drawn as the model has them at the time of the call.
+    It holds OpenGL buffers: call `close`. Steps have no poses of lights: the lights are drawn with
+    the model's current values.
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
@@ -49,12 +50,14 @@ class RoomView:
         self._turned = np.stack([matrix_of(quaternion) for quaternion in model.geom_quat])
 
     def look(self, eye: Array, looks_at: Array) -> None:
-        """Move the camera to a point (3,) of the room and turn it to another point (3,) [m]."""
+        """Move the view's camera to a point (3,), and turn it to another point (3,) [m, world]."""
         self._eye = eye
         self._looks_at = looks_at
 
     def fit(self, points: Array) -> None:
-        """Look from the usual side, from as near as keeps all points (n, 3) [m] in the picture."""
+        """Move the view's camera as near, from its usual side, as shows all points (n, 3) [m,
+        world].
+        """
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         back = np.subtract(EYE, LOOKS_AT)
         aside, up, nearer = ((points - middle) @ _towards(back, np.zeros(3))).T
@@ -64,7 +67,9 @@ class RoomView:
         self.look(middle + distance * back / np.linalg.norm(back), middle)
 
     def render(self, bodies: Array) -> Image:
-        """Return a picture (H, W, 3) of all bodies at the poses (n, 3, 4) of `World.bodies`."""
+        """Return an RGB picture (H, W, 3) of all n bodies at their poses (n, 3, 4) in the world:
+        rotation matrix and translation [m], as in `World.bodies`.
+        """
         model = self._model
         data = self._data
         data.xmat[1:] = bodies[:, :, :3].reshape(-1, 9)
@@ -80,17 +85,19 @@ class RoomView:
         return self._renderer.begin(data)()
 
     def close(self) -> None:
-        """Release the GL buffers."""
+        """Release the OpenGL buffers."""
         self._renderer.close()
 
     def project(self, points: Array) -> Array:
-        """Return points (n, 3) of the world [m] in pixels of the picture (n, 2)."""
+        """Project points (n, 3) of the world [m] into the picture, and return them (n, 2) [px]."""
         seen = (points - self._eye) @ _towards(self._eye, self._looks_at) @ VISION_FROM_MUJOCO
         return self._view.project(seen)
 
 
 def _towards(eye: Array, point: Array) -> Array:
-    """Return the rotation (3, 3) of an upright camera of MuJoCo that looks at a point."""
+    """Return the rotation (3, 3) from camera to world of an upright camera at `eye` (3,) that looks
+    at a point (3,) along its -z axis, as MuJoCo's cameras do.
+    """
     back = np.subtract(eye, point) / np.linalg.norm(np.subtract(eye, point))
     right = np.cross([0.0, 0.0, 1.0], back)
     right /= np.linalg.norm(right)

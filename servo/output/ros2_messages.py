@@ -27,10 +27,10 @@ ANNOTATIONS = {
 
 
 class Kind:
-    """One type of message, such as "sensor_msgs/Image", whose definition can stand in a file."""
+    """A type of ROS 2 messages, such as "sensor_msgs/Image", with its definition and encoding."""
 
     def __init__(self, name: str, fields: Mapping[str, str] | None = None) -> None:
-        """Take a type by its name; one of our own has fields with their types."""
+        """Look a type up by name; a type of our own is given by its fields and their ROS types."""
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
         self.name = name.replace("/", "/msg/")
@@ -42,18 +42,20 @@ class Kind:
 
     @property
     def definition(self) -> bytes:
-        """The fields, and those of the types they are of, as `ros2msg`."""
+        """Definition of the type and of all types in its fields, in the format `ros2msg`."""
         return self._store.generate_msgdef(self.name, ros_version=2)[0].encode()
 
     def encoded(self, **fields: Any) -> bytes:
-        """Return a message with these fields in CDR."""
+        """Return a message of this type with these fields, as bytes (CDR)."""
         message = self._store.types[self.name](**fields)
         return bytes(self._store.serialize_cdr(message, self.name))
 
 
 @cache
 def _known() -> Any:
-    """Return ROS's own messages; those used here are the same in all its distributions."""
+    """Return ROS 2's own types of messages and foxglove_msgs; the ones that are used here are the
+    same in all distributions of ROS 2.
+    """
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
@@ -63,15 +65,15 @@ def _known() -> Any:
 
 
 def part(kind: str, **fields: Any) -> Any:
-    """Return a message that is a part of another."""
+    """Return a message, by type and fields, that is a field of another message."""
     return _known().types[kind.replace("/", "/msg/")](**fields)
 
 
 def stamp(at: int) -> Any:
-    """Return a moment [ns]."""
+    """Return a time [ns] as builtin_interfaces/Time."""
     return part("builtin_interfaces/Time", sec=at // SECOND, nanosec=at % SECOND)
 
 
 def header(at: int, frame: str) -> Any:
-    """Return the header of a moment [ns] in a frame."""
+    """Return std_msgs/Header with a time [ns] and the name of a coordinate frame."""
     return part("std_msgs/Header", stamp=stamp(at), frame_id=frame)

@@ -1,4 +1,4 @@
-"""The curves of a run from its table of steps: the same for plots, notebooks and pages."""
+"""The curves of a run, read from its table of steps, for plots, notebooks and pages."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ per second.
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """The target's own motion in the image, as the change of one feature (n,) [its unit/s]."""
+    """The target's own motion as the rate of one feature over n frames (n,) [feature's unit/s]."""
 
     measured: Array
     estimated: Array
@@ -36,7 +36,7 @@ class Motion:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Lower and upper end of the axis of its figure."""
+        """Lower and upper limit of a plot's axis; outliers of `measured` may lie outside."""
         finite = self.measured[np.isfinite(self.measured)]
         middle = np.percentile(finite, MIDDLE) if len(finite) else np.zeros(1)
         every = np.concatenate([middle, self.estimated, self.true])
@@ -48,7 +48,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class RunCurves:
-    """The table of a run's steps, with the names and units of its features."""
+    """The table of a run's steps, with names and units of its features, read by column."""
 
     table: pa.Table
     units: Mapping[str, str]
@@ -60,16 +60,16 @@ class RunCurves:
 
     @staticmethod
     def of(table: pa.Table, features: FeatureSet) -> "RunCurves":
-        """Return the curves of a table of steps with these features."""
+        """Return the curves of a run from its table of steps and its features."""
         units = dict(zip(features.names, features.units, strict=True))
         return RunCurves(table, units, features.feed_forward)
 
     @staticmethod
     def read(path: Path, features: FeatureSet) -> "RunCurves":
-        """Return the curves of a file of steps with these features.
+        """Return the curves of a run from its Parquet file of steps and its features.
 
         Raises:
-            OSError: It cannot be read.
+            OSError: The file cannot be read.
         """
         return RunCurves.of(pq.read_table(path), features)
 
@@ -77,7 +77,7 @@ class RunCurves:
         """Return a column of numbers (n,).
 
         Raises:
-            Mistake: There is no such column.
+            Mistake: The table has no such column of numbers.
         """
         return self._column(name, float)
 
@@ -85,26 +85,25 @@ class RunCurves:
         try:
             return self.table[name].to_numpy().astype(kind)
         except (KeyError, TypeError, ValueError):
-            sentence = f"{self.place}: there is no such column '{name}' as a run writes"
-            raise Mistake(sentence) from None
+            raise Mistake(f"{self.place}: column '{name}' is missing or has no numbers") from None
 
     @property
     def moving(self) -> list[str]:
-        """The features for which the target's own motion is drawn."""
+        """Names of the features whose motion is drawn: those fed forward, else all."""
         return [name for name in self.feed_forward or self.units if name in self.units]
 
     @property
     def unsure(self) -> NDArray[np.bool_]:
-        """Frames (n,) that were dropped, or in which the tracker was not sure of the target."""
+        """Flags (n,): true where the frame was dropped or the tracker was not LOCKED."""
         locked = self._column("status", str) == Status.LOCKED.name
         return ~((self["fresh"] > 0) & locked)
 
     def error(self, feature: str) -> Array:
-        """Return the error (n,) of a feature, in its unit."""
+        """Return the error s - s* of a feature over the frames (n,), in the feature's unit."""
         return self[_name("error", feature, ending(self.units[feature]))]
 
     def motion(self, feature: str) -> Motion:
-        """Return the target's own motion as the change of a feature."""
+        """Return the target's own motion as the rate of a feature; nan in the first frame."""
         rate = ending_of_rate(self.units[feature])
         measured, estimated, true = (
             self[_name(f"motion_{which}", feature, rate)]
@@ -115,5 +114,5 @@ class RunCurves:
 
 
 def _name(*words: str) -> str:
-    """Return the name of a column from its parts, of which the last may be empty."""
+    """Return the name of a column: its parts, of which the last may be empty, joined by "_"."""
     return "_".join(filter(None, words))

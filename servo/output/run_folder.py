@@ -1,4 +1,4 @@
-"""The folder of a run: run.rrd, steps.parquet, report.json and two plots."""
+"""Writer of a run's folder: run.rrd, steps.parquet, report.json and two plots."""
 
 import traceback
 from collections.abc import Iterable, Mapping
@@ -20,7 +20,7 @@ RECORDING = "run.rrd"
 
 
 def prepare(asked: Path | None, name: str) -> Path:
-    """Return an empty folder: the one asked for, or the next free runs/NAME.
+    """Make an empty folder for a run and return it: the one asked for, or the next free runs/NAME.
 
     Raises:
         Mistake: The folder is not empty, cannot be written, or has a name that is not UTF-8.
@@ -30,17 +30,17 @@ def prepare(asked: Path | None, name: str) -> Path:
         if asked is None:
             return _next_free(Path("runs"), name)
         if asked.is_dir() and any(asked.iterdir()):
-            raise Mistake(f"{asked}: there is something in this folder; choose another with --out")
+            raise Mistake(f"{asked}: this folder is not empty; choose another with --out")
         asked.mkdir(parents=True, exist_ok=True)
         atomic.write(asked, RECORDING, b"").unlink()  # a test
     return asked
 
 
 def with_traceback(error: PartFailed, folder: Path) -> Mistake:
-    """Write the traceback of an error's cause into the folder, if the disk has room.
+    """Write the traceback of a part's exception into the folder, if the disk has room.
 
     Returns:
-        The error's sentence, with the path of the traceback.
+        The error to raise, whose sentence names the file of the traceback.
     """
     if error.__cause__ is None:
         return error
@@ -53,7 +53,9 @@ def with_traceback(error: PartFailed, folder: Path) -> Mistake:
 
 
 def discard(folder: Path, others: Iterable[Path]) -> None:
-    """Remove the files of a run that ended before its first step: they are empty."""
+    """Delete the empty files of a run that ended before its first step, in its folder and at the
+    paths of its other outputs.
+    """
     for path in (*(folder / name for name in (STREAM, TABLE, RECORDING)), *others):
         path.unlink(missing_ok=True)
 
@@ -68,7 +70,9 @@ def _check_name(folder: Path) -> None:
 
 
 def _next_free(runs: Path, name: str) -> Path:
-    """Make a new folder; other runs may make theirs at the same time."""
+    """Make runs/NAME, or else runs/NAME-2, runs/NAME-3, ..., and return it; other runs may do the
+    same at the same time.
+    """
     runs.mkdir(parents=True, exist_ok=True)
     folder = runs / name
     again = 2
@@ -83,10 +87,10 @@ def _next_free(runs: Path, name: str) -> Path:
 
 
 class RunFolder:
-    """Writer of the steps of one run, and of its report and plots at the end.
+    """Writer of a run's files: rows of its steps as they come, report and plots at the end.
 
-    Rows have priority: their space on the disk is reserved, and they continue when the recording
-    cannot be written any more.
+    Rows have priority: their space on the disk is reserved, and they are written even if the
+    recording no longer can be.
     """
 
     def __init__(
@@ -100,10 +104,10 @@ class RunFolder:
         """Open the files.
 
         Args:
-            folder: Where to write.
-            episode: The run.
-            rerun: Whether a recording is written.
-            more: Other sinks of the steps, by name.
+            folder: An empty folder.
+            episode: The run whose steps will be added.
+            rerun: Whether to write a recording.
+            more: Other sinks of the steps, by path of their file or by name.
 
         Raises:
             Mistake: Another run is writing into this folder.
@@ -131,16 +135,16 @@ class RunFolder:
 
     @property
     def refused(self) -> Refused | None:
-        """The reason why a file beside the rows is not complete; None if all are."""
+        """Error of the first sink that failed, such as the recording; None if none has."""
         return self._sinks.refused
 
     def add(self, step: Step) -> None:
-        """Write a step."""
+        """Write a step into the table, and give it to the recording and the other sinks."""
         self._table.add(step)
         self._sinks.add(step)
 
     def close(self) -> None:
-        """Finish the table and the recording.
+        """Finish steps.parquet, the recording and the other sinks.
 
         Raises:
             Refused: The table cannot be written; the rows are in the stream.
@@ -153,10 +157,10 @@ class RunFolder:
                 raise Refused(f"{self.folder / TABLE}: {error.strerror}; {kept}") from None
 
     def finish(self, report: Document) -> list[Path]:
-        """Write report and plots; the paths of all files.
+        """Write report and plots, and return the paths of all files of the run.
 
         Raises:
-            Refused: A file cannot be written; the rows are complete.
+            Refused: A file cannot be written; steps.parquet is complete.
         """
         title = f"{self._scenario.name}, seed {self._scenario.run.seed}"
         try:

@@ -1,6 +1,6 @@
-"""Sinks of a run's steps or a track's shots, beside the rows: films, recordings, logs, viewers.
+"""Receivers ("sinks") of a run's steps or a track's shots: films, recordings, logs, viewers.
 
-One that fails ends alone, and the others go on.
+A sink that fails is ended, and the others go on.
 """
 
 import time
@@ -14,34 +14,37 @@ from servo.mistake import Refused
 
 
 class Sink(Protocol):
-    """Takes what there is of each frame: a `Step`; or a `Shot` and its truth, if there is one."""
+    """Protocol of a receiver of each frame of a run or a track, in order."""
 
     @property
     def add(self) -> Callable[..., None]:
-        """Take the next frame; an OSError or `Refused` says that it cannot be written."""
+        """The method that takes the next frame: a run's `Step`, or a track's `Shot` with its truth
+        (None without one). It raises an OSError or `Refused` if the frame cannot be written.
+        """
         ...
 
     def close(self) -> None:
-        """Finish; errors are those of `add`."""
+        """Finish the output; raise the errors of `add`."""
 
     def abandon(self) -> None:
-        """Leave everything as it is after an error."""
+        """End the output after an error, without finishing it."""
 
 
 class Sinks:
-    """Gives each step to several sinks, by name: the path of a written file, or a word. A sink that
-    fails is abandoned, the others go on, and `refused` keeps the first reason.
+    """Sinks by name (the path of a file, or a word), to which each frame is given.
+
+    A sink that fails is abandoned, the others go on, and `refused` keeps the first error.
     """
 
     refused: Refused | None = None
-    """The reason why the first of them that failed is not complete; None if all are."""
+    """Error of the first sink that failed; None if none has."""
 
     def __init__(self, sinks: Mapping[Path | str, Sink]) -> None:
         self._sinks = dict(sinks)
         self.paths = [name for name in sinks if isinstance(name, Path)]
 
     def begin(self, path: Path, make: Callable[[], Sink]) -> None:
-        """Make a sink that writes a file, and give it the frames to come if it can be made."""
+        """Make a sink that writes a file, and add it; an OSError counts as its failure."""
         try:
             self._sinks[path] = make()
         except OSError as error:
@@ -53,17 +56,17 @@ class Sinks:
         return bool(self._sinks)
 
     def add(self, *given: Any) -> None:
-        """Give a frame to each."""
+        """Give a frame to each sink; the arguments are those of `Sink.add`."""
         for name, sink in list(self._sinks.items()):
             self._guarded(name, lambda sink=sink: sink.add(*given))
 
     def close(self) -> None:
-        """Finish each."""
+        """Finish all sinks."""
         with closing(*(partial(self._guarded, name, s.close) for name, s in self._sinks.items())):
             pass
 
     def end(self, reason: str) -> None:
-        """End all of them early."""
+        """Abandon all sinks for this reason, such as "the disk is full"."""
         for name in list(self._sinks):
             self._end(name, reason)
 
@@ -80,18 +83,18 @@ class Sinks:
         self._refuse(name, reason)
 
     def _refuse(self, name: Path | str, reason: str) -> None:
-        self.refused = self.refused or Refused(f"{name}: it ends too early: {reason}")
+        self.refused = self.refused or Refused(f"{name}: this output ends too early: {reason}")
 
 
-class Every:
-    """Says once in a while that it is time again, by the wall clock: what a kill may cost."""
+class Timer:
+    """Timer for periodic work, such as flushes, by the wall clock."""
 
     def __init__(self, seconds: float = 1.0) -> None:
         self._seconds = seconds
         self._due = time.monotonic() + seconds
 
     def due(self) -> bool:
-        """Return whether so many seconds have passed since this was last true."""
+        """Return whether the period is over, and begin the next one if so."""
         now = time.monotonic()
         if now < self._due:
             return False
@@ -100,10 +103,16 @@ class Every:
 
 
 class PacedSink:
-    """A sink whose frames come no sooner than their times, since the first, over a speed."""
+    """A sink that gets frames no faster than they happened, or by a factor faster or slower."""
 
     def __init__(self, sink: Sink, speed: float, time_of: Callable[[Any], float]) -> None:
-        """Pace a sink; `time_of` gives the time of a step or a shot [s]."""
+        """Wrap a sink.
+
+        Args:
+            sink: Gets the frames.
+            speed: Simulated seconds in a second of the wall clock.
+            time_of: Returns the time of a step or a shot [s].
+        """
         self._sink = sink
         self._speed = speed
         self._time_of = time_of
@@ -112,7 +121,7 @@ class PacedSink:
         self._began: float | None = None
 
     def add(self, *given: Any) -> None:
-        """Wait until it is time, and pass a frame on."""
+        """Wait until the frame's time since the first frame, over the speed, and pass it on."""
         due = self._time_of(given[0]) / self._speed
         now = time.monotonic()
         if self._began is None:

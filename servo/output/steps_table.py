@@ -1,4 +1,4 @@
-"""The steps of a run as a Parquet table: a row for each frame, and units in the columns' names.
+"""The steps of a run as a Parquet table: a row for each frame, with units in the columns' names.
 
 During the run, rows are written to an Arrow stream once a second of the wall clock, so that a
 killed run keeps them: `pyarrow.ipc.open_stream("steps.arrows")` reads them.
@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 
 from servo.loop.episode import Episode
 from servo.loop.step import Step
-from servo.output.sinks import Every
+from servo.output.sinks import Timer
 from servo.parts import FeatureSet
 from servo.types import DOF
 from sim.models.quaternion import quaternion_of
@@ -46,7 +46,7 @@ SPARE = 1 << 19
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A column, or several whose values are read from a step together."""
+    """One or more columns of the table whose values are read from a step together."""
 
     name: str
     columns: list[pa.Field]
@@ -55,14 +55,20 @@ class Quantity:
     """One value for each column."""
 
     def cells(self, step: Step) -> Iterator[tuple[str, Any]]:
-        """Name and value of each column."""
+        """Yield name and value of each column at a step."""
         return zip((c.name for c in self.columns), self.of(step), strict=True)
 
 
 def quantities(
     features: FeatureSet, joints: tuple[str, ...], units: tuple[str, ...]
 ) -> list[Quantity]:
-    """All quantities, in order; the units of the joints are m or rad."""
+    """Return all columns in order, grouped by quantity, for a run with these features.
+
+    Args:
+        features: Features of the run.
+        joints: Names of the robot's joints.
+        units: Units of the joints, m or rad.
+    """
     return [
         _single("frame", "number of the frame", lambda s: s.frame.index, WHOLE),
         _single("time_s", "simulated time", lambda s: s.frame.time),
@@ -92,7 +98,7 @@ def quantities(
         _vector("rate", "velocity", lambda s: s.rates, joints, tuple(f"{u}_s" for u in units)),
         _vector(
             "margin",
-            "way to the nearer limit, inf where there is none",
+            "distance to the nearer limit, inf where there is none",
             lambda s: s.margins,
             joints,
             units,
@@ -128,7 +134,7 @@ def quantities(
 
 
 def quantities_of(episode: Episode) -> list[Quantity]:
-    """All quantities of an episode's steps."""
+    """Return the columns of the table of an episode's steps, grouped by quantity."""
     return quantities(episode.loop.features, episode.world.robot.names, episode.world.robot.units)
 
 
@@ -138,7 +144,7 @@ def _schema(found: Sequence[Quantity]) -> pa.Schema:
 
 
 def table_of(steps: Sequence[Step], found: Sequence[Quantity]) -> pa.Table:
-    """The table of some steps."""
+    """Return a table with a row for each step and the columns of these quantities."""
     return pa.Table.from_pylist([_row(step, found) for step in steps], schema=_schema(found))
 
 
@@ -201,7 +207,7 @@ def _places() -> Iterator[Quantity]:
 
 
 def _pose(pose: Pose) -> Array:
-    """Position [m] and unit quaternion with w first (7,)."""
+    """Return a pose as position [m] and unit quaternion with w first (7,)."""
     return np.append(pose.translation, quaternion_of(pose.rotation))
 
 
@@ -226,12 +232,12 @@ def _features(features: FeatureSet) -> Iterator[Quantity]:
 
 
 def ending(unit: str) -> str:
-    """The ending of a column's name for a unit; empty for a number without unit."""
+    """Return a unit as the ending of a column's name; empty for "1", a number without unit."""
     return "" if unit == "1" else unit
 
 
 def ending_of_rate(unit: str) -> str:
-    """The ending of a column's name for the rate of change of a unit."""
+    """Return the unit of a rate of change [unit/s] as the ending of a column's name."""
     return "per_s" if unit == "1" else f"{unit}_s"
 
 
@@ -261,17 +267,17 @@ def _vector(
 
 
 class StepsTable:
-    """Writer of the table of one run."""
+    """Writer of the steps of one run: into a stream as they come, into the table at the end."""
 
     def __init__(self, folder: Path, episode: Episode) -> None:
-        """Open the stream, and reserve space for all rows on the disk.
+        """Open the stream in a folder, and reserve space on the disk for all rows of the episode.
 
         Raises:
             FileExistsError: Another run is writing into this folder.
             OSError: The disk has no space for the rows.
         """
         self._folder = folder
-        self._every = Every()
+        self._timer = Timer()
         self._quantities = quantities_of(episode)
         self._rows: list[dict[str, Any]] = []
         every = self._schema = _schema(self._quantities)
@@ -286,18 +292,23 @@ class StepsTable:
             os.posix_fallocate(self._file.fileno(), 0, size)
 
     def add(self, step: Step) -> None:
-        """Append a row.
+        """Append a step as a row; rows reach the disk once a second.
 
         Raises:
             Mistake: The controller has other features than the table.
             OSError: The row cannot be written.
         """
         self._rows.append(_row(step, self._quantities))
-        if self._every.due():
+        if self._timer.due():
             self._flush()
 
     def close(self) -> None:
-        """Turn the stream into the table; if that cannot be written, the stream stays."""
+        """Write the stream's rows as the table, and delete the stream; if the table cannot be
+        written, the stream stays.
+
+        Raises:
+            OSError: The table cannot be written.
+        """
         self._flush()
         self._stream.close()
         self._file.truncate()

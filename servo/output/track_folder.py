@@ -1,4 +1,4 @@
-"""The files of a track: rows as CSV and as Parquet, report, and optionally a recording."""
+"""Writer of a track's files: rows as CSV and as Parquet, report, and optionally a recording."""
 
 import io
 import shutil
@@ -32,7 +32,7 @@ SPARE = 1 << 18
 
 
 class TrackFolder:
-    """Writer of the shots of one track; a film or recording that fails does not stop the rows."""
+    """Writer of the shots (picture and estimate) of one track; rows go on if a sink fails."""
 
     def __init__(
         self,
@@ -45,18 +45,18 @@ class TrackFolder:
         """Open the files.
 
         Args:
-            folder: Where to write.
-            region: The target's region.
-            recording: Whether a recording is written.
-            more: Other sinks of the shots, by name.
+            folder: An existing folder.
+            region: The target's region in the first picture.
+            recording: Whether to write a recording.
+            more: Other sinks of the shots, by path of their file or by name.
 
         Raises:
             OSError: A file cannot be written.
         """
         self.count = 0
-        """Rows in the files, known when they are closed."""
+        """Number of rows, known after `close`."""
         self.seconds = 0.0
-        """Time that writing and showing the shots has taken [s]."""
+        """Wall-clock time that writing and showing the shots has taken so far [s]."""
         self._folder = folder
         self._rows = TrackFile(folder / TRACK, region)
         self._sinks = Sinks(more or {})
@@ -71,11 +71,11 @@ class TrackFolder:
 
     @property
     def refused(self) -> Refused | None:
-        """The reason why a film or a recording is not complete; None if all are."""
+        """Error of the first sink that failed, such as a film; None if none has."""
         return self._sinks.refused
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a shot, and the truth of its picture (4, 2) if there is one.
+        """Write a shot; `truth` are the target's true corners (4, 2) [px], or None.
 
         Raises:
             OSError: The row cannot be written.
@@ -104,14 +104,14 @@ class TrackFolder:
 
 
 def _rows(file: Path) -> pa.Table:
-    """Return the rows of a track's CSV file; a picture's name may hold any character."""
+    """Return the rows of a track's CSV file, in which a picture's name may hold any character."""
     types = csv.ConvertOptions(column_types={"stamp": STAMP, "name": pa.string()})
     lines = csv.ParseOptions(newlines_in_values=True)
     return csv.read_csv(file, parse_options=lines, convert_options=types)
 
 
 def _parquet(rows: pa.Table) -> bytes:
-    """Return rows as the content of a Parquet file."""
+    """Return the bytes of a Parquet file with these rows."""
     file = io.BytesIO()
     pq.write_table(rows, file)
     return file.getvalue()
@@ -119,7 +119,7 @@ def _parquet(rows: pa.Table) -> bytes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackReport(Made):
-    """Source, tracker, losses and measures of a track."""
+    """The report of a track: source, tracker, losses and measures."""
 
     FILE: ClassVar[str] = "report.json"
     KIND: ClassVar[str] = "track"

@@ -38,10 +38,10 @@ DIGITS = 12
 
 
 def versions() -> dict[str, str]:
-    """Version by package, and the digest of our own source, which changes with any edit, and
-    whether pictures are made without OpenGL, whatever the settings name.
+    """Return the versions of all packages that decide the numbers, by name.
 
-    Packages that bring kinds by entry points are named too.
+    Further entries are a digest of servobench's source, whether OpenGL is hidden ("pictures"), and
+    packages that add kinds by entry points.
     """
     pictures = "exact, without OpenGL" if gl.WITHOUT in os.environ else "as set"
     return {**_own(), "pictures": pictures, **packages()}
@@ -55,7 +55,7 @@ def _own() -> dict[str, str]:
 
 
 def is_installed(name: str) -> bool:
-    """Whether a distribution is installed."""
+    """Return whether a Python distribution of this name is installed."""
     try:
         metadata.version(name)
     except metadata.PackageNotFoundError:
@@ -64,7 +64,9 @@ def is_installed(name: str) -> bool:
 
 
 def clash() -> str:
-    """The sentence about several distributions of OpenCV; empty where there is one."""
+    """Return a sentence that tells to remove all but one distribution of OpenCV; empty if only one
+    is installed.
+    """
     there = [name for name in OPENCV if is_installed(name)]
     if len(there) < 2:
         return ""
@@ -76,7 +78,9 @@ def clash() -> str:
 
 @functools.cache
 def source_digest() -> str:
-    """A short digest of the installed source and models at the first call."""
+    """Return a digest of servobench's installed source and models, 12 hexadecimal digits; it is
+    computed at the first call.
+    """
     whole = hashlib.sha256()
     for package in PACKAGES:
         with resources.as_file(resources.files(package)) as root:

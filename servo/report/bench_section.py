@@ -1,4 +1,4 @@
-"""The section about a bench: a comparison of trackers on sequences or in the closed loop."""
+"""The page's section about `evaluate`: trackers compared on sequences or in the closed loop."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,16 +31,20 @@ SURE = 0.05
 
 
 def section(folder: Path, study: StudyFile) -> Section:
-    """Return the section about the folder of a bench.
+    """Return the section about a folder that `evaluate` wrote.
+
+    Args:
+        folder: The folder.
+        study: Content of its study.json.
 
     Raises:
-        Mistake: A file is missing or damaged.
+        Mistake: A file is missing or damaged, or there are no runs.
     """
     store = Store(folder)
     store.find()
     records = list(store.read(sorted(store.done), long=True))
     if not records:
-        raise Mistake(f"{folder}: there are no runs in this bench")
+        raise Mistake(f"{folder}: this folder has no finished runs; run its command again")
     ranks = ranking.ranked(records)
     best = ranks[0]
     families = families_table(ranks)
@@ -94,7 +98,7 @@ def _compared(trackers: Sequence[Rank]) -> list[str]:
 
 
 def trackers_table(trackers: Sequence[Rank]) -> Table:
-    """Return the means of each tracker, and its test against the best one."""
+    """Return a table of trackers: means of their measures, and McNemar's test against the best."""
     rows: list[list[str]] = []
     for t in trackers:
         means = {title: t.means.get(name) for title, name in ranking.SHOWN.items()}
@@ -107,7 +111,9 @@ def trackers_table(trackers: Sequence[Rank]) -> Table:
 
 
 def _curves(records: Sequence[Record], trackers: Sequence[str]) -> list[Figure]:
-    """Return the curves of the trackers, means over their runs, as Wu, Lim and Yang (2013) do."""
+    """Return the success and precision curves of the trackers (Wu, Lim and Yang, 2013), each a mean
+    over the tracker's runs.
+    """
     figures: list[Figure] = []
     for title, (name, thresholds, x, y) in CURVES.items():
         drawn: list[Curve] = []
@@ -121,15 +127,15 @@ def _curves(records: Sequence[Record], trackers: Sequence[str]) -> list[Figure]:
 
 
 def _mean(mean: Interval | None, units: int) -> str:
-    """Return a mean, and the number of sequences that have it where these are not all."""
+    """Return a mean as text, with the number of its sequences if that is not all `units`."""
     if mean is None:
         return shown(None)
     return shown(mean.value) + f" ({mean.units} of {units})" * (0 < mean.units < units)
 
 
 def families_table(trackers: Sequence[Rank]) -> Table | None:
-    """Return success by sequence, with a column for each tracker, or for each sequence if these are
-    fewer; None if there is one sequence only.
+    """Return a table of the mean success AUC of each tracker on each sequence; None if there is one
+    sequence only. The columns are the trackers, or the sequences if these are fewer.
     """
     names = list(trackers[0].families)
     if len(names) < 2:

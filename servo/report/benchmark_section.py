@@ -1,4 +1,4 @@
-"""The section about a public benchmark: its table, curves, conditions, factors and failures."""
+"""The page's section about a public benchmark: table, curves, conditions, factors, failures."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -33,7 +33,11 @@ COLUMNS = {
 
 
 def section(folder: Path, study: StudyFile) -> Section:
-    """Return the section about the folder of a benchmark.
+    """Return the section about a folder that `benchmark` wrote.
+
+    Args:
+        folder: The folder.
+        study: Content of its study.json.
 
     Raises:
         Mistake: A file is missing or damaged.
@@ -48,7 +52,7 @@ def section(folder: Path, study: StudyFile) -> Section:
 
 
 def published_section(name: str) -> Section:
-    """Return the section about the shipped rows of a benchmark."""
+    """Return the section about the shipped results of the benchmark of this name."""
     benchmark = load(name)
     return _section(benchmark, shipped_rows(benchmark), Path(name), [])
 
@@ -74,13 +78,15 @@ def _section(
 
 
 def is_whole(benchmark: Benchmark, rows: Sequence[Row]) -> bool:
-    """Return whether rows have all worlds of the published table."""
+    """Return whether all rows have all worlds of the published table (band v1)."""
     whole = len(benchmark.conditions) * benchmark.worlds
     return all(row.band == "v1" and len(row.worlds) == whole for row in rows)
 
 
 def beside_published(benchmark: Benchmark, rows: Sequence[Row]) -> list[Row]:
-    """Return rows with the shipped ones beside them, where they have the same worlds."""
+    """Return these rows, followed by the shipped rows of other contestants if the worlds are the
+    same.
+    """
     names = {row.contestant for row in rows}
     whole = is_whole(benchmark, rows)
     shipped = [row for row in shipped_rows(benchmark) if whole and row.contestant not in names]
@@ -88,9 +94,10 @@ def beside_published(benchmark: Benchmark, rows: Sequence[Row]) -> list[Row]:
 
 
 def by_pictures(benchmark: Benchmark, rows: Sequence[Row]) -> dict[str, list[Row]]:
-    """Return the rows that can be compared, by their pictures, the frozen ones first.
+    """Return rows in groups that can be compared, by the digest of their rendered pictures.
 
-    Rows without pictures, such as those that fix the scale, stand in each group.
+    The group with the benchmark's own (frozen) pictures is first. Rows without pictures, such as
+    those that fix the scale, are in each group.
     """
     seen = {row.rendering for row in rows} - {""} or {""}
     order = sorted(seen, key=lambda one: (one != benchmark.rendering, one))
@@ -119,7 +126,13 @@ def _unfinished(folder: Path, study: StudyFile) -> Section:
 def blocks_of(
     benchmark: Benchmark, worlds: Sequence[World], groups: Mapping[str, Sequence[Row]]
 ) -> list[Block]:
-    """Return table, curves, conditions and factors of the rows of each kind of pictures."""
+    """Return the blocks with table, curves, conditions and factors of each group of rows.
+
+    Args:
+        benchmark: The benchmark.
+        worlds: Worlds of all rows.
+        groups: Rows by the digest of their pictures, from `by_pictures`.
+    """
     found = list[Block]()
     for rendering, rows in groups.items():
         other = len(groups) > 1 and rendering != benchmark.rendering
@@ -139,7 +152,7 @@ def blocks_of(
 
 
 def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
-    """Return the table of some rows, the best first."""
+    """Return the table of contestants from their rows, with the best score first."""
     is_loop = benchmark.score == "held"
     head = ["contestant", "division", "score", "held" if is_loop else "arrived", "rank", "P"]
     head += ["slowest"] if is_loop else list(COLUMNS)
@@ -172,12 +185,14 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
 
 
 def is_home(row: Row) -> bool:
-    """Return whether a row is one of ours, which is grey beside those of guests."""
+    """Return whether a contestant is one of ours, not a guest's; ours are grey beside guests."""
     return row.division == Division.HOME.name
 
 
 def difficulty_of(rows: Sequence[Row]) -> str:
-    """Return a sentence about worlds that do not tell contestants apart; nothing for a few rows."""
+    """Return a sentence with the numbers of worlds that nobody and everybody won; an empty text for
+    few rows.
+    """
     found = Difficulty.of(standings(rows))
     if found is None:
         return ""
@@ -189,8 +204,8 @@ def difficulty_of(rows: Sequence[Row]) -> str:
 
 
 def _curves(rows: Sequence[Row], table: Sequence[Standing]) -> Figure:
-    """Return the curves of the scale, and of the guests in colour; without guests, of contestants
-    of all ranks.
+    """Return the share of time over distance from the goal: named contestants in colour, those that
+    fix the scale dashed, all others grey.
     """
     scale = [row for row in rows if row.division == Division.SCALE.name]
     named, others = _named(table)
@@ -208,9 +223,9 @@ def _curve(row: Row, colour: str = INK, *, dashed: bool = False, faint: bool = F
 
 
 def _named(table: Sequence[Standing]) -> tuple[list[Row], list[Row]]:
-    """Return the rows that a figure names, as many as there are colours, and all others.
+    """Return the rows that a figure names, at most one a colour, and all other rows.
 
-    Guests are named; without any, contestants of all ranks.
+    The named ones are guests; if there are none, they are spread over all ranks.
     """
     of = [s.row for s in table if not is_home(s.row)] or [s.row for s in table]
     shares = np.linspace(0, len(of) - 1, min(len(of), len(LIGHT)))
@@ -232,7 +247,9 @@ def _conditions(benchmark: Benchmark, table: Sequence[Standing]) -> Figure:
 
 
 def _sizes(benchmark: Benchmark, worlds: Sequence[World], table: Sequence[Standing]) -> Figure:
-    """Return the share of worlds reached over the size of the task, mean of all conditions."""
+    """Return the figure of the share of worlds reached over the size of the task (its rank in its
+    condition, 0..1), as means over all conditions.
+    """
     named, others = _named(table)
     parts = min(PARTS, sum(w.condition == worlds[0].condition for w in worlds))
     x = (np.arange(parts) + 0.5) / parts
@@ -257,7 +274,7 @@ def _effects(worlds: Sequence[World], table: Sequence[Standing]) -> Table:
 
 
 def _failures(folder: Path) -> list[Block]:
-    """Return the contact sheets of worlds that were not won."""
+    """Return a block with contact sheets of worlds that were not won; nothing if there are none."""
     store = Store(folder)
     store.find()
     pictures = list[PageImage]()

@@ -1,8 +1,8 @@
-"""The figures of a page as SVG: curves, values by name, and heat maps.
+"""The figures of a page as SVG: curves and heat maps.
 
-The ground is transparent. Matplotlib draws with the colours of light mode, which are those of a
-file to print. In a page's SVG they become `currentColor` and its variables `--series-N`, which have
-other values in dark mode.
+The background is transparent. Matplotlib draws with the colours of light mode, which are also those
+of files to print. In the page's SVG these colours are replaced by `currentColor` and by the page's
+variables `--series-N`, which have other values in dark mode.
 """
 
 import io
@@ -81,7 +81,7 @@ Shade = tuple[Array, NDArray[np.bool_]]
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A line with an optional band of intervals."""
+    """A line of n points, with an optional band from `low` to `high` (n,)."""
 
     label: str
     x: Array
@@ -91,9 +91,9 @@ class Curve:
     colour: str = INK
     dashed: bool = False
     faint: bool = False
-    """One of many that are not told apart."""
+    """Whether the line is pale and has no entry in the legend."""
     points: bool = False
-    """Drawn as points with error bars, not as a line with a band."""
+    """Whether points with error bars are drawn in place of a line with a band."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,16 @@ def curves(
     shaded: Shade | None = None,
     note: str = "",
 ) -> Figure:
-    """Return a figure of lines over a common axis, shaded where the flags are true."""
+    """Return a figure of lines over a common axis.
+
+    Args:
+        title: Title of the figure.
+        x: The horizontal axis.
+        y: The vertical axis.
+        drawn: The lines.
+        shaded: Times and flags; the figure is shaded where the flags are true.
+        note: Text below the figure.
+    """
     with _canvas() as (figure, axes):
         for curve in drawn:
             _draw(axes, curve)
@@ -154,7 +163,19 @@ def heat(
     log_from: float = np.inf,
     note: str = "",
 ) -> Figure:
-    """Return a figure of values (rows, columns) as colours; a cell that is nan stays empty."""
+    """Return a figure of a table of values as colours.
+
+    Args:
+        title: Title of the figure.
+        x: Title of the columns.
+        y: Title of the rows.
+        columns: Names of the columns.
+        rows: Names of the rows, from below.
+        values: Values (rows, columns); a cell that is nan stays empty.
+        limits: Values of the first and the last colour; by default those of the data.
+        log_from: Ratio of the values above which the colours are logarithmic.
+        note: Text below the figure.
+    """
     finite = values[np.isfinite(values)] if np.isfinite(values).any() else np.array([0.0, 1.0])
     low, high = limits or (float(finite.min()), float(finite.max()))
     logarithmic = finite.min() > 0 and _range(finite) > log_from
@@ -210,7 +231,7 @@ def _draw(axes: Axes, curve: Curve) -> None:
 
 
 def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x", "y"]) -> None:
-    """Set the limits of an axis, and a logarithmic scale where the values need it."""
+    """Set the limits of an axis; make it logarithmic if `scale` demands it for these values."""
     every = np.concatenate([np.zeros(0), *values])
     above = every[np.isfinite(every) & (every > 0)]
     if scale.log_from is not None and len(above) and _range(above) > scale.log_from:
@@ -222,18 +243,18 @@ def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x"
 
 
 def _range(values: Array) -> float:
-    """Return the largest value over the lower quartile: a few values near zero do not count."""
+    """Return the largest value over the lower quartile: a few values near 0 do not count."""
     return float(values.max() / np.percentile(values, 25))
 
 
 def colour(i: int) -> str:
-    """Return the colour of series i."""
+    """Return the colour (#rrggbb) of series i; after the last colour they repeat."""
     return LIGHT[i % len(LIGHT)]
 
 
 @contextmanager
 def styled() -> Generator[None]:
-    """Use the style of all figures within the block, in which a figure is drawn and saved."""
+    """Set Matplotlib's settings to the style of all figures within a `with` block."""
     with mpl.rc_context(STYLE), warnings.catch_warnings():
         # The browser has the characters that our font lacks.
         warnings.filterwarnings("ignore", "Glyph")
@@ -242,7 +263,7 @@ def styled() -> Generator[None]:
 
 @contextmanager
 def _canvas(height: float = SIZE[1]) -> Generator[tuple[Drawing, Axes]]:
-    """Yield a figure with axes; draw it and turn it into SVG within the block."""
+    """Yield an empty figure of this height [inch] and its axes, styled within the `with` block."""
     with styled():
         figure = Drawing(figsize=(SIZE[0], height), layout="constrained")
         axes = figure.subplots()
@@ -251,7 +272,7 @@ def _canvas(height: float = SIZE[1]) -> Generator[tuple[Drawing, Axes]]:
 
 
 def svg(figure: Drawing, title: str) -> Markup:
-    """Return the figure as a scalable SVG element with a label for screen readers."""
+    """Return a figure as an SVG element that scales with the page, labelled for screen readers."""
     file = io.StringIO()
     figure.savefig(
         file,
@@ -268,16 +289,16 @@ def svg(figure: Drawing, title: str) -> Markup:
 
 
 def saved(figure: Figure, kind: str, width: float | None = None) -> bytes:
-    """Return a figure of a page as a file to print, with its legend.
+    """Return the bytes of a file to print with a figure of a page and its legend.
 
     Args:
-        figure: One that has a drawing.
+        figure: A figure that has a drawing.
         kind: pdf, svg or pgf.
-        width: Its width before the margins are cut off [inch]; by default that of the page. Texts
-            keep their size.
+        width: Width before the margins are cut off [inch]; by default that of the page. Texts keep
+            their size.
 
     Raises:
-        Mistake: TeX, which measures the words of a PGF, is not there.
+        Mistake: A PGF needs TeX, which is not installed.
     """
     assert figure.drawing is not None
     file = io.BytesIO()
@@ -296,5 +317,7 @@ def saved(figure: Figure, kind: str, width: float | None = None) -> bytes:
                 bbox_inches="tight",
             )
         except (RuntimeError, FileNotFoundError) as error:
-            raise Mistake(f"a PGF figure needs TeX here (xelatex): {error}") from None
+            raise Mistake(
+                f"a PGF figure needs TeX (xelatex), which does not work here: {error}"
+            ) from None
     return file.getvalue()

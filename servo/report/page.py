@@ -1,4 +1,4 @@
-"""The parts of a page as values, and the template that turns them into HTML."""
+"""The parts of a page as values, and their HTML."""
 
 import base64
 from collections.abc import Collection, Iterable, Sequence
@@ -53,7 +53,7 @@ MOST_ROWS = 500
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A value of the summary with its label."""
+    """A number or word in the summary of a section, with a label and a note."""
 
     label: str
     value: Cell
@@ -72,7 +72,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A drawing."""
+    """A figure of a page: an SVG element, with title, legend and note."""
 
     title: str
     svg: Markup
@@ -84,27 +84,33 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class PageImage:
-    """An image inside the page."""
+    """A picture that is embedded in the page."""
 
     title: str
     uri: str
     width: int
     height: int
-    """[px]."""
+    """Size of the picture [px]."""
     sheet: bool = True
-    """A contact sheet keeps a minimum width; a plot fits the page."""
+    """Whether it is a contact sheet, which keeps a minimum width; a plot is fitted to the page."""
 
     @staticmethod
     def read(path: Path, title: str = "", *, sheet: bool = False) -> "PageImage":
-        """Return the image in a file; errors are those of `of`."""
+        """Return the picture in a PNG or JPEG file; raise the errors of `of` and of reading."""
         return PageImage.of(title, content(path), str(path), sheet=sheet)
 
     @staticmethod
     def of(title: str, encoded: bytes, place: str, *, sheet: bool) -> "PageImage":
-        """Return the image of a PNG or JPEG file; a sheet becomes a JPEG.
+        """Return the picture of encoded bytes.
+
+        Args:
+            title: Title of the picture.
+            encoded: Content of a PNG or JPEG file.
+            place: Name of the picture in the message of an error.
+            sheet: Whether it is a contact sheet, which becomes a JPEG.
 
         Raises:
-            Mistake: The file is neither; `place` names it.
+            Mistake: The bytes are no picture.
         """
         raw = np.frombuffer(encoded, np.uint8)
         image = cv2.imdecode(raw, cv2.IMREAD_COLOR) if len(raw) else None
@@ -123,7 +129,7 @@ class PageImage:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A part of a section under a heading; its empty parts are left out."""
+    """A part of a section under a heading: texts, tables, figures and pictures in this order."""
 
     title: str
     text: Sequence[str] = ()
@@ -139,7 +145,7 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """The part of a page about one folder."""
+    """The part of a page about one folder of results."""
 
     kind: str
     """The command that wrote the folder, such as "run"."""
@@ -152,7 +158,7 @@ class Section:
 
 
 def again(made: Made) -> Block:
-    """Return the block with the versions and the command line that made a file."""
+    """Return the block "Again": the command line and the package versions that made a file."""
     table = Table(("package", "version"), list(made.versions.items()), words=range(2))
     if not made.command:
         return Block("Again", ["This was made from Python, not by a command."], tables=[table])
@@ -162,19 +168,27 @@ def again(made: Made) -> Block:
 def rows_of(
     what: str, head: Sequence[str], rows: Iterable[list[str]], count: int, words: Collection[int]
 ) -> Block:
-    """Return a folded block with a table of the first `MOST_ROWS` of `count` rows, named `what`."""
+    """Return a folded block with a table of at most 500 rows.
+
+    Args:
+        what: Plural noun for the rows, such as "runs": the title.
+        head: Titles of the columns.
+        rows: The rows, of which the first are taken.
+        count: Number of all rows.
+        words: Numbers of the columns that are texts.
+    """
     table = Table(head, list(islice(rows, MOST_ROWS)), words)
     text = filter(None, [cut(what, range(count), MOST_ROWS)])
     return Block(what.capitalize(), list(text), tables=[table], folded=True)
 
 
 def template(name: str) -> str:
-    """Return the text of a template of this package."""
+    """Return the text of a Jinja template in this folder, by the name of its file."""
     return resources.files("servo.report").joinpath(name).read_text(encoding="utf-8")
 
 
 def render(sections: Sequence[Section]) -> str:
-    """Return the complete page as HTML."""
+    """Return the HTML of a whole page with these sections."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

@@ -1,4 +1,4 @@
-"""The tables of a page as LaTeX, and its figures as files to print."""
+"""A page's tables as LaTeX, and its figures as files to print."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -27,7 +27,9 @@ TEX = str.maketrans(
 
 
 def latex(sections: Sequence[Section]) -> str:
-    """Return the tables of a page as LaTeX, each in an environment `table`."""
+    """Return LaTeX with the tables of all sections, each in an environment `table`; tables of more
+    than 60 rows or 16 columns are left out.
+    """
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["tex"] = _escaped
     environment.filters["label"] = _label
@@ -42,22 +44,22 @@ def _escaped(text: str) -> str:
 
 
 def _label(title: str) -> str:
-    """Return a title as a part of a label or of a file's name."""
+    """Return a title in lower case with hyphens, as a part of a label or a file's name."""
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:40]
 
 
 def figures(
     sections: Sequence[Section], kind: str, width: float | None = None
 ) -> Iterator[tuple[str, bytes]]:
-    """Yield name and content of a file for each figure that is drawn from values.
+    """Yield file name and content for each figure of the sections that has a drawing.
 
     Args:
-        sections: Those of the page.
+        sections: Sections of a page.
         kind: pdf, svg or pgf.
-        width: Of each figure [inch]; by default that of the page.
+        width: Width of each figure [inch]; by default that of the page.
 
     Raises:
-        Mistake: TeX, which a PGF needs, is not there.
+        Mistake: A PGF needs TeX, which is not installed.
     """
     blocks = [block for section in sections for block in section.blocks]
     drawn = [figure for block in blocks for figure in block.figures if figure.drawing is not None]

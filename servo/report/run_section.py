@@ -1,4 +1,4 @@
-"""The section about a run: measures and bounds, errors over time, pictures, settings."""
+"""The page's section about a run: measures and bounds, errors over time, pictures, settings."""
 
 from pathlib import Path
 
@@ -33,7 +33,7 @@ SHADED = "Shaded: the tracker was not sure of the target, or the frame was dropp
 
 
 def section(folder: Path) -> Section:
-    """Return the section about the folder of a run.
+    """Return the section about a folder that `run` wrote.
 
     Raises:
         Mistake: The run is not finished, or a file is damaged.
@@ -129,10 +129,10 @@ def _figures(folder: Path, run: RunReport) -> list[Figure]:
 
 
 def _steps(path: Path) -> pa.Table:
-    """Return the table of a run's steps.
+    """Return the table of a run's steps from its Parquet file.
 
     Raises:
-        Mistake: It cannot be read, is half-written, or has another format number.
+        Mistake: The file cannot be read, is half-written, or has another format number.
     """
     raw = pa.BufferReader(content(path))
     try:
@@ -145,7 +145,15 @@ def _steps(path: Path) -> pa.Table:
 
 
 def _motion(name: str, unit: str, time: Array, motion: Motion, shaded: Shade) -> Figure:
-    """Return the figure of the target's own motion in the image: measured, estimated, true."""
+    """Return the figure of the target's own motion as the rate of one feature over n frames.
+
+    Args:
+        name: Name of the feature.
+        unit: Unit of the feature.
+        time: Times (n,) [s].
+        motion: Measured, estimated and true rate (n,) [unit/s].
+        shaded: Times and flags; the figure is shaded where the flags are true.
+    """
     drawn = [
         Curve("measured", time, motion.measured, colour=colour(3)),
         Curve("estimated", time, motion.estimated, colour=colour(2)),

@@ -1,4 +1,4 @@
-"""A study's folder as values: the study, and rows, errors over time and sheets of its runs."""
+"""A study's results, read from its folder: rows, errors over time, and contact sheets."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ Series = dict[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class StudyResults:
-    """The content of a folder; sheets are read only when they are shown."""
+    """The content of a study's folder; contact sheets are read when they are asked for."""
 
     store: Store
     plan: StudyFile
@@ -32,15 +32,15 @@ class StudyResults:
     series: dict[int, Series]
     """Values over time by the number of the run, of at most `MOST_OVER_TIME` runs."""
     pictured: set[int]
-    """Those of these runs that have a contact sheet."""
+    """Numbers of those of these runs that have a contact sheet."""
     failures: list[FailureFile]
-    """Of runs that have no row."""
+    """Errors of runs that failed and have no row."""
     retried: list[FailureFile]
-    """Of runs that finished when they were tried again."""
+    """Errors of runs that failed first and finished when they were tried again."""
 
     @property
     def axes(self) -> dict[str, list[Any]]:
-        """The axes that have several values and are columns of the rows."""
+        """Values of each axis by its setting; axes with a single value are left out."""
         return {
             key: values
             for key, values in self.plan.axes.items()
@@ -49,29 +49,33 @@ class StudyResults:
 
     @property
     def compared(self) -> str | None:
-        """The axis whose values are drawn in different colours."""
+        """Setting of the axis that is compared, in colours: the study's choice, or its first axis;
+        None without an axis.
+        """
         if self.plan.compare in self.axes:
             return self.plan.compare
         return next(iter(self.axes), None)
 
     def units(self, rows: list[Row]) -> Units:
-        """Return the units over which the intervals of these rows are."""
+        """Return rows grouped by independent units (scenarios, draws or seeds), for intervals."""
         return Units.of(rows, self.axes, bool(self.plan.draws))
 
     def planned(self, key: str | None) -> int:
-        """Return how many runs each value of an axis has; all if there is no axis."""
+        """Return the planned number of runs of each value of an axis; of all runs for None."""
         return self.plan.runs // (1 if key is None else len(self.axes[key]))
 
     def groups(self, key: str | None) -> dict[str, list[Row]]:
-        """Return the rows by value of an axis, in its order; one group if there is no axis. A value
-        whose runs have all failed has none.
+        """Return the rows by the values of an axis, in their order; all in one group if `key` is
+        None. A value whose runs have all failed has an empty group.
         """
         if key is None:
             return {"all runs": self.rows}
         return {str(v): [r for r in self.rows if r[key] == v] for v in self.axes[key]}
 
     def sheets(self, most: int) -> Iterator[tuple[Row, bytes]]:
-        """Yield rows with their contact sheets; first those of runs that did not succeed."""
+        """Yield up to `most` rows with their contact sheets (encoded pictures), first those of runs
+        that did not succeed.
+        """
         pictured = [row for row in self.rows if row["run"] in self.pictured]
         for row in sorted(pictured, key=lambda r: (bool(r[SUCCESS]), r["run"]))[:most]:
             (record,) = self.store.read([key_of(row["run"])], long=True)
@@ -80,11 +84,11 @@ class StudyResults:
 
 
 def load(folder: Path) -> StudyResults:
-    """Return the content of a study's folder, also if the study is not finished.
+    """Read a study's folder, also if the study is not finished.
 
     Raises:
         Mistake: A file is missing or damaged.
-        Refused: A file changes while it is read.
+        Refused: A file changed while it was read.
     """
     plan = StudyFile.read(folder / StudyFile.FILE)
     store = Store(folder)
@@ -111,7 +115,7 @@ def load(folder: Path) -> StudyResults:
 
 
 def missing(plan: StudyFile, store: Store) -> list[str]:
-    """Return sentences about the runs that a page lacks."""
+    """Return sentences about runs of a study that are not finished or are damaged."""
     found = list[str]()
     if len(store.done) < plan.runs:
         found.append(f"This study is not finished: {len(store.done)} of {plan.runs} runs.")
@@ -121,21 +125,22 @@ def missing(plan: StudyFile, store: Store) -> list[str]:
 
 
 def duration(series: Series) -> float:
-    """Return when a run ended [s]: its last frame lasts as long as the others."""
+    """Return the duration of a run [s], with the usual time between two frames for the last one."""
     time = series[TIME]
     return float(time[-1] + (np.median(np.diff(time)) if len(time) > 1 else 0))
 
 
 def median(rows: list[Row], name: str) -> float:
-    """Return the median of a measure; nan if no run has it."""
+    """Return the median of a measure over the rows that have it; nan if none has."""
     found = values(rows, name)
     return float(np.median(found)) if len(found) else np.nan
 
 
 def cell_row(cell: Cell, measures: Iterable[str]) -> list[str]:
-    """Return a cell as a row: axis values, units, the share held with its interval, and means.
+    """Return a study's cell as texts: axis values, number of units, success rate with its interval,
+    and means of these measures.
 
-    A mean over a part of the runs says how many these are: "2.1 (1 of 10)".
+    A mean over a part of the runs is followed by their number: "2.1 (1 of 10)".
     """
     means: list[str] = []
     for name in measures:

@@ -1,4 +1,4 @@
-"""Small multiples of a study's runs: paths of the camera in space, and of corners in the image."""
+"""Figures of a study's runs: paths of the camera in space, and of corners in the picture."""
 
 from typing import Any
 
@@ -24,8 +24,10 @@ CELL = 2.1
 
 
 def paths(study: StudyResults) -> list[Figure]:
-    """Return a figure for each combination of the other axes, with a column for each value of the
-    compared axis, from the runs of the first seed; nothing if the study compares no named groups.
+    """Return a figure for each combination of the axes that are not compared, with a column for
+    each value of the compared axis, from the runs of the first seed.
+
+    There are none if the study does not compare named groups of settings.
     """
     if study.compared is None or not shows(study):
         return []
@@ -39,7 +41,7 @@ def paths(study: StudyResults) -> list[Figure]:
 
 
 def shows(study: StudyResults) -> bool:
-    """Return whether the study compares named groups of settings, and not of trackers only."""
+    """Return whether the study compares named groups of settings, other than of trackers only."""
     groups = study.plan.table.get("named", {}).get(study.compared, {})
     keys = {key.split(".")[0] for group in groups.values() for key in group}
     return bool(keys - {"tracker"})
@@ -53,7 +55,7 @@ def _size(study: StudyResults) -> tuple[int, int]:
 
 
 def _figure(title: str, runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> Figure:
-    """Return the figure of some runs by name; `size` is that of the camera's pictures [px]."""
+    """Return the figure of runs by name; `size` is width and height of their pictures [px]."""
     paths = {n: np.column_stack([s[k] for k in CAMERA]) for n, (_, s) in runs.items()}
     arrived = [path for name, path in paths.items() if runs[name][0]["success"]]
     most = 1.1 * np.max([np.abs(path).max(axis=0) for path in arrived or paths.values()], axis=0)
@@ -70,8 +72,10 @@ def _figure(title: str, runs: dict[str, tuple[Row, Series]], size: tuple[int, in
 
 
 def _in_space(ax: Any, path: Array, aside: float, above: float) -> None:
-    """Draw the camera's path (n, 3) [m] over the target, from a ring to a dot, into a box that
-    reaches `aside` from its middle and up to `above` [m].
+    """Draw the camera's path (n, 3) [m] in the target's frame, from a ring to a dot.
+
+    The axes reach `aside` [m] from the target to each side, and `above` [m] upwards; the path's z,
+    which points into the target, is drawn upwards.
     """
     box = np.array([aside, aside, above])
     x, y, z = np.clip(path, -box, box).T * [[1], [1], [-1]]
@@ -88,8 +92,8 @@ def _in_space(ax: Any, path: Array, aside: float, above: float) -> None:
 
 
 def _in_image(ax: Axes, corners: Array, size: tuple[int, int]) -> None:
-    """Draw the paths of the corners (n, 4, 2) [px], from a ring to a dot, and their first and last
-    outline into axes of this width and height [px].
+    """Draw the paths of the corners (n, 4, 2) [px], from a ring to a dot, with the first and the
+    last outline; `size` is width and height of the picture [px].
     """
     for i, colour in enumerate(LIGHT[:4]):
         u, v = corners[:, i].T

@@ -1,4 +1,4 @@
-"""The section about a study: bounds, comparisons, errors over time and axes, sheets, tables."""
+"""The page's section about a study: bounds, comparisons, errors, contact sheets, tables."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -39,21 +39,21 @@ PATHS = ("settle_s", "camera_path_m", "detour_m", "retreat_m", "out_of_view_pct"
 SURE = 0.05
 """Differences with a smaller p-value, after Holm, are called differences."""
 UNITS = (
-    "Intervals are over the units: scenarios where there are several, else draws or seeds; seeds "
-    "that draw nothing are one run."
+    "Intervals are over independent units: scenarios if there are several, else random draws or "
+    "seeds. Seeds under which the scenario is not varied count as one run."
 )
 BOUNDS = (
-    "Bounds are on means over the runs of a cell; the medians on this page can be on the other "
-    "side of them."
+    "Bounds are on means over the runs of a cell (one value of each axis); a median on this page "
+    "can be on the other side of a bound."
 )
 
 
 def section(folder: Path, measures: Sequence[str] | None = None) -> Section:
-    """Return the section about the folder of a study.
+    """Return the section about a folder that `sweep` wrote.
 
     Args:
-        folder: Of the study.
-        measures: Columns of its tables (default: a few that suit what is compared).
+        folder: The folder.
+        measures: Measures in its tables; by default a few that suit the compared axis.
 
     Raises:
         Mistake: A file is missing or damaged.
@@ -149,7 +149,7 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
 
 
 def _median_words(rows: list[Row], name: str) -> str:
-    """Return the median of a measure, and of how many runs where that is not all."""
+    """Return the median of a measure as text, with the number of its runs if that is not all."""
     found = len(values(rows, name))
     return shown(median(rows, name)) + f" ({found} of {len(rows)})" * (0 < found < len(rows))
 
@@ -195,7 +195,7 @@ def _compared(study: StudyResults, columns: Sequence[str]) -> list[Block]:
 
 
 def _unsure(study: StudyResults) -> list[str]:
-    """Return sentences about values that are missing, and about runs that were tried again."""
+    """Return sentences about missing values, and about runs that failed and were tried again."""
     found = list[str]()
     if short := uncounted(study.rows):
         found.append(short)
@@ -282,7 +282,7 @@ def _runs(study: StudyResults) -> Block:
 
 
 def _cell(value: Any) -> str:
-    """Return a cell of a run; for missed bounds, their names."""
+    """Return a value of a run's row as text; of missed bounds, their names."""
     return ", ".join(str(bound["name"]) for bound in value) if _are_bounds(value) else shown(value)
 
 

@@ -51,9 +51,9 @@ DISTANCES = {
 
 
 def figures(study: StudyResults) -> list[Figure]:
-    """Return errors and survival over time, with a colour for each value of the compared axis.
+    """Return figures of errors and survival over time, with a colour for each compared value.
 
-    Runs that differ in what decides their length and their motion share no figure.
+    Runs of different scenarios or durations are in different figures.
     """
     keys = [key for key in APART if key in study.axes and key != study.compared]
     parts = grouped(keys, study.rows)
@@ -82,7 +82,9 @@ def _over_time(study: StudyResults, where: str, note: str) -> list[Figure]:
 
 
 def band(runs: Sequence[Series], name: str) -> tuple[Array, Array] | None:
-    """Return times (n,) [s], and percentiles (3, n) over the runs that last until each time."""
+    """Return times (n,) [s], and the 10th, 50th and 90th percentile (3, n) of a series over the
+    runs that last until each time; None if no run has the series.
+    """
     having = [run for run in runs if name in run and np.isfinite(run[name]).any()]
     if not having:
         return None
@@ -100,8 +102,8 @@ def band(runs: Sequence[Series], name: str) -> tuple[Array, Array] | None:
 
 
 def survival(runs: Sequence[Series]) -> tuple[Array, Array] | None:
-    """Return times (n,) [s], and the share (n,) on target so far of the runs that last until each
-    time.
+    """Return times (n,) [s], and the share (n,) of the runs lasting until each time whose estimate
+    was never off the target before; None if no run has this series.
     """
     having = [run for run in runs if ON_TARGET in run]
     if not having:
@@ -146,7 +148,9 @@ def _survival(groups: dict[str, list[Series]], where: str, note: str) -> Figure 
 
 
 def against(study: StudyResults) -> list[Figure]:
-    """Return error and success rate against each numeric axis, with a colour a compared value."""
+    """Return figures of error and success rate against each numeric axis, with a colour for each
+    value of the compared axis.
+    """
     numeric = [key for key in study.axes if _numeric(study.axes[key])]
     found: list[Figure] = []
     for key in numeric[:MOST_AXES]:
@@ -167,7 +171,9 @@ def against(study: StudyResults) -> list[Figure]:
 
 
 def heat_maps(study: StudyResults) -> list[Figure]:
-    """Return success rate and median error over two axes: numeric first, then the compared one."""
+    """Return heat maps of success rate and median error over two axes; numeric axes are preferred,
+    then the compared one.
+    """
     keys = sorted(study.axes, key=lambda k: (not _numeric(study.axes[k]), k != study.compared))
     if len(keys) < 2:
         return []

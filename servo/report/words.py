@@ -21,14 +21,14 @@ class Tone(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Badge:
-    """A short text in colour."""
+    """A short text on a coloured ground."""
 
     text: str
     tone: Tone
 
     @staticmethod
     def of(held: bool, good: str, bad: str | None = None) -> "Badge":
-        """Return a good or a bad badge; without `bad`, both have the same text."""
+        """Return a good badge if `held`, else a bad one, whose text is `good` if `bad` is None."""
         return Badge(good, Tone.GOOD) if held else Badge(bad or good, Tone.BAD)
 
 
@@ -37,18 +37,20 @@ Cell = str | Badge
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table with a head; the columns in `words` are texts, the others numbers."""
+    """A table of texts with a head; `words` are the numbers of the columns that are not numeric."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[Cell]]
     words: Collection[int] = (0,)
     note: str = ""
     faint: Collection[int] = ()
-    """Places of the rows that are grey."""
+    """Numbers of the rows that are grey."""
 
 
 def shown(value: Any) -> str:
-    """Return a value with three digits, or all of its whole part; a dash if there is none."""
+    """Return a value as text: a float with three significant digits, or all of its integer part; a
+    dash for None, nan and infinite values; yes or no for a bool.
+    """
     if value is None:
         return NOTHING
     if isinstance(value, bool):
@@ -61,8 +63,8 @@ def shown(value: Any) -> str:
 
 
 def spread(interval: Interval | None, units: int = 0) -> str:
-    """Return a value with its interval, such as "2.1 (1.9 to 2.4)", and with the number of its
-    units where that differs from the number beside it.
+    """Return a value with its interval as text, such as "2.1 (1.9 to 2.4)"; a dash for None. The
+    number of its units follows, ", n 5", if `units` is given and differs.
     """
     if interval is None:
         return NOTHING
@@ -73,7 +75,7 @@ def spread(interval: Interval | None, units: int = 0) -> str:
 
 
 def basis(interval: Interval, unit: str) -> str:
-    """Return the basis of an interval, such as "mean of 7 recordings, 95 %: 1.9 to 2.4"."""
+    """Return an interval's description, such as "mean of 7 recordings, 95 %: 1.9 to 2.4"."""
     over = f"mean of {counted(interval, unit)}"
     if not interval.known:
         return f"{over}: no interval"
@@ -81,16 +83,18 @@ def basis(interval: Interval, unit: str) -> str:
 
 
 def counted(interval: Interval | None, unit: str) -> str:
-    """Return the number of units of an interval, such as "7 recordings"."""
+    """Return the number of an interval's units with their noun, such as "7 recordings"."""
     count = interval.units if interval else 0
     return f"{count} {unit}{'' if count == 1 else 's'}"
 
 
 def listed(settings: Mapping[str, Any]) -> str:
-    """Return settings in a line, such as "camera.rate = 5, tracker.kind = kams"."""
+    """Return settings as a line of text, such as "camera.rate = 5, tracker.kind = kams"."""
     return ", ".join(f"{key} = {shown(value)}" for key, value in settings.items())
 
 
 def cut(what: str, found: Sequence[Any], most: int) -> str | None:
-    """Return a sentence if only the first of a list are shown; None if all are."""
+    """Return the sentence that only the first `most` of a list are shown; None if all are. `what`
+    is the plural noun for them.
+    """
     return f"The first {most} of {len(found):,} {what} are shown." if len(found) > most else None

@@ -14,7 +14,7 @@ import numpy as np
 
 import servo
 from servo.output.film import RunFilm
-from servo.output.light_page import PICTURES, LightPage, NowAndThen
+from servo.output.light_page import PICTURES, LightPage, ThrottledSink
 from servo.output.sinks import PacedSink
 
 DURATION = 20.0
@@ -35,7 +35,7 @@ def main(scenario: str = "reversal") -> None:
             given.append(time.monotonic())
             super().add(step)
 
-    paced = PacedSink(NowAndThen(Noted(page.pictures)), 1.0, lambda step: step.frame.time)
+    paced = PacedSink(ThrottledSink(Noted(page.pictures)), 1.0, lambda step: step.frame.time)
     for step in servo.run(servo.load(scenario, [f"run.duration={DURATION}"])):
         paced.add(step)
     time.sleep(1.0)

@@ -1,4 +1,4 @@
-"""Destinations of a recording: a file, or a notebook; `live` has the viewers."""
+"""Destinations of a Rerun recording: a file, or a notebook; `live` has the viewers."""
 
 import ctypes
 import inspect
@@ -14,7 +14,7 @@ from servo.mistake import Refused
 from sim.stderr import silent_libraries
 
 PATIENCE = 10.0
-"""Longest time that the disk may take; after it, the disk counts as not writable [s]."""
+"""Time after which a destination that has not taken the data counts as failed [s]."""
 FULL = 1 << 16
 """A disk with less free space counts as full [bytes]."""
 ROOM = 1 << 18
@@ -22,32 +22,32 @@ ROOM = 1 << 18
 
 
 class Recording(Protocol):
-    """The destination of a recording."""
+    """Protocol of the destination of a Rerun recording, such as a file."""
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Open the destination; return the stream to log to."""
+        """Open the destination, with a layout for the viewer; return the stream to log to."""
         ...
 
     def flush(self) -> None:
-        """Wait until all logged data has arrived.
+        """Wait until all logged data has arrived at the destination.
 
         Raises:
-            Refused: The data does not arrive.
+            Refused: The data does not arrive, such as on a full disk.
         """
 
     def close(self) -> None:
-        """Send the last data, and end the recording; errors are those of `flush`."""
+        """Send the last data, and end the recording; raise the errors of `flush`."""
 
     def abandon(self) -> None:
-        """Leave the recording as it is; wait for nothing."""
+        """Give the recording up after an error, at once: data may be lost."""
 
 
 def new_stream(app: str, name: str | None) -> rr.RecordingStream:
-    """Return a stream without a destination and without Rerun's own timelines.
+    """Return a stream that has no destination yet and has no timelines but those that are logged.
 
     Args:
-        app: Name of the application.
-        name: Name of the recording; None: Rerun makes one.
+        app: Rerun's name of the application.
+        name: Name of the recording; None: a random one.
     """
     rr.set_strict_mode(True)
     stream = rr.RecordingStream(app, recording_id=name)
@@ -58,19 +58,19 @@ def new_stream(app: str, name: str | None) -> rr.RecordingStream:
 
 
 class SentRecording(ABC):
-    """The destination of a recording that is sent while it is made."""
+    """Base of destinations that get the data while it is logged: files and servers."""
 
     _stream: rr.RecordingStream
 
     @abstractmethod
     def refusal(self) -> Refused:
-        """Return the error that says why logged data does not arrive."""
+        """Return the error to raise when logged data does not arrive in time."""
 
     def flush(self) -> None:
         """Wait until all logged data has arrived.
 
         Raises:
-            Refused: The data does not arrive; data that arrived before can be read.
+            Refused: The data does not arrive within 10 s; earlier data can be read.
         """
         try:
             self._stream.flush(timeout_sec=PATIENCE)
@@ -78,13 +78,13 @@ class SentRecording(ABC):
             raise self.refusal() from None
 
     def close(self) -> None:
-        """Send the last data, and end the stream; errors are those of `flush`."""
+        """Send the last data, and disconnect the stream; raise the errors of `flush`."""
         self.flush()
         self._stream.disconnect()
 
     def abandon(self) -> None:
-        """Keep the stream without ending it, so that this process can end: deleting the stream, and
-        Rerun's shutdown, would wait for ever for bytes that the disk refuses.
+        """Keep the stream alive until the process ends: deleting the stream, or Rerun's shutdown,
+        would wait for ever for bytes that the disk refuses.
         """
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._stream))
         rr.unregister_shutdown()
@@ -92,16 +92,16 @@ class SentRecording(ABC):
 
 @final
 class RecordingFile(SentRecording):
-    """The file of a recording, which has the name of the file's folder."""
+    """A recording in a file (.rrd); viewers show the name of the file's folder."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Open the file; return the stream to log to.
+        """Create the file; return the stream to log to.
 
         Raises:
-            OSError: The disk has no room for the file; Rerun would wait for ever.
+            OSError: The disk has no 256 kB left; Rerun would wait for ever.
         """
         try:
             self.path.write_bytes(bytes(ROOM))
@@ -116,7 +116,7 @@ class RecordingFile(SentRecording):
         return self._stream
 
     def refusal(self) -> Refused:
-        """Return the error of a disk that cannot be written."""
+        """Return the error of a disk that is full, or that cannot be written."""
         full = shutil.disk_usage(self.path.parent).free < FULL
         why = "the disk is full" if full else "the disk refuses more"
         return Refused(f"{self.path}: the recording ends too early: {why}")
@@ -131,16 +131,16 @@ class NotebookRecording:
     """A recording in memory, which a notebook displays when the recording is complete."""
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Begin a recording in memory; return the stream to log to."""
+        """Return a stream whose data stays in memory."""
         self._stream = new_stream(app, None)
         self._blueprint = blueprint
         return self._stream
 
     def flush(self) -> None:
-        """Do nothing: the recording stays in memory until its end."""
+        """Do nothing: the data stays in memory until `close`."""
 
     def close(self) -> None:
-        """Display the recording; do not wait for a browser to open."""
+        """Display the recording in the notebook's cell."""
         from rerun.notebook import Viewer  # of the extra "notebook"
 
         Viewer(recording=self._stream, blueprint=self._blueprint).display()

@@ -14,7 +14,11 @@ UP = (0, 0, 1)
 
 
 def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
-    """Return the layout of a run: camera and scene left, numbers over time right, events below."""
+    """Return the viewer's layout of a run whose features have these names.
+
+    The camera's picture and the scene are at the left, plots over time at the right, with the
+    events below them.
+    """
     eye = rrb.EyeControls3D(position=EYE, look_target=LOOKS_AT, eye_up=UP)
 
     def plot(name: str, title: str) -> rrb.TimeSeriesView:
@@ -64,7 +68,7 @@ def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
 
 
 def blueprint_of_track() -> rrb.Blueprint:
-    """Return the layout of a track: its picture to the left, numbers over time to the right."""
+    """Return the viewer's layout of a track: picture at the left, plots over time at the right."""
     plots = [
         rrb.TimeSeriesView(origin=f"plots/{name}", name=title)
         for name, title in (

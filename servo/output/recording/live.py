@@ -1,7 +1,7 @@
-"""A recording that is watched, also while it is made: in Rerun's window, or in a browser.
+"""Viewers of a recording, also while it is made: Rerun's window, or a browser.
 
-A process beside this one serves what is logged, to this machine alone. So a viewer may be closed
-and opened again, and one that comes late gets everything; the process ends with this one.
+A second process serves the logged data on 127.0.0.1. A viewer can therefore be closed and opened
+again, and gets everything whenever it connects. The second process ends with this one.
 """
 
 import socket
@@ -34,22 +34,24 @@ UNTIL_CLOSED = (
     "threading.Thread(target=end, daemon=True).start()\n"
     "server.wait()\n"
 )
-"""Runs a command until it ends or stdin is closed, by us or by our end, whatever ends us."""
+"""Program that runs a command until the command ends or stdin is closed, as it is when this process
+ends for any reason.
+"""
 PROGRAM = str(Path(rerun_cli.__file__).parent / f"rerun{'.exe' * (sys.platform == 'win32')}")
 """Rerun's viewer and server: those of this rerun-sdk, not one on PATH."""
 
 
 @final
 class LiveViewer(SentRecording):
-    """A viewer, and the server that it gets a recording from."""
+    """Rerun's server of one recording, and a viewer that is connected to it."""
 
     def __init__(self, *, web: bool, port: int, recording: Path | None = None) -> None:
-        """Start both: the data is served at a port, the page of a browser at the next one.
+        """Start the server and the viewer.
 
         Args:
-            web: Whether the viewer is a browser.
-            port: The port of the data.
-            recording: A file that is served; None: what is logged.
+            web: Whether the viewer is a browser; its page is at the port after `port`.
+            port: TCP port of the data.
+            recording: A recording's file to serve; None: serve what is logged to this object.
 
         Raises:
             Mistake: A port is in use, or there is no display for a window.
@@ -63,11 +65,11 @@ class LiveViewer(SentRecording):
         self.page = f"http://{HOST}:{port + 1}/?url={quote(self.source, safe='')}" if web else None
         more = ["--serve-web", "--web-viewer-port", str(port + 1)] if web else ["--serve-grpc"]
         more += [] if recording is None else [str(recording)]
-        self._server = _beside(*more, "--bind", HOST, "--port", str(port))
+        self._server = _start_rerun(*more, "--bind", HOST, "--port", str(port))
         self._window = None
         self._wait_for(ports)
         if self.page is None:
-            self._window = _beside(self.source)
+            self._window = _start_rerun(self.source)
         elif has_display():
             webbrowser.open(self.page)
 
@@ -81,20 +83,20 @@ class LiveViewer(SentRecording):
                 time.sleep(POLL)
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Begin a recording."""
+        """Return a new stream that sends its data to the server, with a layout for the viewer."""
         self._stream = new_stream(app, None)
         self._stream.connect_grpc(self.source, default_blueprint=blueprint)
         return self._stream
 
     def refusal(self) -> Refused:
-        """The server is gone."""
-        return Refused("the viewer: Rerun's server is gone")
+        """Return the error that the server has ended."""
+        return Refused("the viewer: Rerun's server has ended")
 
     def wait(self) -> None:
-        """Serve until the window is closed; for a browser, until Ctrl-C.
+        """Wait until the viewer's window is closed; for a browser, until Ctrl-C.
 
         Raises:
-            Refused: The server is gone.
+            Refused: The server has ended.
         """
         while self._window is None or self._window.poll() is None:
             if self._server.poll() is not None:
@@ -102,13 +104,13 @@ class LiveViewer(SentRecording):
             time.sleep(POLL)
 
     def stop(self) -> None:
-        """Close the window, and stop serving."""
+        """Close the viewer's window, and end the server."""
         for process in filter(None, (self._window, self._server)):
             process.communicate()
 
 
-def _beside(*words: str) -> subprocess.Popen[bytes]:
-    """Start Rerun beside this process, with which it ends."""
+def _start_rerun(*words: str) -> subprocess.Popen[bytes]:
+    """Start Rerun's program with these arguments as a process that ends with this one."""
     return subprocess.Popen(
         [sys.executable, "-c", UNTIL_CLOSED, PROGRAM, *words],
         stdin=subprocess.PIPE,

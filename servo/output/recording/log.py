@@ -7,6 +7,7 @@
 | world/eye, world/eye/image | camera: pose and pinhole; JPEG frames |
 | world/eye/image/estimate, goal, truth | green, red and white rectangles |
 | world/eye/image/particles | the particle cloud |
+| world/path/0, world/eye/image/path/0, ... | paths of camera and target's corners, in pieces |
 | world/eye/depth | the depth picture, where there is one |
 | plots/error | distance of the true centre from goal and from estimate [px] |
 | plots/features | feature errors e = s - s* |
@@ -19,11 +20,10 @@
 | plots/ms | stage times |
 | events | occluded, lost, coasting, searching, found again, saturated (which limits) |
 
-Timelines: `frame` and `sim_time`. Data is sent in columns, to a file once a second, because log
-calls for each entity and frame would take half as long as rendering.
+Timelines: `frame` and `sim_time`. Data is sent in columns, pictures ten at a time and the rest once
+a second, because log calls for each entity and frame would take half as long as rendering.
 """
 
-from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -37,7 +37,7 @@ from servo.loop.step import Step
 from servo.output.recording import solids
 from servo.output.recording.destination import Recording
 from servo.output.recording.layout import IMAGE, blueprint_of_run
-from servo.output.sinks import Every
+from servo.output.sinks import Timer
 from servo.types import DOF
 from sim.kinematics.robot import Robot
 from sim.models.assembly import with_stands
@@ -56,9 +56,13 @@ XYZ = ((235, 90, 80), (90, 210, 110), (90, 140, 255))
 PALETTE = (*XYZ, PARTICLES, VIOLET, GREY, ESTIMATE, GOAL)
 PATH_RADIUS = 0.004
 """Half the thickness of the camera's path [m]."""
-PATH_GROWTH = 1.25
-"""Growth of the path after which the whole path is written again: the copies in the file are then
-five times as long as the path; one copy a second would grow with the square of the run's length.
+PICTURES = 10
+"""Pictures that are sent together. Larger batches let the memory of Rerun's encoder grow for
+thousands of pictures: its allocator keeps a segment for each size that it has met.
+"""
+PIECE = 500
+"""Frames after which a path continues in a new entity. A path in one entity would be written as a
+whole again and again: file and memory would grow with it.
 """
 FRUSTUM = 0.15
 """Distance from the camera at which its image plane is drawn [m]."""
@@ -70,7 +74,7 @@ LEVELS = {Event.LOST: "ERROR"} | dict.fromkeys(
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """The lines of one plot."""
+    """The lines of one plot: its entity, and how the lines' values are read from a step."""
 
     path: str
     names: Sequence[str]
@@ -79,34 +83,40 @@ class Lines:
 
 
 class RerunLog:
-    """Writer of the recording of one run."""
+    """Sink that writes the steps of a run into a Rerun recording."""
 
     def __init__(self, recording: Recording, episode: Episode, every: float = 1.0) -> None:
-        """Begin a recording; data is sent to it every `every` seconds of the wall clock."""
+        """Begin a recording.
+
+        Args:
+            recording: Destination of the data.
+            episode: The run whose steps will be added.
+            every: Wall-clock time between two flushes [s].
+        """
         self._episode = episode
         self._features = episode.loop.features.names
         self._moving = solids.entities(episode.world.moving)
         self._plots = _plots(episode.world.robot, self._features)
-        self._every = Every(every)
-        self._next_path = 0
+        self._timer = Timer(every)
         self._file = recording
         self.abandon = recording.abandon
         self._rec = recording.begin("servobench", blueprint_of_run(self._features))
         self._before: Step | None = None
         self._steps = list[Step]()
         self._jpegs = list[bytes]()
-        self._path = array("f")
-        self._corners = array("f")
+        self._depths = list[bytes]()
+        self._piece = 0
+        self._places = list[Array]()
+        self._corners = list[Array]()
         self._log_scene()
         self._name_series()
 
     def add(self, step: Step) -> None:
-        """Log a step.
+        """Log a step's picture, poses, values over time, and events.
 
         Raises:
-            Refused: The disk cannot be written.
+            Refused: The destination takes no more data, such as a full disk.
         """
-        self._jpegs.append(encoded(step.frame.image, JPEG_QUALITY))
         for event in events(self._before, step):
             self._rec.set_time("frame", sequence=step.frame.index)
             self._rec.set_time("sim_time", duration=step.frame.time)
@@ -116,21 +126,23 @@ class RerunLog:
             text = f"{event.name}: {event.value}" + f" ({which})" * bool(which)
             self._rec.log("events", rr.TextLog(text, level=LEVELS.get(event, "INFO")))
         self._before = step
-        frame = replace(step.light().frame, depth=step.frame.depth)
-        self._steps.append(replace(step, frame=frame))  # a second of pictures would be large
-        if self._every.due():
+        self._steps.append(replace(step, frame=step.light().frame))  # a second of pictures is large
+        self._jpegs.append(encoded(step.frame.image, JPEG_QUALITY))
+        if step.frame.depth is not None:
+            self._depths.append(encoded_depth(step.frame.depth))
+        if len(self._jpegs) == PICTURES:
+            self._send_pictures()
+        if self._timer.due():
             self._send()
             self._file.flush()
 
     def close(self) -> None:
-        """Write the last steps, and end the recording.
+        """Send the last steps, and end the recording.
 
         Raises:
-            Refused: The disk cannot be written.
+            Refused: The destination takes no more data, such as a full disk.
         """
         self._send()
-        if self._path:
-            self._log_paths()
         self._file.close()
 
     def _log_scene(self) -> None:
@@ -158,36 +170,31 @@ class RerunLog:
     def _send(self) -> None:
         if not self._steps:
             return
+        if self._jpegs:
+            self._send_pictures()
         steps = self._steps
-        jpegs = self._jpegs
         self._steps = []
-        self._jpegs = []
-        index = [
-            rr.TimeColumn("frame", sequence=[s.frame.index for s in steps]),
-            rr.TimeColumn("sim_time", duration=[s.frame.time for s in steps]),
-        ]
-        self._send_pictures(steps, jpegs, index)
+        index = _times(steps)
+        self._send_outlines(steps, index)
         self._send_numbers(steps, index)
-        for step in steps:
-            self._path.extend(step.truth.T_world_camera.translation.tolist())
-            self._corners.extend(step.truth.corners.ravel().tolist())
-        if len(self._path) >= self._next_path:
-            self._log_paths()
-            self._next_path = int(PATH_GROWTH * len(self._path))
+        self._log_paths(steps)
 
-    def _send_pictures(
-        self, steps: list[Step], jpegs: list[bytes], index: list[rr.TimeColumn]
-    ) -> None:
-        images = rr.EncodedImage.columns(blob=jpegs, media_type=["image/jpeg"] * len(jpegs))
+    def _send_pictures(self) -> None:
+        """Send the pictures of the newest steps, which were not sent yet."""
+        count = len(self._jpegs)
+        index = _times(self._steps[-count:])
+        images = rr.EncodedImage.columns(blob=self._jpegs, media_type=["image/jpeg"] * count)
         self._rec.send_columns(IMAGE, index, images)
-        depths = [encoded_depth(d) for s in steps if (d := s.frame.depth) is not None]
-        if depths:
+        self._jpegs = []
+        if self._depths:
             columns = rr.EncodedDepthImage.columns(
-                blob=depths,
-                media_type=["image/png"] * len(depths),
-                meter=[MILLIMETRES] * len(depths),
+                blob=self._depths, media_type=["image/png"] * count, meter=[MILLIMETRES] * count
             )
             self._rec.send_columns("world/eye/depth", index, columns)
+            self._depths = []
+
+    def _send_outlines(self, steps: list[Step], index: list[rr.TimeColumn]) -> None:
+        """Send the outlines and particles of some steps."""
         places = {
             "truth": [s.truth.corners for s in steps],
             "goal": [s.goal.corners for s in steps],
@@ -218,14 +225,22 @@ class RerunLog:
         for i, path in enumerate(self._moving):
             self._send_poses(path, index, poses[:, i, :, 3], poses[:, i, :, :3])
 
-    def _log_paths(self) -> None:
-        """Log the paths so far of camera and corners, as lines without a time."""
-        places = np.array(self._path).reshape(-1, 3)
-        path = rr.LineStrips3D([places], colors=PARTICLES, radii=PATH_RADIUS)
-        self._rec.log("world/way", path, static=True)
-        corners = np.array(self._corners).reshape(-1, 4, 2).swapaxes(0, 1)
+    def _log_paths(self, steps: list[Step]) -> None:
+        """Extend the paths of camera and corners by some steps: log their newest pieces again, as
+        lines that are shown at all times.
+        """
+        self._places += [s.truth.T_world_camera.translation for s in steps]
+        self._corners += [s.truth.corners for s in steps]
+        path = rr.LineStrips3D([self._places], colors=PARTICLES, radii=PATH_RADIUS)
+        self._rec.log(f"world/path/{self._piece}", path, static=True)
+        corners = np.stack(self._corners, axis=1)
         paths = rr.LineStrips2D(list(corners), colors=PARTICLES, radii=solids.LINE_RADIUS / 2)
-        self._rec.log(f"{IMAGE}/way", paths, static=True)
+        self._rec.log(f"{IMAGE}/path/{self._piece}", paths, static=True)
+        if len(self._places) >= PIECE:
+            self._piece += 1
+            # The next piece begins where this one ends.
+            del self._places[:-1]
+            del self._corners[:-1]
 
     def _send_poses(self, path: str, index: list[rr.TimeColumn], t: Any, R: Any) -> None:
         turned = np.asarray(R).reshape(-1, 9)
@@ -239,8 +254,16 @@ class RerunLog:
             self._rec.log(f"plots/{plot.path}", lines, static=True)
 
 
+def _times(steps: list[Step]) -> list[rr.TimeColumn]:
+    """Return frame number and simulated time of some steps, as Rerun's timelines."""
+    return [
+        rr.TimeColumn("frame", sequence=[s.frame.index for s in steps]),
+        rr.TimeColumn("sim_time", duration=[s.frame.time for s in steps]),
+    ]
+
+
 def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
-    """Return the lines of every plot."""
+    """Return all plots of a run with this robot and the features of these names."""
     limited = np.isfinite(robot.upper)
     low = robot.lower[limited]
     high = robot.upper[limited]

@@ -1,4 +1,4 @@
-"""The camera's pictures in a recording, with the rectangles of truth and estimate."""
+"""Reader of the camera's pictures in a recording, with the outlines of truth and estimate."""
 
 import warnings
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ CORNERS = 4
 
 @dataclass(frozen=True, slots=True)
 class RecordedFrame:
-    """One frame of a recording."""
+    """One picture of a recording, with the outlines in it."""
 
     time: float
     """Simulated [s]."""
@@ -40,7 +40,7 @@ class RecordedFrame:
 
 
 def pictures(path: Path, count: int) -> list[RecordedFrame]:
-    """Return up to `count` frames at equal distances, including the first and the last.
+    """Return up to `count` frames of a recording, evenly spread from the first to the last.
 
     Raises:
         Mistake: The file is missing, not a recording, or damaged.
@@ -55,7 +55,7 @@ def pictures(path: Path, count: int) -> list[RecordedFrame]:
             for name, frame, time, value in _logged(path):
                 found[name][frame] = time, value
     except (RuntimeError, ValueError, OSError):
-        raise Mistake(f"{path}: this recording is broken") from None
+        raise Mistake(f"{path}: this recording is damaged") from None
     frames = sorted(found[BLOB])
     if not frames:
         return []
@@ -64,7 +64,9 @@ def pictures(path: Path, count: int) -> list[RecordedFrame]:
 
 
 def _logged(path: Path) -> Iterator[tuple[str, int, float, Any]]:
-    """Yield name (BLOB, truth or estimate), frame, time [s] and value of all that was logged."""
+    """Yield all logged pictures and outlines as (name, frame number, time [s], value); the name is
+    `BLOB` for a picture, else "truth" or "estimate".
+    """
     names = {f"/{IMAGE}": (BLOB, BLOB)} | {
         f"/{IMAGE}/{who}": (who, STRIPS) for who in ("truth", "estimate")
     }
@@ -92,6 +94,6 @@ def _recorded(
 
 
 def _corners(logged: tuple[float, Any] | None) -> Array:
-    """Return the rectangle (4, 2) [px] of an outline: the first points of its first line."""
+    """Return the corners (4, 2) [px] of a logged outline; nan if none was logged."""
     strips = None if logged is None else logged[1].as_py()
     return np.array(strips[0][:CORNERS]) if strips else np.full((CORNERS, 2), np.nan)

@@ -1,4 +1,4 @@
-"""The scene as solids that a recording draws without MuJoCo, and rectangles in a picture."""
+"""The MuJoCo scene as shapes for Rerun, and outlines in a picture."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -31,40 +31,40 @@ LARGEST_SIDE = 800
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """Triangles, each with three vertices of its own."""
+    """A mesh of m triangles, each with three vertices of its own."""
 
     vertices: Array
     """Points (3 m, 3) in the shape's frame [m]."""
     normals: Array
     """Directions (3 m, 3) that point outwards."""
     uv: Array | None = None
-    """Where the vertices lie in the picture (3 m, 2): 0..1 from its left and from its top."""
+    """Texture coordinates of the vertices (3 m, 2): 0..1 from the picture's left and top."""
     picture: Image | None = None
-    """RGB (h, w, 3); None where all has one colour."""
+    """Texture, RGB (h, w, 3); None: the mesh has one colour."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """One solid, fixed to a body."""
+    """One visible geom of MuJoCo, fixed to a body."""
 
     name: str
-    """Of its geom, without that of the model it comes from; maybe empty."""
+    """Name of the geom without the prefix of its model; may be empty."""
     body: int
-    """0 for the world, else the number of the body."""
+    """Number of the body in the model; 0: the world."""
     kind: str
     """box, ellipsoid, cylinder, capsule or mesh; a box with a picture is a mesh."""
     size: Array
-    """Half sizes (3,): of the box or ellipsoid; radius, half length, unused for the others [m]."""
+    """Half sizes (3,) of a box or ellipsoid; else radius, half length, and an unused value [m]."""
     pose: Pose
     """In the body's frame; the axis of cylinders and capsules is z."""
     rgba: Array
     """Colour (4,), 0..1."""
     surface: Surface | None = None
-    """Of a mesh."""
+    """Triangles of a mesh; None for other kinds."""
 
 
 def shapes_of(model: mujoco.MjModel) -> list[Shape]:
-    """All solids of a model that are drawn, but the endless floor."""
+    """Return all visible geoms of a model as shapes, except for planes, which are endless."""
     found: list[Shape] = []
     for g in range(model.ngeom):
         kind = KINDS.get(mujoco.mjtGeom(model.geom_type[g]))
@@ -83,8 +83,8 @@ def shapes_of(model: mujoco.MjModel) -> list[Shape]:
 
 
 def _appearance(model: mujoco.MjModel, g: int, kind: str) -> tuple[Array, Surface | None]:
-    """Colour (4,) and surface of a geom; a picture that does not lie on a surface is its mean
-    colour.
+    """Return colour RGBA (4,), 0..1, and surface of geom `g`: of a mesh or a box with a texture,
+    else None, and the texture's mean colour is used.
     """
     rgba = model.geom_rgba[g].astype(float)
     material = model.geom_matid[g]
@@ -102,7 +102,7 @@ def _appearance(model: mujoco.MjModel, g: int, kind: str) -> tuple[Array, Surfac
 
 
 def _picture(model: mujoco.MjModel, material: int) -> tuple[Image | None, bool]:
-    """The picture (h, w, 3) of a material, and whether it is a flat one."""
+    """Return the texture of a material, RGB (h, w, 3) or None, and whether it is flat (2D)."""
     role = mujoco.mjtTextureRole.mjTEXROLE_RGB
     texture = model.mat_texid[material, role] if material >= 0 else -1
     if texture < 0:
@@ -115,7 +115,9 @@ def _picture(model: mujoco.MjModel, material: int) -> tuple[Image | None, bool]:
 
 
 def _box(half: Array, repeat: Array, picture: Image) -> Surface:
-    """Six sides, on each of which the picture lies as MuJoCo lays it."""
+    """Return the surface of a box with half sizes (3,) [m], textured on all six sides as by MuJoCo;
+    `repeat` (2,) is how often the picture is repeated along a side.
+    """
     around = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]])
     vertices = np.zeros((3, 2, 6, 3))
     normals = np.zeros((3, 2, 6, 3))
@@ -142,8 +144,8 @@ def _mesh(model: mujoco.MjModel, mesh: int, picture: Image | None) -> Surface:
 
 
 def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, Any]]:
-    """Entity paths and archetypes of shapes: one for each body and kind, and for each mesh; given
-    the entity paths of the bodies by number.
+    """Yield entity path and Rerun archetype of shapes: one pair for each mesh, and one for all
+    other shapes of a kind on one body; `bodies` are the entity paths of the bodies by number.
     """
     groups: dict[tuple[int, str], list[Shape]] = defaultdict(list)
     for number, shape in enumerate(s for s in shapes if s.rgba[3] > 0):
@@ -157,10 +159,10 @@ def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, An
 
 
 def entities(names: Sequence[str]) -> list[str]:
-    """Entity paths of bodies whose poses are logged in the world, so that none lies below another.
+    """Return entity paths for bodies with these names, whose poses are logged in the world.
 
-    "robot/yaw" may lie below "world/robot", which is no body; "target/door" may not lie below
-    "world/target".
+    No path lies below the path of another body: Rerun would apply both poses. "robot/yaw" becomes
+    "world/robot/yaw" only if there is no body "robot".
     """
     found: list[str] = []
     for number, name in enumerate(names):
@@ -203,12 +205,14 @@ def _archetype(kind: str, members: list[Shape]) -> Any:
 
 
 def outline_strips(corners: Array) -> list[Array]:
-    """A closed rectangle and a tick that shows its front, as two lines."""
+    """Return the outline of a target with corners (4, 2) as two lines, in the corners' unit: a
+    closed quadrangle (5, 2), and a tick (2, 2) that ends in the middle of the target's front side.
+    """
     front = (corners[1] + corners[2]) / 2
     nose = np.stack([(corners.mean(axis=0) + front) / 2, front])
     return [np.vstack([corners, corners[:1]]), nose]
 
 
 def outline(corners: Array, colour: tuple[int, int, int]) -> rr.LineStrips2D:
-    """The archetype of a rectangle with corners (4, 2) [px]."""
+    """Return Rerun's archetype of a target's outline with corners (4, 2) [px], in an RGB colour."""
     return rr.LineStrips2D(outline_strips(corners), colors=colour, radii=LINE_RADIUS)

@@ -6,7 +6,7 @@ from servo.output.recording.destination import Recording
 from servo.output.recording.layout import PICTURE, blueprint_of_track
 from servo.output.recording.log import JPEG_QUALITY
 from servo.output.recording.solids import outline
-from servo.output.sinks import Every
+from servo.output.sinks import Timer
 from sim.types import Array
 from tracking.drawing import colours
 from tracking.drawing.picture_bytes import encoded
@@ -15,12 +15,18 @@ from tracking.types import Region
 
 
 class TrackLog:
-    """Writer of the recording of one track."""
+    """Sink that writes the shots of a track (picture and estimate) into a Rerun recording."""
 
     def __init__(self, recording: Recording, region: Region, every: float = 1.0) -> None:
-        """Begin a recording; data is sent to it every `every` seconds of the wall clock."""
+        """Begin a recording.
+
+        Args:
+            recording: Destination of the data.
+            region: The target's region in the first picture.
+            every: Wall-clock time between two flushes [s].
+        """
         self._region = region
-        self._every = Every(every)
+        self._timer = Timer(every)
         self._file = recording
         self.close = recording.close
         self.abandon = recording.abandon
@@ -45,5 +51,5 @@ class TrackLog:
         rec.log("plots/confidence", rr.Scalars(shot.confidence))
         rec.log("plots/ms", rr.Scalars(1e3 * shot.seconds))
         rec.log("plots/evaluations", rr.Scalars(float(estimate.evaluations)))
-        if self._every.due():
+        if self._timer.due():
             self._file.flush()

@@ -1,4 +1,4 @@
-"""A recording in Rerun's window, or drawn into a PNG."""
+"""Display of a recording's file in Rerun's window, or in a PNG file."""
 
 import socket
 import subprocess
@@ -28,13 +28,13 @@ DRAWN_AFTER = 3.0
 
 
 def recording_in(folder: Path) -> Path:
-    """Return the path of the recording in a folder of `run` or `track`."""
+    """Return the path of the recording in a folder that `run` or `track` wrote."""
     track = folder / "track.rrd"
     return track if track.exists() else folder / "run.rrd"
 
 
 def check(path: Path) -> None:
-    """Refuse a file that is not a recording.
+    """Check by its first bytes that a file is a Rerun recording.
 
     Raises:
         Mistake: The file is missing, or is not a recording of Rerun.
@@ -46,7 +46,7 @@ def check(path: Path) -> None:
 
 
 def show(path: Path) -> int:
-    """Open the viewer, wait until it is closed, and return its exit code.
+    """Open a recording in Rerun's window, wait until it is closed, and return its exit code.
 
     Raises:
         Mistake: There is no display for a window.
@@ -59,8 +59,13 @@ def show(path: Path) -> int:
 
 
 def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
-    """Draw the viewer at a simulated time [s] into a PNG file, without a window: all its panels, or
-    the one of an entity, such as "world".
+    """Draw a recording at a simulated time [s] into a PNG file, without opening a window.
+
+    Args:
+        path: File of the recording.
+        png: File to write.
+        at: Simulated time that is drawn [s].
+        panel: Entity of the only panel to draw, such as "world"; None: the whole viewer.
 
     Raises:
         Mistake: The viewer cannot start, has no such panel, or does not show the recording.
@@ -74,7 +79,7 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
             end = time.monotonic() + LOADED_WITHIN
             while not viewer.get_state().views:
                 if time.monotonic() > end:
-                    late = f"the viewer did not show this within {LOADED_WITHIN:g} s"
+                    late = f"the viewer did not load this recording within {LOADED_WITHIN:g} s"
                     raise Mistake(f"{path}: {late}")
                 time.sleep(POLL)
             viewer.set_time("sim_time", duration=at, play_state="paused")
@@ -90,7 +95,7 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
 
 
 def _viewer() -> ViewerClient:
-    """Start a viewer without a window: that of this rerun-sdk, not one on PATH."""
+    """Start the viewer of this rerun-sdk without a window, and return its client."""
     rerun = Path(sysconfig.get_path("scripts")) / "rerun"
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
