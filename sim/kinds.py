@@ -1,5 +1,5 @@
-"""A folder is a registry of kinds: a file's name is a kind, and its `Config` holds the settings and
-builds the thing.
+"""Registries of kinds: each file in a folder such as `tracking/trackers` is a kind of component;
+its `Config` holds the settings and builds the component.
 
 A folder owns a value `KINDS = Kinds(__name__, ...)`, and a file dropped into it adds a motion, a
 tracker, an estimator, ... A kind may be a preset of another kind: its `Config` then inherits from
@@ -61,11 +61,13 @@ class PartConfig(Protocol[Thing]):
 
 @runtime_checkable
 class KeptOutOfFiles(Protocol):
-    """Settings of which some may not come from a file, such as a command to start."""
+    """Settings of which some may be given only on the command line or in Python, such as a command
+    to start.
+    """
 
     @property
     def not_from_file(self) -> tuple[str, ...]:
-        """Return the names of these settings."""
+        """Names of the settings that a file may not give."""
         ...
 
 
@@ -76,16 +78,16 @@ def not_from_file(config: object) -> tuple[str, ...]:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class BuildsItself:
-    """Settings that are the part themselves: `build` returns the settings object."""
+    """Base of settings that are themselves the component: `build` returns the settings object."""
 
     def build(self, rng: np.random.Generator) -> Self:
-        """Return these settings as the part; uses no random numbers."""
+        """Return these settings as the component; uses no random numbers."""
         return self
 
 
 class UnknownKind(ValueError):
-    """A kind (a named component, such as the tracker "kams") is unknown or cannot be loaded; the
-    message says why.
+    """Error: a kind (a named component, such as the tracker "kams") is unknown or cannot be loaded;
+    the message says why.
     """
 
 
@@ -96,7 +98,7 @@ def _modules_in(paths: tuple[str, ...]) -> tuple[str, ...]:
 
 
 class Kinds(Generic[Config]):
-    """The kinds of a folder, with those that installed packages add.
+    """The kinds of component in one folder, and those that installed packages add to it.
 
     >>> from sim import motions
     >>> motions.KINDS.config("line", speed=0.2).speed
@@ -150,7 +152,7 @@ class Kinds(Generic[Config]):
         return self.config_of(kind)(**{**begin, **settings})
 
     def config_of(self, kind: str) -> type[Any]:
-        """Return the `Config` class of one kind.
+        """Return the `Config` class of a kind: its dataclass of settings.
 
         Raises:
             UnknownKind: The kind is unknown, cannot be imported, or is not a `Config`.
@@ -165,7 +167,8 @@ class Kinds(Generic[Config]):
             raise UnknownKind(f"{of}{error}") from error
 
     def as_config(self, found: Any, name: str) -> type[Any]:
-        """Return a `Config` class for an object that is given as a part.
+        """Return a `Config` class for an object that a user gives as a component; `name` is used in
+        messages.
 
         Raises:
             UnknownKind: The object is not a `Config`, and the folder cannot adapt it.
@@ -179,7 +182,8 @@ class Kinds(Generic[Config]):
         raise UnknownKind(f"{what}; nor has it {self._plain}" if self._plain else what)
 
     def preset(self, kind: str, name: str) -> Settings:
-        """Return the settings of a kind's preset, such as "paper", those of its paper.
+        """Return the settings of one of a kind's presets, such as "paper" for those of its
+        publication.
 
         Raises:
             UnknownKind: There is no such kind, or it has no such preset.
@@ -202,8 +206,8 @@ class Kinds(Generic[Config]):
         return getattr(importlib.import_module(config.__module__) if own else config, "PRESETS", {})
 
     def named(self, text: str) -> dict[str, str]:
-        """Return the table that "kind" or "kind:preset" stands for; a kind of another package may
-        be "package:kind", and a class to import "module:Name".
+        """Return the scenario's table {"kind": ..., "preset": ...} for "kind" or "kind:preset"; the
+        kind may be "package:kind" for another package's, or "module:Name" for a class to import.
         """
         kind, *rest = text.split(":")
         if kind and rest and kind not in self.names():
@@ -225,7 +229,9 @@ class Kinds(Generic[Config]):
         return next(filter(None, map(_first_sentence, [*classes, tree])), "")
 
     def kind_at(self, path: str) -> str | None:
-        """Return the kind that an entry point of this folder gives to module:Class, if any."""
+        """Return the kind whose entry point in this folder leads to the class at `path`,
+        "module:Class"; None without one.
+        """
         return next((name for name, found in self._added().items() if found.path == path), None)
 
     def _own(self) -> Sequence[str]:
@@ -266,9 +272,9 @@ _REGISTERED: dict[str, Kinds[Any]] = {}
 
 
 def kind_of(config: object) -> str:
-    """Return the kind of a `Config`: the name of its file in a folder of kinds, that of its entry
-    point, or module:Class. A class that stands for something else names its kind by a class
-    attribute `kind`, which is no field.
+    """Return the kind of settings (a `Config`): the name of its file in a folder of kinds, or that
+    of its entry point, or "module:Class". A class that stands for another object gives its kind by
+    a class attribute `kind` that is no field.
     """
     of = type(config)
     package, _, name = of.__module__.rpartition(".")
@@ -281,8 +287,13 @@ def kind_of(config: object) -> str:
 
 
 def checked(config: Config, place: str) -> Config:
-    """Return settings that were made in Python with the types and ranges of their annotations,
-    which the compiled loops trust.
+    """Return settings that were made in Python after a check of their types and ranges by their
+    annotations, on which the compiled loops rely; settings with types of their own are returned
+    unchecked.
+
+    Args:
+        config: The settings, a dataclass.
+        place: Name of their table, for the message.
 
     Raises:
         ValueError: A setting has a wrong type, or is out of range.
@@ -331,7 +342,7 @@ def _first_sentence(node: ast.Module | ast.ClassDef) -> str:
 
 
 def field_docs(config: type[Any]) -> dict[str, str]:
-    """Return the docstring under each field of a dataclass, by field name."""
+    """Return the docstring below each field of a dataclass, by the field's name; "" without one."""
     docs: dict[str, str] = {}
     for base in reversed(config.__mro__[:-1]):
         try:

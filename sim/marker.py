@@ -1,4 +1,4 @@
-"""A tag that is the whole target: trackers of tags find its outline by themselves."""
+"""Targets that are AprilTags: a tracker of tags finds their corners without a template."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -22,14 +22,16 @@ class Marker:
     """Side of its black square [m]."""
 
     def is_outline(self, outline: Array) -> bool:
-        """Return whether a reference rectangle (4, 3) [m] has the size of the black square."""
+        """Return whether a reference rectangle with the corners (4, 3) [m] is as large as the tag's
+        black square, within 1 %.
+        """
         sides = Outline(outline)
         return np.allclose([sides.length, sides.width], self.size, rtol=SAME_SIZE)
 
 
 @runtime_checkable
 class Marked(Protocol):
-    """Settings of a target that is a marker."""
+    """Settings of a target that is an AprilTag."""
 
     @property
     def marker(self) -> Marker:
@@ -38,5 +40,5 @@ class Marked(Protocol):
 
 
 def marker_of(config: object) -> Marker | None:
-    """Return the marker that a target with these settings is; None for other targets."""
+    """Return the AprilTag that a target with these settings is; None for other targets."""
     return config.marker if isinstance(config, Marked) else None

@@ -1,4 +1,6 @@
-"""Types that several settings share: names of files, and ranges in which a run ends normally."""
+"""Types that several settings share: file names, and numbers with the range in which a run is
+possible.
+"""
 
 from typing import Annotated
 
@@ -6,7 +8,7 @@ from annotated_types import Ge, Le
 
 
 class NamesFile:
-    """Marks a type of settings that name a file."""
+    """Marks the type of a setting that names a file."""
 
 
 File = Annotated[str, NamesFile()]

@@ -111,7 +111,7 @@ class Stage:
         return reduce(or_, (d.at(time) for d in self._disturbances), Effect())
 
     def target(self, time: float) -> Pose:
-        """Return T_world_target at a time [s]; of a target in the hand, its present pose."""
+        """Return T_world_target at a time [s]; if the robot holds the target, its present pose."""
         return self._mounting.target(self._at(time), self._hand)
 
     def goal(self, time: float) -> Pose | None:

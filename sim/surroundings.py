@@ -1,7 +1,7 @@
 """Surroundings of the target: the ground below it, clutter around it, and the light.
 
-Each is a table of a scenario, and the defaults leave the room as it is. Things of the clutter lie
-flat on the table, so that a target may drive over them from anywhere to anywhere.
+Each is a table of a scenario, and the defaults leave the room as it is. Clutter lies flat on the
+table, so that a target may drive over it from anywhere to anywhere.
 """
 
 from collections.abc import Sequence
@@ -59,7 +59,7 @@ class GroundConfig:
             raise ValueError(f'kind = "{OWN}" and file go together: give both, or neither')
 
     def picture(self) -> Image:
-        """Return the picture.
+        """Return the picture of the ground as RGB (H, W, 3).
 
         Raises:
             ValueError: It cannot be read.
@@ -69,7 +69,9 @@ class GroundConfig:
 
 @dataclass(frozen=True, slots=True)
 class ClutterConfig:
-    """Flat objects on the table; their positions and colours are drawn by the run's seed."""
+    """Settings of flat objects on the table; their positions and colours are drawn by the run's
+    seed.
+    """
 
     number: Annotated[int, Ge(0), Le(500)] = 0
     """Number of flat objects."""
@@ -83,7 +85,7 @@ class ClutterConfig:
 
 @dataclass(frozen=True, slots=True)
 class LightConfig:
-    """The lamp over the table."""
+    """Settings of the lamp over the table."""
 
     azimuth_deg: Degrees = 50.2
     """Direction to the lamp, from world x towards y [deg]."""
@@ -106,11 +108,11 @@ class Surroundings:
     """Source of the clutter's random numbers."""
 
     def furnish(self, room: mujoco.MjSpec, target: mujoco.MjSpec) -> None:
-        """Apply ground, clutter and light to a room's model, which is changed.
+        """Add ground, clutter and light to a room's model, which is changed.
 
         Args:
-            room: That of scenes/room.xml.
-            target: Its colours are those of the things alike.
+            room: Model of scenes/room.xml.
+            target: Model of the target, whose colours some of the clutter may have.
 
         Raises:
             ValueError: A picture cannot be read, or a colour is not valid.
@@ -142,7 +144,9 @@ def _light(room: mujoco.MjSpec, light: LightConfig) -> None:
 
 
 def colours_of(target: mujoco.MjSpec) -> Array:
-    """Return colours (n, 3) that a target has: those of its parts, and pixels of its pictures."""
+    """Return RGB colours (n, 3), 0 to 1, of a target's model: those of its geoms, and of some
+    pixels of their pictures.
+    """
     model = target.copy().compile()
     found = list[Array]()
     for geom in range(model.ngeom):

@@ -81,7 +81,7 @@ def test_a_setting_that_does_not_fit_the_model_is_a_sentence(tmp_path, urdf, lin
 
 
 UNFIT = {
-    "<freejoint/>": "the body 'link1' is free to move; a robot is fixed to its base",
+    "<freejoint/>": "the body 'link1' has a free joint: remove the joint or the body",
     '<joint name="ball" type="ball"/>': (
         "the joint 'ball' is a ball joint; between base and flange there may be hinges and slides "
         "only"

@@ -1,4 +1,6 @@
-"""The camera of the robot: its settings, and the intrinsics that they and the model give."""
+"""Settings of the simulated camera, and its intrinsics, which follow from these settings and the
+robot's model.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
@@ -30,7 +32,9 @@ Principal = Annotated[float, Ge(-10_000), Le(10_000)]
 
 @dataclass(frozen=True, slots=True)
 class CameraConfig:
-    """Settings of the camera: mounting, intrinsics, lens, shutter, noise and depth."""
+    """Settings of the simulated camera: mounting (on the robot or in the room), intrinsics, lens
+    distortion, shutter, noise and depth pictures.
+    """
 
     mounted: Literal["robot", "world"] = "robot"
     """Mounting: in the hand of the "robot" (eye in hand); or in the "world", where the robot holds
@@ -103,7 +107,7 @@ class CameraConfig:
 
     def __post_init__(self) -> None:
         if self.mounted == "robot" and (self.pose, self.held) != (STANDS, HELD):
-            raise ValueError('pose and held are of a camera with mounted = "world"')
+            raise ValueError('pose and held need mounted = "world"')
         if self.fovy_deg is not None and self.fx is not None:
             raise ValueError("fovy_deg and fx both give the focal length; leave one of them out")
         if self.fy is not None and self.fx is None:
@@ -133,7 +137,9 @@ class CameraConfig:
 
     @property
     def lens(self) -> Distortion | None:
-        """The distortion; None without one, or if all its coefficients are zero."""
+        """The lens distortion; None without one, and for a plumb_bob or rational distortion with
+        zeros only.
+        """
         if self.distortion is None:
             return None
         lens = Distortion(self.distortion, self.coefficients)
@@ -141,11 +147,12 @@ class CameraConfig:
 
 
 def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera:
-    """Return the intrinsics of a camera of the model, for an image of this size.
+    """Return the pinhole intrinsics of a MuJoCo model's camera, by its name, for images of width x
+    height [px].
 
-    A camera with a sensor size has focal length and principal point in metres on the sensor, which
-    the image fills; all others have a vertical field of view, square pixels, and the principal
-    point in the middle of the image.
+    A camera with a sensor size has its focal length and principal point in metres on the sensor,
+    which the image fills; all others have a vertical field of view, square pixels, and the
+    principal point in the middle of the image.
 
     Raises:
         ValueError: The camera's projection is not perspective.
@@ -166,7 +173,8 @@ def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera
 
 
 def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
-    """Return the intrinsics of a model's camera, where these settings override the model's.
+    """Return the intrinsics of a MuJoCo model's camera, by its name; values that the settings give
+    replace those of the model.
 
     Raises:
         ValueError: The distortion or the field of view cannot be rendered; or the model's camera is
@@ -174,8 +182,8 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
     """
     if config.calibration is not None:
         raise ValueError(
-            "camera.calibration is read where a scenario is loaded: servo.load takes it as "
-            '"camera.calibration=FILE"'
+            "camera.calibration is read only where a scenario is loaded: give servo.load the "
+            'setting "camera.calibration=FILE"'
         )
     own = pinhole(model, name, config.width, config.height)
     fx = own.fx
@@ -198,7 +206,7 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
 
 
 def border(camera: Camera) -> Array:
-    """Return the points (n, 2) on the border of a camera's image, one a pixel [px]."""
+    """Return points (n, 2) along the four borders of a camera's image, one per pixel [px]."""
     u = np.arange(camera.width + 1.0)
     v = np.arange(camera.height + 1.0)
     sides = [(u, 0 * u), (u, 0 * u + camera.height), (0 * v, v), (0 * v + camera.width, v)]
@@ -225,8 +233,8 @@ def _check(camera: Camera) -> None:
     if not farthest < np.tan(np.radians(WIDEST)):
         raise ValueError(
             "camera: the border of the picture is more than "
-            f"{WIDEST:g} deg from the optical axis, which cannot be rendered; it needs a longer "
+            f"{WIDEST:g} deg from the optical axis, which cannot be rendered; use a longer "
             "focal length"
         )
     if not np.abs(camera.to_pixels(rays) - pixels).max() < SAME_PIXEL:
-        raise ValueError("camera.coefficients: these are no distortion of a lens")
+        raise ValueError("camera.coefficients: the distortion cannot be inverted in the picture")

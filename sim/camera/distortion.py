@@ -46,7 +46,7 @@ EXACT = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Distortion:
-    """The distortion of a lens.
+    """A distortion model of a lens, and its coefficients.
 
     A polynomial folds back where its radius is largest. Beyond `reach` the model goes on in
     proportion to the radius, so that what is far outside the picture stays outside.
@@ -73,23 +73,27 @@ class Distortion:
 
     @property
     def reach(self) -> float:
-        """Radius sqrt(x^2 + y^2) up to which the model is used."""
+        """Largest radius sqrt(x^2 + y^2) of undistorted normalised coordinates for which the
+        model's formula is used.
+        """
         return float(_radii(self)[0][-1])
 
     @property
     def folds(self) -> bool:
-        """True where the model folds back within the widest angle."""
+        """True if the formula folds back, which maps two rays to one pixel, within 85 deg of the
+        optical axis.
+        """
         return self.reach < np.tan(np.radians(WIDEST))
 
     def bend(self, rays: Array) -> Array:
-        """Return the distorted normalised coordinates (..., 2) of undistorted ones x = X/Z, y =
-        Y/Z.
+        """Return the distorted normalised image coordinates (..., 2) of undistorted ones (..., 2),
+        which are x = X/Z, y = Y/Z in the camera frame.
         """
         return _extended(self, rays)[0]
 
     def straighten(self, bent: Array) -> Array:
-        """Return the undistorted normalised coordinates (..., 2) of distorted ones, by Newton's
-        method.
+        """Return the undistorted normalised image coordinates (..., 2), x = X/Z, y = Y/Z in the
+        camera frame, of distorted ones (..., 2), by Newton's method.
         """
         radii, lengths = _radii(self)
         length = np.hypot(bent[..., 0], bent[..., 1])

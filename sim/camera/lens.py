@@ -1,4 +1,6 @@
-"""From rendered pinhole pictures to the frame: the lens, then averaging, brightness and noise."""
+"""The camera's lens and sensor: they turn rendered pinhole pictures into frames with distortion,
+motion blur, brightness changes and noise.
+"""
 
 from collections.abc import Sequence
 from math import exp
@@ -44,8 +46,8 @@ class Lens:
             self._maps = (self.view.to_pixels(rays) - 0.5).astype(np.float32), None
 
     def bend(self, picture: NDArray[Any], rows: slice = ALL) -> NDArray[Any]:
-        """Return the camera's picture (H, W, 3) from the pinhole picture of `view`, or some rows of
-        it.
+        """Return the camera's distorted picture (H, W, 3) of a rendered pinhole picture; `rows`
+        selects some of its rows.
         """
         if self._maps is None:
             return picture if rows is ALL else picture[rows]
@@ -55,16 +57,18 @@ class Lens:
         return cv2.cvtColor(bent, cv2.COLOR_RGBA2RGB)
 
     def nearest(self, depth: DepthPicture) -> DepthPicture:
-        """Return the camera's depth picture (H, W) [m] from that of the pinhole `view`: each depth
-        is one that was rendered, because a mean of two across an edge would be a distance at which
-        nothing is.
+        """Return the camera's distorted depth picture (H, W) [m] of a rendered pinhole depth
+        picture [m], by the nearest neighbour: a mean of depths across an edge would be the distance
+        of nothing.
         """
         if self._maps is None:
             return depth
         return np.asarray(cv2.remap(depth, *self._maps, cv2.INTER_NEAREST), np.float32)
 
     def count(self, mask: NDArray[np.bool_]) -> int:
-        """Count the pixels of the camera's picture in which a mask of `view` is set."""
+        """Return the number of pixels in the camera's distorted picture at which a mask (rows,
+        columns) of the rendered pinhole picture is set.
+        """
         if self._maps is None:
             return int(mask.sum())
         return int(cv2.remap(mask.astype(np.uint8), *self._maps, cv2.INTER_NEAREST).sum())
@@ -83,7 +87,9 @@ def _view(camera: Camera) -> Camera:
 
 
 class Sensor:
-    """Makes the frame from pictures of the lens's view."""
+    """Makes camera frames from rendered pinhole pictures: exposure, lens distortion, gain and
+    noise.
+    """
 
     def __init__(
         self,
@@ -111,10 +117,11 @@ class Sensor:
             self._noise = rng.normal(0.0, config.noise, tile).astype(np.float32)
 
     def develop(self, pictures: list[Image], gain: float) -> Image:
-        """Return the read-only frame (H, W, 3) from the pictures of one frame interval, in order;
-        the first interval has one picture only.
+        """Return the read-only frame (H, W, 3) from the pictures rendered in one frame interval, in
+        order of time; `gain` is a factor on their brightness.
 
-        The lens bends their mean, once a frame, as it would bend each of them.
+        The first interval of a run has one picture only. The lens distorts the mean of the
+        pictures, which is the same as to distort each of them.
         """
         fixed = gain == 1.0 and self._noise is None and self._share is None
         if len(pictures) == 1 and fixed:

@@ -1,4 +1,5 @@
-"""Rendering: off-screen pinhole pictures of the scene, and where geoms are in them.
+"""Rendering of pinhole pictures of the scene, off screen, and masks of the pixels that show some
+geoms.
 
 Here MuJoCo's camera frame (x right, y up, looking along -z) becomes the vision frame (x right, y
 down, z forward), and nowhere else.
@@ -38,7 +39,9 @@ PIXEL = 1e-5
 
 
 def camera_pose(data: mujoco.MjData, camera: int) -> Pose:
-    """T_world_camera in the vision frame, as of the last kinematics."""
+    """Return T_world_camera (x right, y down, z forward) of a camera, by its id, as of the last
+    kinematics of `data`.
+    """
     return Pose(
         data.cam_xmat[camera].reshape(3, 3) @ VISION_FROM_MUJOCO, data.cam_xpos[camera].copy()
     )
@@ -57,12 +60,12 @@ DepthPromise = Callable[[], DepthPicture]
 
 
 class Renderer(Protocol):
-    """Takes pinhole pictures of a scene; `World` takes any class that has these methods, and calls
-    `begin_depth` only where the camera has depth pictures.
+    """Renders pinhole pictures of a scene; `World` takes any class that has these methods, and
+    calls `begin_depth` only where the camera has depth pictures.
     """
 
     def begin(self, data: mujoco.MjData) -> Promise:
-        """Begin a picture of the scene as it is, which may change afterwards.
+        """Begin a picture of the scene in `data`, which may change afterwards.
 
         Returns:
             Function that waits for the picture and returns it, a new RGB array (H, W, 3).
@@ -70,17 +73,17 @@ class Renderer(Protocol):
         ...
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        """Return a mask (rows, columns) of the pixels that show one of the geoms.
+        """Return a mask (H, W), true where the picture shows one of the given geoms.
 
         Args:
             data: The scene as it is.
-            geoms: A mask over geom ids.
+            geoms: Mask over the ids of all geoms (ngeom,).
             alone: Draw these geoms only.
         """
         ...
 
     def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
-        """Begin a depth picture of the scene as it is.
+        """Begin a depth picture of the scene in `data`, which may change afterwards.
 
         Returns:
             Function that waits for the distances along the optical axis (H, W) [m] and returns
@@ -101,7 +104,7 @@ T = TypeVar("T")
 
 
 class OpenGLRenderer:
-    """MuJoCo's own renderer, into memory. Holds GL buffers: close it."""
+    """MuJoCo's OpenGL renderer, off screen. It holds OpenGL buffers until it is closed."""
 
     def __init__(self, model: mujoco.MjModel, camera: str, view: Camera) -> None:
         if pinhole(model, camera, view.width, view.height) != view:
@@ -235,7 +238,9 @@ def _give_back(whole: NDArray[np.uint8], context: mujoco.MjrContext) -> None:
 
 
 class Supersampled:
-    """A renderer whose pixels are means of smaller ones, which another renderer makes."""
+    """A renderer that has another one render larger pictures, and averages blocks of their
+    pixels.
+    """
 
     def __init__(
         self, make: MakeRenderer, times: int, model: mujoco.MjModel, camera: str, view: Camera
@@ -293,8 +298,8 @@ class Unseen:
 
 
 class Backdrop:
-    """Test whether a scene's table fills the picture: sky and floor behind it need not be drawn, a
-    third of a picture's time.
+    """Finds out whether the table fills the picture: sky and floor then need not be drawn, which
+    saves a third of the time.
     """
 
     def __init__(self, model: mujoco.MjModel, view: Camera) -> None:
@@ -310,8 +315,8 @@ class Backdrop:
         """The picture's corners (3, 4) in MuJoCo's camera frame, at distance 1."""
 
     def is_hidden(self, data: mujoco.MjData, camera: int) -> bool:
-        """Return whether the table fills the picture: the lines of sight through its four corners,
-        and so all others, end on it.
+        """Return whether the table hides sky and floor from a camera (by id): it does if the lines
+        of sight through the picture's four corners all end on the table.
         """
         eye = data.cam_xpos[camera]
         rays = data.cam_xmat[camera].reshape(3, 3) @ self._corners

@@ -1,4 +1,4 @@
-"""The camera drops frames at random times, which do not depend on its rate."""
+"""The camera drops frames at random times, which are the same for every frame rate."""
 
 from dataclasses import dataclass
 from math import floor
@@ -23,7 +23,7 @@ class Config:
     """Share of the time in which frames are dropped."""
 
     def build(self, rng: np.random.Generator) -> "DroppedFrames":
-        """Return the disturbance, seeded by the generator."""
+        """Return the disturbance; its times are drawn with a seed from the generator."""
         return DroppedFrames(self.share, int(rng.integers(2**31)))
 
 

@@ -1,4 +1,4 @@
-"""A second target, the first one's twin, drives straight across the table."""
+"""A second target, a copy of the first, drives straight across the table."""
 
 from dataclasses import dataclass
 

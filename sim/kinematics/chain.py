@@ -40,7 +40,9 @@ class Chain:
 
 
 def name_all(spec: mujoco.MjSpec) -> None:
-    """Name all unnamed bodies and joints, such as joint_3: messages and files need names."""
+    """Give each unnamed body and joint of a model a name such as joint_3, for messages and
+    files.
+    """
     for what, items in (("body", spec.bodies), ("joint", spec.joints)):
         taken = {item.name for item in items}
         free = (name for i in range(2 * len(items)) if (name := f"{what}_{i}") not in taken)
@@ -49,8 +51,8 @@ def name_all(spec: mujoco.MjSpec) -> None:
 
 
 def chain_to(model: mujoco.MjModel, name: str) -> Chain:
-    """Return the chain to a body or site; where the name is empty, to the end of the longest chain:
-    the only site of its last body, or that body.
+    """Return the chain of joints that moves a body or site, by its name. An empty name stands for
+    the end of the longest chain: the only site of its last body, or else that body.
 
     Raises:
         ValueError: No body or site has that name, or its chain is not of hinges and slides only.
@@ -79,7 +81,7 @@ def chain_to(model: mujoco.MjModel, name: str) -> Chain:
 
 
 def joints_to(model: mujoco.MjModel, body: int) -> tuple[int, ...]:
-    """Return the numbers of the joints between the base and a body, base first."""
+    """Return the ids of the joints between a model's base and a body (by id), base first."""
     found: list[int] = []
     while body:
         first = model.body_jntadr[body]

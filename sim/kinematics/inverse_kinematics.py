@@ -1,6 +1,8 @@
-"""Joint positions with which the camera takes a pose: found from the robot's homes by a damped
-iteration, else from many places by quadratic programs with the limits of the joints (mink), and
-where these find none by least squares in a trust region from the same places.
+"""Inverse kinematics: joint positions with which the camera takes a pose.
+
+They are found from the robot's homes by a damped iteration, else from many places by quadratic
+programs with the limits of the joints (mink), and where these find none by least squares in a trust
+region from the same places.
 """
 
 import importlib
@@ -50,8 +52,8 @@ VIEW = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Result of a search for joint positions; true if the camera is at the pose, inside all joint
-    limits.
+    """Result of a search for joint positions; as a condition it is true if the camera is at the
+    desired pose, with all joints inside their limits.
     """
 
     there: bool
@@ -86,18 +88,19 @@ def reach(
     point: Array | None = None,
     way: Callable[[], Sequence[Pose]] | None = None,
 ) -> Reach:
-    """Set the joints so that the camera reaches a pose or comes near it; return how near it came.
+    """Set the joint positions in `data` so that the camera reaches a pose or comes near it; return
+    how near.
 
     The search begins at the robot's homes, one after another; without a solution from there, the
-    most comfortable of several postures is taken. If a joint would reach its limit on the path that
-    follows, the posture that keeps the largest distance from all limits is taken instead, if there
-    is one. For a robot of fewer than six joints it is enough that the camera sees a point in the
-    desired direction.
+    most comfortable of several solutions is taken (see `comfort`). If a joint would reach its limit
+    on the path that follows, the solution that keeps the largest distance from all limits is taken
+    instead, if there is one. For a robot of fewer than six joints it is enough that the camera sees
+    a point in the desired direction.
 
     Args:
         robot: The robot, with its joint limits and homes.
-        data: Its joint positions are set.
-        T_world_camera: The desired pose.
+        data: MuJoCo's state; its joint positions are set.
+        T_world_camera: The desired pose, in the frame of `Robot.eye`.
         point: Point (3,) in the world at which the camera looks [m]; None: a point on its axis.
         way: Returns the path that follows, for `roll_out`.
     """
@@ -287,8 +290,9 @@ def _fit(robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_came
 
 
 def comfort(robot: Robot, data: mujoco.MjData) -> float:
-    """Return a score of the posture in `data`: higher where it is far from limits and singular
-    poses, with no link before the camera or below the table.
+    """Return a score of the joint positions in `data`: it is higher the farther the joints are from
+    their limits and from singular poses, and small if a link is before the camera or below the
+    table.
     """
     q = data.qpos[robot.qpos]
     room = np.minimum(q - robot.lower, robot.upper - q).min()

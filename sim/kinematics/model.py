@@ -1,5 +1,5 @@
-"""Any robot model made into one that carries a camera: with velocity drives, and without weight and
-contacts.
+"""Conversion of any robot model into one that carries a camera: with velocity drives, and without
+gravity and contacts.
 """
 
 from collections.abc import Sequence
@@ -43,8 +43,7 @@ def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.
         camera: Name of a camera of the model to use instead of the flange, or an empty text.
 
     Raises:
-        ValueError: The flange or camera is missing, or other joints than hinges and slides carry
-        it.
+        ValueError: The flange or camera is missing, or joints other than hinges and slides move it.
     """
     name_all(spec)
     for joint in spec.joints:
@@ -64,15 +63,16 @@ def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.
 def make_robot(
     spec: mujoco.MjSpec, model: mujoco.MjModel, carried: Chain, camera: str, mount: Pose
 ) -> tuple[str, ...]:
-    """Turn a model into a robot with the camera and the site `eye`; return the names of its
-    joints.
+    """Turn a model into a robot with a camera and a site `eye` at the end of a chain; return the
+    names of the chain's joints.
 
     Args:
-        spec: The model, which is changed; it has no actuators then, but for velocity drives.
-        model: The same, compiled.
-        carried: The chain to the camera.
-        camera: Name of the camera that is there; empty: one is added.
-        mount: T_flange_camera of one that is added (x right, y down, z forward).
+        spec: The model, which is changed: all other joints, and all drives but velocity servos, are
+            deleted.
+        model: The same model, compiled.
+        carried: The chain of joints that moves the camera.
+        camera: Name of the model's camera; an empty text adds one.
+        mount: T_flange_camera of an added camera (x right, y down, z forward).
     """
     names = tuple(model.joint(j).name for j in carried.joints)
     carrier = model.body(carried.body).name
@@ -85,7 +85,9 @@ def make_robot(
     if camera:
         found = model.camera(camera)
         if model.cam_mode[found.id] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED:
-            raise ValueError(f"the camera '{camera}' tracks something; it has to be fixed (mode)")
+            raise ValueError(
+                f"the mode of the camera '{camera}' has to be fixed, relative to its body"
+            )
         _place_eye(spec, carrier, found.pos, found.quat, camera)
     else:
         pose = carried.pose @ mount
@@ -101,12 +103,13 @@ def drive(
     joints: Sequence[int],
     speeds: Sequence[float | None],
 ) -> None:
-    """Set the largest rates of joints, and give a velocity drive to each joint without one.
+    """Set the largest rates of a robot's joints, and give a velocity servo to each joint without
+    one.
 
     Args:
-        spec: The robot of `make_robot`.
-        model: The model that it was made from, compiled.
-        joints: Its joints in that model.
+        spec: The robot's model after `make_robot`; it is changed.
+        model: The original model, compiled.
+        joints: Ids of the robot's joints in the original model.
         speeds: Largest rate of each [m/s or rad/s]; None: the model's own, or else a usual one.
     """
     names = [model.joint(j).name for j in joints]
@@ -135,7 +138,7 @@ def _end_limits(joint: mujoco.MjsJoint) -> None:
 def _check_free(model: mujoco.MjModel) -> None:
     for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
         body = model.body(model.jnt_bodyid[joint]).name
-        raise ValueError(f"the body '{body}' is free to move; a robot is fixed to its base")
+        raise ValueError(f"the body '{body}' has a free joint: remove the joint or the body")
 
 
 def _check_loops(model: mujoco.MjModel, carried: Chain) -> None:

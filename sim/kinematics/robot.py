@@ -1,9 +1,9 @@
-"""A robot that carries the camera: its design, and camera twist to joint rates, for any chain of
-velocity-driven joints.
+"""A robot that carries the camera or the target: its design, and the joint rates for a camera
+twist, for any chain of velocity-driven joints.
 
-Nothing here knows which robot it is: joints, limits and actuators come from its model. There every
-actuator is a `velocity` servo of one joint, and the camera's optical centre is the site `eye`. A
-model that is built otherwise is refused: its robot would move, but not as it is asked to.
+Joints, limits and actuators are read from the robot's MuJoCo model. There every actuator is a
+`velocity` servo of one joint, and the camera's optical centre is the site `eye`. A model that is
+built otherwise is refused, because its robot would not move as commanded.
 """
 
 from collections.abc import Sequence
@@ -57,7 +57,7 @@ HALF_TURN = np.pi - 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Drives:
-    """Errors of a robot's drives and encoders."""
+    """Settings of the errors of a robot's drives and encoders."""
 
     encoder_noise: EachPlay = 0.0
     """Standard deviation of each reading of a joint, one for all or one each [m or rad]."""
@@ -133,11 +133,11 @@ def own_name(name: str) -> str:
 
 
 def damped_inverse(J: Array, inversion: Inversion) -> Array:
-    """Return the inverse (n, 6) of a Jacobian (6, n), damped near singular poses.
+    """Return the inverse (n, 6) of a Jacobian (6, n), damped near singular poses: there the rates
+    stay finite, and the twist is not made exactly.
 
-    After Nakamura and Hanafusa 1986: with s the smallest singular value and e = `weakest`,
-    lambda^2 = damping^2 (1 - (s / e)^2) where s < e, else zero; s_i becomes s_i / (s_i^2 +
-    lambda^2).
+    After Nakamura and Hanafusa 1986: with s the smallest singular value and e = `weakest`, lambda^2
+    = damping^2 (1 - (s / e)^2) where s < e, else zero; s_i becomes s_i / (s_i^2 + lambda^2).
     """
     if (
         J.shape[0] == J.shape[1]
@@ -187,8 +187,11 @@ def _check_drives(model: mujoco.MjModel, design: Design) -> None:
 
 
 class Robot:
-    """The chain of joints between the base and the hand, read from a MuJoCo model. Poses and twists
-    are those of the camera as `Mounting.eye` has them.
+    """The joints of a robot between its base and its hand, read from a MuJoCo model, and their
+    kinematics.
+
+    Camera poses and twists are in the frame of `Mounting.eye`: the world, or the target if the
+    robot holds it.
     """
 
     def __init__(self, model: mujoco.MjModel, design: Design) -> None:
@@ -237,7 +240,9 @@ class Robot:
         return bool(self._limited.any())
 
     def servos(self) -> Array:
-        """Return the time constants of the drives' own servos (n,) [s], for implicit steps."""
+        """Return the time constants (n,) [s] with which the drives' servos take over a new rate in
+        a simulation with implicit steps.
+        """
         model = self.model
         at = model.jnt_dofadr[self.ids]
         strength = model.actuator_gainprm[:, 0] + model.dof_damping[at]
@@ -249,8 +254,8 @@ class Robot:
         last kinematics.
 
         Args:
-            data: Where the joints are.
-            twist: Mean camera twist (6,) since the last frame.
+            data: MuJoCo's state, with the joint positions.
+            twist: Mean camera twist (6,) since the last frame, in the camera frame [m/s, rad/s].
             accepted: Mean camera twist (6,) that the drives were set to.
         """
         return Posture(
@@ -274,8 +279,8 @@ class Robot:
         return data.qvel[self._dof].copy()
 
     def jacobian(self, data: mujoco.MjData) -> Array:
-        """Return the camera twist in the camera (vision) frame per joint rate (6, n), as of the
-        last kinematics.
+        """Return the Jacobian (6, n): the camera's twist per joint rate, in the camera frame (x
+        right, y down, z forward), as of the last kinematics.
         """
         linear, angular = self._jacobians
         mujoco.mj_jacSite(self.model, data, linear, angular, self._site)
@@ -291,13 +296,14 @@ class Robot:
         that these rates make, and the joints whose limits changed it, such as "elbow (range)".
 
         A joint at the end of its range leaves the solution: it is as fast as its range allows, and
-        the others make the rest of the twist. Rates that are too fast keep the direction, where
-        accelerations allow it: a programme decides where joints have such limits, or there are
-        more than six; otherwise one factor slows all.
+        the others make the rest of the twist. If rates are too fast, the twist gets shorter and
+        keeps its direction, as far as the limits of acceleration allow: a quadratic programme
+        chooses the rates where joints have such limits, or there are more than six; otherwise one
+        factor slows all.
 
         Args:
-            data: The joint positions.
-            twist: The commanded twist (6,).
+            data: MuJoCo's state, with the joint positions.
+            twist: The commanded twist (6,) in the camera frame [m/s, rad/s].
             hold: Time for which the rates hold [s], for exact inversion and acceleration limits.
             before: The rates (n,) before these; None: accelerations are not limited.
         """
@@ -358,8 +364,8 @@ class Robot:
         return [(-_stopping(at - low, a), _stopping(high - at, a)) for at, low, high, a in joints]
 
     def stopped(self, data: mujoco.MjData, rates: Array) -> list[str]:
-        """Return the joints that rates (n,) drive on where their range has ended, as `rates` names
-        them.
+        """Return the joints that stand at an end of their range and that rates (n,) [m/s or rad/s]
+        drive further out, such as "elbow (range)".
         """
         q = data.qpos[self.qpos]
         back = (q < self.lower + AT_END) & (rates < 0)
@@ -367,8 +373,8 @@ class Robot:
         return [f"{self.names[k]} (range)" for k in np.flatnonzero(back | on)]
 
     def driven(self, rates: Array, hold: float) -> Array:
-        """Return the joint rates (n,) that motors at these rates make in a time [s]: the same
-        rates, because this robot has no backlash.
+        """Return the joint rates (n,) [m/s or rad/s] if the motors have the given rates for a time
+        `hold` [s]: the same rates, because this robot has no backlash.
         """
         return rates
 
@@ -459,13 +465,13 @@ class Robot:
     def converge(
         self, data: mujoco.MjData, begin: Sequence[float] | Array, T_world_camera: Pose
     ) -> bool:
-        """Solve for the joint positions of a camera pose by damped Newton steps from given
-        positions; return True if the method converges to a solution inside the joint limits.
+        """Solve for the joint positions of a camera pose by damped Newton steps; return whether
+        they converge to a solution inside the joint limits.
 
         Args:
-            data: Its joint positions are set; on failure the camera is not at the pose.
-            begin: Joint positions (n,) [m or rad].
-            T_world_camera: The desired camera pose.
+            data: MuJoCo's state; its joint positions are set, even on failure.
+            begin: Joint positions to begin from (n,) [m or rad].
+            T_world_camera: The desired camera pose, in the frame of `eye`.
         """
         data.qpos[self.qpos] = begin
         for _ in range(STEPS):
@@ -484,12 +490,14 @@ class Robot:
         return False
 
     def refresh(self, data: mujoco.MjData) -> None:
-        """Update body poses and Jacobians in `data` for its joint positions."""
+        """Compute body poses and Jacobians in `data` from its joint positions."""
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_comPos(self.model, data)
 
     def eye(self, data: mujoco.MjData) -> Pose:
-        """Return the camera's pose as `Mounting.eye` has it, as of the last kinematics."""
+        """Return the camera's pose as of the last kinematics: T_world_camera, or T_target_camera if
+        the robot holds the target.
+        """
         return self.mounting.eye(self.hand(data))
 
     def camera(self, data: mujoco.MjData) -> Pose:

@@ -1,4 +1,4 @@
-"""Prediction of the joint positions along a camera path, to find the joint that reaches a limit."""
+"""Prediction of the joint positions along a camera path: which joint reaches a limit, and when."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,13 +34,13 @@ class Rollout:
 
 
 def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
-    """Return how near the joints come to their limits when the camera follows a path from their
-    present positions; the simulation stops when a joint reaches a limit.
+    """Predict the joint positions when the camera follows a path, up to the first joint limit;
+    return how near the joints come to their limits.
 
     Args:
         robot: The robot.
-        data: Holds the joint positions, which are restored afterwards.
-        way: Poses of the camera, as `Robot.eye` has them, a `STEP` apart.
+        data: MuJoCo's state; its joint positions are the start, and are restored afterwards.
+        way: Desired camera poses, in the frame of `Robot.eye`, every `STEP` seconds.
     """
     begin = data.qpos[robot.qpos].copy()
     limited = np.isfinite(robot.upper - robot.lower)

@@ -1,5 +1,5 @@
-"""Models of robots and targets in files, MJCF or URDF, read by MuJoCo, which reads neither
-package:// nor Collada, and not every mesh: files are made ready for it.
+"""Reading of robot and target models, MJCF or URDF, with MuJoCo. Names like package://, Collada
+meshes and damaged meshes, which MuJoCo does not read, are replaced first.
 """
 
 from pathlib import Path
@@ -40,7 +40,7 @@ WEIGHTS = {"mass": ["value"], "inertia": ["ixx", "iyy", "izz", "ixy", "ixz", "iy
 
 
 def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
-    """Return the model in an MJCF or URDF file, which compiles.
+    """Return the model in an MJCF or URDF file; it is known to compile.
 
     Args:
         path: Its file.
@@ -76,8 +76,8 @@ def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
 def spec_of_urdf(path: Path, mended: Mended) -> mujoco.MjSpec:
     """Return the model in a URDF file, with absolute paths of meshes.
 
-    Links show their visual shapes, or those for collisions where no visual one can be read;
-    `mended` notes what is left out.
+    Links show their visual shapes, or those for collisions where no visual one can be read; what is
+    left out is added to `mended`.
 
     Raises:
         ParseError: It is not XML.
@@ -109,9 +109,7 @@ def _leave_out_namespaces(tree: Element) -> None:
     for parent in list(tree.iter()):
         for element in list(parent):
             if "xacro}" in element.tag:
-                raise ValueError(
-                    "it has elements of a namespace; expand xacro files first (xacro IN > OUT)"
-                )
+                raise ValueError("the file has xacro elements: expand it first (xacro IN > OUT)")
             if element.tag.startswith("{"):
                 parent.remove(element)
 
@@ -144,8 +142,8 @@ def _check_limit(joint: Element) -> None:
 
 
 def joint_speeds(path: Path) -> dict[str, float]:
-    """Return the largest rates of a URDF's joints by name [rad/s or m/s], which MuJoCo skips; of
-    an MJCF file none.
+    """Return the largest rates of a URDF file's joints by name [rad/s or m/s], which MuJoCo does
+    not read; {} for an MJCF file.
     """
     if path.suffix.lower() != ".urdf":
         return {}

@@ -1,4 +1,4 @@
-"""Common parts of targets: rectangle, colours, pictures by name, and a box with a picture."""
+"""Common parts of targets: settings of the reference rectangle, colours, pictures, and a box."""
 
 import re
 from collections.abc import Sequence
@@ -25,14 +25,15 @@ HEX = re.compile("#[0-9a-fA-F]{6}")
 
 @dataclass(frozen=True, slots=True)
 class Outlined:
-    """A target whose reference rectangle is found, or given."""
+    """Settings of a target whose reference rectangle is given, or found in its model."""
 
     outline: tuple[Length, Length, Annotated[float, Ge(0), Le(5)]] | None = None
     """Length along the nose, width, and height over the table of the reference rectangle [m]; by
     default those of the model's site `outline`, or that are found."""
 
     def target(self, spec: mujoco.MjSpec) -> Target:
-        """Return the target of a model.
+        """Return the target with this model, and with the reference rectangle that the settings
+        give, or else the one found in the model.
 
         Raises:
             ValueError: Nothing of it is seen from above.
@@ -46,7 +47,7 @@ class Outlined:
 
 
 def rgba(colour: Colour) -> list[float]:
-    """Return red, green, blue and opacity, 0 to 1, of a colour.
+    """Return the red, green, blue and opacity, 0 to 1, of a colour setting.
 
     Raises:
         ValueError: The colour is a text other than "#rrggbb".
@@ -65,7 +66,7 @@ PLAIN: dict[str, Any] = {"mass": 0, "contype": 0, "conaffinity": 0, "group": 2}
 
 
 def picture_named(name: str, setting: str) -> Image:
-    """Return a shipped picture by its bare name, or one of the user's by its path.
+    """Return the picture of a setting as RGB (H, W, 3): a shipped one by its bare name, or a file.
 
     Raises:
         ValueError: The picture is missing or cannot be read.
@@ -74,7 +75,7 @@ def picture_named(name: str, setting: str) -> Image:
 
 
 def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -> mujoco.MjSpec:
-    """Return the model of a box of this length, width and height [m] on the table.
+    """Return the model of a box with this length, width and height [m] that stands on z = 0.
 
     A picture lies on each of its sides: on the upper one its right is at the nose.
     """

@@ -1,4 +1,6 @@
-"""The target is moved above the table in all six degrees of freedom, smoothly, as the seed says."""
+"""The target moves above the table in all six degrees of freedom, smoothly; frequencies and
+directions are drawn from the seed.
+"""
 
 from dataclasses import dataclass
 from math import pi, radians, sqrt
@@ -35,7 +37,7 @@ class Config:
     """Farthest from level, in any direction [deg]."""
 
     def build(self, rng: np.random.Generator) -> "Six":
-        """Return the motion; its frequencies and directions come from the generator."""
+        """Return the motion; its frequencies and directions are drawn from the generator."""
         frequencies = self.frequency * rng.uniform(SLOWEST, 1.0, (WAVES, 6))
         # Two tilts at once, of the same size, are sqrt(2) as large.
         tilt = radians(self.tilt_deg) / sqrt(2)

@@ -1,4 +1,4 @@
-"""A robot from a file, MJCF or URDF: its joints, and a camera at its flange."""
+"""A robot from a model file, MJCF or URDF, that carries a camera at its flange."""
 
 import functools
 import importlib
@@ -144,7 +144,14 @@ def _in_menagerie(model: str) -> Path:
 def shipped(
     model: str, drives: Drives, homes: tuple[tuple[float, ...], ...], inversion: Inversion
 ) -> Design:
-    """Return the design of a shipped model, such as "arm.xml"."""
+    """Return the design of a shipped robot.
+
+    Args:
+        model: File of its model in `scenes/robots`, such as "arm.xml".
+        drives: Errors of its drives and encoders.
+        homes: Joint positions at which searches begin [m or rad].
+        inversion: Settings of its inverse kinematics.
+    """
     path = str(resources.files("scenes") / FOLDER / model)
     config = Config(model=path, base=(0.0, 0.0, 0.0, 0.0), camera="eye", home=homes)
     design = config.build(np.random.default_rng(0))  # uses no random numbers

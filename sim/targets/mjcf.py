@@ -1,4 +1,4 @@
-"""A model of the user's, MJCF or URDF: its geoms as they are, moving as one."""
+"""A user's model, MJCF or URDF, as the target: its geoms as they are, moving as one."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""A flat picture on the table, its right side at the nose."""
+"""A flat picture on the table as the target, the picture's right side at the nose."""
 
 from dataclasses import dataclass
 
