@@ -65,7 +65,7 @@ def _stored(loop: Any) -> Any:
     """Return a compiled loop that reports a full disk instead of raising an error."""
     save = loop._cache.save_overload
 
-    def save_if_possible(*compilation: Any) -> None:
+    def save_if_possible(*compilation: object) -> None:
         try:
             save(*compilation)
         except OSError as error:

@@ -15,7 +15,6 @@ from dataclasses import astuple, dataclass
 from importlib import metadata
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 
 class Trusted(str):
@@ -97,7 +96,7 @@ def plain(text: str) -> str:
     return "".join(filter(str.isprintable, " ".join(text.split())))
 
 
-def imported(path: str) -> Any:
+def imported(path: str) -> object:
     """Return the object at a path such as "package.module:Name"; the working directory is searched
     after all other places.
 

@@ -42,7 +42,9 @@ Thing = TypeVar("Thing", covariant=True)
 """Type of a part, such as `Tracker`."""
 Config = TypeVar("Config", covariant=True)
 """The settings of a folder's kinds, such as `PartConfig[Tracker]`."""
-Settings = Mapping[str, Any]
+Settings = Mapping[str, object]
+ConfigClass = type[Any]
+"""A dataclass of settings; only its own file knows its fields."""
 
 
 class PartConfig(Protocol[Thing]):
@@ -109,7 +111,7 @@ class Kinds(Generic[Config]):
         self,
         folder: str,
         group: str = "",
-        adapt: Callable[[Any], type[Any] | None] = lambda _: None,
+        adapt: Callable[[object], ConfigClass | None] = lambda _: None,
         plain: str = "",
     ) -> None:
         """Register a folder.
@@ -141,7 +143,7 @@ class Kinds(Generic[Config]):
         found = self._added().get(kind)
         return "" if found is None else f"{found.package} {found.version}"
 
-    def config(self, kind: str, preset: str | None = None, /, **settings: Any) -> Config:
+    def config(self, kind: str, preset: str | None = None, /, **settings: object) -> Config:
         """Return the settings of a kind: those given, then those of the preset, then its defaults.
 
         Raises:
@@ -151,7 +153,7 @@ class Kinds(Generic[Config]):
         begin = {} if preset is None else self.preset(kind, preset)
         return self.config_of(kind)(**{**begin, **settings})
 
-    def config_of(self, kind: str) -> type[Any]:
+    def config_of(self, kind: str) -> ConfigClass:
         """Return the `Config` class of a kind: its dataclass of settings.
 
         Raises:
@@ -166,7 +168,7 @@ class Kinds(Generic[Config]):
             of = f"the kind '{kind}' of {package}: " if package else ""
             raise UnknownKind(f"{of}{error}") from error
 
-    def as_config(self, found: Any, name: str) -> type[Any]:
+    def as_config(self, found: object, name: str) -> ConfigClass:
         """Return a `Config` class for an object that a user gives as a component; `name` is used in
         messages.
 
@@ -267,7 +269,7 @@ class Kinds(Generic[Config]):
         return kind
 
 
-_REGISTERED: dict[str, Kinds[Any]] = {}
+_REGISTERED: dict[str, Kinds[object]] = {}
 """Each folder of kinds that has been imported, by its package."""
 
 
@@ -312,7 +314,7 @@ def checked(config: Config, place: str) -> Config:
         return config
 
 
-def _check_config(config: type[Any], name: str) -> None:
+def _check_config(config: ConfigClass, name: str) -> None:
     if not dataclasses.is_dataclass(config):
         raise UnknownKind(f"'{name}' has a method build(rng), but is no dataclass of settings")
     missing = dataclasses.MISSING
@@ -323,7 +325,7 @@ def _check_config(config: type[Any], name: str) -> None:
     ]
     if bare:
         raise UnknownKind(f"'{name}': its settings {', '.join(bare)} have no defaults")
-    presets: Any = getattr(config, "PRESETS", {})
+    presets = getattr(config, "PRESETS", {})
     if not isinstance(presets, dict) or not all(isinstance(p, dict) for p in presets.values()):
         raise UnknownKind(f"'{name}': PRESETS should be a table of settings for each name")
 
@@ -341,7 +343,7 @@ def _first_sentence(node: ast.Module | ast.ClassDef) -> str:
     return plain((ast.get_docstring(node) or "").split("\n\n")[0])
 
 
-def field_docs(config: type[Any]) -> dict[str, str]:
+def field_docs(config: ConfigClass) -> dict[str, str]:
     """Return the docstring below each field of a dataclass, by the field's name; "" without one."""
     docs: dict[str, str] = {}
     for base in reversed(config.__mro__[:-1]):

@@ -7,7 +7,7 @@ table, so that a target may drive over it from anywhere to anywhere.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import cos, radians, sin
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import mujoco
 import numpy as np
@@ -185,7 +185,7 @@ def _strew(
         )
 
 
-def _geom(shape: str, length: float, slim: float, height: float) -> dict[str, Any]:
+def _geom(shape: str, length: float, slim: float, height: float) -> dict[str, object]:
     """Return type and half sizes [m] of a flat thing; `slim` is the width of a card over its
     length.
     """

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from queue import Empty, SimpleQueue
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from sim.stderr import silent_libraries
 
@@ -165,8 +165,7 @@ def _with_context(function: Callable[..., Result], *args: object) -> Result:
     depends on MUJOCO_GL at the time mujoco was imported.
     """
     if not hasattr(KEPT, "context"):
-        KEPT.context = _new_context(backend())
-        KEPT.context.make_current()
+        _make_context(backend())
     returned = RETURNED.setdefault(os.getpid(), SimpleQueue())
     with suppress(Empty):
         while True:
@@ -174,14 +173,15 @@ def _with_context(function: Callable[..., Result], *args: object) -> Result:
     return function(*args)
 
 
-def _new_context(name: str) -> Any:
+def _make_context(name: str) -> None:
     try:
-        context: Any = importlib.import_module(f"mujoco.{name}").GLContext(NO_WINDOW, NO_WINDOW)
+        context = importlib.import_module(f"mujoco.{name}").GLContext(NO_WINDOW, NO_WINDOW)
         if name == "glfw" and not context._context:
             raise RuntimeError("GLFW made no window")  # MuJoCo goes on without one
     except Exception as error:
         raise NoRenderer(f"{NO_CONTEXT} ({error}).") from error
-    return context
+    context.make_current()
+    KEPT.context = context
 
 
 def describe() -> str:
@@ -199,7 +199,7 @@ def has_gpu() -> bool:
 
 
 def _names() -> str:
-    opengl: Any = importlib.import_module("OpenGL.GL")
+    opengl = importlib.import_module("OpenGL.GL")
     names = (opengl.GL_RENDERER, opengl.GL_VERSION)
     return ", ".join(opengl.glGetString(name).decode() for name in names)
 
@@ -252,7 +252,7 @@ def _has_device() -> bool:
     does not bring.
     """
     try:
-        egl: Any = importlib.import_module("mujoco.egl")
+        egl = importlib.import_module("mujoco.egl")
         return bool(egl.create_initialized_egl_device_display())
     except Exception:  # of PyOpenGL, where the library has no such functions
         return False

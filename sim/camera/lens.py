@@ -4,7 +4,7 @@ motion blur, brightness changes and noise.
 
 from collections.abc import Sequence
 from math import exp
-from typing import Any, final
+from typing import final
 
 import cv2
 import numpy as np
@@ -37,23 +37,25 @@ class Lens:
     def __init__(self, camera: Camera) -> None:
         self.view = camera if camera.distortion is None else _view(camera)
         """The pinhole camera whose pictures are bent: it covers all that the camera sees."""
-        self._maps: tuple[Any, Any] | None = None
+        self._maps: NDArray[np.float32] | None = None
+        """For each pixel of the camera its u and v in the pinhole picture (2, H, W) [px]."""
         if camera.distortion is not None:
             v, u = np.mgrid[: camera.height, : camera.width] + 0.5
             rays = camera.normalise(np.stack([u, v], axis=-1))
             # OpenCV's coordinates start at the middle of a pixel.
-            # Floats on four channels: three times as fast as integers on three.
-            self._maps = (self.view.to_pixels(rays) - 0.5).astype(np.float32), None
+            places = self.view.to_pixels(rays) - 0.5
+            self._maps = np.ascontiguousarray(np.moveaxis(places, -1, 0), np.float32)
 
-    def bend(self, picture: NDArray[Any], rows: slice = ALL) -> NDArray[Any]:
+    def bend(self, picture: np.ndarray, rows: slice = ALL) -> np.ndarray:
         """Return the camera's distorted picture (H, W, 3) of a rendered pinhole picture; `rows`
         selects some of its rows.
         """
         if self._maps is None:
             return picture if rows is ALL else picture[rows]
+        # Four channels are three times as fast as three.
         four = cv2.cvtColor(picture, cv2.COLOR_RGB2RGBA)
-        (u, v) = self._maps
-        bent = cv2.remap(four, u[rows], v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        u, v = self._maps[:, rows]
+        bent = cv2.remap(four, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return cv2.cvtColor(bent, cv2.COLOR_RGBA2RGB)
 
     def nearest(self, depth: DepthPicture) -> DepthPicture:
@@ -63,7 +65,9 @@ class Lens:
         """
         if self._maps is None:
             return depth
-        return np.asarray(cv2.remap(depth, *self._maps, cv2.INTER_NEAREST), np.float32)
+        return np.asarray(
+            cv2.remap(depth, self._maps[0], self._maps[1], cv2.INTER_NEAREST), np.float32
+        )
 
     def count(self, mask: NDArray[np.bool_]) -> int:
         """Return the number of pixels in the camera's distorted picture at which a mask (rows,
@@ -71,7 +75,9 @@ class Lens:
         """
         if self._maps is None:
             return int(mask.sum())
-        return int(cv2.remap(mask.astype(np.uint8), *self._maps, cv2.INTER_NEAREST).sum())
+        return int(
+            cv2.remap(mask.astype(np.uint8), self._maps[0], self._maps[1], cv2.INTER_NEAREST).sum()
+        )
 
 
 def _view(camera: Camera) -> Camera:
@@ -139,7 +145,7 @@ class Sensor:
         image.setflags(write=False)
         return image
 
-    def _exposed(self, pictures: list[Image]) -> NDArray[Any]:
+    def _exposed(self, pictures: list[Image]) -> np.ndarray:
         """Return the light (H, W, 3), each row from the pictures in its own exposure."""
         if len(pictures) == 1 or len(self._bands) <= 1:
             return self._lens.bend(_mean(pictures))

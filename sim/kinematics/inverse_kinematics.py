@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import degrees
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -241,7 +240,7 @@ def _descend(
     """Move the joints from a start towards a pose, inside their limits, by quadratic programs;
     return the norm of the error that is left [m and rad].
     """
-    mink: Any = importlib.import_module("mink")  # only now: it takes a second
+    mink = importlib.import_module("mink")  # only now: it takes a second
     whole = np.zeros(robot.model.nq)
     whole[robot.qpos] = start
     configuration = mink.Configuration(robot.model, whole)

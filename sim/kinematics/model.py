@@ -25,13 +25,13 @@ from sim.types import Array, Pose
 
 FARTHEST = 10_000.0
 """A limit is nearer than this [m, rad or deg]: exporters write infinity or 1e20 for none."""
-CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
-"""Constraints that close a loop of bodies."""
-COUPLED = {
-    mujoco.mjtEq.mjEQ_JOINT: (mujoco.mjtObj.mjOBJ_JOINT, "coupling (mimic)", "joints"),
-    mujoco.mjtEq.mjEQ_TENDON: (mujoco.mjtObj.mjOBJ_TENDON, "coupling", "tendons"),
+WORDS = {
+    mujoco.mjtEq.mjEQ_CONNECT: "connection",
+    mujoco.mjtEq.mjEQ_WELD: "weld",
+    mujoco.mjtEq.mjEQ_JOINT: "coupling (mimic)",
+    mujoco.mjtEq.mjEQ_TENDON: "coupling",
 }
-"""Constraints on joints: what they hold together, and the words for them in messages."""
+"""Constraints that a robot may have, as messages call them."""
 
 
 def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.MjModel, Chain]:
@@ -46,18 +46,19 @@ def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.
         ValueError: The flange or camera is missing, or joints other than hinges and slides move it.
     """
     name_all(spec)
+    spec.compiler.fusestatic = False  # the flange may be any body
     for joint in spec.joints:
         _end_limits(joint)
     model = compiled(spec.copy())
     _check_free(model)
     if not camera:
-        return model, chain_to(model, flange)
+        return model, chain_to(spec, model, flange)
     found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
     if found < 0:
         names = [model.camera(i).name for i in range(model.ncam)]
         there = f"there is {', '.join(names)}" if names else "it has none"
         raise ValueError(f"there is no camera '{camera}' in the model; {there}")
-    return model, chain_to(model, model.body(model.cam_bodyid[found]).name)
+    return model, chain_to(spec, model, model.body(model.cam_bodyid[found]).name)
 
 
 def make_robot(
@@ -76,7 +77,7 @@ def make_robot(
     """
     names = tuple(model.joint(j).name for j in carried.joints)
     carrier = model.body(carried.body).name
-    _check_loops(model, carried)
+    _check_loops(spec, model, carried)
     _strip(spec, names, keep_drives=has_velocity_drives(model, carried.joints))
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0
@@ -141,45 +142,34 @@ def _check_free(model: mujoco.MjModel) -> None:
         raise ValueError(f"the body '{body}' has a free joint: remove the joint or the body")
 
 
-def _check_loops(model: mujoco.MjModel, carried: Chain) -> None:
+def _check_loops(spec: mujoco.MjSpec, model: mujoco.MjModel, carried: Chain) -> None:
     """Refuse constraints on the joints that carry the camera; those of a gripper do not matter."""
-    moved = {int(model.body_weldid[model.jnt_bodyid[j]]) for j in carried.joints}
-    for i in range(model.neq):
-        ends = [int(model.eq_obj1id[i]), int(model.eq_obj2id[i])]
-        kind = int(model.eq_type[i])
-        own = set(carried.joints)
-        if kind in CLOSING:
-            sites = model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE
-            bodies = [int(model.site_bodyid[e]) if sites else e for e in ends]
-            ends = [int(model.body_weldid[b]) for b in bodies]
-            own = moved
-        elif kind == int(mujoco.mjtEq.mjEQ_TENDON):
-            ends = [j for t in ends if t >= 0 for j in _joints_of_tendon(model, t)]
-        if own & set(ends):
+    for constraint in (each for each in spec.equalities if each.type in WORDS):
+        ends = [name for name in (constraint.name1, constraint.name2) if name]
+        held = chain.from_iterable(_joints_held(model, constraint, end) for end in ends)
+        if not set(carried.joints).isdisjoint(held):
+            name = f" '{constraint.name}'" if constraint.name else ""
             raise ValueError(
-                f"the {_named_constraint(model, i)} closes a loop or couples joints between base "
-                "and flange; they have to move independently"
+                f"the {WORDS[constraint.type]}{name} of {' and '.join(map(repr, ends))} closes a "
+                "loop or couples joints between base and flange; they have to move independently"
             )
 
 
-def _named_constraint(model: mujoco.MjModel, number: int) -> str:
-    """Name a constraint with what it holds together, as many have no name of their own."""
-    kind = mujoco.mjtEq(int(model.eq_type[number]))
-    of = mujoco.mjtObj(int(model.eq_objtype[number]))
-    things = "sites" if of == mujoco.mjtObj.mjOBJ_SITE else "bodies"
-    closing = "weld" if kind == mujoco.mjtEq.mjEQ_WELD else "connection"
-    of, word, things = COUPLED.get(kind, (of, closing, things))
-    ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
-    names = " and ".join(f"'{mujoco.mj_id2name(model, of, e)}'" for e in ends if e >= 0)
-    name = f" '{model.equality(number).name}'" if model.equality(number).name else ""
-    return f"{word}{name} of the {things} {names}"
-
-
-def _joints_of_tendon(model: mujoco.MjModel, tendon: int) -> list[int]:
-    first = int(model.tendon_adr[tendon])
-    wraps = range(first, first + int(model.tendon_num[tendon]))
-    joint = mujoco.mjtWrap.mjWRAP_JOINT
-    return [int(model.wrap_objid[w]) for w in wraps if model.wrap_type[w] == joint]
+def _joints_held(model: mujoco.MjModel, constraint: mujoco.MjsEquality, end: str) -> list[int]:
+    """Return the ids of the joints on which a constraint acts at one of its ends, by the name of
+    the joint, tendon, body or site.
+    """
+    if constraint.type == mujoco.mjtEq.mjEQ_JOINT:
+        return [model.joint(end).id]
+    if constraint.type == mujoco.mjtEq.mjEQ_TENDON:
+        tendon = model.tendon(end)
+        wraps = slice(tendon.adr[0], tendon.adr[0] + tendon.num[0])
+        is_joint = model.wrap_type[wraps] == mujoco.mjtWrap.mjWRAP_JOINT
+        return model.wrap_objid[wraps][is_joint].tolist()
+    is_site = constraint.objtype == mujoco.mjtObj.mjOBJ_SITE
+    body = model.site(end).bodyid if is_site else model.body(end).id
+    # A joint moves all bodies that are fixed to its own.
+    return np.flatnonzero(model.body_weldid[model.jnt_bodyid] == model.body_weldid[body]).tolist()
 
 
 def _strip(spec: mujoco.MjSpec, joints: Sequence[str], *, keep_drives: bool) -> None:

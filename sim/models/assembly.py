@@ -3,7 +3,6 @@
 import copy
 from collections.abc import Iterable
 from importlib import resources
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -32,7 +31,7 @@ FINE_QUADS = 8
 FLOOR = "floor"
 STANDS = 4
 """A group of geoms that MuJoCo does not draw by itself: no camera on a robot sees them."""
-STAND: dict[str, Any] = {
+STAND: dict[str, object] = {
     "group": STANDS,
     "rgba": [0.18, 0.19, 0.21, 1.0],
     "contype": 0,

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path, PureWindowsPath
+from types import ModuleType
 from typing import Any, Self
 
 import numpy as np
@@ -117,7 +118,7 @@ class _Beside:
         return b"\n".join(found)
 
 
-def trimesh() -> Any:
+def trimesh() -> ModuleType:
     """Return the module trimesh, imported at the first call because that takes half a second."""
     return importlib.import_module("trimesh")
 

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import mujoco
 import numpy as np
@@ -61,7 +61,7 @@ def rgba(colour: Colour) -> list[float]:
     return [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)] + [1.0]
 
 
-PLAIN: dict[str, Any] = {"mass": 0, "contype": 0, "conaffinity": 0, "group": 2}
+PLAIN: dict[str, object] = {"mass": 0, "contype": 0, "conaffinity": 0, "group": 2}
 """A geom that is seen and not touched."""
 
 
@@ -80,7 +80,7 @@ def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -
     A picture lies on each of its sides: on the upper one its right is at the nose.
     """
     spec = mujoco.MjSpec()
-    look: dict[str, Any] = {"rgba": colour}
+    look: dict[str, object] = {"rgba": colour}
     if picture is not None:
         look = {"material": add_picture(spec, picture)}
     half = np.array(size) / 2

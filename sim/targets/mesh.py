@@ -4,7 +4,7 @@ or another picture.
 
 from dataclasses import dataclass, replace
 from math import cos, radians, sin
-from typing import Any, Literal
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -109,7 +109,7 @@ def _seen_from_outside(mesh: Triangles) -> Triangles:
     places = mesh.places
     behind = None if places is None else places[:, ::-1]
     faces = mesh.faces[:, ::-1]
-    shape: Any = trimesh().Trimesh(mesh.vertices, mesh.faces, process=False)
+    shape = trimesh().Trimesh(mesh.vertices, mesh.faces, process=False)
     if shape.is_watertight and shape.is_winding_consistent:
         return mesh if shape.volume >= 0 else replace(mesh, faces=faces, places=behind)
     return replace(
