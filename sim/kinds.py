@@ -237,8 +237,7 @@ class Kinds(Generic[Config]):
         return next((name for name, found in self._added().items() if found.path == path), None)
 
     def _own(self) -> Sequence[str]:
-        spec = importlib.util.find_spec(self.folder)
-        return _modules_in(tuple(spec.submodule_search_locations or ()) if spec else ())
+        return _modules_in(tuple(importlib.import_module(self.folder).__path__))
 
     def _added(self) -> dict[str, Installed]:
         """Return the kinds of installed packages by their names in this folder."""

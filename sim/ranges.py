@@ -40,3 +40,17 @@ EachPlay = Play | tuple[Play, ...]
 Acceleration = Annotated[float, Ge(0.01), Le(1e4)]
 EachAcceleration = Acceleration | tuple[Acceleration, ...]
 """The largest acceleration of joints, one for all or one each [m/s^2 or rad/s^2]."""
+
+
+def check(*rules: tuple[bool, str]) -> None:
+    """Check rules that settings have to keep together.
+
+    Args:
+        *rules: Pairs of a condition that is true if the rule is broken, and a sentence.
+
+    Raises:
+        ValueError: A rule is broken; the message is the sentence of the first one.
+    """
+    for is_broken, sentence in rules:
+        if is_broken:
+            raise ValueError(sentence)

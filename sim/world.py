@@ -337,7 +337,7 @@ class World:
             picture,
             self.truth(),
             self.goal(),
-            self.target_before(),
+            self.target_at(self.data.time - self.period),
             posture,
             self.believed(posture),
             self.bodies(),
@@ -360,10 +360,6 @@ class World:
         if goal is None:
             return None
         return placement.truth(self.camera, self.outline, self._eye_at, goal)
-
-    def target_before(self) -> Pose:
-        """Return T_world_target one frame interval ago; for a held target see `target_at`."""
-        return self.target_at(self.data.time - self.period)
 
     def target_at(self, time: float) -> Pose:
         """Return T_world_target at a time [s].

@@ -10,7 +10,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
 from sim.camera.distortion import WIDEST, Distortion, Model
-from sim.ranges import Degrees, File, Interval, Place, Share
+from sim.ranges import Degrees, File, Interval, Place, Share, check
 from sim.types import Array, Camera
 
 FOVY = 45.0
@@ -106,33 +106,49 @@ class CameraConfig:
     """Largest depth that is measured [m]; farther points have no depth."""
 
     def __post_init__(self) -> None:
-        if self.mounted == "robot" and (self.pose, self.held) != (STANDS, HELD):
-            raise ValueError('pose and held need mounted = "world"')
-        if self.fovy_deg is not None and self.fx is not None:
-            raise ValueError("fovy_deg and fx both give the focal length; leave one of them out")
-        if self.fy is not None and self.fx is None:
-            raise ValueError("fy needs fx, the focal length along u")
-        if self.distortion is None and self.coefficients:
-            raise ValueError("coefficients need a distortion: plumb_bob, rational or fisheye")
-        if self.readout_ms / 1e3 * self.rate + self.exposure > 1 + SAME_PIXEL:
-            raise ValueError(
+        frame = 1e3 / self.rate
+        of_depth = (self.depth_noise, self.depth_holes, self.depth_nearest, self.depth_farthest)
+        check(
+            (
+                self.mounted == "robot" and (self.pose, self.held) != (STANDS, HELD),
+                'pose and held need mounted = "world"',
+            ),
+            (
+                self.fovy_deg is not None and self.fx is not None,
+                "fovy_deg and fx both give the focal length; leave one of them out",
+            ),
+            (
+                self.fy is not None and self.fx is None,
+                "fy needs fx, the focal length along u",
+            ),
+            (
+                self.distortion is None and bool(self.coefficients),
+                "coefficients need a distortion: plumb_bob, rational or fisheye",
+            ),
+            (
+                self.readout_ms / 1e3 * self.rate + self.exposure > 1 + SAME_PIXEL,
                 f"readout_ms = {self.readout_ms:g} and the exposure do not fit into a frame of "
-                f"{1e3 / self.rate:g} ms"
-            )
-        own = (self.depth_noise, self.depth_holes, self.depth_nearest, self.depth_farthest)
-        if not self.depth and own != (0.0, 0, NEAREST, FARTHEST):
-            raise ValueError("depth_noise, depth_holes and the range of depths need depth = true")
-        if self.depth_nearest >= self.depth_farthest:
-            raise ValueError(
+                f"{frame:g} ms",
+            ),
+            (
+                not self.depth and of_depth != (0.0, 0, NEAREST, FARTHEST),
+                "depth_noise, depth_holes and the range of depths need depth = true",
+            ),
+            (
+                self.depth_nearest >= self.depth_farthest,
                 f"depth_nearest = {self.depth_nearest:g} should be below depth_farthest = "
-                f"{self.depth_farthest:g}"
-            )
-        for name, at, size in (("cx", self.cx, self.width), ("cy", self.cy, self.height)):
-            if at is not None and not -size <= at <= 2 * size:
-                raise ValueError(
-                    f"{name} = {at:g} px is far outside of a picture of {size} px; "
-                    f"it should be from {-size} to {2 * size}"
+                f"{self.depth_farthest:g}",
+            ),
+            *(
+                (
+                    not -size <= at <= 2 * size,
+                    f"{name} = {at:g} px is far outside of a picture of {size} px; it should be "
+                    f"from {-size} to {2 * size}",
                 )
+                for name, at, size in (("cx", self.cx, self.width), ("cy", self.cy, self.height))
+                if at is not None
+            ),
+        )
         _ = self.lens
 
     @property

@@ -6,9 +6,8 @@ down, z forward), and nowhere else.
 """
 
 import os
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from concurrent.futures import Future
-from contextlib import contextmanager
 from threading import Event
 from typing import Protocol, TypeVar
 
@@ -32,8 +31,6 @@ picture, the sky is drawn."""
 NEAREST = 0.05
 """A table nearer than this [m] may be cut away in front of the picture: the room's near plane is at
 0.02 m."""
-IDLE = "idle"
-"""Place of the GL buffers that no renderer uses, in the thread that renders."""
 PIXEL = 1e-5
 """Size of a pixel on the sensor of a camera that is not centred [m]; any would do."""
 
@@ -115,10 +112,9 @@ class OpenGLRenderer:
         self._process = os.getpid()
         self._model = model
         self._scene = mujoco.MjvScene(model, maxgeom=2 * model.ngeom + 100)
-        self._whole = np.empty(mujoco.mj_sizeModel(model), np.uint8)
-        mujoco.mj_saveModel(model, None, self._whole)
+        fonts = mujoco.mjtFontScale.mjFONTSCALE_100.value
         try:
-            self._context = gl.call(_buffers, model, self._whole).result()
+            self._context = gl.call(mujoco.MjrContext, model, fonts).result()
         except mujoco.FatalError as error:
             raise gl.NoRenderer(
                 f"MuJoCo cannot render with the OpenGL of this machine ({gl.describe()}): {error}."
@@ -133,9 +129,8 @@ class OpenGLRenderer:
 
     def close(self) -> None:
         if os.getpid() == self._process:  # elsewhere other buffers have these numbers
-            self._process = 0  # they are given back once
-            gl.call_later(_give_back, self._whole, self._context)
-            self._whole = np.empty(0, np.uint8)  # megabytes that a dead run need not hold
+            self._process = 0  # they are freed once
+            gl.call_later(self._context.free)
 
     def begin(self, data: mujoco.MjData) -> Promise:
         hidden = self._backdrop.is_hidden(data, self._camera.fixedcamid)
@@ -153,8 +148,7 @@ class OpenGLRenderer:
         if alone:
             self._model.geom_group[geoms & shown[group].astype(bool)] = ALONE
             self._option.geomgroup[:] = np.arange(len(shown)) == ALONE
-        with self._segmented():
-            picture = self._draw(data, self._colours).result()
+        picture = self._draw(data, self._colours, segmented=True).result()
         self._model.geom_group[:] = group
         self._option.geomgroup[:] = shown
         wanted = np.zeros(self._scene.ngeom + 1, bool)
@@ -164,23 +158,20 @@ class OpenGLRenderer:
         return wanted[picture.astype(np.int64) @ (1, 1 << 8, 1 << 16)]
 
     def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
-        with self._segmented():
-            return self._draw(data, self._depths).result
+        return self._draw(data, self._depths, segmented=True).result
 
-    @contextmanager
-    def _segmented(self) -> Generator[None]:
-        """Draw geoms in colours of their own: without the sky, shadows and anti-aliasing."""
-        flags = self._scene.flags
-        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
-        try:
-            yield
-        finally:
-            flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
+    def _draw(
+        self, data: mujoco.MjData, read: Callable[[], T], *, segmented: bool = False
+    ) -> Future[T]:
+        """Begin a picture of the scene as it is; it is drawn when this returns, but not read.
 
-    def _draw(self, data: mujoco.MjData, read: Callable[[], T]) -> Future[T]:
-        """Begin a picture of the scene as it is; it is drawn when this returns, but not read."""
+        A segmented picture shows each geom in a colour of its own, without sky, shadows and
+        anti-aliasing.
+        """
         if os.getpid() != self._process:
             raise gl.NoRenderer(ELSEWHERE)
+        for flag in (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR):
+            self._scene.flags[flag] = segmented
         every = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(
             self._model, data, self._option, None, self._camera, every, self._scene
@@ -217,24 +208,6 @@ class OpenGLRenderer:
         near, far = np.array([room.znear, room.zfar]) * self._model.stat.extent
         depth = 1 / (1 / far + buffer * (1 / near - 1 / far))
         return np.where(buffer > 0, depth, np.inf).astype(np.float32)
-
-
-def _buffers(model: mujoco.MjModel, whole: NDArray[np.uint8]) -> mujoco.MjrContext:
-    """Return the GL buffers of a model: the kept ones if they hold the same model, else new ones.
-    Making them takes 4 ms, and the runs of a study have one model.
-    """
-    before, context = gl.KEPT.__dict__.pop(IDLE, (None, None))
-    if context is not None:
-        if np.array_equal(before, whole):
-            return context
-        context.free()
-    return mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
-
-
-def _give_back(whole: NDArray[np.uint8], context: mujoco.MjrContext) -> None:
-    """Keep the GL buffers of a model, given as MuJoCo writes it, for the next renderer."""
-    if gl.KEPT.__dict__.setdefault(IDLE, (whole, context))[1] is not context:
-        context.free()
 
 
 class Supersampled:

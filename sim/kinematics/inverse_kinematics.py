@@ -150,15 +150,14 @@ def _keep_inside(
         if not waiting:
             break
         q = waiting.pop(0)
-        data.qpos[robot.qpos] = q
-        robot.refresh(data)
+        robot.place(data, q)
         tried = roll_out(robot, data, way)
         if tried.joint:
             waiting += _turned(robot, q, tried.joint)
         elif best[0].joint or tried.room > best[0].room:
             best = tried, q
-    rollout, data.qpos[robot.qpos] = best
-    robot.refresh(data)
+    rollout, q = best
+    robot.place(data, q)
     return rollout
 
 
@@ -177,31 +176,18 @@ def _look(robot: Robot, data: mujoco.MjData, T_world_camera: Pose, point: Array)
 
     One joint cannot centre a point: then a deviation of `NEARLY_SEEN` is accepted.
     """
-    from scipy.optimize import least_squares  # only now: it takes a second
 
-    wanted = _direction(T_world_camera, point)
+    def error(q: Array) -> Array:
+        eye = robot.place(data, q)
+        aside = _direction(eye, point) - _direction(T_world_camera, point)
+        turned = (eye.rotation - T_world_camera.rotation).ravel()
+        away = np.append(eye.translation - T_world_camera.translation, turned)
+        return np.append(aside, BESIDE * away)
 
-    def left(q: Array) -> Array:
-        data.qpos[robot.qpos] = q
-        robot.refresh(data)
-        eye = robot.eye(data)
-        away = np.concatenate(
-            [
-                eye.translation - T_world_camera.translation,
-                (eye.rotation - T_world_camera.rotation).ravel(),
-            ]
-        )
-        return np.concatenate([_direction(eye, point) - wanted, BESIDE * away])
-
-    starts = [
-        *robot.homes,
-        *random_joints(robot.model, robot.ids, np.random.default_rng(0), LOOKS),
-    ]
-    inside = (np.clip(start, robot.lower, robot.upper) for start in starts)
-    found = [least_squares(left, q, bounds=(robot.lower, robot.upper)) for q in inside]
-    best = min(found, key=lambda f: f.cost)
-    error = float(np.linalg.norm(left(best.x)[:3]))
-    return error < (SEEN if len(robot.ids) > 1 else NEARLY_SEEN)
+    rng = np.random.default_rng(0)
+    starts = [*robot.homes, *random_joints(robot.model, robot.ids, rng, LOOKS)]
+    left = _least_squares(robot, error, starts)
+    return float(np.linalg.norm(left[:3])) < (SEEN if len(robot.ids) > 1 else NEARLY_SEEN)
 
 
 def _direction(T_world_camera: Pose, point: Array) -> Array:
@@ -229,8 +215,7 @@ def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> list[Arr
         if left < NEAR and robot.converge(data, q, T_world_camera):
             found.append((comfort(robot, data), data.qpos[robot.qpos].copy()))
     solutions = [q for _, q in sorted(found, key=lambda f: -f[0])]
-    data.qpos[robot.qpos] = solutions[0] if solutions else nearest[1]
-    robot.refresh(data)
+    robot.place(data, solutions[0] if solutions else nearest[1])
     return solutions
 
 
@@ -273,19 +258,30 @@ def _fit(robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_came
     """Do the same as `_descend` by bounded least squares, which is slower, but seldom gets stuck at
     a limit.
     """
+    from scipy.spatial.transform import Rotation  # only now: it takes a second
+
+    def error(q: Array) -> Array:
+        left = robot.place(data, q).inverse() @ T_world_camera
+        return np.append(left.translation, Rotation.from_matrix(left.rotation).as_rotvec())
+
+    return float(np.linalg.norm(_least_squares(robot, error, [start], SEARCH_STEPS)))
+
+
+def _least_squares(
+    robot: Robot,
+    error: Callable[[Array], Array],
+    starts: Iterable[Sequence[float] | Array],
+    steps: int | None = None,
+) -> Array:
+    """Return the smallest error that joint positions inside the limits have, by searches of at most
+    so many steps from all starts; `error` is called with these positions last.
+    """
     from scipy.optimize import least_squares  # only now: it takes a second
-    from scipy.spatial.transform import Rotation
 
-    def left(q: Array) -> Array:
-        data.qpos[robot.qpos] = q
-        robot.refresh(data)
-        error = robot.eye(data).inverse() @ T_world_camera
-        return np.append(error.translation, Rotation.from_matrix(error.rotation).as_rotvec())
-
-    inside = np.clip(start, robot.lower, robot.upper)
     bounds = robot.lower, robot.upper
-    best = least_squares(left, inside, bounds=bounds, max_nfev=SEARCH_STEPS).x
-    return float(np.linalg.norm(left(best)))
+    inside = (np.clip(start, *bounds) for start in starts)
+    found = [least_squares(error, q, bounds=bounds, max_nfev=steps) for q in inside]
+    return error(min(found, key=lambda f: f.cost).x)
 
 
 def comfort(robot: Robot, data: mujoco.MjData) -> float:

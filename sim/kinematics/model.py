@@ -162,8 +162,9 @@ def _joints_held(model: mujoco.MjModel, constraint: mujoco.MjsEquality, end: str
     if constraint.type == mujoco.mjtEq.mjEQ_JOINT:
         return [model.joint(end).id]
     if constraint.type == mujoco.mjtEq.mjEQ_TENDON:
-        tendon = model.tendon(end)
-        wraps = slice(tendon.adr[0], tendon.adr[0] + tendon.num[0])
+        tendon = model.tendon(end).id
+        first = model.tendon_adr[tendon]
+        wraps = slice(first, first + model.tendon_num[tendon])
         is_joint = model.wrap_type[wraps] == mujoco.mjtWrap.mjWRAP_JOINT
         return model.wrap_objid[wraps][is_joint].tolist()
     is_site = constraint.objtype == mujoco.mjtObj.mjOBJ_SITE

@@ -270,6 +270,14 @@ class Robot:
             accepted,
         )
 
+    def place(self, data: mujoco.MjData, q: Sequence[float] | Array) -> Pose:
+        """Set the joint positions (n,) [m or rad] in `data` and compute its kinematics; return the
+        camera's pose as `eye` does.
+        """
+        data.qpos[self.qpos] = q
+        self.refresh(data)
+        return self.eye(data)
+
     def joints(self, data: mujoco.MjData) -> Array:
         """Return the joint positions (n,) in `data` [m or rad]."""
         return data.qpos[self.qpos].copy()
@@ -537,12 +545,9 @@ def _stopping(room: float, acceleration: float) -> float:
 
 def _slowed(wanted: Array, box: list[tuple[float, float]]) -> float:
     """Return the largest factor, at most 1, that brings all wanted rates (n,) into a box."""
-    factor = 1.0
-    for rate, (low, high) in zip(wanted.tolist(), box, strict=True):
-        most = high if rate > 0 else -low
-        if abs(rate) > most:
-            factor = min(factor, most / abs(rate))
-    return factor
+    pairs = zip(wanted.tolist(), box, strict=True)
+    factors = ((high if rate > 0 else low) / rate for rate, (low, high) in pairs if rate)
+    return min(1.0, *factors)
 
 
 def _programme(J: Array, wanted: Array, liked: Array, box: list[tuple[float, float]]) -> Array:

@@ -42,7 +42,7 @@ def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
         data: MuJoCo's state; its joint positions are the start, and are restored afterwards.
         way: Desired camera poses, in the frame of `Robot.eye`, every `STEP` seconds.
     """
-    begin = data.qpos[robot.qpos].copy()
+    begin = robot.joints(data)
     limited = np.isfinite(robot.upper - robot.lower)
     lower = robot.lower[limited]
     upper = robot.upper[limited]
@@ -59,11 +59,9 @@ def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
         if joint:
             time = k * STEP
             break
-        data.qpos[robot.qpos] += STEP * rates
-        robot.refresh(data)
+        robot.place(data, robot.joints(data) + STEP * rates)
         q = data.qpos[robot.qpos][limited]
         nearest = np.minimum(q - lower, upper - q) / (upper - lower)
         room = min(room, float(nearest.min(initial=np.inf)))
-    data.qpos[robot.qpos] = begin
-    robot.refresh(data)
+    robot.place(data, begin)
     return Rollout(room, joint, time)

@@ -51,9 +51,7 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
     rows: list[list[float]] = []
     farthest = 0.0
     for q in random_joints(robot.model, robot.ids, np.random.default_rng(0), SAMPLES):
-        data.qpos[robot.qpos] = q
-        robot.refresh(data)
-        eye = robot.eye(data)
+        eye = robot.place(data, q)
         farthest = max(farthest, float(np.linalg.norm(eye.translation)))
         if tilt(eye.rotation) < LEVEL:
             rows.append([comfort(robot, data), *eye.translation])
