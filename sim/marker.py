@@ -16,7 +16,9 @@ SAME_SIZE = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Marker:
-    """An AprilTag of the family 36h11; the base of the settings of targets that are such a tag."""
+    """An AprilTag of the family 36h11: its number, and the side of its black square [m]. It is the
+    base of the settings of targets that are such a tag.
+    """
 
     id: Annotated[int, Ge(0), Le(586)] = 0
     """Number of the tag in its family."""

@@ -99,7 +99,9 @@ class CameraInHand:
 @final
 @dataclass(frozen=True, slots=True)
 class TargetInHand:
-    """The robot carries the target, and the camera stands in the room."""
+    """The robot carries the target in its hand, and the camera stands in the room; camera poses are
+    relative to the target.
+    """
 
     T_world_camera: Pose
     """Where the camera stands (x right, y down, z forward)."""

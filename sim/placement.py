@@ -89,13 +89,14 @@ def tilted(T_world_camera: Pose, point: Array, tilt: float, towards: float) -> P
 
 
 def camera_facing(outline: Array, T_world_target: Pose, T_camera_object: Pose) -> Pose:
-    """Return T_world_camera of the camera from which the target's rectangle has a given pose.
+    """Return T_world_camera of the camera in whose frame the target's reference rectangle has a
+    given pose.
 
     Args:
         outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
         T_world_target: Pose of the target.
-        T_camera_object: Pose of the rectangle's own frame: its origin in the centre, x along the
-            nose, z away from who faces it.
+        T_camera_object: Desired pose of the rectangle's own frame: its origin in the centre, x
+            along the nose, z away from a viewer of its front.
     """
     return T_world_target @ object_frame(outline) @ T_camera_object.inverse()
 

@@ -44,7 +44,7 @@ LAMP_STRENGTH = 0.5
 
 @dataclass(frozen=True, slots=True)
 class GroundConfig:
-    """Settings of the picture on the table's top."""
+    """Settings of the picture on the table's top, which is repeated every `tile` metres."""
 
     kind: Literal["wood", "concrete", "carpet", "checker", "noise", "picture"] = WOOD
     """A shipped picture, or "picture": that of `file`."""
@@ -69,8 +69,8 @@ class GroundConfig:
 
 @dataclass(frozen=True, slots=True)
 class ClutterConfig:
-    """Settings of flat objects on the table; their positions and colours are drawn by the run's
-    seed.
+    """Settings of flat objects on the table: their number, shape, the share that has colours of the
+    target, and whether the room's toys stay. Positions and colours are drawn by the run's seed.
     """
 
     number: Annotated[int, Ge(0), Le(500)] = 0
@@ -85,7 +85,9 @@ class ClutterConfig:
 
 @dataclass(frozen=True, slots=True)
 class LightConfig:
-    """Settings of the lamp over the table."""
+    """Settings of the lamp over the table: its direction [deg], factor on its brightness, and
+    colour.
+    """
 
     azimuth_deg: Degrees = 50.2
     """Direction to the lamp, from world x towards y [deg]."""

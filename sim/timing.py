@@ -16,7 +16,9 @@ SUBFRAMES = 6
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """The rates of physics and drives, adapted to the camera's frame rate."""
+    """The physics rate [Hz], and the numbers of physics steps in a frame interval and between two
+    updates of the drives, adapted to the camera's frame rate.
+    """
 
     physics: float
     """Physics steps a second [Hz]."""
@@ -57,7 +59,9 @@ class Rates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Band:
-    """Rows of the picture that are exposed at the same time, each with a weight."""
+    """Rows of the picture that are exposed at the same time: the first row, the weight of this
+    exposure in each row (n, 1, 1), and the physics steps at which it takes sub-frames.
+    """
 
     begin: int
     """The first row."""

@@ -23,7 +23,7 @@ LARGEST_PICTURE = 16_384
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """The intrinsics of a camera: a pinhole, and the distortion of its lens.
+    """The intrinsics of a camera [px]: a pinhole, and the distortion of its lens.
 
     Pixel coordinates are continuous and start at the image's top left corner: pixel j spans j..j+1,
     so its centre is j + 0.5 and the centre of the image is (width / 2, height / 2).
@@ -83,7 +83,7 @@ class Camera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """A rigid transform T_a_b: takes coordinates in frame b to coordinates in frame a.
+    """A rigid transform T_a_b: it takes coordinates [m] in frame b to coordinates in frame a.
 
     >>> T_world_camera = Pose.planar(1.0, 0.0, 0.0)
     >>> T_world_camera.apply(np.array([0.5, 0.0, 0.0])).tolist()
@@ -133,7 +133,10 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posture:
-    """A robot's own knowledge of its camera pose, joints and motion at one moment."""
+    """A robot's own knowledge at one moment: its camera's pose in the room, joint positions and
+    limits [m or rad], joint rates [m/s or rad/s], and camera twists (6,) in the camera frame [m/s,
+    rad/s].
+    """
 
     T_base_camera: Pose
     """Pose of the camera (x right, y down, z forward) in the frame that the robot is calibrated to:
@@ -169,7 +172,9 @@ class Posture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """One picture of the camera and its time; it holds nothing of the truth."""
+    """One picture of the camera, RGB (H, W, 3), with its time [s] and perhaps depths (H, W) [m]; it
+    holds nothing of the truth.
+    """
 
     image: Image
     """The picture, RGB (H, W, 3), read-only."""
@@ -186,7 +191,9 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """The exact pose of the target at the time of one frame, and its projection into the image."""
+    """The exact pose of the target at the time of one frame, and the projection of its reference
+    rectangle into the image: centre and corners [px], direction theta [rad] and size [px/m].
+    """
 
     centre: Array
     """Projected centre of the target's reference rectangle (2,) [px]."""
@@ -213,7 +220,9 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """A cone of light from above onto the table."""
+    """A cone of light from above onto the table: its middle (x, y) in the world [m], and its
+    brightness, 0 to 1.
+    """
 
     x: float
     """Its middle on the table along world x [m]."""
@@ -225,7 +234,10 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """The combined effect of all disturbances at one time."""
+    """The combined effect of all disturbances at one time: factors on image and lamp brightness, a
+    spot light, the board's distance from the line of sight [m], a second target, and a dropped
+    frame.
+    """
 
     gain: float = 1.0
     """Factor on the brightness of the image."""

@@ -42,7 +42,9 @@ UNSTABLE = tuple(
 
 @dataclass(frozen=True, slots=True)
 class WorldConfig:
-    """Settings of the simulated world: rates of physics and drives, and extra measurements."""
+    """Settings of the simulated world: rates of physics and drives [Hz], and whether the visible
+    fraction of the target is measured.
+    """
 
     physics_rate: Annotated[float, Ge(240), Le(100_000)] = 480.0
     """Physics steps a second [Hz]; a few more where the camera's rate does not divide it."""
@@ -74,7 +76,9 @@ class Unstable(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """The state of the world at the time of one frame: picture, truth and postures."""
+    """The state of the world at the time of one frame: picture, truth, postures, body poses (n, 3,
+    4) in the world, and joint rates (n,) [m/s or rad/s].
+    """
 
     picture: Callable[[], Frame]
     """Function that waits for the picture and returns it."""

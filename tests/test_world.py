@@ -7,8 +7,10 @@ from servo.loop.episode import Episode
 from servo.scenario.load import load
 from sim import placement
 from sim.camera.camera import CameraConfig
+from sim.camera.choice import renderer_of
 from sim.disturbances import board, brightness
 from sim.motions import circle, line, still
+from sim.mounting import CAMERA
 from sim.robots import gantry
 from sim.targets import car
 from sim.world import World, WorldConfig, WorldParts
@@ -82,7 +84,9 @@ def test_the_truth_lies_on_the_rendered_car(world):
 def test_the_silhouette_has_the_size_of_the_reference_rectangle(world):
     see(world)
     target = world.model.geom_bodyid == world.model.body("target").id
-    pixels = world._renderer.silhouette(world.data, target, alone=True).sum()
+    renderer = renderer_of("opengl")(world.model, CAMERA, world.camera)
+    pixels = renderer.silhouette(world.data, target, alone=True).sum()
+    renderer.close()
     rectangle = 0.2 * 0.1 * (world.camera.fx / 1.0) ** 2
     assert pixels == pytest.approx(rectangle, rel=0.06)  # rounded corners, wheels that stick out
 

@@ -17,7 +17,7 @@ START = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the dropped frames: their share."""
+    """Settings of the dropped frames: the share of the time in which frames are dropped, 0 to 1."""
 
     share: Share = 0.2
     """Share of the time in which frames are dropped."""

@@ -18,8 +18,8 @@ MOST = 1000
 
 
 def parted(name: str) -> tuple[str, str]:
-    """Return the ROS package and the path inside it from a file name such as
-    "package://arm/link.stl"; the package is "" for a plain path.
+    """Split a file name such as "package://arm/link.stl" into the name of its ROS package and the
+    path inside the package; the package is "" for a plain path.
     """
     plain = FILE.sub("", unquote(name).replace("\\", "/"))
     found = IN_PACKAGE.match(plain)

@@ -29,19 +29,23 @@ SAMPLES = 64
 
 def has_velocity_drives(model: mujoco.MjModel, joints: Sequence[int]) -> bool:
     """Return whether each of these joints (by id) has exactly one actuator, a velocity servo."""
-    found = [drive_of(model, joint) for joint in joints]
-    return all(i is not None and wrong_drive(model, i) is None for i in found)
+    return all(_servo_of(model, joint) is not None for joint in joints)
 
 
 def own_speed(model: mujoco.MjModel, joint: int) -> float | None:
     """Return the largest rate that the velocity servo of a joint (by id) takes in both directions
     [m/s or rad/s]; None without such a servo, or if its rate has no limit.
     """
-    drive = drive_of(model, joint)
-    if drive is None or wrong_drive(model, drive) is not None:
+    servo = _servo_of(model, joint)
+    if servo is None or not model.actuator_ctrllimited[servo]:
         return None
-    limited = model.actuator_ctrllimited[drive]
-    return float(np.abs(model.actuator_ctrlrange[drive]).min()) if limited else None
+    return float(np.abs(model.actuator_ctrlrange[servo]).min())
+
+
+def _servo_of(model: mujoco.MjModel, joint: int) -> int | None:
+    """Return the id of the only actuator of a joint if it is a velocity servo; else None."""
+    drive = drive_of(model, joint)
+    return drive if drive is not None and wrong_drive(model, drive) is None else None
 
 
 def drive_of(model: mujoco.MjModel, joint: int) -> int | None:

@@ -51,8 +51,9 @@ VIEW = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Result of a search for joint positions; as a condition it is true if the camera is at the
-    desired pose, with all joints inside their limits.
+    """Result of a search for joint positions: the distance [m] and the angle [rad] left to the
+    desired camera pose, and the joint nearest to a limit. As a condition it is true if the camera
+    is at the pose, with all joints inside their limits.
     """
 
     there: bool
@@ -117,17 +118,13 @@ def reach(
     if there and way is not None and len(robot.ids) >= ALL_WAYS and robot.has_ranges:
         rollout = _keep_inside(robot, data, found, way())
     error = robot.eye(data).inverse() @ T_world_camera
-    q = data.qpos[robot.qpos]
-    span = robot.upper - robot.lower
-    limited = np.isfinite(span)
-    room = np.full(len(q), np.inf)
-    np.divide(np.minimum(q - robot.lower, robot.upper - q), span, out=room, where=limited)
+    room = robot.room(data)
     tightest = int(room.argmin())
     return Reach(
         there,
         distance=float(np.linalg.norm(error.translation)),
         angle=angle_of(error.rotation),
-        joint=robot.names[tightest] if limited.any() else "",
+        joint=robot.names[tightest] if robot.has_ranges else "",
         room=float(room[tightest]),
         rollout=rollout,
     )

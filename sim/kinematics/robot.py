@@ -57,7 +57,10 @@ HALF_TURN = np.pi - 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Drives:
-    """Settings of the errors of a robot's drives and encoders."""
+    """Settings of the errors of a robot's drives and encoders: encoder noise, encoder step and
+    backlash [m or rad], lag [ms], and largest acceleration [m/s^2 or rad/s^2]. All but the lag are
+    one value for all joints, or one per joint.
+    """
 
     encoder_noise: EachPlay = 0.0
     """Standard deviation of each reading of a joint, one for all or one each [m or rad]."""
@@ -75,7 +78,9 @@ class Drives:
 
 @dataclass(frozen=True, slots=True)
 class Inversion:
-    """Settings of the inverse kinematics from camera twist to joint rates."""
+    """Settings of the inverse kinematics from camera twist to joint rates: damping near singular
+    poses, and the free motion of more than six joints.
+    """
 
     weakest: float = 0.02
     """Below this smallest singular value of the Jacobian [m/s or rad/s of the camera per unit of
@@ -282,6 +287,15 @@ class Robot:
         """Return the joint positions (n,) in `data` [m or rad]."""
         return data.qpos[self.qpos].copy()
 
+    def room(self, data: mujoco.MjData) -> Array:
+        """Return the distance of each joint from its nearer limit, as a share of its range (n,);
+        inf for a joint without limits.
+        """
+        q = data.qpos[self.qpos]
+        nearer = np.minimum(q - self.lower, self.upper - q)
+        room = np.full(len(q), np.inf)
+        return np.divide(nearer, self.upper - self.lower, out=room, where=self._limited)
+
     def rates_measured(self, data: mujoco.MjData) -> Array:
         """Return the joint velocities (n,) in `data` [m/s or rad/s]."""
         return data.qvel[self._dof].copy()
@@ -440,8 +454,8 @@ class Robot:
         After Liegeois 1977 (Automatic supervisory control of the configuration and behavior of
         multibody mechanisms, IEEE Trans. SMC 7): the gradients of the squared distances from the
         middles and of the manipulability, projected into the null space of the Jacobian. Near a
-        limit only the joints that are near theirs count: what all like together would push one on,
-        but a projected gradient of its own distance cannot.
+        limit only the joints that are near theirs count: projected, the gradient for all joints can
+        push such a joint on towards its limit, but the gradient for this joint alone cannot.
         """
         away = np.where(self._limited, data.qpos[self.qpos] - self._middles, 0.0)
         inside = ((1.0 - NEAR_LIMIT - np.abs(away) / self._halves) / NEAR_LIMIT).clip(0.0, 1.0)

@@ -21,8 +21,8 @@ SETTLING = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Rollout:
-    """Result of following a camera path by joint rates: the joint travel that is left, and the
-    joint that reaches a limit first, if any.
+    """Result of following a camera path by joint rates: the smallest distance of a joint from a
+    limit, as a share of its range, and the joint that reaches a limit first, with its time [s].
     """
 
     room: float
@@ -43,9 +43,6 @@ def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
         way: Desired camera poses, in the frame of `Robot.eye`, every `STEP` seconds.
     """
     begin = robot.joints(data)
-    limited = np.isfinite(robot.upper - robot.lower)
-    lower = robot.lower[limited]
-    upper = robot.upper[limited]
     beside = log_se3(way[0].inverse() @ robot.eye(data))
     room = np.inf
     joint = ""
@@ -60,8 +57,6 @@ def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
             time = k * STEP
             break
         robot.place(data, robot.joints(data) + STEP * rates)
-        q = data.qpos[robot.qpos][limited]
-        nearest = np.minimum(q - lower, upper - q) / (upper - lower)
-        room = min(room, float(nearest.min(initial=np.inf)))
+        room = min(room, float(robot.room(data).min()))
     robot.place(data, begin)
     return Rollout(room, joint, time)

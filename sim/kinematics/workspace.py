@@ -24,8 +24,8 @@ WEAK = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Workspace:
-    """Limits of the camera's positions in the frame of the robot's base, and a base for the
-    robot.
+    """Limits of the camera's positions in the frame of the robot's base [m], and a proposed base in
+    the room: x, y, z [m] and yaw [deg].
     """
 
     farthest: float

@@ -35,7 +35,7 @@ Lost = tuple[str, str]
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """Colour or texture of triangles."""
+    """Colour of triangles (red, green, blue and opacity, 0 to 1), or a picture in its place."""
 
     colour: tuple[float, ...]
     """Red, green, blue and opacity, 0 to 1."""
@@ -45,7 +45,11 @@ class Material:
 
 @dataclass(frozen=True, slots=True)
 class Triangles:
-    """A surface of triangles. No two vertices are the same; no triangle has two equal corners."""
+    """A surface of m triangles with n vertices: points (n, 3) in the file's unit, three vertex
+    numbers per triangle (m, 3), texture coordinates (m, 3, 2) and material numbers (m,).
+
+    No two vertices are the same, and no triangle has two equal corners.
+    """
 
     vertices: Array
     """Points (n, 3), in the file's unit; of Collada in m."""

@@ -181,14 +181,12 @@ def _keep_visible(link: Element, mended: Mended) -> None:
     collisions = link.findall("collision")
     kept = [shape for shape in visuals if _is_readable(shape)]
     kept = kept or [shape for shape in collisions if _is_readable(shape)]
-    gone = [shape for shape in (*visuals, *collisions) if shape not in kept]
-    for shape in gone:
-        link.remove(shape)
     for shape in kept:
         shape.attrib.pop("name", None)  # MuJoCo complains of names that are there twice
-    for shape in gone if not kept else visuals:
+    for shape in [shape for shape in (*visuals, *collisions) if shape not in kept]:
+        link.remove(shape)
         mesh = shape.find("geometry/mesh")
-        if shape in gone and mesh is not None:
+        if mesh is not None and (shape in visuals or not kept):
             file = Path(mesh.get("filename", ""))
             mended.lost.append((file.name, why_not(file)))
 

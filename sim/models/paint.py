@@ -25,7 +25,9 @@ HEX = re.compile("#[0-9a-fA-F]{6}")
 
 @dataclass(frozen=True, slots=True)
 class Outlined:
-    """Settings of a target whose reference rectangle is given, or found in its model."""
+    """Settings of a target whose reference rectangle (length, width, height [m]) is given, or found
+    in its model.
+    """
 
     outline: tuple[Length, Length, Annotated[float, Ge(0), Le(5)]] | None = None
     """Length along the nose, width, and height over the table of the reference rectangle [m]; by

@@ -22,7 +22,8 @@ class Target:
     """An object before it is put into the room: what a target's `Config.build` returns.
 
     Its frame has x along the nose and z up; z = 0 is the table's top. All its geoms move as one,
-    without joints, and `rectangle` gives an outline whose corners are in the right order.
+    without joints, and `rectangle` gives an outline whose corners (4, 3) [m] are in the right
+    order.
 
     >>> spec = mujoco.MjSpec()
     >>> side = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.05, 0.05, 0.01])

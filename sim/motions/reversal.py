@@ -10,7 +10,9 @@ from sim.ranges import Degrees, Length, Speed
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """Settings of the line, on which the target drives back and forth, and of its speed."""
+    """Settings of a straight line on which the target drives back and forth: its middle x, y [m],
+    direction [deg] and length [m], and the speed [m/s].
+    """
 
     heading_deg: Degrees = -90.0
     speed: Speed = 0.1

@@ -23,7 +23,9 @@ MIDDLE = np.array([0.0, 0.0, 0.3])
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a smooth motion in six degrees of freedom: frequency and amplitudes."""
+    """Settings of a smooth motion in six degrees of freedom: highest frequency [Hz], amplitudes of
+    position [m] and of rotation [deg].
+    """
 
     frequency: Annotated[float, Ge(0), Le(100)] = 0.2
     """Highest frequency of a sine [Hz]."""
@@ -47,8 +49,8 @@ class Config:
 
 @final
 class Six:
-    """A motion whose three positions and three angles are each the mean of two sines, zero at time
-    0.
+    """A motion above the table whose three positions and three angles are each the mean of two
+    sines of time, zero at time 0.
     """
 
     def __init__(self, frequencies: Array, largest: Array) -> None:

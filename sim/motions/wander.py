@@ -21,7 +21,7 @@ by hand."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the loop: its mean radius and the time of one round."""
+    """Settings of the closed path: its mean radius [m] and the duration of one round [s]."""
 
     radius: Length = 0.18
     """Mean radius of the loop [m]."""

@@ -42,7 +42,9 @@ ELSEWHERE = "; try another robot.base, or a robot.home near a posture that gets 
 
 @dataclass(frozen=True, slots=True)
 class Config(Drives):
-    """Settings of a robot from a file: its model, its base and its camera."""
+    """Settings of a robot from a model file: its base in the room (x, y, z [m], yaw [deg]), the
+    camera's pose on the flange, start postures and largest joint rates [m/s or rad/s].
+    """
 
     model: File = "arm7"
     """Its file, MJCF or URDF: a path from the scenario's folder or from the working directory, a

@@ -11,7 +11,7 @@ from sim.ranges import Length
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a box: its size and appearance."""
+    """Settings of a box: length, width and height [m], and a colour or a picture."""
 
     size: tuple[Length, Length, Length] = (0.16, 0.1, 0.04)
     """Length along the nose, width, height [m]."""

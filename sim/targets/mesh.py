@@ -33,7 +33,9 @@ FLAT = 0.001
 
 @dataclass(frozen=True, slots=True)
 class Config(Outlined):
-    """Settings of a target from a mesh file: the mesh, its size and its orientation."""
+    """Settings of a target from a mesh file: the mesh, its size [m], its orientation [deg], and its
+    colour or texture.
+    """
 
     file: File = "duck"
     """A shipped mesh's name, or an .obj or .stl file."""

@@ -18,7 +18,9 @@ MOVING = (*SIMULATION, "actuators", "joints", "cameras")
 
 @dataclass(frozen=True, slots=True)
 class Config(Outlined):
-    """Settings of a target from a model file."""
+    """Settings of a target from a model file: the model and, if wanted, its reference rectangle
+    [m].
+    """
 
     model: File = "truck"
     """A shipped model's name, or an .xml or .urdf file: x is its nose, z is up, and the table is at

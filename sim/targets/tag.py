@@ -14,7 +14,7 @@ from sim.models.target import Target
 
 @dataclass(frozen=True, slots=True)
 class Config(Marker):
-    """Settings of the tag: its number and its size."""
+    """Settings of the tag: its number, and the side of its black square [m]."""
 
     def build(self, rng: np.random.Generator) -> Target:
         """Return the target; uses no random numbers."""

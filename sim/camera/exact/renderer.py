@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sim.camera import gl
 from sim.camera.exact import raster
-from sim.camera.exact.solids import across, sky_of, solids_of, texture_of
+from sim.camera.exact.solids import face_normals, sky_of, solids_of, texture_of
 from sim.camera.renderer import Backdrop, DepthPromise, Promise, T, camera_pose
 from sim.types import Array, Camera, DepthPicture, Image
 
@@ -61,7 +61,7 @@ class ExactRenderer:
         self._faces = numbers.reshape(-1, 3)
         """Corners of each triangle."""
         self._first_face = np.concatenate([[0], np.cumsum(counts)])
-        plane = across(every[:, :3])
+        plane = face_normals(every[:, :3])
         self._planes = np.column_stack([plane, np.sum(plane * every[::3, :3], axis=1)])
         """Of each triangle's plane normal and distance, both times twice its area (n, 4)."""
         self._radii = np.array([np.linalg.norm(s[:, :3], axis=1).max(initial=0) for s in solids])

@@ -72,9 +72,9 @@ def texture_of(model: mujoco.MjModel, geom: int) -> int:
     return int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
 
 
-def across(corners: Array) -> Array:
-    """Return a normal (n, 3) of each triangle, whose length is twice the triangle's area [m^2],
-    from corners (3 n, 3) [m], three rows per triangle.
+def face_normals(corners: Array) -> Array:
+    """Return a normal (n, 3) of each of n triangles, twice as long as the triangle's area [m^2],
+    from the corners (3 n, 3) [m], three rows per triangle.
     """
     a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
     return np.cross(b - a, c - a)
@@ -153,7 +153,7 @@ def _turned(points: Array, normals: Array, slices: int) -> Surface:
         grid[..., 2] = profile[:, None, 1]
         quads = [grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]]
         turned.append(_split(np.stack(quads, axis=2).reshape(-1, 4, 3)))
-    kept = np.repeat(np.linalg.norm(across(turned[0]), axis=1) > NO_AREA, 3)
+    kept = np.repeat(np.linalg.norm(face_normals(turned[0]), axis=1) > NO_AREA, 3)
     return turned[0][kept], turned[1][kept]
 
 
@@ -169,7 +169,7 @@ def _mesh(model: mujoco.MjModel, geom: int) -> Solid:
     if start >= 0:
         places = model.mesh_facetexcoord[faces].ravel() + start
         return np.column_stack([corners, normals, model.mesh_texcoord[places]])
-    flat = np.repeat(across(corners), 3, axis=0)
+    flat = np.repeat(face_normals(corners), 3, axis=0)
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.finfo(float).tiny)
     differs = np.sum(flat * normals, axis=1, keepdims=True) < FLAT
     size = model.geom_size[geom].astype(float)
