@@ -28,19 +28,20 @@ class Config:
 
 
 @final
+@dataclass(frozen=True, slots=True)
 class DroppedFrames:
     """Drops all frames within randomly chosen time slots of 0.03 s; each slot is chosen
     independently of all others.
     """
 
+    share: float
+    """Share of the slots in which frames are dropped."""
+    seed: int
+    """Seed of the draws, one for each slot."""
     props: tuple[str, ...] = ()
-
-    def __init__(self, share: float, seed: int) -> None:
-        self._share = share
-        self._seed = seed
 
     def at(self, time: float) -> Effect:
         if time < START:
             return Effect()
         slot = floor(time / LENGTH)
-        return Effect(dropped=np.random.default_rng([self._seed, slot]).random() < self._share)
+        return Effect(dropped=np.random.default_rng([self.seed, slot]).random() < self.share)

@@ -197,20 +197,15 @@ def _is_readable(shape: Element) -> bool:
     return mesh is None or file.suffix.lower() in READABLE or is_readable(file)
 
 
-def _has_materials(file: Path) -> bool:
-    """Return whether a mesh has materials of its own, which MuJoCo would ignore."""
-    if file.suffix.lower() == OBJ:
-        return file.is_file() and b"mtllib" in file.read_bytes()
-    return file.suffix.lower() not in READABLE
-
-
 def _show_materials(spec: mujoco.MjSpec, shape: mujoco.MjsMesh, mended: Mended) -> None:
     """Show a mesh with its own materials, which MuJoCo ignores, unless the model gives a colour."""
     file = Path(shape.file)
-    if not _has_materials(file):
+    suffix = file.suffix.lower()
+    is_painted = suffix == OBJ and file.is_file() and b"mtllib" in file.read_bytes()
+    if suffix in READABLE and not is_painted:
         return
     try:
-        mesh = read_mesh(file, (file.suffix.lower(),))
+        mesh = read_mesh(file, (suffix,))
     except ValueError:
         return  # it is left out where the model does not compile
     geoms = geoms_of(spec, shape)

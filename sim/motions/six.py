@@ -48,17 +48,19 @@ class Config:
 
 
 @final
+@dataclass(frozen=True, slots=True, eq=False)
 class Six:
     """A motion above the table whose three positions and three angles are each the mean of two
     sines of time, zero at time 0.
     """
 
-    def __init__(self, frequencies: Array, largest: Array) -> None:
-        self._frequencies = frequencies
-        self._largest = largest
+    frequencies: Array
+    """Frequencies of the sines (2, 6) [Hz]."""
+    largest: Array
+    """Amplitudes of x, y, z [m] and of the rotations about x, y, z [rad] (6,)."""
 
     def at(self, time: float) -> Pose:
         """Return T_world_target at a time [s]."""
-        q = self._largest * np.sin(2 * pi * self._frequencies * time).mean(axis=0)
+        q = self.largest * np.sin(2 * pi * self.frequencies * time).mean(axis=0)
         turned = exp_so3(np.array([0.0, 0.0, q[5]]))
         return Pose(turned @ exp_so3(np.array([q[3], q[4], 0.0])), MIDDLE + q[:3])
