@@ -167,7 +167,7 @@ class BelievedRobot:
         return self._robot.posture(self._data, twist, accepted)
 
     def _read(self, data: mujoco.MjData) -> None:
-        """Put the robot's own model where its encoders say that it is."""
+        """Set the state of the believed robot to what the encoders read."""
         q = self._true.joints(data) + self._play
         if self._noise.any():
             q += self._rng.normal(0.0, self._noise)

@@ -146,7 +146,9 @@ class Sensor:
         return image
 
     def _exposed(self, pictures: list[Image]) -> np.ndarray:
-        """Return the light (H, W, 3), each row from the pictures in its own exposure."""
+        """Return the light (H, W, 3) of a frame: each row is the mean of the pictures in its own
+        exposure.
+        """
         if len(pictures) == 1 or len(self._bands) <= 1:
             return self._lens.bend(_mean(pictures))
         light = np.zeros((*self._size, 3), np.float32)

@@ -198,7 +198,9 @@ class OpenGLRenderer:
         return cv2.flip(self._upside_down, 0)  # type: ignore[return-value]
 
     def _depths(self) -> DepthPicture:
-        """Return the depths of the buffer: 1 is the near plane, 0 the far one and behind it."""
+        """Return the depths (H, W) [m] of OpenGL's buffer, in which 1 is the near plane, and 0 the
+        far plane and all behind it.
+        """
         upside_down = np.empty(self._upside_down.shape[:2], np.float32)
         # As OpenGL has it here: MuJoCo's other order would cost the digits of what is far.
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value

@@ -133,9 +133,12 @@ def reach(
 def _keep_inside(
     robot: Robot, data: mujoco.MjData, others: Iterable[Array], way: Sequence[Pose]
 ) -> Rollout:
-    """Keep the posture if all joints stay inside their ranges on a path; else take the posture from
-    which they keep the largest distance from their limits: one of some others, or one that differs
-    by a whole turn of a joint. Without such a posture, keep the present one. Return its prediction.
+    """Set the joint positions from which the joints stay inside their ranges on a camera path;
+    return their prediction.
+
+    The present positions are kept if no joint reaches a limit from there. Else those that keep the
+    largest distance from all limits are taken: one of `others`, or one that differs by a whole turn
+    of a joint. If from all of them a joint reaches a limit, the present ones are kept.
     """
     begin = data.qpos[robot.qpos].copy()
     first = roll_out(robot, data, way)
@@ -159,7 +162,9 @@ def _keep_inside(
 
 
 def _turned(robot: Robot, q: Array, joint: str) -> list[Array]:
-    """Return postures (n,) that differ by a whole turn of a hinge, inside its range."""
+    """Return the joint positions (n,) that differ from q by a whole turn of a hinge, by its name,
+    and stay inside its range.
+    """
     at = robot.names.index(joint)
     if robot.units[at] != "rad":
         return []
@@ -194,8 +199,8 @@ def _direction(T_world_camera: Pose, point: Array) -> Array:
 
 
 def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> list[Array]:
-    """Set the most comfortable of several solutions, or, without a solution, the nearest posture;
-    return the solutions (n,), the most comfortable first.
+    """Set the joint positions of the most comfortable of several solutions, or, without a solution,
+    the nearest ones; return the solutions (n,), the most comfortable first.
     """
     rng = np.random.default_rng(0)
     starts = [*robot.homes, *random_joints(robot.model, robot.ids, rng, RESTARTS)]

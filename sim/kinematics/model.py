@@ -49,8 +49,11 @@ def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.
     spec.compiler.fusestatic = False  # the flange may be any body
     for joint in spec.joints:
         _end_limits(joint)
+        if joint.type == mujoco.mjtJoint.mjJNT_FREE:
+            raise ValueError(
+                f"the body '{joint.parent.name}' has a free joint: remove the joint or the body"
+            )
     model = compiled(spec.copy())
-    _check_free(model)
     if not camera:
         return model, chain_to(spec, model, flange)
     found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
@@ -127,19 +130,15 @@ def drive(
 
 
 def _end_limits(joint: mujoco.MjsJoint) -> None:
-    """Remove a range that is infinite or not given; a range with one limit gets a far other one."""
+    """Remove a joint's range that is infinite or missing; a range with one finite limit gets
+    `FARTHEST` as the second one.
+    """
     near = np.abs(joint.range) < FARTHEST
     if not near.any():
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
         joint.range = [0, 0]
     elif not near.all():
         joint.range = np.where(near, joint.range, [-FARTHEST, FARTHEST])
-
-
-def _check_free(model: mujoco.MjModel) -> None:
-    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
-        body = model.body(model.jnt_bodyid[joint]).name
-        raise ValueError(f"the body '{body}' has a free joint: remove the joint or the body")
 
 
 def _check_loops(spec: mujoco.MjSpec, model: mujoco.MjModel, carried: Chain) -> None:

@@ -360,9 +360,9 @@ class Robot:
         return slowed, J @ slowed, self._outside(data, wanted, box)
 
     def _inside_ranges(self, data: mujoco.MjData, J: Array, twist: Array, wanted: Array) -> Array:
-        """Return rates (n,) with which no joint leaves its range: one that would is as fast as its
-        range allows, and the others come as near to the rest of the twist as they can. Parts of
-        the twist that are zero stay so first: a level camera stays level.
+        """Return rates (n,) with which no joint leaves its range: a joint that would leave it is as
+        fast as its range allows, and the others come as near to the rest of the twist as they can.
+        Components of the twist that are zero have priority: a level camera stays level.
         """
         weights = np.where(twist == 0.0, STAYS, 1.0)
         low, high = np.transpose(self._ends(data))
@@ -414,8 +414,8 @@ class Robot:
     def _box(
         self, data: mujoco.MjData, hold: float, before: Array | None
     ) -> list[tuple[float, float]]:
-        """Return the least and the largest rate of each joint, by its range, its speed and, after
-        the rates `before`, its acceleration.
+        """Return the least and the largest rate of each joint [m/s or rad/s], by its range, its
+        speed and, after the rates `before`, its acceleration.
         """
         joints = zip(self._ends(data), *self._speeds, strict=True)
         box = [(max(slow, low), min(fast, high)) for (low, high), slow, fast in joints]
@@ -429,8 +429,8 @@ class Robot:
     def _outside(
         self, data: mujoco.MjData, rates: Array, box: list[tuple[float, float]]
     ) -> tuple[str, ...]:
-        """Return the joints that should be faster than allowed, each with what limits it: its
-        range, its speed or its acceleration.
+        """Return the joints whose rates (n,) are outside a box, each with the cause: its range, its
+        speed or its acceleration.
         """
         found = list[str]()
         joints = zip(self.names, rates.tolist(), box, strict=True)

@@ -174,7 +174,9 @@ def _compiles(spec: mujoco.MjSpec, name: str) -> bool:
 
 
 def _file_of(name: str, path: Path) -> Path:
-    """Return the file of a model's mesh or picture; it may not exist."""
+    """Return the path of a model's mesh or picture by the name in the model; the file may not
+    exist.
+    """
     parts = tuple(part for part in Path(name).parts if part not in ("..", "."))
     found = [file for file in files_behind(path) if file.parts[-len(parts) :] == parts]
     return min(found, default=Path(name))

@@ -236,12 +236,12 @@ def _joined(
     scene: Any, used: set[str] | None, missing: list[Lost]
 ) -> tuple[Array, Indices, Array | None, Indices, tuple[Material | None, ...]]:
     """Return the corners of all parts of a scene (n, 3), its triangles (m, 3), their texture
-    coordinates (m, 3, 2), the number of each one's material (m,), and the materials.
+    coordinates (m, 3, 2), the number of each triangle's material (m,), and the materials.
 
     Args:
         scene: Scene that trimesh has read.
-        used: The names of the materials that an OBJ file uses; None of another kind of file.
-        missing: Takes what cannot be drawn.
+        used: The names of the materials that an OBJ file uses; None for another kind of file.
+        missing: List to which pictures without texture coordinates are added.
     """
     points: list[Array] = [np.zeros((0, 3))]
     faces: list[Indices] = [np.zeros((0, 3), np.int64)]
