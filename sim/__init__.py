@@ -1,3 +1,3 @@
-"""The world: MuJoCo scene, gantry, renderer, target motions and disturbances. Knows nothing of
-tracking or control.
+"""The simulated world: MuJoCo scene, robots, camera, renderers, target motions and disturbances. It
+imports neither trackers nor control laws.
 """

@@ -1,8 +1,8 @@
-"""Channels: what a part of a run may use besides the arguments of its methods, and declares.
+"""Channels: data that a component of a run may use besides the arguments of its methods.
 
-The `Config` of a part names its channels: `needs = frozenset({Channel.TRUTH})`. What is no argument
-of a part's methods reaches it by one more method, `see(view)`, called before each of the others
-that work on a picture: the `View` holds the channels that were declared, and no other one.
+The `Config` of a component (tracker, estimator, controller, ...) declares its channels: `needs =
+frozenset({Channel.TRUTH})`. It receives them by its method `see(view)`, which is called before the
+other methods that work on a picture; the `View` holds the declared channels only.
 """
 
 from dataclasses import dataclass
@@ -29,8 +29,9 @@ Channels = frozenset[Channel]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """The channels of one picture; None stands for a channel that the component has not declared,
-    or that is unknown.
+    """Data of one picture for a component: the RGB picture (H, W, 3), depths (H, W) [m], truth, the
+    target's true motion (k,) and whether it is seen. None stands for a channel that the component
+    has not declared, or whose data are unknown.
     """
 
     picture: Image | None = None
@@ -54,7 +55,9 @@ class View:
         true_motion: Array | None = None,
         seen: bool | None = None,
     ) -> "View":
-        """Return the view of a part with some needs, from a picture and what is known besides."""
+        """Return a component's view of a frame: those data whose channels are in `needs`, and None
+        for the others.
+        """
         return View(
             picture=frame.image if Channel.PICTURE in needs else None,
             depth=frame.depth if Channel.DEPTH in needs else None,
@@ -70,7 +73,7 @@ VIEWED = frozenset({Channel.TRUTH, Channel.TRUE_MOTION, Channel.SEEN})
 
 @runtime_checkable
 class Sees(Protocol):
-    """A component that receives its channels by `see`, besides the arguments of its methods."""
+    """A component that receives its declared channels by a method `see`."""
 
     def see(self, view: View) -> None:
         """Receive the declared channels of the next picture, before any method that works on it."""
@@ -78,7 +81,7 @@ class Sees(Protocol):
 
 @runtime_checkable
 class Declares(Protocol):
-    """Settings of a component that names, in `needs`, the channels that it uses."""
+    """Settings of a component that declare, in `needs`, the channels that it uses."""
 
     @property
     def needs(self) -> Channels:
@@ -87,7 +90,7 @@ class Declares(Protocol):
 
 
 def needs_of(config: object, usual: Channels = frozenset()) -> Channels:
-    """Return the channels that a part's settings declare; the usual ones where they declare
-    none.
+    """Return the channels that a component's settings declare in `needs`; `usual` for settings that
+    have no `needs`.
     """
     return config.needs if isinstance(config, Declares) else usual

@@ -26,8 +26,8 @@ SLOW = (
 def compiled(
     error_model: Literal["python", "numpy"] = "python", fastmath: Collection[str] = ()
 ) -> Callable[[Loop], Loop]:
-    """Return a decorator that compiles a function at its first call, and stores the machine code
-    beside its source.
+    """Return a decorator that compiles a numeric function with numba at its first call, and stores
+    the machine code beside its source.
 
     If neither the source's folder nor the user's cache can be written, as in a container, the
     machine code is stored in the temporary folder. If it cannot be stored at all, the function is
@@ -65,7 +65,7 @@ def _stored(loop: Any) -> Any:
     """Return a compiled loop that reports a full disk instead of raising an error."""
     save = loop._cache.save_overload
 
-    def save_if_possible(*compilation: Any) -> None:
+    def save_if_possible(*compilation: object) -> None:
         try:
             save(*compilation)
         except OSError as error:

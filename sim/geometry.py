@@ -23,8 +23,8 @@ SMALL_ANGLE = 1e-6
 
 
 def mount_pose(mount: Sequence[float]) -> Pose:
-    """Return the pose of x, y, z [m], roll, pitch, yaw [deg], turned about the fixed axes in this
-    order.
+    """Return the pose with position x, y, z [m] and rotations roll, pitch, yaw [deg] about the
+    fixed x, y and z axes, in this order.
     """
     (cr, sr), (cp, sp), (cy, sy) = ((cos(radians(a)), sin(radians(a))) for a in mount[3:])
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
@@ -48,7 +48,7 @@ def exp_so3(w: Array) -> Array:
 
 
 def log_so3(R: Array) -> Array:
-    """Return the rotation vector (3,) [rad] of a rotation matrix (3, 3) by less than pi."""
+    """Return the rotation vector (3,) [rad] of a rotation matrix (3, 3) whose angle is below pi."""
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
     axis = np.array([(h - f) / 2, (c - g) / 2, (d - b) / 2])
     sine = sqrt(axis @ axis)
@@ -59,7 +59,7 @@ def log_so3(R: Array) -> Array:
 
 
 def angle_of(R: Array) -> float:
-    """Return the angle of a rotation, 0..pi [rad].
+    """Return the angle 0..pi [rad] of a rotation matrix (3, 3).
 
     >>> round(angle_of(exp_so3(np.array([0.0, 0.0, 0.5]))), 6)
     0.5
@@ -79,18 +79,24 @@ def _left_jacobian(w: Array) -> Array:
 
 
 def exp_se3(xi: Array) -> Pose:
-    """Return the relative pose of a frame after it keeps a twist xi (6,) for 1 s."""
+    """Return the pose T_before_after of a frame that moves for 1 s with a constant twist xi (6,)
+    [m/s, rad/s], given in the moving frame.
+    """
     return Pose(exp_so3(xi[3:]), _left_jacobian(xi[3:]) @ xi[:3])
 
 
 def adjoint(T_a_b: Pose) -> Array:
-    """Return the matrix (6, 6) that takes a body's twist in frame b to its twist in frame a."""
+    """Return the matrix (6, 6) that converts a rigid body's twist in frame b to its twist in frame
+    a.
+    """
     R = T_a_b.rotation
     return np.block([[R, skew(T_a_b.translation) @ R], [np.zeros((3, 3)), R]])
 
 
 def log_se3(pose: Pose) -> Array:
-    """Return the twist (6,) that makes a relative pose in 1 s; the inverse of `exp_se3`."""
+    """Return the constant twist (6,) [m/s, rad/s], in the moving frame, that makes a pose
+    T_before_after in 1 s; the inverse of `exp_se3`.
+    """
     w = log_so3(pose.rotation)
     t = pose.translation
     half = sqrt(w @ w) / 2
@@ -100,19 +106,21 @@ def log_se3(pose: Pose) -> Array:
 
 
 def half_turn(angle: float) -> float:
-    """Return an angle [rad] wrapped to (-pi/2, pi/2], for shapes of 180 deg symmetry."""
+    """Return an angle [rad] wrapped to (-pi/2, pi/2], for shapes with a symmetry of 180 deg."""
     return np.pi / 2 - (np.pi / 2 - angle) % np.pi
 
 
 def tilt(rotation: Array) -> float:
-    """Return the angle [rad] of the optical axis to straight down, from R_world_camera (3, 3)."""
+    """Return the angle [rad] between a camera's optical axis and straight down, from R_world_camera
+    (3, 3).
+    """
     axis = rotation[:, 2]
     return float(np.arctan2(np.hypot(axis[0], axis[1]), -axis[2]))
 
 
 def is_rotation(R: Array, tolerance: float) -> bool:
-    """Return whether a matrix (3, 3) of finite numbers is a rotation, its product with its
-    transpose the identity within a tolerance.
+    """Return whether a matrix (3, 3) of finite numbers is a rotation: no entry of R R^T may differ
+    from the identity by more than the tolerance.
     """
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
     volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
@@ -133,7 +141,7 @@ def inverse(A: Array) -> Array:
 
 def inverse_if_strong(A: Array, weakest: float) -> Array | None:
     """Return the inverse of a square matrix if its norm proves that no singular value s is below
-    the weakest, by 1 / s <= |A^-1|; else None. This costs a fraction of the singular values.
+    `weakest`, by 1 / s <= |A^-1|; else None. This is faster than a singular value decomposition.
     """
     try:
         plain = inverse(A)

@@ -1,4 +1,4 @@
-"""Kinds that other packages add by entry points, and parts named by a path to import.
+"""Components that other packages add by entry points, and components named by a path to import.
 
 An installed package adds a tracker with these lines in its pyproject.toml:
 
@@ -15,7 +15,6 @@ from dataclasses import astuple, dataclass
 from importlib import metadata
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 
 class Trusted(str):
@@ -28,12 +27,12 @@ class Trusted(str):
 
 
 class BrokenPart(ValueError):
-    """A part cannot be imported; the message gives the reason."""
+    """Error: a component cannot be imported; the message gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Installed:
-    """A kind that an installed package adds."""
+    """A kind of component, such as a tracker, that an installed package adds."""
 
     group: str
     """Group of its entry point, such as "servobench.trackers"."""
@@ -78,22 +77,26 @@ def _kinds_of(package: metadata.Distribution) -> list[Installed]:
 
 
 def installed(group: str) -> tuple[Installed, ...]:
-    """Return the kinds that packages add to a group such as "servobench.trackers", sorted."""
+    """Return the kinds that packages add to a group of entry points such as "servobench.trackers",
+    sorted.
+    """
     added = (kind for kind in entries() if kind.group == group)
     return tuple(sorted(added, key=lambda k: (k.kind, k.package)))
 
 
 def packages() -> dict[str, str]:
-    """Return the versions of all packages that add kinds, by name."""
+    """Return the version of each installed package that adds kinds, by the package's name."""
     return {kind.package: kind.version for kind in entries()}
 
 
 def plain(text: str) -> str:
-    """Return a text on one line, without control characters, upon which a terminal acts."""
+    """Return a text on one line and without control characters, which could change a terminal's
+    state.
+    """
     return "".join(filter(str.isprintable, " ".join(text.split())))
 
 
-def imported(path: str) -> Any:
+def imported(path: str) -> object:
     """Return the object at a path such as "package.module:Name"; the working directory is searched
     after all other places.
 

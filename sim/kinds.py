@@ -1,5 +1,5 @@
-"""A folder is a registry of kinds: a file's name is a kind, and its `Config` holds the settings and
-builds the thing.
+"""Registries of kinds: each file in a folder such as `tracking/trackers` is a kind of component;
+its `Config` holds the settings and builds the component.
 
 A folder owns a value `KINDS = Kinds(__name__, ...)`, and a file dropped into it adds a motion, a
 tracker, an estimator, ... A kind may be a preset of another kind: its `Config` then inherits from
@@ -42,7 +42,9 @@ Thing = TypeVar("Thing", covariant=True)
 """Type of a part, such as `Tracker`."""
 Config = TypeVar("Config", covariant=True)
 """The settings of a folder's kinds, such as `PartConfig[Tracker]`."""
-Settings = Mapping[str, Any]
+Settings = Mapping[str, object]
+ConfigClass = type[Any]
+"""A dataclass of settings; only its own file knows its fields."""
 
 
 class PartConfig(Protocol[Thing]):
@@ -61,11 +63,13 @@ class PartConfig(Protocol[Thing]):
 
 @runtime_checkable
 class KeptOutOfFiles(Protocol):
-    """Settings of which some may not come from a file, such as a command to start."""
+    """Settings of which some may be given only on the command line or in Python, such as a command
+    to start.
+    """
 
     @property
     def not_from_file(self) -> tuple[str, ...]:
-        """Return the names of these settings."""
+        """Names of the settings that a file may not give."""
         ...
 
 
@@ -76,16 +80,16 @@ def not_from_file(config: object) -> tuple[str, ...]:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class BuildsItself:
-    """Settings that are the part themselves: `build` returns the settings object."""
+    """Base of settings that are themselves the component: `build` returns the settings object."""
 
     def build(self, rng: np.random.Generator) -> Self:
-        """Return these settings as the part; uses no random numbers."""
+        """Return these settings as the component; uses no random numbers."""
         return self
 
 
 class UnknownKind(ValueError):
-    """A kind (a named component, such as the tracker "kams") is unknown or cannot be loaded; the
-    message says why.
+    """Error: a kind (a named component, such as the tracker "kams") is unknown or cannot be loaded;
+    the message says why.
     """
 
 
@@ -96,7 +100,7 @@ def _modules_in(paths: tuple[str, ...]) -> tuple[str, ...]:
 
 
 class Kinds(Generic[Config]):
-    """The kinds of a folder, with those that installed packages add.
+    """The kinds of component in one folder, and those that installed packages add to it.
 
     >>> from sim import motions
     >>> motions.KINDS.config("line", speed=0.2).speed
@@ -107,7 +111,7 @@ class Kinds(Generic[Config]):
         self,
         folder: str,
         group: str = "",
-        adapt: Callable[[Any], type[Any] | None] = lambda _: None,
+        adapt: Callable[[object], ConfigClass | None] = lambda _: None,
         plain: str = "",
     ) -> None:
         """Register a folder.
@@ -139,7 +143,7 @@ class Kinds(Generic[Config]):
         found = self._added().get(kind)
         return "" if found is None else f"{found.package} {found.version}"
 
-    def config(self, kind: str, preset: str | None = None, /, **settings: Any) -> Config:
+    def config(self, kind: str, preset: str | None = None, /, **settings: object) -> Config:
         """Return the settings of a kind: those given, then those of the preset, then its defaults.
 
         Raises:
@@ -149,8 +153,8 @@ class Kinds(Generic[Config]):
         begin = {} if preset is None else self.preset(kind, preset)
         return self.config_of(kind)(**{**begin, **settings})
 
-    def config_of(self, kind: str) -> type[Any]:
-        """Return the `Config` class of one kind.
+    def config_of(self, kind: str) -> ConfigClass:
+        """Return the `Config` class of a kind: its dataclass of settings.
 
         Raises:
             UnknownKind: The kind is unknown, cannot be imported, or is not a `Config`.
@@ -164,8 +168,9 @@ class Kinds(Generic[Config]):
             of = f"the kind '{kind}' of {package}: " if package else ""
             raise UnknownKind(f"{of}{error}") from error
 
-    def as_config(self, found: Any, name: str) -> type[Any]:
-        """Return a `Config` class for an object that is given as a part.
+    def as_config(self, found: object, name: str) -> ConfigClass:
+        """Return a `Config` class for an object that a user gives as a component; `name` is used in
+        messages.
 
         Raises:
             UnknownKind: The object is not a `Config`, and the folder cannot adapt it.
@@ -179,7 +184,8 @@ class Kinds(Generic[Config]):
         raise UnknownKind(f"{what}; nor has it {self._plain}" if self._plain else what)
 
     def preset(self, kind: str, name: str) -> Settings:
-        """Return the settings of a kind's preset, such as "paper", those of its paper.
+        """Return the settings of one of a kind's presets, such as "paper" for those of its
+        publication.
 
         Raises:
             UnknownKind: There is no such kind, or it has no such preset.
@@ -202,8 +208,8 @@ class Kinds(Generic[Config]):
         return getattr(importlib.import_module(config.__module__) if own else config, "PRESETS", {})
 
     def named(self, text: str) -> dict[str, str]:
-        """Return the table that "kind" or "kind:preset" stands for; a kind of another package may
-        be "package:kind", and a class to import "module:Name".
+        """Return the scenario's table {"kind": ..., "preset": ...} for "kind" or "kind:preset"; the
+        kind may be "package:kind" for another package's, or "module:Name" for a class to import.
         """
         kind, *rest = text.split(":")
         if kind and rest and kind not in self.names():
@@ -225,12 +231,13 @@ class Kinds(Generic[Config]):
         return next(filter(None, map(_first_sentence, [*classes, tree])), "")
 
     def kind_at(self, path: str) -> str | None:
-        """Return the kind that an entry point of this folder gives to module:Class, if any."""
+        """Return the kind whose entry point in this folder leads to the class at `path`,
+        "module:Class"; None without one.
+        """
         return next((name for name, found in self._added().items() if found.path == path), None)
 
     def _own(self) -> Sequence[str]:
-        spec = importlib.util.find_spec(self.folder)
-        return _modules_in(tuple(spec.submodule_search_locations or ()) if spec else ())
+        return _modules_in(tuple(importlib.import_module(self.folder).__path__))
 
     def _added(self) -> dict[str, Installed]:
         """Return the kinds of installed packages by their names in this folder."""
@@ -261,14 +268,14 @@ class Kinds(Generic[Config]):
         return kind
 
 
-_REGISTERED: dict[str, Kinds[Any]] = {}
+_REGISTERED: dict[str, Kinds[object]] = {}
 """Each folder of kinds that has been imported, by its package."""
 
 
 def kind_of(config: object) -> str:
-    """Return the kind of a `Config`: the name of its file in a folder of kinds, that of its entry
-    point, or module:Class. A class that stands for something else names its kind by a class
-    attribute `kind`, which is no field.
+    """Return the kind of settings (a `Config`): the name of its file in a folder of kinds, or that
+    of its entry point, or "module:Class". A class that stands for another object gives its kind by
+    a class attribute `kind` that is no field.
     """
     of = type(config)
     package, _, name = of.__module__.rpartition(".")
@@ -281,8 +288,13 @@ def kind_of(config: object) -> str:
 
 
 def checked(config: Config, place: str) -> Config:
-    """Return settings that were made in Python with the types and ranges of their annotations,
-    which the compiled loops trust.
+    """Return settings that were made in Python after a check of their types and ranges by their
+    annotations, on which the compiled loops rely; settings with types of their own are returned
+    unchecked.
+
+    Args:
+        config: The settings, a dataclass.
+        place: Name of their table, for the message.
 
     Raises:
         ValueError: A setting has a wrong type, or is out of range.
@@ -301,7 +313,7 @@ def checked(config: Config, place: str) -> Config:
         return config
 
 
-def _check_config(config: type[Any], name: str) -> None:
+def _check_config(config: ConfigClass, name: str) -> None:
     if not dataclasses.is_dataclass(config):
         raise UnknownKind(f"'{name}' has a method build(rng), but is no dataclass of settings")
     missing = dataclasses.MISSING
@@ -312,7 +324,7 @@ def _check_config(config: type[Any], name: str) -> None:
     ]
     if bare:
         raise UnknownKind(f"'{name}': its settings {', '.join(bare)} have no defaults")
-    presets: Any = getattr(config, "PRESETS", {})
+    presets = getattr(config, "PRESETS", {})
     if not isinstance(presets, dict) or not all(isinstance(p, dict) for p in presets.values()):
         raise UnknownKind(f"'{name}': PRESETS should be a table of settings for each name")
 
@@ -330,8 +342,8 @@ def _first_sentence(node: ast.Module | ast.ClassDef) -> str:
     return plain((ast.get_docstring(node) or "").split("\n\n")[0])
 
 
-def field_docs(config: type[Any]) -> dict[str, str]:
-    """Return the docstring under each field of a dataclass, by field name."""
+def field_docs(config: ConfigClass) -> dict[str, str]:
+    """Return the docstring below each field of a dataclass, by the field's name; "" without one."""
     docs: dict[str, str] = {}
     for base in reversed(config.__mro__[:-1]):
         try:

@@ -1,4 +1,6 @@
-"""A free tag before a camera in the room, moved by `[motion]`; the held target stays beside it."""
+"""The leader: a tag in the room that the scenario's `[motion]` moves. The robot is to keep the
+target that it holds beside the tag, before a camera that stands in the room.
+"""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -22,7 +24,9 @@ target shall be, to the right of the tag; chosen by hand."""
 
 @dataclass(frozen=True, slots=True)
 class LeaderConfig:
-    """Settings of the leader (a moving tag) and the desired pose of the held target beside it."""
+    """Settings of the leader (a moving tag) and the desired pose of the held target relative to it;
+    poses are x, y, z [m] and roll, pitch, yaw [deg].
+    """
 
     id: Annotated[int, Ge(0), Le(586)] | None = None
     """Number of its tag in the family AprilTag 36h11; by default there is no leader."""
@@ -37,8 +41,8 @@ class LeaderConfig:
     angles: as the tag is turned."""
 
     def leads(self, outline: Array) -> "Leader | None":
-        """Return the leader of a target with a rectangle's corners (4, 3); None where there is
-        none.
+        """Return the leader for a held target whose reference rectangle has the corners (4, 3) [m]
+        in the target's frame; None if the settings give no tag.
         """
         if self.id is None:
             return None
@@ -50,7 +54,9 @@ class LeaderConfig:
 
 @dataclass(frozen=True, slots=True)
 class Leader:
-    """A leader before it is put into the room."""
+    """A moving tag, and its pose and the desired pose of the held target in the frame that
+    moves.
+    """
 
     tag: Target
     T_moved_leader: Pose

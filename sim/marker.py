@@ -1,11 +1,13 @@
-"""A tag that is the whole target: trackers of tags find its outline by themselves."""
+"""Targets that are AprilTags: a tracker of tags finds their corners without a template."""
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from sim.outline import Outline
+from sim.ranges import Length
 from sim.types import Array
 
 SAME_SIZE = 0.01
@@ -14,29 +16,23 @@ SAME_SIZE = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Marker:
-    """An AprilTag of the family 36h11."""
+    """An AprilTag of the family 36h11: its number, and the side of its black square [m]. It is the
+    base of the settings of targets that are such a tag.
+    """
 
-    id: int
-    """Number in the family, 0..586."""
-    size: float
+    id: Annotated[int, Ge(0), Le(586)] = 0
+    """Number of the tag in its family."""
+    size: Length = 0.12
     """Side of its black square [m]."""
 
     def is_outline(self, outline: Array) -> bool:
-        """Return whether a reference rectangle (4, 3) [m] has the size of the black square."""
+        """Return whether a reference rectangle with the corners (4, 3) [m] is as large as the tag's
+        black square, within 1 %.
+        """
         sides = Outline(outline)
         return np.allclose([sides.length, sides.width], self.size, rtol=SAME_SIZE)
 
 
-@runtime_checkable
-class Marked(Protocol):
-    """Settings of a target that is a marker."""
-
-    @property
-    def marker(self) -> Marker:
-        """The AprilTag that the target is."""
-        ...
-
-
 def marker_of(config: object) -> Marker | None:
-    """Return the marker that a target with these settings is; None for other targets."""
-    return config.marker if isinstance(config, Marked) else None
+    """Return the AprilTag that a target with these settings is; None for other targets."""
+    return config if isinstance(config, Marker) else None

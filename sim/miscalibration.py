@@ -1,4 +1,4 @@
-"""Calibration errors of a robot, and the robot that computes with a wrong model."""
+"""Calibration errors, and a robot that computes with a wrong model of itself."""
 
 import copy
 from dataclasses import dataclass, replace
@@ -19,7 +19,12 @@ Millimetres = Annotated[float, Ge(-1000), Le(1000)]
 
 @dataclass(frozen=True, slots=True)
 class BelievedConfig:
-    """Errors of calibration: camera, hand-eye pose, joints, clock, target size. Default: none."""
+    """Errors of the calibration that the robot relies on, none by default: factors are believed
+    over true values; shifts and offsets are believed minus true ones.
+
+    The principal point is in px, the hand-eye rotation a rotation vector [deg] and its translation
+    [mm] in the true camera's frame, joint offsets in m or rad, the clock in ms.
+    """
 
     fx_factor: Annotated[float, Ge(0.1), Le(10)] = 1.0
     """Believed over true focal length, along u and v."""
@@ -52,11 +57,11 @@ class BelievedConfig:
 
     def __post_init__(self) -> None:
         if self.size_factor != 1.0 and self.goal == "shown":
-            raise ValueError('size_factor: a goal that is "shown" has the size that it has')
+            raise ValueError('size_factor has no effect on a goal that is "shown": leave it out')
 
     def camera(self, camera: Camera) -> Camera:
-        """Return the intrinsics that the robot believes; the same object if its camera has no
-        errors.
+        """Return the intrinsics that the robot believes a camera to have; the given object if they
+        are right.
         """
         f = self.fx_factor
         believed = replace(
@@ -70,7 +75,9 @@ class BelievedConfig:
         return camera if believed == camera else believed
 
     def outline(self, outline: Array) -> Array:
-        """Return the believed reference rectangle (4, 3) [m]; the same one where it is right."""
+        """Return the corners (4, 3) [m] of the reference rectangle that the robot believes a target
+        to have, from the true corners.
+        """
         middle = outline.mean(axis=0)
         f = self.size_factor
         return outline if f == 1.0 else middle + f * (outline - middle)
@@ -83,7 +90,7 @@ class BelievedConfig:
 
     @property
     def is_body_right(self) -> bool:
-        """True where neither the camera's mount nor the joints are believed wrongly."""
+        """True if hand-eye pose and joint positions have no errors."""
         errors = *self.hand_eye_rotation_deg, *self.hand_eye_mm, *np.ravel(self.joint_offsets)
         return not any(errors)
 
@@ -94,12 +101,12 @@ RIGHT = BelievedConfig()
 
 @final
 class BelievedRobot:
-    """A robot that computes from its encoders and its own, maybe wrong, model. Its joints
-    have play.
+    """A robot that computes its kinematics from encoder readings and a model with calibration
+    errors, and whose joints have backlash.
 
-    The play is kinematic: the motor, where the encoder is, turns freely by `backlash` when it
-    reverses, and the joint stands meanwhile, as friction would hold it. Inside the play nothing
-    swings or hits.
+    The backlash is kinematic: a motor that reverses turns freely by `backlash`, with its encoder,
+    and the joint stands meanwhile, as friction would hold it. Inside the backlash nothing swings or
+    hits.
     """
 
     def __init__(
@@ -128,15 +135,18 @@ class BelievedRobot:
     def rates(
         self, data: mujoco.MjData, twist: Array, hold: float, before: Array
     ) -> tuple[Array, Array, tuple[str, ...]]:
-        """As `Robot.rates`, for the believed camera; joints that in truth stand at an end of their
-        range are named, too.
+        """Return joint rates, camera twist and limiting joints as `Robot.rates` does, computed by
+        the robot's wrong model; joints that really stand at an end of their range are added to the
+        limiting ones.
         """
         self._read(data)
         rates, made, limits = self._robot.rates(self._data, twist, hold, before)
         return rates, made, (*limits, *self._true.stopped(data, rates))
 
     def driven(self, rates: Array, hold: float) -> Array:
-        """Return the joints' rates (n,) over a time [s]: the motors', less the play."""
+        """Return the joint rates (n,) [m/s or rad/s] if the motors have the given rates for a time
+        `hold` [s]: less by what the backlash takes.
+        """
         if not self._slack.any():
             return rates
         before = self._play
@@ -144,7 +154,9 @@ class BelievedRobot:
         return rates - (self._play - before) / hold
 
     def posture(self, data: mujoco.MjData, accepted: Array | None) -> Posture:
-        """Return the posture by the encoders; its twist is the mean since the last one."""
+        """Return the posture that the robot computes from its encoders; its twist is the mean since
+        the last call.
+        """
         self._read(data)
         eye = self._robot.eye(self._data)
         twist = np.zeros(6)
@@ -155,7 +167,7 @@ class BelievedRobot:
         return self._robot.posture(self._data, twist, accepted)
 
     def _read(self, data: mujoco.MjData) -> None:
-        """Put the robot's own model where its encoders say that it is."""
+        """Set the state of the believed robot to what the encoders read."""
         q = self._true.joints(data) + self._play
         if self._noise.any():
             q += self._rng.normal(0.0, self._noise)
@@ -169,7 +181,9 @@ class BelievedRobot:
 def as_believed(
     robot: Robot, design: Design, believed: BelievedConfig, rng: np.random.Generator | None
 ) -> Robot | BelievedRobot:
-    """Return the robot with its calibration and drive errors; the same object if it has none."""
+    """Return the robot with its calibration and drive errors; the given robot itself if it has
+    none.
+    """
     d = design.drives
     errors = [np.ravel(each) for each in (d.encoder_noise, d.encoder_step, d.backlash)]
     if believed.is_body_right and not np.concatenate(errors).any():

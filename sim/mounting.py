@@ -1,8 +1,9 @@
-"""Who carries what: the robot the camera, or the robot the target before a camera that stands.
+"""The mounting: the robot carries the camera, or it carries the target before a camera that stands
+in the room.
 
-All that is computed for a camera in the hand then holds for a target in the hand too, if the poses
-and twists of the camera are taken as they are seen from the target: moving the target by a twist
-moves the camera, seen from it, by the opposite one.
+The kinematics of a camera in the hand hold for a target in the hand, too, if camera poses and
+twists are taken relative to the target: moving the target by a twist moves the camera, seen from
+the target, by the opposite twist.
 """
 
 from collections.abc import Callable
@@ -43,7 +44,7 @@ class CameraInHand:
         """Check that a robot's model can carry the camera.
 
         Raises:
-            ValueError: The site `eye` is not where the camera is; the sentence begins with a place.
+            ValueError: The site `eye` is not where the camera is; `place` begins the message.
         """
         eye = model.site(CAMERA)
         camera = model.camera(CAMERA)
@@ -55,7 +56,7 @@ class CameraInHand:
         """Check a start pose T_world_camera.
 
         Raises:
-            ValueError: The camera would be in the table, or below it.
+            ValueError: The camera would not be above the table's top.
         """
         placement.check_above_table(eye)
 
@@ -68,20 +69,24 @@ class CameraInHand:
         return eye
 
     def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
-        """Return T_world_target, from the pose that the scenario's motion gives."""
+        """Return T_world_target: `moved`, the pose that the scenario's motion gives."""
         return moved
 
     def seen_from(self, target: Pose) -> Pose:
-        """Return T_world_target in the frame in which `eye` gives the camera: the world."""
+        """Return the pose of the target in the frame in which `eye` gives the camera's pose, which
+        is the world: T_world_target itself.
+        """
         return target
 
     def jacobian(self, J: Array, hand: Callable[[], Pose]) -> Array:
-        """Return the camera's twist per joint rate (6, n): that of the hand, in its own frame."""
+        """Return the Jacobian (6, n) of the camera's twist in the camera frame: J, the hand's in
+        its own frame, which is the same.
+        """
         return J
 
     def believed(self, model: mujoco.MjModel, T_camera_believed: Pose) -> "CameraInHand":
-        """Return the mounting of a robot whose hand-eye calibration is wrong; in its own model the
-        site, by which it computes, is moved.
+        """Return the mounting of a robot with a wrong hand-eye calibration, where T_camera_believed
+        is the believed camera's pose in the true one; the site `eye` of `model` is moved there.
         """
         site = model.site(CAMERA).id
         R = matrix_of(model.site_quat[site]) @ VISION_FROM_MUJOCO
@@ -94,7 +99,9 @@ class CameraInHand:
 @final
 @dataclass(frozen=True, slots=True)
 class TargetInHand:
-    """The robot carries the target, and the camera stands in the room."""
+    """The robot carries the target in its hand, and the camera stands in the room; camera poses are
+    relative to the target.
+    """
 
     T_world_camera: Pose
     """Where the camera stands (x right, y down, z forward)."""
@@ -107,7 +114,7 @@ class TargetInHand:
 
     @property
     def standing(self) -> Pose:
-        """T_world_camera."""
+        """T_world_camera of the camera, which stands in the room."""
         return self.T_world_camera
 
     def check(self, model: mujoco.MjModel, place: str) -> None:
@@ -125,21 +132,28 @@ class TargetInHand:
         return self.T_world_camera @ eye.inverse() @ self.T_hand_target.inverse()
 
     def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
-        """Return T_world_target from a function that gives T_world_hand."""
+        """Return T_world_target of the held target, from the pose T_world_hand that the function
+        `hand` returns.
+        """
         return hand() @ self.T_hand_target
 
     def seen_from(self, target: Pose) -> Pose:
-        """Return the identity: the camera's pose is given in the target's frame."""
+        """Return the pose of the target in the frame in which `eye` gives the camera's pose, which
+        is the target's own: the identity.
+        """
         return ON_TABLE
 
     def jacobian(self, J: Array, hand: Callable[[], Pose]) -> Array:
-        """Return the twist of the camera, as `eye` has it, per joint rate: -V J (6, n), where J is
-        that of the hand, in its own frame, and V takes twists to the camera's frame.
+        """Return the Jacobian (6, n) of the camera's twist, relative to the target, in the camera
+        frame: -V J, with J (6, n) that of the hand in the hand's frame, and V (6, 6) the conversion
+        of twists from the hand's to the camera's frame.
         """
         return -adjoint(self.T_world_camera.inverse() @ hand()) @ J
 
     def believed(self, model: mujoco.MjModel, T_camera_believed: Pose) -> "TargetInHand":
-        """Return the mounting of a robot whose calibration of the camera is wrong."""
+        """Return the mounting of a robot that believes the camera at T_camera_believed relative to
+        where it really stands.
+        """
         return replace(self, T_world_camera=self.T_world_camera @ T_camera_believed)
 
 
@@ -147,7 +161,7 @@ Mounting = CameraInHand | TargetInHand
 
 
 def mounting_of(camera: CameraConfig) -> Mounting:
-    """Return the mounting that the settings of a camera ask for."""
+    """Return the mounting that the camera's settings describe."""
     if camera.mounted == "robot":
         return CameraInHand()
     return TargetInHand(mount_pose(camera.pose), mount_pose(camera.held))

@@ -1,4 +1,6 @@
-"""The reference rectangle of a target: its sides and areas."""
+"""The reference rectangle of a target: its sides [m] and area [m^2], and the area of any
+quadrangle.
+"""
 
 from dataclasses import dataclass
 
@@ -9,7 +11,8 @@ from sim.types import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """The level rectangle that stands for a target in measurements and control.
+    """The level rectangle that stands for a target in measurements and control, by its corners (4,
+    3) in the target's frame [m].
 
     >>> corners = np.array([[-0.1, 0.05, 0.03], [0.1, 0.05, 0.03], [0.1, -0.05, 0.03],
     ...                     [-0.1, -0.05, 0.03]])

@@ -1,4 +1,4 @@
-"""Projection of the target into the picture, and camera poses that give a wanted projection."""
+"""Projection of the target into the picture, and camera poses that give a desired projection."""
 
 from math import atan2, cos, sin, sqrt
 
@@ -21,7 +21,8 @@ def truth(
     T_world_target: Pose,
     visible: float | None = None,
 ) -> Truth:
-    """Return the exact truth for a target whose reference rectangle has these corners.
+    """Return the truth (exact pose and projection) of a target whose reference rectangle has the
+    given corners.
 
     Where a lens distorts, centre and corners are still projected points, theta is the direction
     from the centre to the middle of the nose, and the size is that of the quadrangle of the
@@ -73,15 +74,14 @@ def camera_above(
 
 
 def tilted(T_world_camera: Pose, point: Array, tilt: float, towards: float) -> Pose:
-    """Return T_world_camera of a level camera moved around a world point, which it sees where it
-    saw it before.
+    """Return T_world_camera after a level camera is moved around a world point, which stays at the
+    same pixel and depth.
 
     Args:
         T_world_camera: The level camera.
         point: World point (3,) [m].
-        tilt: By how much it moves around the point; its axis is then so far from straight down
-            [rad].
-        towards: Side of its picture to which it moves, from +u towards +v [rad].
+        tilt: Angle of the movement; the optical axis is then this far from straight down [rad].
+        towards: Direction in the picture to which the camera moves, from +u towards +v [rad].
     """
     R = T_world_camera.rotation
     turn = R @ exp_so3(tilt * np.array([sin(towards), -cos(towards), 0.0])) @ R.T
@@ -89,20 +89,22 @@ def tilted(T_world_camera: Pose, point: Array, tilt: float, towards: float) -> P
 
 
 def camera_facing(outline: Array, T_world_target: Pose, T_camera_object: Pose) -> Pose:
-    """Return T_world_camera of the camera in which the target has a given pose.
+    """Return T_world_camera of the camera in whose frame the target's reference rectangle has a
+    given pose.
 
     Args:
         outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
         T_world_target: Pose of the target.
-        T_camera_object: Pose of the rectangle's own frame: its origin in the centre, x along the
-            nose, z away from who faces it.
+        T_camera_object: Desired pose of the rectangle's own frame: its origin in the centre, x
+            along the nose, z away from a viewer of its front.
     """
     return T_world_target @ object_frame(outline) @ T_camera_object.inverse()
 
 
 def object_frame(outline: Array) -> Pose:
-    """Return T_target_object of a reference rectangle with these corners (4, 3) in the target's
-    frame [m]: its z points away from the viewer, the target's points up.
+    """Return T_target_object: the pose of a reference rectangle's own frame, whose origin is the
+    centre and whose z points away from a viewer (down), from the corners (4, 3) in the target's
+    frame [m].
     """
     return Pose(DOWN, outline.mean(axis=0))
 
@@ -119,7 +121,8 @@ def check_above_table(T_world_camera: Pose) -> None:
 
 
 def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> None:
-    """Check that a camera can see the front of a target's reference rectangle (4, 3).
+    """Check that a camera sees the front of a target's reference rectangle, whose corners (4, 3)
+    [m] are in the target's frame.
 
     Raises:
         ValueError: Part of the rectangle is behind the camera, or the camera is behind its front.
@@ -132,8 +135,15 @@ def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> N
 
 
 def truth_above(camera: Camera, outline: Array, pixel: Array, theta: float, depth: float) -> Truth:
-    """Return the truth of a target at the world's origin that a level camera sees at a pixel, an
-    angle and a depth.
+    """Return the truth of a target at the world's origin, seen by a camera that looks straight
+    down.
+
+    Args:
+        camera: Intrinsics.
+        outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
+        pixel: Projection of the rectangle's centre (2,) [px].
+        theta: Direction of the target's nose in the image, from +u towards +v [rad].
+        depth: Distance of the centre along the optical axis [m].
     """
     eye = camera_above(camera, outline.mean(axis=0), 0.0, pixel, theta, depth)
     return truth(camera, outline, eye, Pose.planar(0.0, 0.0, 0.0))

@@ -5,9 +5,11 @@ default.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Hashable
-from dataclasses import asdict, make_dataclass
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import make_dataclass
 from typing import TYPE_CHECKING, Any
+
+from sim.kinds import ConfigClass
 
 if TYPE_CHECKING:
     import numpy as np  # `servobench list` only looks at files
@@ -21,7 +23,7 @@ DRAWN: dict[str, Callable[[np.random.Generator], Any]] = {
 """Arguments that are no settings: random numbers that the run gives."""
 
 
-def config_for(part: Any, make: Callable[..., Any], **attributes: Any) -> type[Any]:
+def config_for(part: object, make: Callable[..., object], **attributes: object) -> ConfigClass:
     """Return a `Config` class for a class, a function, or an object that is made already.
 
     Args:
@@ -30,39 +32,40 @@ def config_for(part: Any, make: Callable[..., Any], **attributes: Any) -> type[A
             that name; returns the part.
         **attributes: Further attributes of the class.
     """
-    is_object = not isinstance(part, type) and not inspect.isfunction(part)
-    taken = {} if is_object else inspect.signature(part).parameters
+    taken: Mapping[str, inspect.Parameter] = {}
+    if isinstance(part, type) or inspect.isfunction(part):
+        taken = inspect.signature(part).parameters
     drawn = [name for name in DRAWN if name in taken]
 
-    def build(self: Any, rng: np.random.Generator) -> Any:
-        return make(**asdict(self), **{name: DRAWN[name](rng) for name in drawn})
+    def build(self: object, rng: np.random.Generator) -> object:
+        return make(**vars(self), **{name: DRAWN[name](rng) for name in drawn})
 
-    of = part if hasattr(part, "__qualname__") else type(part)
+    of: Any = part if hasattr(part, "__qualname__") else type(part)
     fields = [(name, _type_of(value), value) for name, value in _settings_of(taken).items()]
     members = {"build": build, "kind": f"{of.__module__}:{of.__qualname__}", **attributes}
     return make_dataclass("Config", fields, namespace=members, frozen=True)
 
 
-def has_methods(part: Any, *names: str) -> bool:
+def has_methods(part: object, *names: str) -> bool:
     """Return whether a class or an object has all these methods."""
     return all(callable(getattr(part, name, None)) for name in names)
 
 
-def plain_config(part: Any, *methods: str) -> type[Any] | None:
+def plain_config(part: object, *methods: str) -> ConfigClass | None:
     """Return a `Config` class for a class or object that has these methods; None for another."""
     if not has_methods(part, *methods):
         return None
     return config_for(part, part if isinstance(part, type) else lambda: part)
 
 
-def _settings_of(taken: Any) -> dict[str, Any]:
+def _settings_of(taken: Mapping[str, inspect.Parameter]) -> dict[str, object]:
     """Return the arguments that can be settings, and their defaults; others stay as they are."""
     closed = {*RESERVED, *DRAWN}
     open_to_all = [p for p in taken.values() if p.default is not p.empty and p.name not in closed]
     return {p.name: p.default for p in open_to_all if isinstance(p.default, Hashable)}
 
 
-def _type_of(default: Any) -> Any:
+def _type_of(default: object) -> object:
     """Return the type of a setting; a number may be whole or not, whatever its default is."""
     of = type(default)
     return int | float if of in (int, float) else of if of in (bool, str) else Any

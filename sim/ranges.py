@@ -1,4 +1,6 @@
-"""Types that several settings share: names of files, and ranges in which a run ends normally."""
+"""Types that several settings share: file names, and numbers with the range in which a run is
+possible.
+"""
 
 from typing import Annotated
 
@@ -6,7 +8,7 @@ from annotated_types import Ge, Le
 
 
 class NamesFile:
-    """Marks a type of settings that name a file."""
+    """Marks the type of a setting that names a file."""
 
 
 File = Annotated[str, NamesFile()]
@@ -38,3 +40,17 @@ EachPlay = Play | tuple[Play, ...]
 Acceleration = Annotated[float, Ge(0.01), Le(1e4)]
 EachAcceleration = Acceleration | tuple[Acceleration, ...]
 """The largest acceleration of joints, one for all or one each [m/s^2 or rad/s^2]."""
+
+
+def check(*rules: tuple[bool, str]) -> None:
+    """Check rules that settings have to keep together.
+
+    Args:
+        *rules: Pairs of a condition that is true if the rule is broken, and a sentence.
+
+    Raises:
+        ValueError: A rule is broken; the message is the sentence of the first one.
+    """
+    for is_broken, sentence in rules:
+        if is_broken:
+            raise ValueError(sentence)

@@ -91,16 +91,8 @@ class Stage:
         self._hand = partial(robot.hand, data)
         self._leader = leader
         self._disturbances = tuple(disturbances)
-        self._has_second = any(SECOND in d.props for d in disturbances)
-        self._mocap = {
-            name: int(model.body(name).mocapid[0])
-            for name in (
-                TARGET,
-                BOARD,
-                *([SECOND] if self._has_second else []),
-                *([LEADER] if leader else []),
-            )
-        }
+        numbers = enumerate(model.body_mocapid.tolist())
+        self._mocap = {model.body(body).name: number for body, number in numbers if number >= 0}
         self._lamp = model.light(LAMP).id
         self._spot = model.light(SPOT).id
         self._lamp_diffuse = model.light(LAMP).diffuse.copy()
@@ -111,7 +103,7 @@ class Stage:
         return reduce(or_, (d.at(time) for d in self._disturbances), Effect())
 
     def target(self, time: float) -> Pose:
-        """Return T_world_target at a time [s]; of a target in the hand, its present pose."""
+        """Return T_world_target at a time [s]; if the robot holds the target, its present pose."""
         return self._mounting.target(self._at(time), self._hand)
 
     def goal(self, time: float) -> Pose | None:
@@ -129,8 +121,13 @@ class Stage:
         if not self._disturbances:
             return
         effect = self.effect(time)
-        self._place_board(data, effect.board, target, eye)
-        if self._has_second:
+        board = Pose(np.eye(3), self._board_parked)
+        if effect.board is not None:
+            point = target.translation + BOARD_NEARNESS * (eye.translation - target.translation)
+            across = eye.rotation @ np.array([effect.board, 0.0, 0.0])
+            board = Pose(np.eye(3), point + across)
+        self._put(data, BOARD, board)
+        if SECOND in self._mocap:
             self._put(data, SECOND, effect.second or BELOW)
         model = self._model
         spot = effect.spot
@@ -139,16 +136,6 @@ class Stage:
         if spot is not None:
             model.light_pos[self._spot][:2] = spot.x, spot.y
             model.light_diffuse[self._spot] = spot.strength
-
-    def _place_board(
-        self, data: mujoco.MjData, sideways: float | None, target: Pose, eye: Pose
-    ) -> None:
-        if sideways is None:
-            data.mocap_pos[self._mocap[BOARD]] = self._board_parked
-            return
-        point = target.translation + BOARD_NEARNESS * (eye.translation - target.translation)
-        across = eye.rotation @ np.array([sideways, 0.0, 0.0])
-        self._put(data, BOARD, Pose(np.eye(3), point + across))
 
     def _put(self, data: mujoco.MjData, body: str, pose: Pose) -> None:
         index = self._mocap[body]

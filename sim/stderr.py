@@ -1,4 +1,4 @@
-"""Silence for libraries in C that write their own messages to the process's stderr."""
+"""Suppression of messages that C libraries write to the process's stderr."""
 
 import os
 from collections.abc import Generator
@@ -7,9 +7,8 @@ from contextlib import contextmanager, suppress
 
 @contextmanager
 def silent_libraries() -> Generator[None]:
-    """Send what is written to stderr meanwhile to nowhere: what matters is said in a sentence.
-
-    It is the whole process's stderr: keep it around single calls.
+    """Suppress everything that is written to the process's stderr within a `with` block; keep the
+    block short, because it concerns all threads.
     """
     try:
         stderr = os.dup(2)

@@ -1,13 +1,13 @@
 """Surroundings of the target: the ground below it, clutter around it, and the light.
 
-Each is a table of a scenario, and the defaults leave the room as it is. Things of the clutter lie
-flat on the table, so that a target may drive over them from anywhere to anywhere.
+Each is a table of a scenario, and the defaults leave the room as it is. Clutter lies flat on the
+table, so that a target may drive over it from anywhere to anywhere.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import cos, radians, sin
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import mujoco
 import numpy as np
@@ -44,7 +44,7 @@ LAMP_STRENGTH = 0.5
 
 @dataclass(frozen=True, slots=True)
 class GroundConfig:
-    """Settings of the picture on the table's top."""
+    """Settings of the picture on the table's top, which is repeated every `tile` metres."""
 
     kind: Literal["wood", "concrete", "carpet", "checker", "noise", "picture"] = WOOD
     """A shipped picture, or "picture": that of `file`."""
@@ -59,7 +59,7 @@ class GroundConfig:
             raise ValueError(f'kind = "{OWN}" and file go together: give both, or neither')
 
     def picture(self) -> Image:
-        """Return the picture.
+        """Return the picture of the ground as RGB (H, W, 3).
 
         Raises:
             ValueError: It cannot be read.
@@ -69,7 +69,9 @@ class GroundConfig:
 
 @dataclass(frozen=True, slots=True)
 class ClutterConfig:
-    """Flat objects on the table; their positions and colours are drawn by the run's seed."""
+    """Settings of flat objects on the table: their number, shape, the share that has colours of the
+    target, and whether the room's toys stay. Positions and colours are drawn by the run's seed.
+    """
 
     number: Annotated[int, Ge(0), Le(500)] = 0
     """Number of flat objects."""
@@ -83,7 +85,9 @@ class ClutterConfig:
 
 @dataclass(frozen=True, slots=True)
 class LightConfig:
-    """The lamp over the table."""
+    """Settings of the lamp over the table: its direction [deg], factor on its brightness, and
+    colour.
+    """
 
     azimuth_deg: Degrees = 50.2
     """Direction to the lamp, from world x towards y [deg]."""
@@ -106,11 +110,11 @@ class Surroundings:
     """Source of the clutter's random numbers."""
 
     def furnish(self, room: mujoco.MjSpec, target: mujoco.MjSpec) -> None:
-        """Apply ground, clutter and light to a room's model, which is changed.
+        """Add ground, clutter and light to a room's model, which is changed.
 
         Args:
-            room: That of scenes/room.xml.
-            target: Its colours are those of the things alike.
+            room: Model of scenes/room.xml.
+            target: Model of the target, whose colours some of the clutter may have.
 
         Raises:
             ValueError: A picture cannot be read, or a colour is not valid.
@@ -142,7 +146,9 @@ def _light(room: mujoco.MjSpec, light: LightConfig) -> None:
 
 
 def colours_of(target: mujoco.MjSpec) -> Array:
-    """Return colours (n, 3) that a target has: those of its parts, and pixels of its pictures."""
+    """Return RGB colours (n, 3), 0 to 1, of a target's model: those of its geoms, and of some
+    pixels of their pictures.
+    """
     model = target.copy().compile()
     found = list[Array]()
     for geom in range(model.ngeom):
@@ -181,7 +187,7 @@ def _strew(
         )
 
 
-def _geom(shape: str, length: float, slim: float, height: float) -> dict[str, Any]:
+def _geom(shape: str, length: float, slim: float, height: float) -> dict[str, object]:
     """Return type and half sizes [m] of a flat thing; `slim` is the width of a card over its
     length.
     """

@@ -1,4 +1,4 @@
-"""Rates against each other: physics steps in a period, and those at which rows are exposed."""
+"""Timing of physics, drives and exposures, counted in physics steps of a frame interval."""
 
 from dataclasses import dataclass
 from math import ceil
@@ -16,7 +16,9 @@ SUBFRAMES = 6
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """The rates of physics and drives, fitted to the camera's."""
+    """The physics rate [Hz], and the numbers of physics steps in a frame interval and between two
+    updates of the drives, adapted to the camera's frame rate.
+    """
 
     physics: float
     """Physics steps a second [Hz]."""
@@ -27,7 +29,8 @@ class Rates:
 
     @staticmethod
     def of(physics_rate: float, drive_rate: float, rate: float) -> "Rates":
-        """Return the rates nearest to those asked for [Hz] in which a frame has whole steps.
+        """Return the rates nearest to the desired ones [Hz] with which a frame interval has a whole
+        number of physics steps.
 
         Where the camera's rate does not divide the physics rate, physics gets faster, never slower,
         until a frame is a whole number of updates of the drives.
@@ -41,7 +44,9 @@ class Rates:
         return Rates(steps * rate, steps, steps // updates)
 
     def changed(self, physics_rate: float, drive_rate: float, rate: float) -> dict[str, float]:
-        """Return the rates in use [Hz] that differ from the settings, by setting."""
+        """Return the rates in use [Hz] that differ from the given settings, by the settings'
+        names.
+        """
         drive = max(self.physics / self.drive_steps, rate)  # once a frame at least
         pairs = {
             "world.physics_rate": (self.physics, physics_rate),
@@ -54,7 +59,9 @@ class Rates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Band:
-    """Rows of the picture that share an exposure, each with a weight."""
+    """Rows of the picture that are exposed at the same time: the first row, the weight of this
+    exposure in each row (n, 1, 1), and the physics steps at which it takes sub-frames.
+    """
 
     begin: int
     """The first row."""
@@ -65,12 +72,12 @@ class Band:
 
 
 def exposures(camera: CameraConfig, steps: int) -> tuple[Band, ...]:
-    """Return the bands of rows that share an exposure, from the top; the last exposure ends with
-    the frame interval of `steps` physics steps.
+    """Return the bands of rows that share an exposure, from the picture's top; the last exposure
+    ends with the frame interval, which has `steps` physics steps.
 
     The exposures of a rolling shutter end at equal intervals of time. A row between two of them is
-    their mean, weighted by how near they are: what moves by few pixels meanwhile is then, row by
-    row, where it was at the row's own time.
+    their mean, weighted by how near they are in time: something that moves by few pixels is then,
+    row by row, where it was at the row's own time.
     """
     if camera.readout_ms == 0:
         whole = np.ones((camera.height, 1, 1), np.float32)

@@ -1,4 +1,5 @@
-"""The values that leave the world: camera, pose, frame, truth. No MuJoCo here.
+"""Values that the simulated world gives to trackers and control: camera, pose, frame, truth. This
+file does not use MuJoCo.
 
 Poses compare by their numbers; postures, frames and truths, which hold many arrays, by identity.
 """
@@ -22,7 +23,7 @@ LARGEST_PICTURE = 16_384
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A camera: a pinhole, and the distortion of its lens.
+    """The intrinsics of a camera [px]: a pinhole, and the distortion of its lens.
 
     Pixel coordinates are continuous and start at the image's top left corner: pixel j spans j..j+1,
     so its centre is j + 0.5 and the centre of the image is (width / 2, height / 2).
@@ -49,34 +50,40 @@ class Camera:
 
     @property
     def focal(self) -> float:
-        """Geometric mean of the focal lengths [px]: size in the image over size at depth 1 m; where
-        a lens distorts, on the optical axis.
+        """Geometric mean of the focal lengths [px]: the size in the image over the size [m] of an
+        object at 1 m depth; with a distorting lens, on the optical axis.
         """
         return float(np.sqrt(self.fx * self.fy))
 
     @property
     def is_plain(self) -> bool:
-        """True if shapes parallel to the image are kept: square pixels, no distortion."""
+        """True if the camera keeps the shape of objects parallel to the image: square pixels, no
+        distortion.
+        """
         return self.distortion is None and self.fx == self.fy
 
     def normalise(self, pixels: Array) -> Array:
-        """Return pixels (..., 2) as normalised image coordinates x = X/Z, y = Y/Z (..., 2)."""
+        """Return the undistorted normalised image coordinates x = X/Z, y = Y/Z (..., 2) of pixels
+        (..., 2) [px].
+        """
         bent = (pixels - (self.cx, self.cy)) / (self.fx, self.fy)
         return bent if self.distortion is None else self.distortion.straighten(bent)
 
     def to_pixels(self, normalised: Array) -> Array:
-        """Return normalised image coordinates (..., 2) as pixels (..., 2)."""
+        """Return the pixels (..., 2) [px] of undistorted normalised image coordinates x = X/Z, y =
+        Y/Z (..., 2).
+        """
         bent = normalised if self.distortion is None else self.distortion.bend(normalised)
         return bent * (self.fx, self.fy) + (self.cx, self.cy)
 
     def project(self, points: Array) -> Array:
-        """Return points (..., 3) in the camera frame [m] as pixels (..., 2)."""
+        """Return the pixels (..., 2) [px] of points (..., 3) in the camera frame [m]."""
         return self.to_pixels(points[..., :2] / points[..., 2:])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """A rigid transform T_a_b: takes coordinates in frame b to coordinates in frame a.
+    """A rigid transform T_a_b: it takes coordinates [m] in frame b to coordinates in frame a.
 
     >>> T_world_camera = Pose.planar(1.0, 0.0, 0.0)
     >>> T_world_camera.apply(np.array([0.5, 0.0, 0.0])).tolist()
@@ -97,7 +104,9 @@ class Pose:
 
     @staticmethod
     def planar(x: float, y: float, heading: float) -> Pose:
-        """Return a pose on the table: position [m] and heading [rad] about world z."""
+        """Return the pose T_world_object of an object on the table: position x, y [m] and heading
+        about world z [rad].
+        """
         c = np.cos(heading)
         s = np.sin(heading)
         return Pose(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([x, y, 0.0]))
@@ -124,7 +133,10 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posture:
-    """A robot's own knowledge of its pose and motion at one moment, from its joints."""
+    """A robot's own knowledge at one moment: its camera's pose in the room, joint positions and
+    limits [m or rad], joint rates [m/s or rad/s], and camera twists (6,) in the camera frame [m/s,
+    rad/s].
+    """
 
     T_base_camera: Pose
     """Pose of the camera (x right, y down, z forward) in the frame that the robot is calibrated to:
@@ -154,13 +166,15 @@ class Posture:
 
     @property
     def down(self) -> Array:
-        """The direction straight down (3,), in the camera frame."""
+        """Unit vector (3,) straight down (against the room's z), in the camera frame."""
         return -self.T_base_camera.rotation[2]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """One picture. It never carries the truth."""
+    """One picture of the camera, RGB (H, W, 3), with its time [s] and perhaps depths (H, W) [m]; it
+    holds nothing of the truth.
+    """
 
     image: Image
     """The picture, RGB (H, W, 3), read-only."""
@@ -177,7 +191,9 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """The exact pose and projection of the target at the time of one frame."""
+    """The exact pose of the target at the time of one frame, and the projection of its reference
+    rectangle into the image: centre and corners [px], direction theta [rad] and size [px/m].
+    """
 
     centre: Array
     """Projected centre of the target's reference rectangle (2,) [px]."""
@@ -204,7 +220,9 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """A cone of light from above onto the table."""
+    """A cone of light from above onto the table: its middle (x, y) in the world [m], and its
+    brightness, 0 to 1.
+    """
 
     x: float
     """Its middle on the table along world x [m]."""
@@ -216,7 +234,10 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """All disturbances of the world at one moment."""
+    """The combined effect of all disturbances at one time: factors on image and lamp brightness, a
+    spot light, the board's distance from the line of sight [m], a second target, and a dropped
+    frame.
+    """
 
     gain: float = 1.0
     """Factor on the brightness of the image."""

@@ -1,4 +1,4 @@
-"""The simulated world: pictures, steps, the robot's posture, and the truth."""
+"""The simulated world: it renders pictures, moves robot and target, and knows the truth."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -42,7 +42,9 @@ UNSTABLE = tuple(
 
 @dataclass(frozen=True, slots=True)
 class WorldConfig:
-    """Rates of the simulated physics and drives, and what is measured in each frame."""
+    """Settings of the simulated world: rates of physics and drives [Hz], and whether the visible
+    fraction of the target is measured.
+    """
 
     physics_rate: Annotated[float, Ge(240), Le(100_000)] = 480.0
     """Physics steps a second [Hz]; a few more where the camera's rate does not divide it."""
@@ -55,7 +57,7 @@ class WorldConfig:
 
 @dataclass(frozen=True, slots=True)
 class WorldParts:
-    """The parts that a world is made of."""
+    """The parts that a world is made of: robot, target, motion, disturbances, and settings."""
 
     robot: Design
     target: Target
@@ -69,12 +71,14 @@ class WorldParts:
 
 
 class Unstable(RuntimeError):
-    """The simulated physics diverged; the message names a setting to change."""
+    """Error: the simulated physics diverged; the message names a setting to change."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """The state of the world at the time of one picture: frame, truth and postures."""
+    """The state of the world at the time of one frame: picture, truth, postures, body poses (n, 3,
+    4) in the world, and joint rates (n,) [m/s or rad/s].
+    """
 
     picture: Callable[[], Frame]
     """Function that waits for the picture and returns it."""
@@ -94,7 +98,7 @@ class Moment:
 
 
 class World:
-    """Robot, camera, table and target. Built afresh for each episode; close it."""
+    """The simulated world of one episode: robot, camera, table and target. Close it after use."""
 
     def __init__(
         self,
@@ -175,8 +179,16 @@ class World:
         towards: float = 0.0,
         way: Callable[[], Sequence[Pose]] | None = None,
     ) -> Reach:
-        """Put the camera where it sees the target at a pixel, an angle and a depth, and then around
-        the target's centre by a tilt, or near that; `way` is as for `reach`.
+        """Move the robot so that its camera sees the target at a pixel, an angle and a depth, or as
+        near to that as it can; return how near.
+
+        Args:
+            pixel: Desired projection of the target's centre (2,) [px].
+            theta: Desired direction of the target's nose in the image, from +u towards +v [rad].
+            depth: Desired distance along the optical axis, before the tilt [m].
+            tilt: Angle by which the camera is then moved around the target's centre [rad].
+            towards: Direction in the picture to which it is moved, from +u towards +v [rad].
+            way: Returns the path that follows, as for `reach`.
 
         Raises:
             ValueError: No camera sees the target there.
@@ -190,8 +202,12 @@ class World:
     def start_facing(
         self, T_camera_object: Pose, way: Callable[[], Sequence[Pose]] | None = None
     ) -> Reach:
-        """Put the camera where the target has this pose, or near it; the object's frame is that of
-        `camera_facing`, and `way` as for `reach`.
+        """Move the robot so that the target's reference rectangle has a pose in the camera frame,
+        or as near to that as it can; return how near.
+
+        Args:
+            T_camera_object: Pose of the rectangle's frame, as for `placement.camera_facing`.
+            way: Returns the path that follows, as for `reach`.
 
         Raises:
             ValueError: No camera sees the target there.
@@ -200,11 +216,13 @@ class World:
         return self._go(placement.camera_facing(self.outline, target, T_camera_object), way)
 
     def eye_at_goal(self, time: float, T_camera_object: Pose, *, turns: bool) -> Pose:
-        """Return the desired pose of the camera, as `Robot.eye` has it, at a time.
+        """Return the desired pose of the camera at a time: T_world_camera, or T_target_camera if
+        the robot holds the target.
 
         Args:
-            time: Time of the motion [s].
-            T_camera_object: Desired pose of the target in the camera frame; not used with a leader.
+            time: Time since the start of the run [s].
+            T_camera_object: Desired pose of the target's rectangle in the camera frame; not used
+                with a leader.
             turns: True if the camera turns with the target.
         """
         led = self._stage.goal(time)
@@ -231,15 +249,17 @@ class World:
 
     @property
     def ticks(self) -> Array:
-        """Times after a frame at which the drives take over new joint rates (n,) [s]."""
+        """Times after a frame at which the drives get new joint rates (n,) [s]."""
         steps = self._moments[-1]
         return self.period / steps * np.arange(0.0, steps, self._drive_steps)
 
     def step(self, twists: Array) -> tuple[str, ...]:
-        """Move until the next frame; return the joints whose limits made the camera slower.
+        """Simulate until the time of the next frame; return the joints whose limits made the camera
+        slower, such as "elbow (range)".
 
         Args:
-            twists: A camera twist (6,), or one for each of the `ticks` (n, 6).
+            twists: Commanded camera twist (6,) in the camera frame [m/s, rad/s], or one for each of
+                the `ticks` (n, 6).
         """
         before = self.robot.eye(self.data)
         each = np.broadcast_to(twists, (len(self.ticks), 6))
@@ -274,20 +294,25 @@ class World:
         return self.robot.posture(self.data, self._mean_twist, self._accepted)
 
     def believed(self, posture: Posture) -> Posture:
-        """Return the posture of now as the robot believes it; the same object where it is right."""
+        """Return the posture that the robot believes to have now; `posture`, the exact one, if it
+        makes no errors.
+        """
         if isinstance(self._known, Robot):
             return posture
         return self._known.posture(self.data, self._accepted)
 
     def look(self) -> Frame:
-        """Return the frame at the present time; if the camera drops it, the last picture again."""
+        """Return the frame at the present time; if the camera drops it, the frame holds the last
+        picture.
+        """
         return self.begin()()
 
     def begin(self) -> Callable[[], Frame]:
-        """Begin the picture as of now; the world may move on while it is made.
+        """Begin to render the picture of the present time; the world may move on meanwhile.
 
         Returns:
-            What waits for it; those of several pictures are called in their order.
+            Function that waits for the picture and returns its frame; call those of several
+            pictures in the order in which they were begun.
         """
         time = self.data.time
         index = self._frames
@@ -316,7 +341,7 @@ class World:
             picture,
             self.truth(),
             self.goal(),
-            self.target_before(),
+            self.target_at(self.data.time - self.period),
             posture,
             self.believed(posture),
             self.bodies(),
@@ -324,29 +349,27 @@ class World:
         )
 
     def truth(self) -> Truth:
-        """Return where the target is, and its visible fraction if `visibility` is set."""
+        """Return the exact pose and projection of the target, and its visible fraction if the
+        setting `visibility` asks for it.
+        """
         visible = self.visible() if self._visibility else None
         target = self._stage.target(self.data.time)
         return placement.truth(self.camera, self.outline, self._eye_at, target, visible)
 
     def goal(self) -> Truth | None:
-        """Return the truth of a target at its desired pose relative to the leader; None without a
-        leader.
+        """Return the truth of a target that is at its desired pose relative to the leader; None if
+        there is no leader.
         """
         goal = self._stage.goal(self.data.time)
         if goal is None:
             return None
         return placement.truth(self.camera, self.outline, self._eye_at, goal)
 
-    def target_before(self) -> Pose:
-        """Return T_world_target one frame interval ago, as `target_at` has it."""
-        return self.target_at(self.data.time - self.period)
-
     def target_at(self, time: float) -> Pose:
         """Return T_world_target at a time [s].
 
-        For a target that the robot holds, only the motion of its goal counts: the returned pose has
-        the same error to the present goal as the target has to the goal at that time.
+        If the robot holds the target, only the motion of its goal counts: the returned pose has the
+        same error to the present goal as the target has to the goal at that time.
         """
         target = self._stage.target(time)
         now = self._stage.goal(self.data.time)
@@ -355,11 +378,15 @@ class World:
 
     @property
     def moving(self) -> tuple[str, ...]:
-        """Names of all bodies of the scene but the world itself, in the order of `bodies`."""
+        """Names of all bodies of the scene except the fixed world body, in the order of
+        `bodies`.
+        """
         return tuple(self.model.body(i).name for i in range(1, self.model.nbody))
 
     def bodies(self) -> Array:
-        """Return the poses (n, 3, 4) of the moving bodies in the world, [R | t]."""
+        """Return the poses (n, 3, 4) [R | t] [m] in the world of all bodies of the scene except the
+        fixed world body.
+        """
         rotations = self.data.xmat[1:].reshape(-1, 3, 3)
         return np.concatenate([rotations, self.data.xpos[1:, :, None]], axis=2)
 
@@ -377,7 +404,7 @@ class World:
         return camera_pose(self.data, self._eye)
 
     def visible(self) -> float:
-        """Return the fraction of the target's silhouette that is seen now, 0..1, by two more
+        """Return the visible fraction of the target's silhouette, 0 to 1, found by two more
         renderings.
         """
         model = self.model

@@ -250,8 +250,8 @@ def test_python_is_told_who_reads_a_calibration():
     with pytest.raises(Mistake) as refused:
         Episode(own)
     assert str(refused.value) == (
-        "still: camera.calibration is read where a scenario is loaded: servo.load takes it as "
-        '"camera.calibration=FILE"'
+        "still: camera.calibration is read only where a scenario is loaded: give servo.load the "
+        'setting "camera.calibration=FILE"'
     )
 
 

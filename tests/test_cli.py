@@ -49,7 +49,7 @@ BAD = {
     "a camera that sees too far to the side": (
         ["run", "still", "--set", "camera.fx=10"],
         "still: camera: the border of the picture is more than 85 deg from the optical axis, which "
-        "cannot be rendered; it needs a longer focal length",
+        "cannot be rendered; use a longer focal length",
     ),
     "a region outside the image": (
         ["run", "still", "--set", "start.x=200"],

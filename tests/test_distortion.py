@@ -21,7 +21,11 @@ BARREL = Distortion("plumb_bob", (-0.3, 0.0, 0.0, 0.0, 0.0))
 """Its radius r - 0.3 r^3 is largest at r = 1 / sqrt(0.9)."""
 
 
-REFUSED = ("folds back inside the picture", "is more than 85 deg", "are no distortion of a lens")
+REFUSED = (
+    "folds back inside the picture",
+    "is more than 85 deg",
+    "cannot be inverted in the picture",
+)
 
 
 def camera_model():

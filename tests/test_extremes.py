@@ -76,7 +76,7 @@ REFUSED = (
     "do not fit into a frame",
     "so their goal cannot move",
     "and file go together",
-    "pose and held are of a camera",
+    "pose and held need mounted",
     "the robot holds the target",
     "in the first picture",
     "is the target's own tag",

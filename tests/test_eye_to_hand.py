@@ -268,6 +268,4 @@ def test_a_leader_that_cannot_be_followed(changes, sentence):
 def test_a_pose_is_of_a_camera_in_the_world():
     with pytest.raises(Mistake) as refused:
         load("still", ["camera.pose=[0, 0, 1, 180, 0, 0]"])
-    assert str(refused.value).endswith(
-        'camera: pose and held are of a camera with mounted = "world"'
-    )
+    assert str(refused.value).endswith('camera: pose and held need mounted = "world"')

@@ -14,9 +14,9 @@ from sim.kinematics.model import camera_chain
 from sim.robots import mjcf
 
 
-def body(name, joint="", inside=""):
-    """A body whose joint, if it has one, is a hinge."""
-    moved = f'<joint name="{joint}"/>' if joint else ""
+def body(name, joint="", inside="", kind="hinge"):
+    """A body whose joint, if it has one, is a hinge or a slide."""
+    moved = f'<joint name="{joint}" type="{kind}"/>' if joint else ""
     return f'<body name="{name}" pos="0 0 .1">{moved}<geom size=".01"/>{inside}</body>'
 
 
@@ -58,6 +58,19 @@ FLANGES = {
     ),
     "a tool that turns": (arm(5, body("tool", "j6")), "tool", 6),
     "a jaw on a fixed part": (arm(6, body("stator", "", body("mover", "motor"))), "stator", 6),
+    "a slide beyond six hinges": (arm(6, body("link7", "joint7", kind="slide")), "l0", 6),
+    "a slide beyond five hinges": (arm(5, body("link6", "joint6", kind="slide")), "l0", 5),
+    "a slide beyond a rail and five hinges": (
+        body("rail", "x", arm(5, body("link7", "joint7", kind="slide")), kind="slide"),
+        "l0",
+        6,
+    ),
+    "the quill of a SCARA": (arm(3, body("quill", "z", kind="slide")), "quill", 4),
+    "two slides with neutral names": (
+        arm(5, body("a", "joint6", kind="slide") + body("b", "joint7", kind="slide"), link="wrist"),
+        "wrist",
+        5,
+    ),
     "two fingers, six joints": (arm(6, TWO), "l0", 6),
     "two fingers, four joints": (arm(4, TWO), "l0", 4),
     "two fingers and a frame": (arm(5, body("palm", "", TWO + body("hand_tcp"))), "hand_tcp", 5),
@@ -74,18 +87,24 @@ FLANGES = {
         5,
     ),
 }
-SHOWN_BY_FRAME = ("a jaw beside a tool's frame", "a jaw beside a site")
+SHOWN_OTHERWISE = (
+    "a jaw beside a tool's frame",
+    "a jaw beside a site",
+    "a slide beyond six hinges",
+    "a slide beyond five hinges",
+    "a slide beyond a rail and five hinges",
+)
 
 
 @pytest.mark.parametrize("case", FLANGES)
 def test_the_flange_is_the_hand_or_its_tool(case):
     text, flange, joints = FLANGES[case]
     spec = mujoco.MjSpec.from_string(f"<mujoco><worldbody>{text}</worldbody></mujoco>")
-    model, chain = camera_chain(spec, "", "")
+    _, chain = camera_chain(spec, "", "")
     assert (chain.flange, len(chain.joints)) == (flange, joints)
-    found = {name: count for _, name, count in flanges(model)}
-    # A jaw that only a tool's frame shows may be a link of the arm.
-    assert found[flange] == joints == max(found.values()) - (case in SHOWN_BY_FRAME)
+    found = {name: count for _, name, count in flanges(spec)}
+    # A jaw whose name says nothing may be a link of the arm.
+    assert found[flange] == joints == max(found.values()) - (case in SHOWN_OTHERWISE)
 
 
 LINK = (

@@ -403,7 +403,7 @@ WRONG = {
     (
         "mine.urdf",
         XACRO,
-    ): "it has elements of a namespace; expand xacro files first (xacro IN > OUT)",
+    ): "the file has xacro elements: expand it first (xacro IN > OUT)",
     ("mine.urdf", URDF.format(mesh="gone.stl", extension="")): "Error opening file",
 }
 

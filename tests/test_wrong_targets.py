@@ -38,32 +38,44 @@ NO_PICTURE = (
 )
 WRONG = [
     ("mesh", {"file": "gone.obj"}, "gone.obj: cannot read this mesh: No such file or directory"),
-    ("mesh", {"file": "."}, ".: a mesh is an .obj or an .stl file"),
+    ("mesh", {"file": "."}, ".: this is no mesh file; use .obj or .stl"),
     ("mesh", {"file": "dir.obj"}, "dir.obj: cannot read this mesh: it is a folder"),
     ("mesh", {"file": "duk"}, "file = 'duk': this is not shipped; there is duck (or a path)"),
-    ("mesh", {"file": "a.ply"}, "a.ply: a mesh is an .obj or an .stl file"),
+    ("mesh", {"file": "a.ply"}, "a.ply: this is no mesh file; use .obj or .stl"),
     ("mesh", {"file": "a.obj"}, "a.obj: there is no triangle in this mesh"),
-    ("mesh", {"file": "b.obj"}, "b.obj: this mesh is damaged, or not what its name says"),
+    (
+        "mesh",
+        {"file": "b.obj"},
+        "b.obj: this mesh is damaged, or not of the format that its suffix says",
+    ),
     ("mesh", {"file": "c.obj"}, "c.obj: there is no triangle in this mesh"),
-    ("mesh", {"file": "d.obj"}, "d.obj: this mesh is damaged, or not what its name says"),
-    ("mesh", {"file": "e.obj"}, "e.obj: this mesh is damaged, or not what its name says"),
+    (
+        "mesh",
+        {"file": "d.obj"},
+        "d.obj: this mesh is damaged, or not of the format that its suffix says",
+    ),
+    (
+        "mesh",
+        {"file": "e.obj"},
+        "e.obj: this mesh is damaged, or not of the format that its suffix says",
+    ),
     ("mesh", {"file": "f.obj"}, "f.obj: the vertex nan 1 0 is not finite"),
     pytest.param(  # before version 5, trimesh could not read it
         *("mesh", {"file": "g.obj"}, "g.obj: there is no triangle in this mesh"),
         marks=pytest.mark.newest,
     ),
-    ("mesh", {"file": "h.obj"}, "h.obj: it has no length and no width"),
+    ("mesh", {"file": "h.obj"}, "h.obj: the mesh has no length and no width"),
     ("mesh", {"file": "i.obj"}, "i.obj: mesh surface area is too small: mesh, Element name 'mesh'"),
     (
         "mesh",
         {"file": "j.obj", "texture": "duck"},
-        "j.obj: it does not say where the texture lies on it (vt)",
+        "j.obj: the mesh has no texture coordinates (vt) for the texture",
     ),
     ("mesh", {"file": "l.obj"}, "l.obj: there is no triangle in this mesh"),
     (
         "mesh",
         {"file": "a.stl"},
-        "a.stl: this mesh is damaged, or not what its name says",
+        "a.stl: this mesh is damaged, or not of the format that its suffix says",
     ),
     ("mesh", {"file": "b.stl"}, "b.stl: there is no triangle in this mesh"),
     (
@@ -100,17 +112,17 @@ WRONG = [
     (
         "mjcf",
         {"model": "d.xml"},
-        "d.xml: nothing of it is seen from above the table, whose top is at z = 0",
+        "d.xml: no visible part of the target lies above the table's top, z = 0",
     ),
     (
         "mjcf",
         {"model": "e.xml"},
-        "e.xml: nothing of it is seen from above the table, whose top is at z = 0",
+        "e.xml: no visible part of the target lies above the table's top, z = 0",
     ),
     (
         "mjcf",
         {"model": "f.xml"},
-        "f.xml: nothing of it is seen from above the table, whose top is at z = 0",
+        "f.xml: no visible part of the target lies above the table's top, z = 0",
     ),
     ("mjcf", {"model": "g.xml"}, "g.xml: cannot read this target: "),
 ]

@@ -112,7 +112,7 @@ def examine(given: Mapping[str, object], out: Path | None) -> int:
     except ValueError as error:
         raise Mistake(f"robot: {error}") from None
     print_table(console, _joint_table(model, chain, robot))
-    print_table(console, _flange_table(model, chain))
+    print_table(console, _flange_table(spec, chain))
     table = _toml(config, chain) if proposed or "base" in given else NO_BASE
     text = "\n".join([_reach_text(workspace), *doubts(robot), view, *ranges])
     plain(console, f"{text}\n\n{table}\n")
@@ -282,9 +282,9 @@ def _actuator(model: mujoco.MjModel, joint: int, *, kept: bool) -> str:
     return f"{found}: replaced"
 
 
-def _flange_table(model: mujoco.MjModel, chain: Chain) -> Table:
+def _flange_table(spec: mujoco.MjSpec, chain: Chain) -> Table:
     """Return the table of bodies and sites that may carry the camera."""
-    found = flanges(model)
+    found = flanges(spec)
     rows = [
         [name, f"{what}{' (taken)' * (name == chain.flange)}", str(joints)]
         for what, name, joints in found[:SHOWN]

@@ -1,1 +1,3 @@
-"""The camera: intrinsics, lens and sensor, the renderer, and OpenGL."""
+"""The simulated camera: intrinsics, lens distortion, sensor noise, and renderers (OpenGL or
+software).
+"""

@@ -1,4 +1,6 @@
-"""The camera of the robot: its settings, and the intrinsics that they and the model give."""
+"""Settings of the simulated camera, and its intrinsics, which follow from these settings and the
+robot's model.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
@@ -8,7 +10,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
 from sim.camera.distortion import WIDEST, Distortion, Model
-from sim.ranges import Degrees, File, Interval, Place, Share
+from sim.ranges import Degrees, File, Interval, Place, Share, check
 from sim.types import Array, Camera
 
 FOVY = 45.0
@@ -30,7 +32,10 @@ Principal = Annotated[float, Ge(-10_000), Le(10_000)]
 
 @dataclass(frozen=True, slots=True)
 class CameraConfig:
-    """Settings of the camera: mounting, intrinsics, lens, shutter, noise and depth."""
+    """Settings of the simulated camera: mounting (on the robot or in the room), intrinsics [px],
+    lens distortion, shutter, noise and depth pictures. Poses are x, y, z [m] and roll, pitch, yaw
+    [deg], depths in m; `noise` is in grey levels of 255.
+    """
 
     mounted: Literal["robot", "world"] = "robot"
     """Mounting: in the hand of the "robot" (eye in hand); or in the "world", where the robot holds
@@ -102,38 +107,56 @@ class CameraConfig:
     """Largest depth that is measured [m]; farther points have no depth."""
 
     def __post_init__(self) -> None:
-        if self.mounted == "robot" and (self.pose, self.held) != (STANDS, HELD):
-            raise ValueError('pose and held are of a camera with mounted = "world"')
-        if self.fovy_deg is not None and self.fx is not None:
-            raise ValueError("fovy_deg and fx both give the focal length; leave one of them out")
-        if self.fy is not None and self.fx is None:
-            raise ValueError("fy needs fx, the focal length along u")
-        if self.distortion is None and self.coefficients:
-            raise ValueError("coefficients need a distortion: plumb_bob, rational or fisheye")
-        if self.readout_ms / 1e3 * self.rate + self.exposure > 1 + SAME_PIXEL:
-            raise ValueError(
+        frame = 1e3 / self.rate
+        of_depth = (self.depth_noise, self.depth_holes, self.depth_nearest, self.depth_farthest)
+        check(
+            (
+                self.mounted == "robot" and (self.pose, self.held) != (STANDS, HELD),
+                'pose and held need mounted = "world"',
+            ),
+            (
+                self.fovy_deg is not None and self.fx is not None,
+                "fovy_deg and fx both give the focal length; leave one of them out",
+            ),
+            (
+                self.fy is not None and self.fx is None,
+                "fy needs fx, the focal length along u",
+            ),
+            (
+                self.distortion is None and bool(self.coefficients),
+                "coefficients need a distortion: plumb_bob, rational or fisheye",
+            ),
+            (
+                self.readout_ms / 1e3 * self.rate + self.exposure > 1 + SAME_PIXEL,
                 f"readout_ms = {self.readout_ms:g} and the exposure do not fit into a frame of "
-                f"{1e3 / self.rate:g} ms"
-            )
-        own = (self.depth_noise, self.depth_holes, self.depth_nearest, self.depth_farthest)
-        if not self.depth and own != (0.0, 0, NEAREST, FARTHEST):
-            raise ValueError("depth_noise, depth_holes and the range of depths need depth = true")
-        if self.depth_nearest >= self.depth_farthest:
-            raise ValueError(
+                f"{frame:g} ms",
+            ),
+            (
+                not self.depth and of_depth != (0.0, 0, NEAREST, FARTHEST),
+                "depth_noise, depth_holes and the range of depths need depth = true",
+            ),
+            (
+                self.depth_nearest >= self.depth_farthest,
                 f"depth_nearest = {self.depth_nearest:g} should be below depth_farthest = "
-                f"{self.depth_farthest:g}"
-            )
-        for name, at, size in (("cx", self.cx, self.width), ("cy", self.cy, self.height)):
-            if at is not None and not -size <= at <= 2 * size:
-                raise ValueError(
-                    f"{name} = {at:g} px is far outside of a picture of {size} px; "
-                    f"it should be from {-size} to {2 * size}"
+                f"{self.depth_farthest:g}",
+            ),
+            *(
+                (
+                    not -size <= at <= 2 * size,
+                    f"{name} = {at:g} px is far outside of a picture of {size} px; it should be "
+                    f"from {-size} to {2 * size}",
                 )
+                for name, at, size in (("cx", self.cx, self.width), ("cy", self.cy, self.height))
+                if at is not None
+            ),
+        )
         _ = self.lens
 
     @property
     def lens(self) -> Distortion | None:
-        """The distortion; None without one, or if all its coefficients are zero."""
+        """The lens distortion; None without one, and for a plumb_bob or rational distortion with
+        zeros only.
+        """
         if self.distortion is None:
             return None
         lens = Distortion(self.distortion, self.coefficients)
@@ -141,11 +164,12 @@ class CameraConfig:
 
 
 def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera:
-    """Return the intrinsics of a camera of the model, for an image of this size.
+    """Return the pinhole intrinsics of a MuJoCo model's camera, by its name, for images of width x
+    height [px].
 
-    A camera with a sensor size has focal length and principal point in metres on the sensor, which
-    the image fills; all others have a vertical field of view, square pixels, and the principal
-    point in the middle of the image.
+    A camera with a sensor size has its focal length and principal point in metres on the sensor,
+    which the image fills; all others have a vertical field of view, square pixels, and the
+    principal point in the middle of the image.
 
     Raises:
         ValueError: The camera's projection is not perspective.
@@ -166,7 +190,8 @@ def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera
 
 
 def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
-    """Return the intrinsics of a model's camera, where these settings override the model's.
+    """Return the intrinsics of a MuJoCo model's camera, by its name; values that the settings give
+    replace those of the model.
 
     Raises:
         ValueError: The distortion or the field of view cannot be rendered; or the model's camera is
@@ -174,8 +199,8 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
     """
     if config.calibration is not None:
         raise ValueError(
-            "camera.calibration is read where a scenario is loaded: servo.load takes it as "
-            '"camera.calibration=FILE"'
+            "camera.calibration is read only where a scenario is loaded: give servo.load the "
+            'setting "camera.calibration=FILE"'
         )
     own = pinhole(model, name, config.width, config.height)
     fx = own.fx
@@ -198,7 +223,7 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
 
 
 def border(camera: Camera) -> Array:
-    """Return the points (n, 2) on the border of a camera's image, one a pixel [px]."""
+    """Return points (n, 2) along the four borders of a camera's image, one per pixel [px]."""
     u = np.arange(camera.width + 1.0)
     v = np.arange(camera.height + 1.0)
     sides = [(u, 0 * u), (u, 0 * u + camera.height), (0 * v, v), (0 * v + camera.width, v)]
@@ -225,8 +250,8 @@ def _check(camera: Camera) -> None:
     if not farthest < np.tan(np.radians(WIDEST)):
         raise ValueError(
             "camera: the border of the picture is more than "
-            f"{WIDEST:g} deg from the optical axis, which cannot be rendered; it needs a longer "
+            f"{WIDEST:g} deg from the optical axis, which cannot be rendered; use a longer "
             "focal length"
         )
     if not np.abs(camera.to_pixels(rays) - pixels).max() < SAME_PIXEL:
-        raise ValueError("camera.coefficients: these are no distortion of a lens")
+        raise ValueError("camera.coefficients: the distortion cannot be inverted in the picture")

@@ -1,4 +1,6 @@
-"""Choice of the renderer: OpenGL if the settings name it and the machine has it, else `exact`."""
+"""Choice of the renderer: OpenGL if the settings ask for it and the machine has it, else the
+software renderer `exact`.
+"""
 
 from sim.camera import gl
 from sim.camera.camera import Kind
@@ -6,7 +8,9 @@ from sim.camera.renderer import MakeRenderer, OpenGLRenderer
 
 
 def renderer_of(kind: Kind) -> MakeRenderer:
-    """Return the maker of the renderer that the settings name; without OpenGL, of `exact`."""
+    """Return the class of the renderer that the setting `camera.renderer` names; on a machine
+    without OpenGL, that of the software renderer "exact".
+    """
     if kind == "opengl" and gl.is_there():
         return OpenGLRenderer
     from sim.camera.exact.renderer import ExactRenderer  # loads compiled code

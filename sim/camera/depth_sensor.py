@@ -1,4 +1,4 @@
-"""From exact distances to the depth picture of a sensor: its range, its noise, its holes."""
+"""A simulated depth sensor: range limits, noise and holes are added to exact depth pictures."""
 
 from typing import final
 
@@ -20,7 +20,7 @@ AROUND = np.ones((3, 3), np.uint8)
 
 @final
 class DepthSensor:
-    """Makes depth pictures from exact ones."""
+    """Converts exact depth pictures to those of a sensor with noise, holes and a limited range."""
 
     def __init__(self, config: CameraConfig, rng: np.random.Generator) -> None:
         """Keep the settings; `rng` draws the noise."""
@@ -28,10 +28,11 @@ class DepthSensor:
         self._rng = rng
 
     def develop(self, exact: DepthPicture) -> DepthPicture:
-        """Return the read-only depth picture of exact distances (H, W) [m].
+        """Return the sensor's read-only depth picture (H, W) [m] for exact depths (H, W) [m]; nan
+        where the sensor measures no depth.
 
-        The noise of a distance z is `depth_noise` z^2: that of a triangulation whose disparity has
-        a constant noise (Khoshelham and Elberink 2012, Accuracy and resolution of Kinect depth data
+        The noise of a depth z is `depth_noise` z^2: that of a triangulation whose disparity has a
+        constant noise (Khoshelham and Elberink 2012, Accuracy and resolution of Kinect depth data
         for indoor mapping applications, Sensors 12(2)).
         """
         c = self._config

@@ -23,6 +23,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.ranges import check
+
 Array = NDArray[np.float64]
 Model = Literal["plumb_bob", "rational", "fisheye"]
 COEFFICIENTS: dict[Model, int] = {"plumb_bob": 5, "rational": 8, "fisheye": 4}
@@ -46,7 +48,7 @@ EXACT = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Distortion:
-    """The distortion of a lens.
+    """A distortion model of a lens, and its coefficients.
 
     A polynomial folds back where its radius is largest. Beyond `reach` the model goes on in
     proportion to the radius, so that what is far outside the picture stays outside.
@@ -59,37 +61,45 @@ class Distortion:
 
     def __post_init__(self) -> None:
         wanted = COEFFICIENTS.get(self.model)
-        if wanted is None:
-            raise ValueError(
-                f"there is no distortion '{self.model}'; there is {', '.join(COEFFICIENTS)}"
-            )
-        if not all(map(isfinite, self.coefficients)):
-            raise ValueError(f"the distortion {self.model} needs finite coefficients")
-        if len(self.coefficients) != wanted:
-            raise ValueError(
-                f"the distortion {self.model} has {wanted} coefficients, "
-                f"not {len(self.coefficients)}"
-            )
+        found = len(self.coefficients)
+        check(
+            (
+                wanted is None,
+                f"there is no distortion '{self.model}'; there is {', '.join(COEFFICIENTS)}",
+            ),
+            (
+                not all(map(isfinite, self.coefficients)),
+                f"the distortion {self.model} needs finite coefficients",
+            ),
+            (
+                found != wanted,
+                f"the distortion {self.model} has {wanted} coefficients, not {found}",
+            ),
+        )
 
     @property
     def reach(self) -> float:
-        """Radius sqrt(x^2 + y^2) up to which the model is used."""
+        """Largest radius sqrt(x^2 + y^2) of undistorted normalised coordinates for which the
+        model's formula is used.
+        """
         return float(_radii(self)[0][-1])
 
     @property
     def folds(self) -> bool:
-        """True where the model folds back within the widest angle."""
+        """True if the formula folds back, which maps two rays to one pixel, within 85 deg of the
+        optical axis.
+        """
         return self.reach < np.tan(np.radians(WIDEST))
 
     def bend(self, rays: Array) -> Array:
-        """Return the distorted normalised coordinates (..., 2) of undistorted ones x = X/Z, y =
-        Y/Z.
+        """Return the distorted normalised image coordinates (..., 2) of undistorted ones (..., 2),
+        which are x = X/Z, y = Y/Z in the camera frame.
         """
         return _extended(self, rays)[0]
 
     def straighten(self, bent: Array) -> Array:
-        """Return the undistorted normalised coordinates (..., 2) of distorted ones, by Newton's
-        method.
+        """Return the undistorted normalised image coordinates (..., 2), x = X/Z, y = Y/Z in the
+        camera frame, of distorted ones (..., 2), by Newton's method.
         """
         radii, lengths = _radii(self)
         length = np.hypot(bent[..., 0], bent[..., 1])
@@ -97,16 +107,10 @@ class Distortion:
         rays = bent * (radius / np.maximum(length, TINY**2))[..., None]
         for _ in range(ROUNDS):
             found, slopes = _extended(self, rays)
-            # The step solves [a b; c d] step = e in closed form, for all rays at once.
-            e = bent - found
-            a = slopes[..., 0, 0]
-            b = slopes[..., 0, 1]
-            c = slopes[..., 1, 0]
-            d = slopes[..., 1, 1]
-            step = np.empty_like(rays)
-            step[..., 0] = d * e[..., 0] - b * e[..., 1]
-            step[..., 1] = a * e[..., 1] - c * e[..., 0]
-            step /= (a * d - b * c)[..., None]
+            # The step solves [a b; c d] step = [x y] in closed form, for all rays at once.
+            (a, b), (c, d) = np.moveaxis(slopes, (-2, -1), (0, 1))
+            x, y = np.moveaxis(bent - found, -1, 0)
+            step = np.stack([d * x - b * y, a * y - c * x], axis=-1) / (a * d - b * c)[..., None]
             rays = rays + step
             if np.all(np.abs(step) <= EXACT * (1.0 + np.abs(rays))):
                 break

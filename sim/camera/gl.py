@@ -1,7 +1,8 @@
-"""The OpenGL that renderers share, and a plain sentence where this machine has none.
+"""The OpenGL context that all renderers of a process share, and checks that this machine has
+OpenGL.
 
-MuJoCo's wheel ships no OpenGL. Without one it fails deep inside, with messages that name the wrong
-thing, so this file checks first.
+MuJoCo's wheel ships no OpenGL. Without it MuJoCo fails with messages that name the wrong cause, so
+this file checks first.
 """
 
 import ctypes
@@ -14,7 +15,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from queue import Empty, SimpleQueue
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from sim.stderr import silent_libraries
 
@@ -63,11 +64,12 @@ them for ever, so by default there are none; pictures of 320 x 240 px lose no ti
 
 
 class NoRenderer(RuntimeError):
-    """This machine cannot render off screen; the message says what to install."""
+    """Error: this machine cannot render off screen; the message says what to install."""
 
 
 def backend() -> str:
-    """Return MuJoCo's name of the back end: 'egl' or 'osmesa' on Linux, 'glfw' elsewhere.
+    """Return MuJoCo's name of the OpenGL back end for this machine: 'egl' or 'osmesa' on Linux,
+    'glfw' elsewhere.
 
     Raises:
         NoRenderer: A library is missing, or the user switched rendering off.
@@ -75,7 +77,7 @@ def backend() -> str:
     os.environ.setdefault(MESA_THREADS, "0")  # Mesa reads it when libEGL is first asked
     asked = _asked()
     if asked in OFF:
-        raise NoRenderer(f"Rendering is switched off by {CHOSEN_BY}={asked}: unset it.")
+        raise NoRenderer(f"Rendering is switched off by {CHOSEN_BY}={asked}: unset {CHOSEN_BY}.")
     if sys.platform != "linux":
         return "glfw"
     name = "osmesa" if asked == "osmesa" else "egl"
@@ -91,7 +93,9 @@ def backend() -> str:
 
 @functools.cache
 def is_there() -> bool:
-    """Return whether this machine has OpenGL; print a line on stderr if it has not."""
+    """Return whether this machine has OpenGL; if not, say once on stderr that the renderer "exact"
+    is used.
+    """
     try:
         backend()
         if sys.platform != "linux":  # it is known only when a context is made
@@ -105,27 +109,31 @@ def is_there() -> bool:
 
 
 def check_environment() -> None:
-    """Check the variables that MuJoCo and PyOpenGL read when they are imported.
+    """Check the value of MUJOCO_GL before MuJoCo is imported, and remove PYOPENGL_PLATFORM from the
+    environment.
 
     Raises:
         NoRenderer: MUJOCO_GL names a back end that does not exist, or is not on this machine.
     """
     asked = _asked()
     if asked not in KNOWN:
-        raise NoRenderer(f"{CHOSEN_BY}={asked}: there is no such back end: unset it, or use egl.")
+        raise NoRenderer(
+            f"there is no OpenGL back end {CHOSEN_BY}={asked}: unset {CHOSEN_BY}, or use egl."
+        )
     if asked in LIBRARIES:
         _require(asked)
     os.environ.pop("PYOPENGL_PLATFORM", None)  # MuJoCo sets it to its back end
 
 
 def call(function: Callable[..., Result], *args: object) -> Future[Result]:
-    """Run a function where this process's GL context is current, after all that was asked before.
+    """Run a function where this process's OpenGL context is current, after all earlier calls;
+    return the future of its result.
 
-    All that renders shares one thread, so that pictures are made while their reader works on
-    others, and worlds may be used in any thread.
+    One thread renders for the whole process: pictures are drawn while the caller works on earlier
+    ones, and any thread may ask for them.
 
     Raises:
-        NoRenderer: As for `backend`, or OpenGL makes no context; by the result.
+        NoRenderer: As for `backend`, or OpenGL makes no context; raised by the future's result.
     """
     if sys.platform != "linux":  # GLFW makes contexts in the main thread only
         done: Future[Result] = Future()
@@ -135,17 +143,20 @@ def call(function: Callable[..., Result], *args: object) -> Future[Result]:
 
 
 def call_later(function: Callable[..., object], *args: object) -> None:
-    """Run a function where this process's GL context is current, before the next call.
+    """Queue a function that is to run where this process's OpenGL context is current, before the
+    next `call`; return at once.
 
-    It neither waits nor takes a lock: the garbage collector closes a run that nobody holds any
-    more, in any thread, and also while that thread asks for a picture.
+    It takes no lock: the garbage collector may close an abandoned run in any thread, even while
+    that thread asks for a picture.
     """
     returned = RETURNED.setdefault(os.getpid(), SimpleQueue())
     returned.put(functools.partial(function, *args))
 
 
 def rendering() -> ThreadPoolExecutor:
-    """Return the thread of this process that makes pictures; a fork waits until it is idle."""
+    """Return the executor whose single thread renders for this process; a fork waits until it is
+    idle.
+    """
     return RENDERING.setdefault(os.getpid(), ThreadPoolExecutor(1, "rendering"))
 
 
@@ -154,8 +165,7 @@ def _with_context(function: Callable[..., Result], *args: object) -> Result:
     depends on MUJOCO_GL at the time mujoco was imported.
     """
     if not hasattr(KEPT, "context"):
-        KEPT.context = _new_context(backend())
-        KEPT.context.make_current()
+        _make_context(backend())
     returned = RETURNED.setdefault(os.getpid(), SimpleQueue())
     with suppress(Empty):
         while True:
@@ -163,18 +173,19 @@ def _with_context(function: Callable[..., Result], *args: object) -> Result:
     return function(*args)
 
 
-def _new_context(name: str) -> Any:
+def _make_context(name: str) -> None:
     try:
-        context: Any = importlib.import_module(f"mujoco.{name}").GLContext(NO_WINDOW, NO_WINDOW)
+        context = importlib.import_module(f"mujoco.{name}").GLContext(NO_WINDOW, NO_WINDOW)
         if name == "glfw" and not context._context:
             raise RuntimeError("GLFW made no window")  # MuJoCo goes on without one
     except Exception as error:
         raise NoRenderer(f"{NO_CONTEXT} ({error}).") from error
-    return context
+    context.make_current()
+    KEPT.context = context
 
 
 def describe() -> str:
-    """Return the name that the OpenGL driver gives itself, and its version."""
+    """Return the name and version of the OpenGL driver, as the driver reports them."""
     return call(_names).result()
 
 
@@ -188,14 +199,14 @@ def has_gpu() -> bool:
 
 
 def _names() -> str:
-    opengl: Any = importlib.import_module("OpenGL.GL")
+    opengl = importlib.import_module("OpenGL.GL")
     names = (opengl.GL_RENDERER, opengl.GL_VERSION)
     return ", ".join(opengl.glGetString(name).decode() for name in names)
 
 
 def finish() -> None:
-    """Wait until all that was drawn is there. Python's other threads run meanwhile, which they do
-    not while MuJoCo reads pixels.
+    """Wait until OpenGL has drawn everything; other Python threads run meanwhile, which they cannot
+    while MuJoCo reads pixels.
     """
     if sys.platform == "linux":
         _opengl().glFinish()
@@ -241,7 +252,7 @@ def _has_device() -> bool:
     does not bring.
     """
     try:
-        egl: Any = importlib.import_module("mujoco.egl")
+        egl = importlib.import_module("mujoco.egl")
         return bool(egl.create_initialized_egl_device_display())
     except Exception:  # of PyOpenGL, where the library has no such functions
         return False

@@ -1,8 +1,10 @@
-"""From rendered pinhole pictures to the frame: the lens, then averaging, brightness and noise."""
+"""The camera's lens and sensor: they turn rendered pinhole pictures into frames with distortion,
+motion blur, brightness changes and noise.
+"""
 
 from collections.abc import Sequence
 from math import exp
-from typing import Any, final
+from typing import final
 
 import cv2
 import numpy as np
@@ -35,39 +37,47 @@ class Lens:
     def __init__(self, camera: Camera) -> None:
         self.view = camera if camera.distortion is None else _view(camera)
         """The pinhole camera whose pictures are bent: it covers all that the camera sees."""
-        self._maps: tuple[Any, Any] | None = None
+        self._maps: NDArray[np.float32] | None = None
+        """For each pixel of the camera its u and v in the pinhole picture (2, H, W) [px]."""
         if camera.distortion is not None:
             v, u = np.mgrid[: camera.height, : camera.width] + 0.5
             rays = camera.normalise(np.stack([u, v], axis=-1))
             # OpenCV's coordinates start at the middle of a pixel.
-            # Floats on four channels: three times as fast as integers on three.
-            self._maps = (self.view.to_pixels(rays) - 0.5).astype(np.float32), None
+            places = self.view.to_pixels(rays) - 0.5
+            self._maps = np.ascontiguousarray(np.moveaxis(places, -1, 0), np.float32)
 
-    def bend(self, picture: NDArray[Any], rows: slice = ALL) -> NDArray[Any]:
-        """Return the camera's picture (H, W, 3) from the pinhole picture of `view`, or some rows of
-        it.
+    def bend(self, picture: np.ndarray, rows: slice = ALL) -> np.ndarray:
+        """Return the camera's distorted picture (H, W, 3) of a rendered pinhole picture; `rows`
+        selects some of its rows.
         """
         if self._maps is None:
             return picture if rows is ALL else picture[rows]
+        # Four channels are three times as fast as three.
         four = cv2.cvtColor(picture, cv2.COLOR_RGB2RGBA)
-        (u, v) = self._maps
-        bent = cv2.remap(four, u[rows], v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        u, v = self._maps[:, rows]
+        bent = cv2.remap(four, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return cv2.cvtColor(bent, cv2.COLOR_RGBA2RGB)
 
     def nearest(self, depth: DepthPicture) -> DepthPicture:
-        """Return the camera's depth picture (H, W) [m] from that of the pinhole `view`: each depth
-        is one that was rendered, because a mean of two across an edge would be a distance at which
-        nothing is.
+        """Return the camera's distorted depth picture (H, W) [m] of a rendered pinhole depth
+        picture [m], by the nearest neighbour: a mean of depths across an edge would be the distance
+        of nothing.
         """
         if self._maps is None:
             return depth
-        return np.asarray(cv2.remap(depth, *self._maps, cv2.INTER_NEAREST), np.float32)
+        return np.asarray(
+            cv2.remap(depth, self._maps[0], self._maps[1], cv2.INTER_NEAREST), np.float32
+        )
 
     def count(self, mask: NDArray[np.bool_]) -> int:
-        """Count the pixels of the camera's picture in which a mask of `view` is set."""
+        """Return the number of pixels in the camera's distorted picture at which a mask (rows,
+        columns) of the rendered pinhole picture is set.
+        """
         if self._maps is None:
             return int(mask.sum())
-        return int(cv2.remap(mask.astype(np.uint8), *self._maps, cv2.INTER_NEAREST).sum())
+        return int(
+            cv2.remap(mask.astype(np.uint8), self._maps[0], self._maps[1], cv2.INTER_NEAREST).sum()
+        )
 
 
 def _view(camera: Camera) -> Camera:
@@ -83,7 +93,9 @@ def _view(camera: Camera) -> Camera:
 
 
 class Sensor:
-    """Makes the frame from pictures of the lens's view."""
+    """Makes camera frames from rendered pinhole pictures: exposure, lens distortion, gain and
+    noise.
+    """
 
     def __init__(
         self,
@@ -111,10 +123,11 @@ class Sensor:
             self._noise = rng.normal(0.0, config.noise, tile).astype(np.float32)
 
     def develop(self, pictures: list[Image], gain: float) -> Image:
-        """Return the read-only frame (H, W, 3) from the pictures of one frame interval, in order;
-        the first interval has one picture only.
+        """Return the read-only frame (H, W, 3) from the pictures rendered in one frame interval, in
+        order of time; `gain` is a factor on their brightness.
 
-        The lens bends their mean, once a frame, as it would bend each of them.
+        The first interval of a run has one picture only. The lens distorts the mean of the
+        pictures, which is the same as to distort each of them.
         """
         fixed = gain == 1.0 and self._noise is None and self._share is None
         if len(pictures) == 1 and fixed:
@@ -132,8 +145,10 @@ class Sensor:
         image.setflags(write=False)
         return image
 
-    def _exposed(self, pictures: list[Image]) -> NDArray[Any]:
-        """Return the light (H, W, 3), each row from the pictures in its own exposure."""
+    def _exposed(self, pictures: list[Image]) -> np.ndarray:
+        """Return the light (H, W, 3) of a frame: each row is the mean of the pictures in its own
+        exposure.
+        """
         if len(pictures) == 1 or len(self._bands) <= 1:
             return self._lens.bend(_mean(pictures))
         light = np.zeros((*self._size, 3), np.float32)

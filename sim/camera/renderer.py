@@ -1,13 +1,13 @@
-"""Rendering: off-screen pinhole pictures of the scene, and where geoms are in them.
+"""Rendering of pinhole pictures of the scene, off screen, and masks of the pixels that show some
+geoms.
 
 Here MuJoCo's camera frame (x right, y up, looking along -z) becomes the vision frame (x right, y
 down, z forward), and nowhere else.
 """
 
 import os
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from concurrent.futures import Future
-from contextlib import contextmanager
 from threading import Event
 from typing import Protocol, TypeVar
 
@@ -31,14 +31,14 @@ picture, the sky is drawn."""
 NEAREST = 0.05
 """A table nearer than this [m] may be cut away in front of the picture: the room's near plane is at
 0.02 m."""
-IDLE = "idle"
-"""Place of the GL buffers that no renderer uses, in the thread that renders."""
 PIXEL = 1e-5
 """Size of a pixel on the sensor of a camera that is not centred [m]; any would do."""
 
 
 def camera_pose(data: mujoco.MjData, camera: int) -> Pose:
-    """T_world_camera in the vision frame, as of the last kinematics."""
+    """Return T_world_camera (x right, y down, z forward) of a camera, by its id, as of the last
+    kinematics of `data`.
+    """
     return Pose(
         data.cam_xmat[camera].reshape(3, 3) @ VISION_FROM_MUJOCO, data.cam_xpos[camera].copy()
     )
@@ -57,12 +57,12 @@ DepthPromise = Callable[[], DepthPicture]
 
 
 class Renderer(Protocol):
-    """Takes pinhole pictures of a scene; `World` takes any class that has these methods, and calls
-    `begin_depth` only where the camera has depth pictures.
+    """Renders pinhole pictures of a scene; `World` takes any class that has these methods, and
+    calls `begin_depth` only where the camera has depth pictures.
     """
 
     def begin(self, data: mujoco.MjData) -> Promise:
-        """Begin a picture of the scene as it is, which may change afterwards.
+        """Begin a picture of the scene in `data`, which may change afterwards.
 
         Returns:
             Function that waits for the picture and returns it, a new RGB array (H, W, 3).
@@ -70,17 +70,17 @@ class Renderer(Protocol):
         ...
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        """Return a mask (rows, columns) of the pixels that show one of the geoms.
+        """Return a mask (H, W), true where the picture shows one of the given geoms.
 
         Args:
             data: The scene as it is.
-            geoms: A mask over geom ids.
+            geoms: Mask over the ids of all geoms (ngeom,).
             alone: Draw these geoms only.
         """
         ...
 
     def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
-        """Begin a depth picture of the scene as it is.
+        """Begin a depth picture of the scene in `data`, which may change afterwards.
 
         Returns:
             Function that waits for the distances along the optical axis (H, W) [m] and returns
@@ -101,7 +101,7 @@ T = TypeVar("T")
 
 
 class OpenGLRenderer:
-    """MuJoCo's own renderer, into memory. Holds GL buffers: close it."""
+    """MuJoCo's OpenGL renderer, off screen. It holds OpenGL buffers until it is closed."""
 
     def __init__(self, model: mujoco.MjModel, camera: str, view: Camera) -> None:
         if pinhole(model, camera, view.width, view.height) != view:
@@ -112,10 +112,9 @@ class OpenGLRenderer:
         self._process = os.getpid()
         self._model = model
         self._scene = mujoco.MjvScene(model, maxgeom=2 * model.ngeom + 100)
-        self._whole = np.empty(mujoco.mj_sizeModel(model), np.uint8)
-        mujoco.mj_saveModel(model, None, self._whole)
+        fonts = mujoco.mjtFontScale.mjFONTSCALE_100.value
         try:
-            self._context = gl.call(_buffers, model, self._whole).result()
+            self._context = gl.call(mujoco.MjrContext, model, fonts).result()
         except mujoco.FatalError as error:
             raise gl.NoRenderer(
                 f"MuJoCo cannot render with the OpenGL of this machine ({gl.describe()}): {error}."
@@ -130,9 +129,8 @@ class OpenGLRenderer:
 
     def close(self) -> None:
         if os.getpid() == self._process:  # elsewhere other buffers have these numbers
-            self._process = 0  # they are given back once
-            gl.call_later(_give_back, self._whole, self._context)
-            self._whole = np.empty(0, np.uint8)  # megabytes that a dead run need not hold
+            self._process = 0  # they are freed once
+            gl.call_later(self._context.free)
 
     def begin(self, data: mujoco.MjData) -> Promise:
         hidden = self._backdrop.is_hidden(data, self._camera.fixedcamid)
@@ -150,8 +148,7 @@ class OpenGLRenderer:
         if alone:
             self._model.geom_group[geoms & shown[group].astype(bool)] = ALONE
             self._option.geomgroup[:] = np.arange(len(shown)) == ALONE
-        with self._segmented():
-            picture = self._draw(data, self._colours).result()
+        picture = self._draw(data, self._colours, segmented=True).result()
         self._model.geom_group[:] = group
         self._option.geomgroup[:] = shown
         wanted = np.zeros(self._scene.ngeom + 1, bool)
@@ -161,23 +158,20 @@ class OpenGLRenderer:
         return wanted[picture.astype(np.int64) @ (1, 1 << 8, 1 << 16)]
 
     def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
-        with self._segmented():
-            return self._draw(data, self._depths).result
+        return self._draw(data, self._depths, segmented=True).result
 
-    @contextmanager
-    def _segmented(self) -> Generator[None]:
-        """Draw geoms in colours of their own: without the sky, shadows and anti-aliasing."""
-        flags = self._scene.flags
-        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
-        try:
-            yield
-        finally:
-            flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
+    def _draw(
+        self, data: mujoco.MjData, read: Callable[[], T], *, segmented: bool = False
+    ) -> Future[T]:
+        """Begin a picture of the scene as it is; it is drawn when this returns, but not read.
 
-    def _draw(self, data: mujoco.MjData, read: Callable[[], T]) -> Future[T]:
-        """Begin a picture of the scene as it is; it is drawn when this returns, but not read."""
+        A segmented picture shows each geom in a colour of its own, without sky, shadows and
+        anti-aliasing.
+        """
         if os.getpid() != self._process:
             raise gl.NoRenderer(ELSEWHERE)
+        for flag in (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR):
+            self._scene.flags[flag] = segmented
         every = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(
             self._model, data, self._option, None, self._camera, every, self._scene
@@ -204,7 +198,9 @@ class OpenGLRenderer:
         return cv2.flip(self._upside_down, 0)  # type: ignore[return-value]
 
     def _depths(self) -> DepthPicture:
-        """Return the depths of the buffer: 1 is the near plane, 0 the far one and behind it."""
+        """Return the depths (H, W) [m] of OpenGL's buffer, in which 1 is the near plane, and 0 the
+        far plane and all behind it.
+        """
         upside_down = np.empty(self._upside_down.shape[:2], np.float32)
         # As OpenGL has it here: MuJoCo's other order would cost the digits of what is far.
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
@@ -216,26 +212,10 @@ class OpenGLRenderer:
         return np.where(buffer > 0, depth, np.inf).astype(np.float32)
 
 
-def _buffers(model: mujoco.MjModel, whole: NDArray[np.uint8]) -> mujoco.MjrContext:
-    """Return the GL buffers of a model: the kept ones if they hold the same model, else new ones.
-    Making them takes 4 ms, and the runs of a study have one model.
-    """
-    before, context = gl.KEPT.__dict__.pop(IDLE, (None, None))
-    if context is not None:
-        if np.array_equal(before, whole):
-            return context
-        context.free()
-    return mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
-
-
-def _give_back(whole: NDArray[np.uint8], context: mujoco.MjrContext) -> None:
-    """Keep the GL buffers of a model, given as MuJoCo writes it, for the next renderer."""
-    if gl.KEPT.__dict__.setdefault(IDLE, (whole, context))[1] is not context:
-        context.free()
-
-
 class Supersampled:
-    """A renderer whose pixels are means of smaller ones, which another renderer makes."""
+    """A renderer that has another one render larger pictures, and averages blocks of their
+    pixels.
+    """
 
     def __init__(
         self, make: MakeRenderer, times: int, model: mujoco.MjModel, camera: str, view: Camera
@@ -293,8 +273,8 @@ class Unseen:
 
 
 class Backdrop:
-    """Test whether a scene's table fills the picture: sky and floor behind it need not be drawn, a
-    third of a picture's time.
+    """Finds out whether the table fills the picture: sky and floor then need not be drawn, which
+    saves a third of the time.
     """
 
     def __init__(self, model: mujoco.MjModel, view: Camera) -> None:
@@ -310,8 +290,8 @@ class Backdrop:
         """The picture's corners (3, 4) in MuJoCo's camera frame, at distance 1."""
 
     def is_hidden(self, data: mujoco.MjData, camera: int) -> bool:
-        """Return whether the table fills the picture: the lines of sight through its four corners,
-        and so all others, end on it.
+        """Return whether the table hides sky and floor from a camera (by id): it does if the lines
+        of sight through the picture's four corners all end on the table.
         """
         eye = data.cam_xpos[camera]
         rays = data.cam_xmat[camera].reshape(3, 3) @ self._corners

@@ -1,5 +1,5 @@
-"""Disturbances of the world, one a file: `Config.build(rng)` gives an object with `at(time) ->
-Effect`, and `props`: the models that it needs in the scene.
+"""Disturbances of a run (light, occlusion, dropped frames), one per file: `Config.build(rng)` gives
+an object with `at(time) -> Effect`, and `props`: the models that it needs in the scene.
 """
 
 from __future__ import annotations

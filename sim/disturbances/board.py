@@ -19,7 +19,9 @@ numbers, chosen by hand, the target is hidden within six pictures."""
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the board: times and final position."""
+    """Settings of a board that hides the target: its times [s] and how far beside the line of sight
+    it stops [m].
+    """
 
     props = ()
     start: Time = 4.0

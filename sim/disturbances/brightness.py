@@ -13,7 +13,7 @@ from sim.types import Effect
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the change of brightness: times and factor."""
+    """Settings of the change of brightness: its times [s] and the factor."""
 
     props = ()
     start: Time = 3.0

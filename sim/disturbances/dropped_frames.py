@@ -1,4 +1,4 @@
-"""The camera drops frames at random times, which do not depend on its rate."""
+"""The camera drops frames at random times, which are the same for every frame rate."""
 
 from dataclasses import dataclass
 from math import floor
@@ -17,30 +17,31 @@ START = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the dropped frames: their share."""
+    """Settings of the dropped frames: the share of the time in which frames are dropped, 0 to 1."""
 
     share: Share = 0.2
     """Share of the time in which frames are dropped."""
 
     def build(self, rng: np.random.Generator) -> "DroppedFrames":
-        """Return the disturbance, seeded by the generator."""
+        """Return the disturbance; its times are drawn with a seed from the generator."""
         return DroppedFrames(self.share, int(rng.integers(2**31)))
 
 
 @final
+@dataclass(frozen=True, slots=True)
 class DroppedFrames:
     """Drops all frames within randomly chosen time slots of 0.03 s; each slot is chosen
     independently of all others.
     """
 
+    share: float
+    """Share of the slots in which frames are dropped."""
+    seed: int
+    """Seed of the draws, one for each slot."""
     props: tuple[str, ...] = ()
-
-    def __init__(self, share: float, seed: int) -> None:
-        self._share = share
-        self._seed = seed
 
     def at(self, time: float) -> Effect:
         if time < START:
             return Effect()
         slot = floor(time / LENGTH)
-        return Effect(dropped=np.random.default_rng([self._seed, slot]).random() < self._share)
+        return Effect(dropped=np.random.default_rng([self.seed, slot]).random() < self.share)

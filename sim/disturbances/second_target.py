@@ -1,4 +1,4 @@
-"""A second target, the first one's twin, drives straight across the table."""
+"""A second target, a copy of the first, drives straight across the table."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ SPEED = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the second target: time, duration and start position."""
+    """Settings of the second target: times [s] and start x, y [m]."""
 
     props = ("second_target",)
     start: Time = 3.0

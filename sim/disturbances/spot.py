@@ -16,7 +16,7 @@ is lost."""
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the spot light: times and position."""
+    """Settings of the spot light: times [s] and its position on the table's x axis [m]."""
 
     props = ("spot",)
     start: Time = 3.0

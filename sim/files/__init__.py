@@ -1,1 +1,3 @@
-"""Reading of files that a user names: only regular files, up to a limit of size."""
+"""Files that a user names: reading them, and finding shipped models, ROS packages and files that
+others refer to.
+"""

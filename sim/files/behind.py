@@ -1,9 +1,9 @@
-"""Files that a file refers to, directly or through other files.
+"""All files that a file refers to, directly or through other files.
 
 MJCF and URDF name meshes, pictures and other models; OBJ names materials, and these name pictures;
-ONNX names files with weights. A name is looked for in more folders than a reader would look in: a
-file too many does no harm, and without a file that belongs to it, old results would be taken for
-new ones.
+ONNX names files with weights. Names are looked for in more folders than a program that reads the
+file would search: an extra file does no harm, but if one were missed, results computed before it
+changed would be taken for new ones.
 """
 
 import functools
@@ -31,7 +31,8 @@ and 2 of the message, both of bytes. It is found in any graph, at any depth."""
 
 
 def files_behind(path: Path) -> set[Path]:
-    """Return a file and all existing files that it refers to, directly or through others.
+    """Return the paths of a file and of all existing files that it refers to, directly or through
+    others.
 
     Raises:
         OSError: A file cannot be read.

@@ -1,4 +1,4 @@
-"""Conversion of pictures of 16 bits to 8: many cameras use only 10, 12 or 14 of the 16 bits."""
+"""Conversion of 16-bit pictures to 8 bits: many cameras use only 10, 12 or 14 of the 16 bits."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,10 @@ WHITE = 255
 
 
 class BitDepth:
-    """The number of bits in use in the pictures of one source.
+    """The number of bits that the 16-bit pictures of one source, such as a camera, use.
 
-    It is the smallest of `USED` that holds the largest value of the first picture of 16 bits that
-    is not black, and the same for all later pictures, so that a brightness keeps its value.
+    It is the smallest of `USED` that holds the largest value of the first picture that is not
+    black, and the same for all later pictures, so that a brightness keeps its value.
     """
 
     used: int | None = None
@@ -24,7 +24,9 @@ class BitDepth:
     """A sentence for the user if fewer than 16 bits are used."""
 
     def uses_all(self, deep: NDArray[np.uint16]) -> bool:
-        """Return whether the source of a picture (H, W, ...), uint16, uses all 16 bits."""
+        """Return whether the source of a uint16 picture (H, W, ...) uses all 16 bits; the first
+        picture that is not black decides.
+        """
         largest = int(deep.max(initial=0))
         if self.used is None and largest > 0:
             self.used = next(bits for bits in USED if largest < 1 << bits)
@@ -36,7 +38,9 @@ class BitDepth:
         return self.used == DEEP
 
     def reduced(self, deep: NDArray[np.uint16]) -> Image:
-        """Return the highest 8 of the bits in use of a picture (H, W, ...), uint16, as uint8."""
+        """Return a uint16 picture (H, W, ...) as uint8: the highest 8 of the bits that its source
+        uses.
+        """
         self.uses_all(deep)
         shift = (self.used or DEEP) - 8
         return np.minimum(deep >> shift, WHITE).astype(np.uint8)

@@ -10,5 +10,5 @@ class Notice(UserWarning):
 
 @functools.cache  # a part is built several times, but warns once
 def notice(sentence: str, kind: type[Notice] = Notice) -> None:
-    """Warn with a sentence, once in a process."""
+    """Warn the user with a sentence, once in a process."""
     warnings.warn(sentence, kind, stacklevel=3)

@@ -1,4 +1,4 @@
-"""Folders of ROS packages, found by name around a model that refers to files in them."""
+"""Search for the folders of ROS packages, by name, around a model that refers to files in them."""
 
 import os
 import re
@@ -18,7 +18,9 @@ MOST = 1000
 
 
 def parted(name: str) -> tuple[str, str]:
-    """Return the ROS package in the name of a file, "" without one, and the path in it."""
+    """Split a file name such as "package://arm/link.stl" into the name of its ROS package and the
+    path inside the package; the package is "" for a plain path.
+    """
     plain = FILE.sub("", unquote(name).replace("\\", "/"))
     found = IN_PACKAGE.match(plain)
     return (found[1], found[2]) if found else ("", plain)
@@ -30,12 +32,16 @@ def is_file(path: Path) -> bool:
 
 
 def folders_above(model: Path) -> list[Path]:
-    """Return the folders above a file, the nearest first, then those above the target of a link."""
+    """Return the folders above a file, the nearest first; for a link, also those above its
+    target.
+    """
     return list(dict.fromkeys((*model.absolute().parents, *model.resolve().parents)))
 
 
 def package_folder(model: Path, package: str, inside: str) -> Path | None:
-    """Return the folder of a ROS package around a model that has a file `inside`; else None."""
+    """Return the folder of a ROS package near a model file; the package has to contain the file
+    `inside`. Return None if there is no such folder.
+    """
     having = (folder for folder in _around(model, package) if is_file(folder / inside))
     own = next((folder for folder in having if _name_of(folder) == package), None)
     # Else one of this name whose package.xml has another.

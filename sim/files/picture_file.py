@@ -34,7 +34,8 @@ def read_image(file: Path, depth: BitDepth | None = None) -> Image:
 
 
 def decoded(data: bytes, depth: BitDepth | None = None) -> Image:
-    """Return the picture in a file's content, as `read_image` does.
+    """Return the picture in the bytes of a picture file as RGB (H, W, 3), read-only; see
+    `read_image`.
 
     Raises:
         ValueError: It cannot be decoded, or is too large.
@@ -67,7 +68,8 @@ def _read(data: bytes, flags: int) -> np.ndarray:
 
 
 def check_size(width: int, height: int, what: str = "the picture") -> None:
-    """Refuse a picture by its sides [px]; `what` names it in the message.
+    """Check that the sides of a picture [px] are positive and within the limit; `what` names the
+    picture in the message.
 
     Raises:
         ValueError: A side is too long, or not positive.
@@ -79,7 +81,7 @@ def check_size(width: int, height: int, what: str = "the picture") -> None:
 
 
 def rgb(image: np.ndarray) -> Image:
-    """Return a picture in OpenCV's convention (grey, BGR or BGRA) as RGB (H, W, 3), read-only."""
+    """Return an OpenCV picture (grey, BGR or BGRA) as RGB (H, W, 3), read-only."""
     channels = 1 if image.ndim == 2 else image.shape[2]
     code = {1: cv2.COLOR_GRAY2RGB, 4: cv2.COLOR_BGRA2RGB}.get(channels, cv2.COLOR_BGR2RGB)
     turned = cv2.cvtColor(image, code).astype(np.uint8, copy=False)

@@ -16,7 +16,7 @@ KINDS = {
 
 
 def opened(path: Path, what: str) -> BinaryIO:
-    """Open a regular file for reading; a pipe or a device is refused before it is opened.
+    """Open a regular file to read its bytes; a pipe or a device is refused before it is opened.
 
     Args:
         path: Its path; links are followed.
@@ -59,7 +59,8 @@ def content(path: Path, what: str, most: int) -> bytes:
 
 
 def text(path: Path, what: str, most: int) -> str:
-    """Return the UTF-8 text of a regular file, without a byte order mark; arguments as `content`.
+    """Return the text of a regular UTF-8 file, without a byte order mark; the arguments are those
+    of `content`.
 
     Raises:
         ValueError: As for `content`, or it is not UTF-8 text.
@@ -71,7 +72,8 @@ def text(path: Path, what: str, most: int) -> str:
 
 
 def names(folder: Path) -> list[Path]:
-    """Return the paths in a folder sorted by name, numbers in names by value.
+    """Return the paths in a folder sorted by name; numbers in names count by their value, 9.png
+    before 10.png.
 
     Raises:
         ValueError: There is no such folder, or it cannot be read.

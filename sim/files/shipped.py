@@ -17,10 +17,11 @@ class SameName(Notice):
 
 
 def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
-    """Return the file that a setting names: a shipped one by its bare name, else a path.
+    """Return the path of the file that a setting names: a shipped file by its bare name, else the
+    name as a path.
 
-    A path with a slash is never a shipped file. The full name of a shipped file stands for it
-    unless the user has a file of this name.
+    A name with a slash is always a path. The full name of a shipped file, such as "duck.obj",
+    selects it unless the working directory has a file of this name.
 
     Args:
         name: Such as "duck", "duck.obj" or "mine/duck.obj".
@@ -47,7 +48,7 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
 
 
 def warn_of_shipped(name: str) -> None:
-    """Warn that the user's file is used if a shipped model, mesh or picture has its name."""
+    """Warn that the user's own file is used, if a shipped model, mesh or picture has its name."""
     if "/" not in name and any(
         (resources.files("scenes") / folder / name).is_file() for folder in FOLDERS
     ):
@@ -55,7 +56,13 @@ def warn_of_shipped(name: str) -> None:
 
 
 def warn_of_own(name: str, file: str, what: str) -> None:
-    """Warn that a bare name stands for something shipped if the user has a file of its name."""
+    """Warn that a bare name selects something shipped, if the user has a file of the same name.
+
+    Args:
+        name: The bare name, such as "duck".
+        file: File name that the user may have, such as "duck.obj".
+        what: Name of the setting, for the message.
+    """
     if is_file(Path(file)):
         notice(
             f"{what} = {name!r} is the shipped one, not your {file}: write {file} for that",

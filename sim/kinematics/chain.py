@@ -1,5 +1,6 @@
 """The chain of joints from a robot's base to its flange, found in a model of any shape."""
 
+import itertools
 import re
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -12,6 +13,8 @@ from sim.types import Pose
 
 ALL_WAYS = 6
 """Joints that a camera needs to be moved and turned in all directions."""
+HINGES = 5
+"""A slide at the end of a chain with at least so many hinges moves a jaw: no arm is built so."""
 GRIPS = re.compile("grip|jaw|finger|thumb|claw|knuckle|pinch|clamp", re.IGNORECASE)
 TURNS = re.compile("roll|pitch|yaw|rot|turn|twist|wrist|flex|pan|tilt", re.IGNORECASE)
 """Words in names of joints: of a jaw, and of an arm, as in `gripper_roll`."""
@@ -32,15 +35,15 @@ class Chain:
     flange: str
     """Name of the body or site."""
     body: int
-    """The body that the flange is, or is part of."""
+    """The body that the flange is, or is part of, by its id in the compiled model."""
     pose: Pose
     """T_body_flange."""
     joints: tuple[int, ...]
-    """Joints from the base to the flange, by their numbers in the compiled model."""
+    """Joints from the base to the flange, by their ids in the compiled model."""
 
 
 def name_all(spec: mujoco.MjSpec) -> None:
-    """Name all unnamed bodies and joints, such as joint_3: messages and files need names."""
+    """Give each unnamed body and joint of a model a name such as joint_3, for messages."""
     for what, items in (("body", spec.bodies), ("joint", spec.joints)):
         taken = {item.name for item in items}
         free = (name for i in range(2 * len(items)) if (name := f"{what}_{i}") not in taken)
@@ -48,174 +51,161 @@ def name_all(spec: mujoco.MjSpec) -> None:
             item.name = item.name or next(free)
 
 
-def chain_to(model: mujoco.MjModel, name: str) -> Chain:
-    """Return the chain to a body or site; where the name is empty, to the end of the longest chain:
-    the only site of its last body, or that body.
+def chain_to(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> Chain:
+    """Return the chain of joints that moves a body or site.
+
+    Args:
+        spec: A model in which all bodies and joints have names.
+        model: The same model, compiled.
+        name: Name of the body or site; an empty text stands for the end of the longest chain: the
+            only site of its last body, or else that body.
 
     Raises:
         ValueError: No body or site has that name, or its chain is not of hinges and slides only.
     """
-    if model.njnt == 0:
+    if not spec.joints:
         raise ValueError("the model has no joints")
-    name = name or _default(model)
-    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
-    site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name)
-    if body < 0 and site < 0:
-        raise ValueError(f"there is no body or site '{name}' for the flange; {_near(model, name)}")
+    name = name or _default(spec)
+    site = spec.site(name)
+    body = spec.body(name) or (site and site.parent)
+    if body is None:
+        raise ValueError(f"there is no body or site '{name}' for the flange; {_near(spec, name)}")
     pose = Pose(np.eye(3), np.zeros(3))
-    if body < 0:
-        body = int(model.site_bodyid[site])
-        pose = Pose(matrix_of(model.site_quat[site]), model.site_pos[site].copy())
-    joints = joints_to(model, body)
+    if spec.body(name) is None:
+        placed = model.site(name)
+        pose = Pose(matrix_of(placed.quat), placed.pos.copy())
+    joints = _joints(body)
     for joint in joints:
-        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL:
+        if joint.type == mujoco.mjtJoint.mjJNT_BALL:
             raise ValueError(
-                f"the joint '{model.joint(joint).name}' is a ball joint; between base and flange "
+                f"the joint '{joint.name}' is a ball joint; between base and flange "
                 "there may be hinges and slides only"
             )
     if not joints:
         raise ValueError(f"no joint moves the flange '{name}'")
-    return Chain(name, body, pose, joints)
+    ids = tuple(model.joint(joint.name).id for joint in joints)
+    return Chain(name, model.body(body.name).id, pose, ids)
 
 
-def joints_to(model: mujoco.MjModel, body: int) -> tuple[int, ...]:
-    """Return the numbers of the joints between the base and a body, base first."""
-    found: list[int] = []
-    while body:
-        first = model.body_jntadr[body]
-        found[:0] = range(first, first + model.body_jntnum[body])
-        body = int(model.body_parentid[body])
-    return tuple(found)
+def flanges(spec: mujoco.MjSpec) -> list[tuple[str, str, int]]:
+    """Return the candidates for a robot's flange, those with the most joints first: "site" or
+    "body", its name, and the number of joints that move it.
 
-
-def flanges(model: mujoco.MjModel) -> list[tuple[str, str, int]]:
-    """Return the candidates for the flange, the most joints first: "site" or "body", its name, and
-    its number of joints.
-
-    If any have six joints, the others are left out, and so are the parts that a gripper moves. A
-    single part beyond the hand stays if no name tells that it is a jaw.
+    If any have six joints, those with fewer are left out. The parts that a gripper moves are left
+    out, too, except for a single part whose name does not say that it is a jaw: it may be a link.
     """
-    hand = _hand(model)
-    below = _joints_below(model)
-    most = len(joints_to(model, hand))
-    moved = [c for c in _children(model, hand) if below[c]]
-    last = moved if len(moved) == 1 and not _is_named_jaw(model, moved[0], is_last=True) else []
-    bodies = [("body", model.body(i).name, i) for i in range(1, model.nbody)]
-    sites = [("site", model.site(i).name, int(model.site_bodyid[i])) for i in range(model.nsite)]
-    found = [
-        (what, name, joints)
-        for what, name, body in sites + bodies
-        if name
-        and (
-            (joints := len(joints_to(model, body))) <= most
-            or body in last
-            or not _carries(model, hand, body)
-        )
-    ]
+    hand = _hand(spec)
+    most = len(_joints(hand))
+    moved = _moving(hand)
+    gripped = {body.name for part in moved for body in _subtree(part)}
+    if len(moved) == 1 and not _is_named_jaw(moved[0], is_last=True):
+        gripped.remove(moved[0].name)
+    bodies = [body for body in _subtree(spec.worldbody)[1:] if body.name not in gripped]
+    sites = [("site", site.name, len(_joints(body))) for body in bodies for site in body.sites]
+    found = [*sites, *(("body", body.name, len(_joints(body))) for body in bodies)]
     least = min(ALL_WAYS, most) or 1
-    return sorted((f for f in found if f[2] >= least), key=lambda f: -f[2])
+    return sorted((f for f in found if f[1] and f[2] >= least), key=lambda f: -f[2])
 
 
-def _default(model: mujoco.MjModel) -> str:
+def _default(spec: mujoco.MjSpec) -> str:
     """Return the name of the tool's only site, or else of its body."""
-    body = _tool(model, _hand(model))
-    sites = [
-        name for i in np.flatnonzero(model.site_bodyid == body) if (name := model.site(i).name)
-    ]
-    return sites[0] if len(sites) == 1 else model.body(body).name
+    body = _tool(_hand(spec))
+    sites = [site.name for site in body.sites if site.name]
+    return sites[0] if len(sites) == 1 else body.name
 
 
-def _hand(model: mujoco.MjModel) -> int:
+def _hand(spec: mujoco.MjSpec) -> mujoco.MjsBody:
     """Return the last body of the longest chain, or the body that carries fingers or a jaw."""
-    below = _joints_below(model)
-    body = 0
-    while moving := [c for c in _children(model, body) if below[c]]:
-        longest = max(moving, key=lambda c: below[c])
-        above = len(joints_to(model, body))
-        branches = len(moving) > 1 and (above >= ALL_WAYS or above > below[longest])
-        if above and (branches or _is_jaw(model, longest, is_last=below[longest] == 1)):
+    body = spec.worldbody
+    while moving := _moving(body):
+        longest = max(moving, key=_depth)
+        above = len(_joints(body))
+        branches = len(moving) > 1 and (above >= ALL_WAYS or above > _depth(longest))
+        if above and (branches or _is_jaw(longest)):
             break
         body = longest
     return body
 
 
-def _is_jaw(model: mujoco.MjModel, body: int, *, is_last: bool) -> bool:
-    """Return whether a body that one joint moves is the finger or jaw of the hand before it.
+def _is_jaw(body: mujoco.MjsBody) -> bool:
+    """Return whether a body, the only part of a hand that moves, is the hand's finger or jaw.
 
-    Args:
-        model: The robot.
-        body: The body, the only part of the hand that moves.
-        is_last: True if no further joint follows.
+    The order of the rules is from certain to likely: names; a slide beyond a whole arm; a tool's
+    frame on the hand. A hinge without any of these is taken for a joint of the arm.
     """
-    if _is_named_jaw(model, body, is_last=is_last):
+    is_last = _depth(body) == 1
+    if _is_named_jaw(body, is_last=is_last):
+        return True
+    *arm, joint = [j.type for j in _joints(body)]
+    slide = mujoco.mjtJoint.mjJNT_SLIDE
+    if is_last and joint == slide and arm.count(mujoco.mjtJoint.mjJNT_HINGE) >= HINGES:
         return True
     # A flange or a tool on the body itself says that it is a link of the arm.
-    has_tool = any(map(TOOL.search, _frames(model, int(model.body_parentid[body]))))
-    is_alone = bool(model.body_jntnum[body]) and not _frames(model, body)
-    return is_last and has_tool and is_alone
+    has_tool = any(map(TOOL.search, _frames(body.parent)))
+    return is_last and has_tool and bool(body.joints) and not _frames(body)
 
 
-def _is_named_jaw(model: mujoco.MjModel, body: int, *, is_last: bool) -> bool:
-    if model.body_jntnum[body] != 1:
+def _is_named_jaw(body: mujoco.MjsBody, *, is_last: bool) -> bool:
+    """Return whether the name of a body or of its joint is that of a jaw; `is_last` is true if no
+    further joint follows.
+    """
+    if len(body.joints) != 1:
         return False
-    joints = joints_to(model, body)
-    *arm, joint = [model.joint(j).name for j in joints]
-    first = model.body(model.jnt_bodyid[joints[0]]).name
+    joints = _joints(body)
+    *arm, joint = [j.name for j in joints]
     # Of a robot that is a finger all joints and bodies are named so.
     moves_jaw = _grips(joint) and not any(map(_grips, arm))
-    is_finger = FINGER.search(model.body(body).name) and not FINGER.search(first)
+    is_finger = FINGER.search(body.name) and not FINGER.search(joints[0].parent.name)
     return moves_jaw or bool(is_last and is_finger and not TURNS.search(joint))
-
-
-def _frames(model: mujoco.MjModel, body: int) -> list[str]:
-    """Return the names of the bodies and sites that are fixed to a body."""
-    fixed = [c for c in _children(model, body) if not model.body_jntnum[c]]
-    sites = np.flatnonzero(model.site_bodyid == body)
-    return [*(model.body(c).name for c in fixed), *(model.site(i).name for i in sites)]
 
 
 def _grips(joint: str) -> bool:
     return bool(GRIPS.search(joint) and not TURNS.search(joint))
 
 
-def _tool(model: mujoco.MjModel, hand: int) -> int:
+def _tool(hand: mujoco.MjsBody) -> mujoco.MjsBody:
     """Return the body of a tool's frame that is fixed to a hand, or the hand itself."""
-    below = _joints_below(model)
     body = hand
-    while children := _children(model, body):
-        tools = [c for c in children if not below[c] and TOOL.search(model.body(c).name)]
+    while children := body.bodies:
+        tools = [c for c in children if not _depth(c) and TOOL.search(c.name)]
         if tools:
             # ROS-Industrial's tool0 looks out of the robot, ee_link across.
-            body = next((c for c in tools if OUTWARD.search(model.body(c).name)), tools[0])
-        elif len(children) == 1 and not below[children[0]]:
+            body = next((c for c in tools if OUTWARD.search(c.name)), tools[0])
+        elif len(children) == 1 and not _depth(children[0]):
             body = children[0]
         else:
             break
     return body
 
 
-def _children(model: mujoco.MjModel, body: int) -> list[int]:
-    return [c for c in range(1, model.nbody) if model.body_parentid[c] == body]
+def _frames(body: mujoco.MjsBody) -> list[str]:
+    """Return the names of the bodies and sites that are fixed to a body."""
+    fixed = [child.name for child in body.bodies if not child.joints]
+    return [*fixed, *(site.name for site in body.sites)]
 
 
-def _joints_below(model: mujoco.MjModel) -> list[int]:
-    """Return for each body the largest number of joints on a chain from it, with its own joints."""
-    below = model.body_jntnum.tolist()
-    for body in range(model.nbody - 1, 0, -1):
-        parent = int(model.body_parentid[body])
-        own = int(model.body_jntnum[parent])
-        below[parent] = max(below[parent], own + below[body])
-    return below
+def _joints(body: mujoco.MjsBody) -> list[mujoco.MjsJoint]:
+    """Return the joints between the base and a body, base first."""
+    return [*_joints(body.parent), *body.joints] if body.parent else []
 
 
-def _carries(model: mujoco.MjModel, hand: int, body: int) -> bool:
-    while body > hand:  # a body's number is higher than its parent's
-        body = int(model.body_parentid[body])
-    return body == hand
+def _depth(body: mujoco.MjsBody) -> int:
+    """Return the largest number of joints on a chain that begins with a body's own joints."""
+    return len(body.joints) + max(map(_depth, body.bodies), default=0)
 
 
-def _near(model: mujoco.MjModel, name: str) -> str:
-    known = [found for _, found, _ in flanges(model)]
+def _moving(body: mujoco.MjsBody) -> list[mujoco.MjsBody]:
+    """Return the children of a body that a joint moves, or that carry a joint."""
+    return [child for child in body.bodies if _depth(child)]
+
+
+def _subtree(body: mujoco.MjsBody) -> list[mujoco.MjsBody]:
+    """Return a body and all that it carries, in the order of the compiled model."""
+    return [body, *itertools.chain.from_iterable(map(_subtree, body.bodies))]
+
+
+def _near(spec: mujoco.MjSpec, name: str) -> str:
+    known = [found for _, found, _ in flanges(spec)]
     near = get_close_matches(name, known, n=1)
     if near:
         return f"did you mean '{near[0]}'?"

@@ -1,4 +1,4 @@
-"""Doubts about the units of a robot's model: lengths in mm, and angles in degrees."""
+"""Warnings about the units of a robot's model: lengths in mm, and angles in degrees."""
 
 import numpy as np
 

@@ -1,4 +1,6 @@
-"""Velocity drives for a robot whose model has others: their gains follow from its inertia."""
+"""Velocity drives for robots whose models have other actuators; gains are computed from the robot's
+inertia.
+"""
 
 from collections.abc import Sequence
 
@@ -26,31 +28,37 @@ SAMPLES = 64
 
 
 def has_velocity_drives(model: mujoco.MjModel, joints: Sequence[int]) -> bool:
-    """Return True where each of these joints has one velocity servo, which is then kept."""
-    found = [drive_of(model, joint) for joint in joints]
-    return all(i is not None and wrong_drive(model, i) is None for i in found)
+    """Return whether each of these joints (by id) has exactly one actuator, a velocity servo."""
+    return all(_servo_of(model, joint) is not None for joint in joints)
 
 
 def own_speed(model: mujoco.MjModel, joint: int) -> float | None:
-    """Return the largest rate that a joint's velocity servo takes in both directions [m/s or
-    rad/s]; None where it has no such servo, or one without a ctrlrange.
+    """Return the largest rate that the velocity servo of a joint (by id) takes in both directions
+    [m/s or rad/s]; None without such a servo, or if its rate has no limit.
     """
-    drive = drive_of(model, joint)
-    if drive is None or wrong_drive(model, drive) is not None:
+    servo = _servo_of(model, joint)
+    if servo is None or not model.actuator_ctrllimited[servo]:
         return None
-    limited = model.actuator_ctrllimited[drive]
-    return float(np.abs(model.actuator_ctrlrange[drive]).min()) if limited else None
+    return float(np.abs(model.actuator_ctrlrange[servo]).min())
+
+
+def _servo_of(model: mujoco.MjModel, joint: int) -> int | None:
+    """Return the id of the only actuator of a joint if it is a velocity servo; else None."""
+    drive = drive_of(model, joint)
+    return drive if drive is not None and wrong_drive(model, drive) is None else None
 
 
 def drive_of(model: mujoco.MjModel, joint: int) -> int | None:
-    """Return the number of the actuator that drives a joint; None if there is not exactly one."""
+    """Return the id of the only actuator of a joint (by id); None if it has none or several."""
     on_joints = model.actuator_trntype[:, None] == [int(kind) for kind in ON_JOINTS]
     found = np.flatnonzero(on_joints.any(axis=1) & (model.actuator_trnid[:, 0] == joint))
     return int(found[0]) if len(found) == 1 else None
 
 
 def wrong_drive(model: mujoco.MjModel, actuator: int) -> str | None:
-    """Return the reason why an actuator is no velocity servo of one joint; None where it is one."""
+    """Return the reason, as the end of a sentence, why an actuator (by id) is no velocity servo of
+    one joint; None if it is one.
+    """
     gain = model.actuator_gainprm[actuator, 0]
     bias = model.actuator_biasprm[actuator, :3]
     on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
@@ -65,12 +73,13 @@ def wrong_drive(model: mujoco.MjModel, actuator: int) -> str | None:
 
 
 def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces: Array) -> None:
-    """Give each joint a velocity drive, without friction and springs of its own.
+    """Add a velocity servo to each joint of a model; friction, damping and springs of the joints
+    are removed.
 
     Args:
-        spec: A model in which no other joints are left, and no actuators.
-        names: Its joints.
-        speeds: Their largest rates (n,) [rad/s or m/s].
+        spec: A model without actuators and without further joints; it is changed.
+        names: Names of its joints.
+        speeds: Largest rates of the joints (n,) [rad/s or m/s].
         forces: Largest force or torque of each joint (n,) [N or N m]; inf for unlimited ones.
     """
     for name in names:
@@ -97,7 +106,9 @@ def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces:
 
 
 def forces_of(model: mujoco.MjModel, joints: Sequence[int]) -> Array:
-    """Return the force limits (n,) of joints, or of their actuators, in a model [N m or N]."""
+    """Return the largest force or torque (n,) of joints (by id) [N or N m], by their own limits and
+    those of their actuators; inf for an unlimited joint.
+    """
     forces = np.full(len(joints), np.inf)
     for k, joint in enumerate(joints):
         if model.jnt_actfrclimited[joint]:
@@ -110,7 +121,7 @@ def forces_of(model: mujoco.MjModel, joints: Sequence[int]) -> Array:
 
 
 def kind_of_joint(joint_type: int) -> str:
-    """Return "hinge" or "slide", the type of a joint in a chain."""
+    """Return "slide" or "hinge" for MuJoCo's type of a joint."""
     return "slide" if joint_type == mujoco.mjtJoint.mjJNT_SLIDE else "hinge"
 
 
@@ -120,8 +131,8 @@ def random_joints(
     rng: np.random.Generator,
     count: int,
 ) -> Array:
-    """Return random joint positions (count, n), uniform within the joint limits; without limits,
-    hinges within -pi..pi [rad] and slides within -1..1 [m].
+    """Return random positions (count, n) of joints (by id) [rad or m], uniform within the joints'
+    limits; without limits, hinges within -pi..pi and slides within -1..1.
     """
     limited = model.jnt_limited[joints].astype(bool)[:, None]
     slides = (model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE)[:, None]

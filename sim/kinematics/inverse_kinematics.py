@@ -1,6 +1,8 @@
-"""Joint positions with which the camera takes a pose: found from the robot's homes by a damped
-iteration, else from many places by quadratic programs with the limits of the joints (mink), and
-where these find none by least squares in a trust region from the same places.
+"""Inverse kinematics: joint positions with which the camera takes a pose.
+
+They are found from the robot's homes by a damped iteration, else from many places by quadratic
+programs with the limits of the joints (mink), and where these find none by least squares in a trust
+region from the same places.
 """
 
 import importlib
@@ -8,7 +10,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import degrees
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -50,8 +51,9 @@ VIEW = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Result of a search for joint positions; true if the camera is at the pose, inside all joint
-    limits.
+    """Result of a search for joint positions: the distance [m] and the angle [rad] left to the
+    desired camera pose, and the joint nearest to a limit. As a condition it is true if the camera
+    is at the pose, with all joints inside their limits.
     """
 
     there: bool
@@ -86,18 +88,19 @@ def reach(
     point: Array | None = None,
     way: Callable[[], Sequence[Pose]] | None = None,
 ) -> Reach:
-    """Set the joints so that the camera reaches a pose or comes near it; return how near it came.
+    """Set the joint positions in `data` so that the camera reaches a pose or comes near it; return
+    how near.
 
     The search begins at the robot's homes, one after another; without a solution from there, the
-    most comfortable of several postures is taken. If a joint would reach its limit on the path that
-    follows, the posture that keeps the largest distance from all limits is taken instead, if there
-    is one. For a robot of fewer than six joints it is enough that the camera sees a point in the
-    desired direction.
+    most comfortable of several solutions is taken (see `comfort`). If a joint would reach its limit
+    on the path that follows, the solution that keeps the largest distance from all limits is taken
+    instead, if there is one. For a robot of fewer than six joints it is enough that the camera sees
+    a point in the desired direction.
 
     Args:
         robot: The robot, with its joint limits and homes.
-        data: Its joint positions are set.
-        T_world_camera: The desired pose.
+        data: MuJoCo's state; its joint positions are set.
+        T_world_camera: The desired pose, in the frame of `Robot.eye`.
         point: Point (3,) in the world at which the camera looks [m]; None: a point on its axis.
         way: Returns the path that follows, for `roll_out`.
     """
@@ -115,17 +118,13 @@ def reach(
     if there and way is not None and len(robot.ids) >= ALL_WAYS and robot.has_ranges:
         rollout = _keep_inside(robot, data, found, way())
     error = robot.eye(data).inverse() @ T_world_camera
-    q = data.qpos[robot.qpos]
-    span = robot.upper - robot.lower
-    limited = np.isfinite(span)
-    room = np.full(len(q), np.inf)
-    np.divide(np.minimum(q - robot.lower, robot.upper - q), span, out=room, where=limited)
+    room = robot.room(data)
     tightest = int(room.argmin())
     return Reach(
         there,
         distance=float(np.linalg.norm(error.translation)),
         angle=angle_of(error.rotation),
-        joint=robot.names[tightest] if limited.any() else "",
+        joint=robot.names[tightest] if robot.has_ranges else "",
         room=float(room[tightest]),
         rollout=rollout,
     )
@@ -134,9 +133,12 @@ def reach(
 def _keep_inside(
     robot: Robot, data: mujoco.MjData, others: Iterable[Array], way: Sequence[Pose]
 ) -> Rollout:
-    """Keep the posture if all joints stay inside their ranges on a path; else take the posture from
-    which they keep the largest distance from their limits: one of some others, or one that differs
-    by a whole turn of a joint. Without such a posture, keep the present one. Return its prediction.
+    """Set the joint positions from which the joints stay inside their ranges on a camera path;
+    return their prediction.
+
+    The present positions are kept if no joint reaches a limit from there. Else those that keep the
+    largest distance from all limits are taken: one of `others`, or one that differs by a whole turn
+    of a joint. If from all of them a joint reaches a limit, the present ones are kept.
     """
     begin = data.qpos[robot.qpos].copy()
     first = roll_out(robot, data, way)
@@ -148,20 +150,21 @@ def _keep_inside(
         if not waiting:
             break
         q = waiting.pop(0)
-        data.qpos[robot.qpos] = q
-        robot.refresh(data)
+        robot.place(data, q)
         tried = roll_out(robot, data, way)
         if tried.joint:
             waiting += _turned(robot, q, tried.joint)
         elif best[0].joint or tried.room > best[0].room:
             best = tried, q
-    rollout, data.qpos[robot.qpos] = best
-    robot.refresh(data)
+    rollout, q = best
+    robot.place(data, q)
     return rollout
 
 
 def _turned(robot: Robot, q: Array, joint: str) -> list[Array]:
-    """Return postures (n,) that differ by a whole turn of a hinge, inside its range."""
+    """Return the joint positions (n,) that differ from q by a whole turn of a hinge, by its name,
+    and stay inside its range.
+    """
     at = robot.names.index(joint)
     if robot.units[at] != "rad":
         return []
@@ -175,31 +178,18 @@ def _look(robot: Robot, data: mujoco.MjData, T_world_camera: Pose, point: Array)
 
     One joint cannot centre a point: then a deviation of `NEARLY_SEEN` is accepted.
     """
-    from scipy.optimize import least_squares  # only now: it takes a second
 
-    wanted = _direction(T_world_camera, point)
+    def error(q: Array) -> Array:
+        eye = robot.place(data, q)
+        aside = _direction(eye, point) - _direction(T_world_camera, point)
+        turned = (eye.rotation - T_world_camera.rotation).ravel()
+        away = np.append(eye.translation - T_world_camera.translation, turned)
+        return np.append(aside, BESIDE * away)
 
-    def left(q: Array) -> Array:
-        data.qpos[robot.qpos] = q
-        robot.refresh(data)
-        eye = robot.eye(data)
-        away = np.concatenate(
-            [
-                eye.translation - T_world_camera.translation,
-                (eye.rotation - T_world_camera.rotation).ravel(),
-            ]
-        )
-        return np.concatenate([_direction(eye, point) - wanted, BESIDE * away])
-
-    starts = [
-        *robot.homes,
-        *random_joints(robot.model, robot.ids, np.random.default_rng(0), LOOKS),
-    ]
-    inside = (np.clip(start, robot.lower, robot.upper) for start in starts)
-    found = [least_squares(left, q, bounds=(robot.lower, robot.upper)) for q in inside]
-    best = min(found, key=lambda f: f.cost)
-    error = float(np.linalg.norm(left(best.x)[:3]))
-    return error < (SEEN if len(robot.ids) > 1 else NEARLY_SEEN)
+    rng = np.random.default_rng(0)
+    starts = [*robot.homes, *random_joints(robot.model, robot.ids, rng, LOOKS)]
+    left = _least_squares(robot, error, starts)
+    return float(np.linalg.norm(left[:3])) < (SEEN if len(robot.ids) > 1 else NEARLY_SEEN)
 
 
 def _direction(T_world_camera: Pose, point: Array) -> Array:
@@ -209,8 +199,8 @@ def _direction(T_world_camera: Pose, point: Array) -> Array:
 
 
 def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> list[Array]:
-    """Set the most comfortable of several solutions, or, without a solution, the nearest posture;
-    return the solutions (n,), the most comfortable first.
+    """Set the joint positions of the most comfortable of several solutions, or, without a solution,
+    the nearest ones; return the solutions (n,), the most comfortable first.
     """
     rng = np.random.default_rng(0)
     starts = [*robot.homes, *random_joints(robot.model, robot.ids, rng, RESTARTS)]
@@ -227,8 +217,7 @@ def _search(robot: Robot, data: mujoco.MjData, T_world_camera: Pose) -> list[Arr
         if left < NEAR and robot.converge(data, q, T_world_camera):
             found.append((comfort(robot, data), data.qpos[robot.qpos].copy()))
     solutions = [q for _, q in sorted(found, key=lambda f: -f[0])]
-    data.qpos[robot.qpos] = solutions[0] if solutions else nearest[1]
-    robot.refresh(data)
+    robot.place(data, solutions[0] if solutions else nearest[1])
     return solutions
 
 
@@ -238,7 +227,7 @@ def _descend(
     """Move the joints from a start towards a pose, inside their limits, by quadratic programs;
     return the norm of the error that is left [m and rad].
     """
-    mink: Any = importlib.import_module("mink")  # only now: it takes a second
+    mink = importlib.import_module("mink")  # only now: it takes a second
     whole = np.zeros(robot.model.nq)
     whole[robot.qpos] = start
     configuration = mink.Configuration(robot.model, whole)
@@ -271,24 +260,36 @@ def _fit(robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_came
     """Do the same as `_descend` by bounded least squares, which is slower, but seldom gets stuck at
     a limit.
     """
+    from scipy.spatial.transform import Rotation  # only now: it takes a second
+
+    def error(q: Array) -> Array:
+        left = robot.place(data, q).inverse() @ T_world_camera
+        return np.append(left.translation, Rotation.from_matrix(left.rotation).as_rotvec())
+
+    return float(np.linalg.norm(_least_squares(robot, error, [start], SEARCH_STEPS)))
+
+
+def _least_squares(
+    robot: Robot,
+    error: Callable[[Array], Array],
+    starts: Iterable[Sequence[float] | Array],
+    steps: int | None = None,
+) -> Array:
+    """Return the smallest error that joint positions inside the limits have, by searches of at most
+    so many steps from all starts; `error` is called with these positions last.
+    """
     from scipy.optimize import least_squares  # only now: it takes a second
-    from scipy.spatial.transform import Rotation
 
-    def left(q: Array) -> Array:
-        data.qpos[robot.qpos] = q
-        robot.refresh(data)
-        error = robot.eye(data).inverse() @ T_world_camera
-        return np.append(error.translation, Rotation.from_matrix(error.rotation).as_rotvec())
-
-    inside = np.clip(start, robot.lower, robot.upper)
     bounds = robot.lower, robot.upper
-    best = least_squares(left, inside, bounds=bounds, max_nfev=SEARCH_STEPS).x
-    return float(np.linalg.norm(left(best)))
+    inside = (np.clip(start, *bounds) for start in starts)
+    found = [least_squares(error, q, bounds=bounds, max_nfev=steps) for q in inside]
+    return error(min(found, key=lambda f: f.cost).x)
 
 
 def comfort(robot: Robot, data: mujoco.MjData) -> float:
-    """Return a score of the posture in `data`: higher where it is far from limits and singular
-    poses, with no link before the camera or below the table.
+    """Return a score of the joint positions in `data`: it is higher the farther the joints are from
+    their limits and from singular poses, and small if a link is before the camera or below the
+    table.
     """
     q = data.qpos[robot.qpos]
     room = np.minimum(q - robot.lower, robot.upper - q).min()

@@ -1,5 +1,5 @@
-"""Any robot model made into one that carries a camera: with velocity drives, and without weight and
-contacts.
+"""Conversion of any robot model into one that carries a camera: with velocity drives, and without
+gravity and contacts.
 """
 
 from collections.abc import Sequence
@@ -25,13 +25,13 @@ from sim.types import Array, Pose
 
 FARTHEST = 10_000.0
 """A limit is nearer than this [m, rad or deg]: exporters write infinity or 1e20 for none."""
-CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
-"""Constraints that close a loop of bodies."""
-COUPLED = {
-    mujoco.mjtEq.mjEQ_JOINT: (mujoco.mjtObj.mjOBJ_JOINT, "coupling (mimic)", "joints"),
-    mujoco.mjtEq.mjEQ_TENDON: (mujoco.mjtObj.mjOBJ_TENDON, "coupling", "tendons"),
+WORDS = {
+    mujoco.mjtEq.mjEQ_CONNECT: "connection",
+    mujoco.mjtEq.mjEQ_WELD: "weld",
+    mujoco.mjtEq.mjEQ_JOINT: "coupling (mimic)",
+    mujoco.mjtEq.mjEQ_TENDON: "coupling",
 }
-"""Constraints on joints: what they hold together, and the words for them in messages."""
+"""Constraints that a robot may have, as messages call them."""
 
 
 def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.MjModel, Chain]:
@@ -43,40 +43,44 @@ def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.
         camera: Name of a camera of the model to use instead of the flange, or an empty text.
 
     Raises:
-        ValueError: The flange or camera is missing, or other joints than hinges and slides carry
-        it.
+        ValueError: The flange or camera is missing, or joints other than hinges and slides move it.
     """
     name_all(spec)
+    spec.compiler.fusestatic = False  # the flange may be any body
     for joint in spec.joints:
         _end_limits(joint)
+        if joint.type == mujoco.mjtJoint.mjJNT_FREE:
+            raise ValueError(
+                f"the body '{joint.parent.name}' has a free joint: remove the joint or the body"
+            )
     model = compiled(spec.copy())
-    _check_free(model)
     if not camera:
-        return model, chain_to(model, flange)
+        return model, chain_to(spec, model, flange)
     found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
     if found < 0:
         names = [model.camera(i).name for i in range(model.ncam)]
         there = f"there is {', '.join(names)}" if names else "it has none"
         raise ValueError(f"there is no camera '{camera}' in the model; {there}")
-    return model, chain_to(model, model.body(model.cam_bodyid[found]).name)
+    return model, chain_to(spec, model, model.body(model.cam_bodyid[found]).name)
 
 
 def make_robot(
     spec: mujoco.MjSpec, model: mujoco.MjModel, carried: Chain, camera: str, mount: Pose
 ) -> tuple[str, ...]:
-    """Turn a model into a robot with the camera and the site `eye`; return the names of its
-    joints.
+    """Turn a model into a robot with a camera and a site `eye` at the end of a chain; return the
+    names of the chain's joints.
 
     Args:
-        spec: The model, which is changed; it has no actuators then, but for velocity drives.
-        model: The same, compiled.
-        carried: The chain to the camera.
-        camera: Name of the camera that is there; empty: one is added.
-        mount: T_flange_camera of one that is added (x right, y down, z forward).
+        spec: The model, which is changed: all other joints, and all drives but velocity servos, are
+            deleted.
+        model: The same model, compiled.
+        carried: The chain of joints that moves the camera.
+        camera: Name of the model's camera; an empty text adds one.
+        mount: T_flange_camera of an added camera (x right, y down, z forward).
     """
     names = tuple(model.joint(j).name for j in carried.joints)
     carrier = model.body(carried.body).name
-    _check_loops(model, carried)
+    _check_loops(spec, model, carried)
     _strip(spec, names, keep_drives=has_velocity_drives(model, carried.joints))
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0
@@ -85,7 +89,9 @@ def make_robot(
     if camera:
         found = model.camera(camera)
         if model.cam_mode[found.id] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED:
-            raise ValueError(f"the camera '{camera}' tracks something; it has to be fixed (mode)")
+            raise ValueError(
+                f"the mode of the camera '{camera}' has to be fixed, relative to its body"
+            )
         _place_eye(spec, carrier, found.pos, found.quat, camera)
     else:
         pose = carried.pose @ mount
@@ -101,12 +107,13 @@ def drive(
     joints: Sequence[int],
     speeds: Sequence[float | None],
 ) -> None:
-    """Set the largest rates of joints, and give a velocity drive to each joint without one.
+    """Set the largest rates of a robot's joints, and give a velocity servo to each joint without
+    one.
 
     Args:
-        spec: The robot of `make_robot`.
-        model: The model that it was made from, compiled.
-        joints: Its joints in that model.
+        spec: The robot's model after `make_robot`; it is changed.
+        model: The original model, compiled.
+        joints: Ids of the robot's joints in the original model.
         speeds: Largest rate of each [m/s or rad/s]; None: the model's own, or else a usual one.
     """
     names = [model.joint(j).name for j in joints]
@@ -123,7 +130,9 @@ def drive(
 
 
 def _end_limits(joint: mujoco.MjsJoint) -> None:
-    """Remove a range that is infinite or not given; a range with one limit gets a far other one."""
+    """Remove a joint's range that is infinite or missing; a range with one finite limit gets
+    `FARTHEST` as the second one.
+    """
     near = np.abs(joint.range) < FARTHEST
     if not near.any():
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
@@ -132,51 +141,35 @@ def _end_limits(joint: mujoco.MjsJoint) -> None:
         joint.range = np.where(near, joint.range, [-FARTHEST, FARTHEST])
 
 
-def _check_free(model: mujoco.MjModel) -> None:
-    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
-        body = model.body(model.jnt_bodyid[joint]).name
-        raise ValueError(f"the body '{body}' is free to move; a robot is fixed to its base")
-
-
-def _check_loops(model: mujoco.MjModel, carried: Chain) -> None:
+def _check_loops(spec: mujoco.MjSpec, model: mujoco.MjModel, carried: Chain) -> None:
     """Refuse constraints on the joints that carry the camera; those of a gripper do not matter."""
-    moved = {int(model.body_weldid[model.jnt_bodyid[j]]) for j in carried.joints}
-    for i in range(model.neq):
-        ends = [int(model.eq_obj1id[i]), int(model.eq_obj2id[i])]
-        kind = int(model.eq_type[i])
-        own = set(carried.joints)
-        if kind in CLOSING:
-            sites = model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE
-            bodies = [int(model.site_bodyid[e]) if sites else e for e in ends]
-            ends = [int(model.body_weldid[b]) for b in bodies]
-            own = moved
-        elif kind == int(mujoco.mjtEq.mjEQ_TENDON):
-            ends = [j for t in ends if t >= 0 for j in _joints_of_tendon(model, t)]
-        if own & set(ends):
+    for constraint in (each for each in spec.equalities if each.type in WORDS):
+        ends = [name for name in (constraint.name1, constraint.name2) if name]
+        held = chain.from_iterable(_joints_held(model, constraint, end) for end in ends)
+        if not set(carried.joints).isdisjoint(held):
+            name = f" '{constraint.name}'" if constraint.name else ""
             raise ValueError(
-                f"the {_named_constraint(model, i)} closes a loop or couples joints between base "
-                "and flange; they have to move independently"
+                f"the {WORDS[constraint.type]}{name} of {' and '.join(map(repr, ends))} closes a "
+                "loop or couples joints between base and flange; they have to move independently"
             )
 
 
-def _named_constraint(model: mujoco.MjModel, number: int) -> str:
-    """Name a constraint with what it holds together, as many have no name of their own."""
-    kind = mujoco.mjtEq(int(model.eq_type[number]))
-    of = mujoco.mjtObj(int(model.eq_objtype[number]))
-    things = "sites" if of == mujoco.mjtObj.mjOBJ_SITE else "bodies"
-    closing = "weld" if kind == mujoco.mjtEq.mjEQ_WELD else "connection"
-    of, word, things = COUPLED.get(kind, (of, closing, things))
-    ends = [int(model.eq_obj1id[number]), int(model.eq_obj2id[number])]
-    names = " and ".join(f"'{mujoco.mj_id2name(model, of, e)}'" for e in ends if e >= 0)
-    name = f" '{model.equality(number).name}'" if model.equality(number).name else ""
-    return f"{word}{name} of the {things} {names}"
-
-
-def _joints_of_tendon(model: mujoco.MjModel, tendon: int) -> list[int]:
-    first = int(model.tendon_adr[tendon])
-    wraps = range(first, first + int(model.tendon_num[tendon]))
-    joint = mujoco.mjtWrap.mjWRAP_JOINT
-    return [int(model.wrap_objid[w]) for w in wraps if model.wrap_type[w] == joint]
+def _joints_held(model: mujoco.MjModel, constraint: mujoco.MjsEquality, end: str) -> list[int]:
+    """Return the ids of the joints on which a constraint acts at one of its ends, by the name of
+    the joint, tendon, body or site.
+    """
+    if constraint.type == mujoco.mjtEq.mjEQ_JOINT:
+        return [model.joint(end).id]
+    if constraint.type == mujoco.mjtEq.mjEQ_TENDON:
+        tendon = model.tendon(end).id
+        first = model.tendon_adr[tendon]
+        wraps = slice(first, first + model.tendon_num[tendon])
+        is_joint = model.wrap_type[wraps] == mujoco.mjtWrap.mjWRAP_JOINT
+        return model.wrap_objid[wraps][is_joint].tolist()
+    is_site = constraint.objtype == mujoco.mjtObj.mjOBJ_SITE
+    body = model.site(end).bodyid if is_site else model.body(end).id
+    # A joint moves all bodies that are fixed to its own.
+    return np.flatnonzero(model.body_weldid[model.jnt_bodyid] == model.body_weldid[body]).tolist()
 
 
 def _strip(spec: mujoco.MjSpec, joints: Sequence[str], *, keep_drives: bool) -> None:

@@ -1,9 +1,9 @@
-"""A robot that carries the camera: its design, and camera twist to joint rates, for any chain of
-velocity-driven joints.
+"""A robot that carries the camera or the target: its design, and the joint rates for a camera
+twist, for any chain of velocity-driven joints.
 
-Nothing here knows which robot it is: joints, limits and actuators come from its model. There every
-actuator is a `velocity` servo of one joint, and the camera's optical centre is the site `eye`. A
-model that is built otherwise is refused: its robot would move, but not as it is asked to.
+Joints, limits and actuators are read from the robot's MuJoCo model. There every actuator is a
+`velocity` servo of one joint, and the camera's optical centre is the site `eye`. A model that is
+built otherwise is refused, because its robot would not move as commanded.
 """
 
 from collections.abc import Sequence
@@ -57,7 +57,10 @@ HALF_TURN = np.pi - 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Drives:
-    """Errors of a robot's drives and encoders."""
+    """Settings of the errors of a robot's drives and encoders: encoder noise, encoder step and
+    backlash [m or rad], lag [ms], and largest acceleration [m/s^2 or rad/s^2]. All but the lag are
+    one value for all joints, or one per joint.
+    """
 
     encoder_noise: EachPlay = 0.0
     """Standard deviation of each reading of a joint, one for all or one each [m or rad]."""
@@ -75,7 +78,9 @@ class Drives:
 
 @dataclass(frozen=True, slots=True)
 class Inversion:
-    """Settings of the inverse kinematics from camera twist to joint rates."""
+    """Settings of the inverse kinematics from camera twist to joint rates: damping near singular
+    poses, and the free motion of more than six joints.
+    """
 
     weakest: float = 0.02
     """Below this smallest singular value of the Jacobian [m/s or rad/s of the camera per unit of
@@ -133,11 +138,11 @@ def own_name(name: str) -> str:
 
 
 def damped_inverse(J: Array, inversion: Inversion) -> Array:
-    """Return the inverse (n, 6) of a Jacobian (6, n), damped near singular poses.
+    """Return the inverse (n, 6) of a Jacobian (6, n), damped near singular poses: there the rates
+    stay finite, and the twist is not made exactly.
 
-    After Nakamura and Hanafusa 1986: with s the smallest singular value and e = `weakest`,
-    lambda^2 = damping^2 (1 - (s / e)^2) where s < e, else zero; s_i becomes s_i / (s_i^2 +
-    lambda^2).
+    After Nakamura and Hanafusa 1986: with s the smallest singular value and e = `weakest`, lambda^2
+    = damping^2 (1 - (s / e)^2) where s < e, else zero; s_i becomes s_i / (s_i^2 + lambda^2).
     """
     if (
         J.shape[0] == J.shape[1]
@@ -187,8 +192,11 @@ def _check_drives(model: mujoco.MjModel, design: Design) -> None:
 
 
 class Robot:
-    """The chain of joints between the base and the hand, read from a MuJoCo model. Poses and twists
-    are those of the camera as `Mounting.eye` has them.
+    """The joints of a robot between its base and its hand, read from a MuJoCo model, and their
+    kinematics.
+
+    Camera poses and twists are in the frame of `Mounting.eye`: the world, or the target if the
+    robot holds it.
     """
 
     def __init__(self, model: mujoco.MjModel, design: Design) -> None:
@@ -237,7 +245,9 @@ class Robot:
         return bool(self._limited.any())
 
     def servos(self) -> Array:
-        """Return the time constants of the drives' own servos (n,) [s], for implicit steps."""
+        """Return the time constants (n,) [s] with which the drives' servos take over a new rate in
+        a simulation with implicit steps.
+        """
         model = self.model
         at = model.jnt_dofadr[self.ids]
         strength = model.actuator_gainprm[:, 0] + model.dof_damping[at]
@@ -249,8 +259,8 @@ class Robot:
         last kinematics.
 
         Args:
-            data: Where the joints are.
-            twist: Mean camera twist (6,) since the last frame.
+            data: MuJoCo's state, with the joint positions.
+            twist: Mean camera twist (6,) since the last frame, in the camera frame [m/s, rad/s].
             accepted: Mean camera twist (6,) that the drives were set to.
         """
         return Posture(
@@ -265,17 +275,34 @@ class Robot:
             accepted,
         )
 
+    def place(self, data: mujoco.MjData, q: Sequence[float] | Array) -> Pose:
+        """Set the joint positions (n,) [m or rad] in `data` and compute its kinematics; return the
+        camera's pose as `eye` does.
+        """
+        data.qpos[self.qpos] = q
+        self.refresh(data)
+        return self.eye(data)
+
     def joints(self, data: mujoco.MjData) -> Array:
         """Return the joint positions (n,) in `data` [m or rad]."""
         return data.qpos[self.qpos].copy()
+
+    def room(self, data: mujoco.MjData) -> Array:
+        """Return the distance of each joint from its nearer limit, as a share of its range (n,);
+        inf for a joint without limits.
+        """
+        q = data.qpos[self.qpos]
+        nearer = np.minimum(q - self.lower, self.upper - q)
+        room = np.full(len(q), np.inf)
+        return np.divide(nearer, self.upper - self.lower, out=room, where=self._limited)
 
     def rates_measured(self, data: mujoco.MjData) -> Array:
         """Return the joint velocities (n,) in `data` [m/s or rad/s]."""
         return data.qvel[self._dof].copy()
 
     def jacobian(self, data: mujoco.MjData) -> Array:
-        """Return the camera twist in the camera (vision) frame per joint rate (6, n), as of the
-        last kinematics.
+        """Return the Jacobian (6, n): the camera's twist per joint rate, in the camera frame (x
+        right, y down, z forward), as of the last kinematics.
         """
         linear, angular = self._jacobians
         mujoco.mj_jacSite(self.model, data, linear, angular, self._site)
@@ -291,13 +318,14 @@ class Robot:
         that these rates make, and the joints whose limits changed it, such as "elbow (range)".
 
         A joint at the end of its range leaves the solution: it is as fast as its range allows, and
-        the others make the rest of the twist. Rates that are too fast keep the direction, where
-        accelerations allow it: a programme decides where joints have such limits, or there are
-        more than six; otherwise one factor slows all.
+        the others make the rest of the twist. If rates are too fast, the twist gets shorter and
+        keeps its direction, as far as the limits of acceleration allow: a quadratic programme
+        chooses the rates where joints have such limits, or there are more than six; otherwise one
+        factor slows all.
 
         Args:
-            data: The joint positions.
-            twist: The commanded twist (6,).
+            data: MuJoCo's state, with the joint positions.
+            twist: The commanded twist (6,) in the camera frame [m/s, rad/s].
             hold: Time for which the rates hold [s], for exact inversion and acceleration limits.
             before: The rates (n,) before these; None: accelerations are not limited.
         """
@@ -332,9 +360,9 @@ class Robot:
         return slowed, J @ slowed, self._outside(data, wanted, box)
 
     def _inside_ranges(self, data: mujoco.MjData, J: Array, twist: Array, wanted: Array) -> Array:
-        """Return rates (n,) with which no joint leaves its range: one that would is as fast as its
-        range allows, and the others come as near to the rest of the twist as they can. Parts of
-        the twist that are zero stay so first: a level camera stays level.
+        """Return rates (n,) with which no joint leaves its range: a joint that would leave it is as
+        fast as its range allows, and the others come as near to the rest of the twist as they can.
+        Components of the twist that are zero have priority: a level camera stays level.
         """
         weights = np.where(twist == 0.0, STAYS, 1.0)
         low, high = np.transpose(self._ends(data))
@@ -358,8 +386,8 @@ class Robot:
         return [(-_stopping(at - low, a), _stopping(high - at, a)) for at, low, high, a in joints]
 
     def stopped(self, data: mujoco.MjData, rates: Array) -> list[str]:
-        """Return the joints that rates (n,) drive on where their range has ended, as `rates` names
-        them.
+        """Return the joints that stand at an end of their range and that rates (n,) [m/s or rad/s]
+        drive further out, such as "elbow (range)".
         """
         q = data.qpos[self.qpos]
         back = (q < self.lower + AT_END) & (rates < 0)
@@ -367,8 +395,8 @@ class Robot:
         return [f"{self.names[k]} (range)" for k in np.flatnonzero(back | on)]
 
     def driven(self, rates: Array, hold: float) -> Array:
-        """Return the joint rates (n,) that motors at these rates make in a time [s]: the same
-        rates, because this robot has no backlash.
+        """Return the joint rates (n,) [m/s or rad/s] if the motors have the given rates for a time
+        `hold` [s]: the same rates, because this robot has no backlash.
         """
         return rates
 
@@ -386,8 +414,8 @@ class Robot:
     def _box(
         self, data: mujoco.MjData, hold: float, before: Array | None
     ) -> list[tuple[float, float]]:
-        """Return the least and the largest rate of each joint, by its range, its speed and, after
-        the rates `before`, its acceleration.
+        """Return the least and the largest rate of each joint [m/s or rad/s], by its range, its
+        speed and, after the rates `before`, its acceleration.
         """
         joints = zip(self._ends(data), *self._speeds, strict=True)
         box = [(max(slow, low), min(fast, high)) for (low, high), slow, fast in joints]
@@ -401,8 +429,8 @@ class Robot:
     def _outside(
         self, data: mujoco.MjData, rates: Array, box: list[tuple[float, float]]
     ) -> tuple[str, ...]:
-        """Return the joints that should be faster than allowed, each with what limits it: its
-        range, its speed or its acceleration.
+        """Return the joints whose rates (n,) are outside a box, each with the cause: its range, its
+        speed or its acceleration.
         """
         found = list[str]()
         joints = zip(self.names, rates.tolist(), box, strict=True)
@@ -426,8 +454,8 @@ class Robot:
         After Liegeois 1977 (Automatic supervisory control of the configuration and behavior of
         multibody mechanisms, IEEE Trans. SMC 7): the gradients of the squared distances from the
         middles and of the manipulability, projected into the null space of the Jacobian. Near a
-        limit only the joints that are near theirs count: what all like together would push one on,
-        but a projected gradient of its own distance cannot.
+        limit only the joints that are near theirs count: projected, the gradient for all joints can
+        push such a joint on towards its limit, but the gradient for this joint alone cannot.
         """
         away = np.where(self._limited, data.qpos[self.qpos] - self._middles, 0.0)
         inside = ((1.0 - NEAR_LIMIT - np.abs(away) / self._halves) / NEAR_LIMIT).clip(0.0, 1.0)
@@ -459,13 +487,13 @@ class Robot:
     def converge(
         self, data: mujoco.MjData, begin: Sequence[float] | Array, T_world_camera: Pose
     ) -> bool:
-        """Solve for the joint positions of a camera pose by damped Newton steps from given
-        positions; return True if the method converges to a solution inside the joint limits.
+        """Solve for the joint positions of a camera pose by damped Newton steps; return whether
+        they converge to a solution inside the joint limits.
 
         Args:
-            data: Its joint positions are set; on failure the camera is not at the pose.
-            begin: Joint positions (n,) [m or rad].
-            T_world_camera: The desired camera pose.
+            data: MuJoCo's state; its joint positions are set, even on failure.
+            begin: Joint positions to begin from (n,) [m or rad].
+            T_world_camera: The desired camera pose, in the frame of `eye`.
         """
         data.qpos[self.qpos] = begin
         for _ in range(STEPS):
@@ -484,12 +512,14 @@ class Robot:
         return False
 
     def refresh(self, data: mujoco.MjData) -> None:
-        """Update body poses and Jacobians in `data` for its joint positions."""
+        """Compute body poses and Jacobians in `data` from its joint positions."""
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_comPos(self.model, data)
 
     def eye(self, data: mujoco.MjData) -> Pose:
-        """Return the camera's pose as `Mounting.eye` has it, as of the last kinematics."""
+        """Return the camera's pose as of the last kinematics: T_world_camera, or T_target_camera if
+        the robot holds the target.
+        """
         return self.mounting.eye(self.hand(data))
 
     def camera(self, data: mujoco.MjData) -> Pose:
@@ -529,12 +559,9 @@ def _stopping(room: float, acceleration: float) -> float:
 
 def _slowed(wanted: Array, box: list[tuple[float, float]]) -> float:
     """Return the largest factor, at most 1, that brings all wanted rates (n,) into a box."""
-    factor = 1.0
-    for rate, (low, high) in zip(wanted.tolist(), box, strict=True):
-        most = high if rate > 0 else -low
-        if abs(rate) > most:
-            factor = min(factor, most / abs(rate))
-    return factor
+    pairs = zip(wanted.tolist(), box, strict=True)
+    factors = ((high if rate > 0 else low) / rate for rate, (low, high) in pairs if rate)
+    return min(1.0, *factors)
 
 
 def _programme(J: Array, wanted: Array, liked: Array, box: list[tuple[float, float]]) -> Array:

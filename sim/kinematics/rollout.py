@@ -1,4 +1,4 @@
-"""Prediction of the joint positions along a camera path, to find the joint that reaches a limit."""
+"""Prediction of the joint positions along a camera path: which joint reaches a limit, and when."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ SETTLING = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Rollout:
-    """Result of following a camera path by joint rates: the joint travel that is left, and the
-    joint that reaches a limit first, if any.
+    """Result of following a camera path by joint rates: the smallest distance of a joint from a
+    limit, as a share of its range, and the joint that reaches a limit first, with its time [s].
     """
 
     room: float
@@ -34,18 +34,15 @@ class Rollout:
 
 
 def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
-    """Return how near the joints come to their limits when the camera follows a path from their
-    present positions; the simulation stops when a joint reaches a limit.
+    """Predict the joint positions when the camera follows a path, up to the first joint limit;
+    return how near the joints come to their limits.
 
     Args:
         robot: The robot.
-        data: Holds the joint positions, which are restored afterwards.
-        way: Poses of the camera, as `Robot.eye` has them, a `STEP` apart.
+        data: MuJoCo's state; its joint positions are the start, and are restored afterwards.
+        way: Desired camera poses, in the frame of `Robot.eye`, every `STEP` seconds.
     """
-    begin = data.qpos[robot.qpos].copy()
-    limited = np.isfinite(robot.upper - robot.lower)
-    lower = robot.lower[limited]
-    upper = robot.upper[limited]
+    begin = robot.joints(data)
     beside = log_se3(way[0].inverse() @ robot.eye(data))
     room = np.inf
     joint = ""
@@ -59,11 +56,7 @@ def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
         if joint:
             time = k * STEP
             break
-        data.qpos[robot.qpos] += STEP * rates
-        robot.refresh(data)
-        q = data.qpos[robot.qpos][limited]
-        nearest = np.minimum(q - lower, upper - q) / (upper - lower)
-        room = min(room, float(nearest.min(initial=np.inf)))
-    data.qpos[robot.qpos] = begin
-    robot.refresh(data)
+        robot.place(data, robot.joints(data) + STEP * rates)
+        room = min(room, float(robot.room(data).min()))
+    robot.place(data, begin)
     return Rollout(room, joint, time)

@@ -1,4 +1,4 @@
-"""The workspace of a robot's camera, found by sampling postures, and the twists it can follow."""
+"""The workspace of a robot's camera, found from random postures, and the twists it can follow."""
 
 from dataclasses import dataclass
 from math import atan2, degrees
@@ -24,7 +24,9 @@ WEAK = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Workspace:
-    """The poses that the camera can take, in the frame of the robot's base."""
+    """Limits of the camera's positions in the frame of the robot's base [m], and a proposed base in
+    the room: x, y, z [m] and yaw [deg].
+    """
 
     farthest: float
     """Largest distance of the camera from the base's origin [m]."""
@@ -39,7 +41,7 @@ class Workspace:
 
 
 def sample_workspace(robot: Robot, height: float) -> Workspace:
-    """Return the workspace that random postures of a robot show.
+    """Return the workspace of a robot's camera, estimated from random joint positions.
 
     Args:
         robot: The robot; its base is the world's origin.
@@ -49,9 +51,7 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
     rows: list[list[float]] = []
     farthest = 0.0
     for q in random_joints(robot.model, robot.ids, np.random.default_rng(0), SAMPLES):
-        data.qpos[robot.qpos] = q
-        robot.refresh(data)
-        eye = robot.eye(data)
+        eye = robot.place(data, q)
         farthest = max(farthest, float(np.linalg.norm(eye.translation)))
         if tilt(eye.rotation) < LEVEL:
             rows.append([comfort(robot, data), *eye.translation])
@@ -68,7 +68,7 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
 
 
 def movable_shares(jacobian: Array) -> Array:
-    """Return the share (0 to 1) of each component of the camera's twist (6,) that the joints follow
+    """Return which share of each component of the camera's twist (6,) the joints can make, 0 to 1,
     if that component alone is commanded.
 
     Args:

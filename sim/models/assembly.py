@@ -1,9 +1,8 @@
-"""The scene put together: a robot and a target attached to the room, compiled for a camera."""
+"""The whole scene: a robot and a target attached to the room, compiled for a camera."""
 
 import copy
 from collections.abc import Iterable
 from importlib import resources
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -32,7 +31,7 @@ FINE_QUADS = 8
 FLOOR = "floor"
 STANDS = 4
 """A group of geoms that MuJoCo does not draw by itself: no camera on a robot sees them."""
-STAND: dict[str, Any] = {
+STAND: dict[str, object] = {
     "group": STANDS,
     "rgba": [0.18, 0.19, 0.21, 1.0],
     "contype": 0,
@@ -56,16 +55,16 @@ def build_model(
     surroundings: Surroundings | None = None,
     leader: Leader | None = None,
 ) -> mujoco.MjModel:
-    """Return the model of the room with the robot and the target in it, compiled for a camera.
+    """Return the compiled model of the room with a robot and a target in it.
 
     Args:
         physics_rate: Physics steps a second [Hz].
-        camera: Size of the pictures and field of view.
-        robot: What carries the camera.
-        target: What is followed.
+        camera: Settings of the camera; its field of view is used.
+        robot: The robot that carries the camera or the target.
+        target: The target.
         props: What the disturbances need: "second_target", "spot".
         surroundings: Ground, clutter and light; by default as they are in the room's model.
-        leader: The tag that the target shall stay beside.
+        leader: The moving tag beside which the robot is to keep the target.
     """
     wanted = set(props)
     with resources.as_file(resources.files("scenes")) as folder:
@@ -100,7 +99,9 @@ def _put_camera(model: mujoco.MjModel, T_world_camera: Pose) -> None:
 
 
 def with_stands(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy of the scene's model in which what robots and cameras stand on is drawn."""
+    """Return a copy of the scene's model in which the pedestal of the robot and the tripod of a
+    camera in the room are drawn.
+    """
     drawn = copy.copy(model)
     drawn.geom_group[drawn.geom_group == STANDS] = 0
     return drawn

@@ -30,7 +30,7 @@ SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 @dataclass(frozen=True, slots=True)
 class Mended:
-    """The differences between a model and its file."""
+    """A record of what was left out or corrected in a model, compared with its file."""
 
     lost: list[Lost] = field(default_factory=list)
     """Shapes and textures that are not drawn, with the reason."""
@@ -45,19 +45,17 @@ class Mended:
 
 
 def mend(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> mujoco.MjModel:
-    """Repair the parts of a model that MuJoCo refuses, or leave them out.
+    """Repair the parts of a model that MuJoCo refuses, or leave them out; return the compiled
+    model.
 
     Args:
         spec: The model, which is changed.
         path: Its file.
-        mended: Notes what was done.
+        mended: Record to which the repairs are added.
         whole: Leave nothing out.
 
-    Returns:
-        The compiled model.
-
     Raises:
-        ValueError: It is refused for another reason.
+        ValueError: MuJoCo refuses the repaired model.
     """
     _correct_weights(spec, mended)
     if not whole:
@@ -68,7 +66,9 @@ def mend(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> muj
 
 
 def draw_sticks(spec: mujoco.MjSpec) -> None:
-    """Draw the links of a robot that has no shape as sticks from joint to joint."""
+    """Add sticks from joint to joint to the model of a robot that has no shapes, so that it is
+    visible.
+    """
     for body in spec.bodies[1:]:
         if np.linalg.norm(body.pos) > STICK:
             body.parent.add_geom(
@@ -154,7 +154,7 @@ def _replace_meshes(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: b
 
 
 def geoms_of(spec: mujoco.MjSpec, shape: mujoco.MjsMesh) -> list[mujoco.MjsGeom]:
-    """Return all geoms of a model that show a mesh."""
+    """Return all geoms of a model that show a given mesh."""
     return [geom for geom in spec.geoms if geom.meshname == shape.name]
 
 
@@ -174,7 +174,9 @@ def _compiles(spec: mujoco.MjSpec, name: str) -> bool:
 
 
 def _file_of(name: str, path: Path) -> Path:
-    """Return the file of a model's mesh or picture; it may not exist."""
+    """Return the path of a model's mesh or picture by the name in the model; the file may not
+    exist.
+    """
     parts = tuple(part for part in Path(name).parts if part not in ("..", "."))
     found = [file for file in files_behind(path) if file.parts[-len(parts) :] == parts]
     return min(found, default=Path(name))

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path, PureWindowsPath
+from types import ModuleType
 from typing import Any, Self
 
 import numpy as np
@@ -34,7 +35,7 @@ Lost = tuple[str, str]
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """Colour or texture of some triangles."""
+    """Colour of triangles (red, green, blue and opacity, 0 to 1), or a picture in its place."""
 
     colour: tuple[float, ...]
     """Red, green, blue and opacity, 0 to 1."""
@@ -44,7 +45,11 @@ class Material:
 
 @dataclass(frozen=True, slots=True)
 class Triangles:
-    """A surface of triangles. No two vertices are the same; no triangle has two equal corners."""
+    """A surface of m triangles with n vertices: points (n, 3) in the file's unit, three vertex
+    numbers per triangle (m, 3), texture coordinates (m, 3, 2) and material numbers (m,).
+
+    No two vertices are the same, and no triangle has two equal corners.
+    """
 
     vertices: Array
     """Points (n, 3), in the file's unit; of Collada in m."""
@@ -61,7 +66,7 @@ class Triangles:
     """Materials and pictures that the file names and that cannot be read."""
 
     def parts(self) -> list[tuple[Self, Material | None]]:
-        """Return the triangles of each material, and the material."""
+        """Return the triangles of each material together with that material (None without one)."""
         found: list[tuple[Self, Material | None]] = []
         for look in np.unique(self.looks):
             own = self.looks == look
@@ -117,13 +122,15 @@ class _Beside:
         return b"\n".join(found)
 
 
-def trimesh() -> Any:
+def trimesh() -> ModuleType:
     """Return the module trimesh, imported at the first call because that takes half a second."""
     return importlib.import_module("trimesh")
 
 
 def listed(lost: Iterable[Lost]) -> str:
-    """Return the names of left out parts with their reasons, as part of a sentence."""
+    """Return the names of parts that were left out, grouped by reason, such as "a.stl, b.stl (no
+    such file)".
+    """
     names = defaultdict[str, list[str]](list)
     for name, why in lost:
         names[why].append(name)
@@ -138,12 +145,14 @@ def first_of(names: Iterable[str]) -> str:
 
 
 def is_readable(file: Path) -> bool:
-    """Return whether files of this kind can be read: those of Collada need pycollada."""
+    """Return whether trimesh can read the format of a mesh file, by its suffix; Collada (.dae)
+    needs the package pycollada.
+    """
     return file.suffix.lower()[1:] in trimesh().available_formats()
 
 
 def why_not(file: Path) -> str:
-    """Return the reason why a mesh could not be read."""
+    """Return the reason, for a message, why a mesh file could not be read."""
     if not file.is_file():
         return "no such file"
     needs = file.suffix.lower() == COLLADA and not is_readable(file)
@@ -153,7 +162,7 @@ def why_not(file: Path) -> str:
 def read_mesh(
     path: Path, suffixes: tuple[str, ...] = SUFFIXES, *, materials: bool = True
 ) -> Triangles:
-    """Return the surface in a mesh file.
+    """Return the surface in a mesh file, and its materials.
 
     Args:
         path: The file.
@@ -165,7 +174,7 @@ def read_mesh(
     """
     suffix = path.suffix.lower()
     if suffix not in suffixes:
-        raise ValueError(f"{path}: a mesh is an .obj or an .stl file")
+        raise ValueError(f"{path}: this is no mesh file; use .obj or .stl")
     with reading.opened(path, "mesh") as file:
         content = file.read()
     used = None
@@ -191,7 +200,9 @@ def read_mesh(
         if suffix == ".stl" and not len(faces):
             content.decode("ascii")  # where it is no text, trimesh may take it for one
     except Exception:  # trimesh's readers raise what they meet in a broken file
-        raise ValueError(f"{path}: this mesh is damaged, or not what its name says") from None
+        raise ValueError(
+            f"{path}: this mesh is damaged, or not of the format that its suffix says"
+        ) from None
     broken = ~np.isfinite(vertices).all(axis=1)
     if broken.any():
         vertex = " ".join(f"{number:g}" for number in vertices[broken][0])
@@ -225,12 +236,12 @@ def _joined(
     scene: Any, used: set[str] | None, missing: list[Lost]
 ) -> tuple[Array, Indices, Array | None, Indices, tuple[Material | None, ...]]:
     """Return the corners of all parts of a scene (n, 3), its triangles (m, 3), their texture
-    coordinates (m, 3, 2), the number of each one's material (m,), and the materials.
+    coordinates (m, 3, 2), the number of each triangle's material (m,), and the materials.
 
     Args:
         scene: Scene that trimesh has read.
-        used: The names of the materials that an OBJ file uses; None of another kind of file.
-        missing: Takes what cannot be drawn.
+        used: The names of the materials that an OBJ file uses; None for another kind of file.
+        missing: List to which pictures without texture coordinates are added.
     """
     points: list[Array] = [np.zeros((0, 3))]
     faces: list[Indices] = [np.zeros((0, 3), np.int64)]

@@ -1,4 +1,4 @@
-"""Compilation of MuJoCo's models, and removal of their sensors, lights and other extras."""
+"""Compilation of MuJoCo models, and removal of their sensors, lights and other extras."""
 
 import warnings
 from collections.abc import Iterable
@@ -29,14 +29,16 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def said_by_mujoco(error: Exception) -> str:
-    """Return a message of MuJoCo's compiler as part of a sentence."""
+    """Return the message of an error from MuJoCo's compiler on one line, to be part of a
+    sentence.
+    """
     lines = (line for line in str(error).splitlines() if line)
     return ", ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")
 
 
 def leave_out(spec: mujoco.MjSpec, parts: Iterable[str]) -> None:
-    """Delete lists of a model's elements, such as "sensors", and its sky, but for what a material
-    shows of it.
+    """Delete elements of a model: the lists that `parts` names, such as "sensors", and sky textures
+    that no material uses.
     """
     named = {name for material in spec.materials for name in material.textures}
     skies = [t for t in spec.textures if t.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX]

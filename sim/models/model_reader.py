@@ -1,5 +1,5 @@
-"""Models of robots and targets in files, MJCF or URDF, read by MuJoCo, which reads neither
-package:// nor Collada, and not every mesh: files are made ready for it.
+"""Reading of robot and target models, MJCF or URDF, with MuJoCo. Names like package://, Collada
+meshes and damaged meshes, which MuJoCo does not read, are replaced first.
 """
 
 from pathlib import Path
@@ -40,7 +40,7 @@ WEIGHTS = {"mass": ["value"], "inertia": ["ixx", "iyy", "izz", "ixy", "ixz", "iy
 
 
 def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
-    """Return the model in an MJCF or URDF file, which compiles.
+    """Return the model in an MJCF or URDF file; it is known to compile.
 
     Args:
         path: Its file.
@@ -76,8 +76,8 @@ def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
 def spec_of_urdf(path: Path, mended: Mended) -> mujoco.MjSpec:
     """Return the model in a URDF file, with absolute paths of meshes.
 
-    Links show their visual shapes, or those for collisions where no visual one can be read;
-    `mended` notes what is left out.
+    Links show their visual shapes, or those for collisions where no visual one can be read; what is
+    left out is added to `mended`.
 
     Raises:
         ParseError: It is not XML.
@@ -109,9 +109,7 @@ def _leave_out_namespaces(tree: Element) -> None:
     for parent in list(tree.iter()):
         for element in list(parent):
             if "xacro}" in element.tag:
-                raise ValueError(
-                    "it has elements of a namespace; expand xacro files first (xacro IN > OUT)"
-                )
+                raise ValueError("the file has xacro elements: expand it first (xacro IN > OUT)")
             if element.tag.startswith("{"):
                 parent.remove(element)
 
@@ -144,8 +142,8 @@ def _check_limit(joint: Element) -> None:
 
 
 def joint_speeds(path: Path) -> dict[str, float]:
-    """Return the largest rates of a URDF's joints by name [rad/s or m/s], which MuJoCo skips; of
-    an MJCF file none.
+    """Return the largest rates of a URDF file's joints by name [rad/s or m/s], which MuJoCo does
+    not read; {} for an MJCF file.
     """
     if path.suffix.lower() != ".urdf":
         return {}
@@ -183,14 +181,12 @@ def _keep_visible(link: Element, mended: Mended) -> None:
     collisions = link.findall("collision")
     kept = [shape for shape in visuals if _is_readable(shape)]
     kept = kept or [shape for shape in collisions if _is_readable(shape)]
-    gone = [shape for shape in (*visuals, *collisions) if shape not in kept]
-    for shape in gone:
-        link.remove(shape)
     for shape in kept:
         shape.attrib.pop("name", None)  # MuJoCo complains of names that are there twice
-    for shape in gone if not kept else visuals:
+    for shape in [shape for shape in (*visuals, *collisions) if shape not in kept]:
+        link.remove(shape)
         mesh = shape.find("geometry/mesh")
-        if shape in gone and mesh is not None:
+        if mesh is not None and (shape in visuals or not kept):
             file = Path(mesh.get("filename", ""))
             mended.lost.append((file.name, why_not(file)))
 
@@ -201,20 +197,15 @@ def _is_readable(shape: Element) -> bool:
     return mesh is None or file.suffix.lower() in READABLE or is_readable(file)
 
 
-def _has_materials(file: Path) -> bool:
-    """Return whether a mesh has materials of its own, which MuJoCo would ignore."""
-    if file.suffix.lower() == OBJ:
-        return file.is_file() and b"mtllib" in file.read_bytes()
-    return file.suffix.lower() not in READABLE
-
-
 def _show_materials(spec: mujoco.MjSpec, shape: mujoco.MjsMesh, mended: Mended) -> None:
     """Show a mesh with its own materials, which MuJoCo ignores, unless the model gives a colour."""
     file = Path(shape.file)
-    if not _has_materials(file):
+    suffix = file.suffix.lower()
+    is_painted = suffix == OBJ and file.is_file() and b"mtllib" in file.read_bytes()
+    if suffix in READABLE and not is_painted:
         return
     try:
-        mesh = read_mesh(file, (file.suffix.lower(),))
+        mesh = read_mesh(file, (suffix,))
     except ValueError:
         return  # it is left out where the model does not compile
     geoms = geoms_of(spec, shape)

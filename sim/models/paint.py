@@ -1,9 +1,9 @@
-"""Common parts of targets: rectangle, colours, pictures by name, and a box with a picture."""
+"""Common parts of targets: settings of the reference rectangle, colours, pictures, and a box."""
 
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import mujoco
 import numpy as np
@@ -25,14 +25,17 @@ HEX = re.compile("#[0-9a-fA-F]{6}")
 
 @dataclass(frozen=True, slots=True)
 class Outlined:
-    """A target whose reference rectangle is found, or given."""
+    """Settings of a target whose reference rectangle (length, width, height [m]) is given, or found
+    in its model.
+    """
 
     outline: tuple[Length, Length, Annotated[float, Ge(0), Le(5)]] | None = None
     """Length along the nose, width, and height over the table of the reference rectangle [m]; by
     default those of the model's site `outline`, or that are found."""
 
     def target(self, spec: mujoco.MjSpec) -> Target:
-        """Return the target of a model.
+        """Return the target with this model, and with the reference rectangle that the settings
+        give, or else the one found in the model.
 
         Raises:
             ValueError: Nothing of it is seen from above.
@@ -46,7 +49,7 @@ class Outlined:
 
 
 def rgba(colour: Colour) -> list[float]:
-    """Return red, green, blue and opacity, 0 to 1, of a colour.
+    """Return the red, green, blue and opacity, 0 to 1, of a colour setting.
 
     Raises:
         ValueError: The colour is a text other than "#rrggbb".
@@ -60,12 +63,12 @@ def rgba(colour: Colour) -> list[float]:
     return [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)] + [1.0]
 
 
-PLAIN: dict[str, Any] = {"mass": 0, "contype": 0, "conaffinity": 0, "group": 2}
+PLAIN: dict[str, object] = {"mass": 0, "contype": 0, "conaffinity": 0, "group": 2}
 """A geom that is seen and not touched."""
 
 
 def picture_named(name: str, setting: str) -> Image:
-    """Return a shipped picture by its bare name, or one of the user's by its path.
+    """Return the picture of a setting as RGB (H, W, 3): a shipped one by its bare name, or a file.
 
     Raises:
         ValueError: The picture is missing or cannot be read.
@@ -74,12 +77,12 @@ def picture_named(name: str, setting: str) -> Image:
 
 
 def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -> mujoco.MjSpec:
-    """Return the model of a box of this length, width and height [m] on the table.
+    """Return the model of a box with this length, width and height [m] that stands on z = 0.
 
     A picture lies on each of its sides: on the upper one its right is at the nose.
     """
     spec = mujoco.MjSpec()
-    look: dict[str, Any] = {"rgba": colour}
+    look: dict[str, object] = {"rgba": colour}
     if picture is not None:
         look = {"material": add_picture(spec, picture)}
     half = np.array(size) / 2

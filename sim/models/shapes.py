@@ -1,4 +1,4 @@
-"""Meshes and pictures in MuJoCo's models."""
+"""Meshes, colours and pictures added to MuJoCo models."""
 
 from collections.abc import Sequence
 
@@ -15,12 +15,12 @@ LARGEST_SIDE = 2048
 
 
 def fill(shape: mujoco.MjsMesh, mesh: Triangles, material: Material | None) -> None:
-    """Give a mesh of a model these triangles, in place of a file.
+    """Replace the content of a model's mesh by triangles.
 
     Args:
-        shape: The mesh of the model.
+        shape: The mesh of the model, which is changed.
         mesh: The triangles.
-        material: Its material; only for a picture their places in it are needed.
+        material: Their material; texture coordinates are added only if it has a picture.
     """
     shape.file = ""
     shape.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # it may be flat
@@ -69,7 +69,9 @@ def _twin(geom: mujoco.MjsGeom, mesh: str) -> mujoco.MjsGeom:
 
 
 def paint(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, material: Material, name: str) -> None:
-    """Give a geom the colour or the picture of a material; `name` is that of a new one."""
+    """Give a geom the colour or the picture of a material; `name` is the name that the model's
+    material for the picture has or gets.
+    """
     if material.picture is None:
         geom.rgba = material.colour
     elif spec.material(name) is None:
@@ -79,7 +81,7 @@ def paint(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, material: Material, name: s
 
 
 def add_picture(spec: mujoco.MjSpec, picture: Image, name: str = PICTURE) -> str:
-    """Add a picture to a model as a material; return the name of the material."""
+    """Add a picture (H, W, 3) to a model as a material called `name`; return this name."""
     side = max(picture.shape[:2])
     if side > LARGEST_SIDE:
         scale = LARGEST_SIDE / side
@@ -90,7 +92,9 @@ def add_picture(spec: mujoco.MjSpec, picture: Image, name: str = PICTURE) -> str
 
 
 def lay(spec: mujoco.MjSpec, picture: Image, material: mujoco.MjsMaterial, name: str) -> None:
-    """Lay a picture on all that is of a material; `name` is that of the new texture."""
+    """Add a picture (H, W, 3) to a model as a texture called `name`, and set it as a material's
+    texture.
+    """
     height, width, channels = picture.shape
     texture = spec.add_texture(
         name=name,

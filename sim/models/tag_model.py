@@ -16,7 +16,9 @@ CELL = 32
 
 
 def tag_target(marker: Marker) -> Target:
-    """Return the target that is a tag; its reference rectangle is the black square."""
+    """Return the target that is an AprilTag lying on z = 0; its reference rectangle is the black
+    square.
+    """
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     black = cv2.aruco.generateImageMarker(family, marker.id, CELLS * CELL)
     grey = np.pad(black, CELL, constant_values=255)

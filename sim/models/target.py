@@ -1,4 +1,4 @@
-"""The object to be followed: its model, and the reference rectangle that stands for it."""
+"""The target: its MuJoCo model, and the reference rectangle that stands for it."""
 
 import itertools
 from dataclasses import dataclass
@@ -22,7 +22,8 @@ class Target:
     """An object before it is put into the room: what a target's `Config.build` returns.
 
     Its frame has x along the nose and z up; z = 0 is the table's top. All its geoms move as one,
-    without joints, and `rectangle` gives an outline whose corners are in the right order.
+    without joints, and `rectangle` gives an outline whose corners (4, 3) [m] are in the right
+    order.
 
     >>> spec = mujoco.MjSpec()
     >>> side = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.05, 0.05, 0.01])
@@ -41,8 +42,8 @@ class Target:
 
 
 def target_of(spec: mujoco.MjSpec) -> Target:
-    """Return the target of a model, with the rectangle of its site `outline`, or else the one that
-    is found from above.
+    """Return the target with this model; its reference rectangle is that of the model's site
+    `outline`, or else the one that `seen_from_above` finds.
 
     Raises:
         ValueError: Nothing of it is seen from above.
@@ -65,11 +66,11 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
 
 
 def outline_site(spec: mujoco.MjSpec) -> Array | None:
-    """Return the rectangle (4, 3) [m] that a model's site `outline` names; None where it has no
-    such site.
+    """Return the corners (4, 3) [m] of the rectangle that a model's site `outline` gives; None if
+    the model has no such site.
 
     Raises:
-        ValueError: The site is turned against the model.
+        ValueError: The site is not aligned with the model's axes.
     """
     if spec.site(OUTLINE) is None:
         return None
@@ -84,8 +85,8 @@ def outline_site(spec: mujoco.MjSpec) -> Array | None:
 
 
 def seen_from_above(spec: mujoco.MjSpec) -> Array:
-    """Return the level rectangle (4, 3) around the surface of a model that is seen from above, at
-    its mean height [m].
+    """Return the corners (4, 3) [m] of the level rectangle around the surface that is visible from
+    straight above a model, at the surface's mean height.
 
     Raises:
         ValueError: Nothing of it is seen above the table, z = 0.
@@ -96,7 +97,7 @@ def seen_from_above(spec: mujoco.MjSpec) -> Array:
     bounds = _bounds(model, data)
     hits = _hits(model, data, *bounds)
     if len(hits) == 0:
-        raise ValueError("nothing of it is seen from above the table, whose top is at z = 0")
+        raise ValueError("no visible part of the target lies above the table's top, z = 0")
     low = hits.min(axis=0)
     high = hits.max(axis=0)
     length, width = (high - low)[:2] + (bounds[1] - bounds[0])[:2] / RAYS

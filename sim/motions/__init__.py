@@ -1,4 +1,6 @@
-"""Target motions, one a file: `Config.build(rng)` gives an object with `at(time) -> Pose`."""
+"""Target motions, one per file: `Config.build(rng)` gives an object with `at(time) -> Pose`, which
+is T_world_target at a time [s].
+"""
 
 from __future__ import annotations
 

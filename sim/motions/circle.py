@@ -13,7 +13,7 @@ from sim.types import Pose
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the circle: centre, radius and frequency."""
+    """Settings of the circle on the table: centre x, y [m], radius [m] and frequency [Hz]."""
 
     x: Place = 0.0
     """Centre of the circle along world x [m]."""

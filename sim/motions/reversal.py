@@ -1,5 +1,5 @@
-"""The target drives back and forth on a straight line at constant speed and reverses at once
-(the experiment of Teuliere, Marchand and Eck, section VI).
+"""The target drives back and forth on a straight line at constant speed; it reverses instantly (the
+experiment of Teuliere, Marchand and Eck, section VI).
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,9 @@ from sim.ranges import Degrees, Length, Speed
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """Settings of the line, on which the target drives back and forth, and of its speed."""
+    """Settings of a straight line on which the target drives back and forth: its middle x, y [m],
+    direction [deg] and length [m], and the speed [m/s].
+    """
 
     heading_deg: Degrees = -90.0
     speed: Speed = 0.1

@@ -12,7 +12,9 @@ from sim.ranges import Place
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """Settings of the line and of the oscillation, which starts at the middle of the line."""
+    """Settings of a straight line on which the target oscillates: its middle x, y [m] and direction
+    [deg], and the oscillation's amplitude [m] and frequency [Hz].
+    """
 
     amplitude: Place = 0.15
     """Amplitude of the oscillation [m]."""

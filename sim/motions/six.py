@@ -1,4 +1,6 @@
-"""The target is moved above the table in all six degrees of freedom, smoothly, as the seed says."""
+"""The target moves above the table in all six degrees of freedom, smoothly; frequencies and
+directions are drawn from the seed.
+"""
 
 from dataclasses import dataclass
 from math import pi, radians, sqrt
@@ -21,7 +23,9 @@ MIDDLE = np.array([0.0, 0.0, 0.3])
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a smooth motion in six degrees of freedom: frequency and amplitudes."""
+    """Settings of a smooth motion in six degrees of freedom: highest frequency [Hz], amplitudes of
+    position [m] and of rotation [deg].
+    """
 
     frequency: Annotated[float, Ge(0), Le(100)] = 0.2
     """Highest frequency of a sine [Hz]."""
@@ -35,7 +39,7 @@ class Config:
     """Farthest from level, in any direction [deg]."""
 
     def build(self, rng: np.random.Generator) -> "Six":
-        """Return the motion; its frequencies and directions come from the generator."""
+        """Return the motion; its frequencies and directions are drawn from the generator."""
         frequencies = self.frequency * rng.uniform(SLOWEST, 1.0, (WAVES, 6))
         # Two tilts at once, of the same size, are sqrt(2) as large.
         tilt = radians(self.tilt_deg) / sqrt(2)
@@ -44,17 +48,19 @@ class Config:
 
 
 @final
+@dataclass(frozen=True, slots=True, eq=False)
 class Six:
-    """A motion whose three positions and three angles are each the mean of two sines, zero at time
-    0.
+    """A motion above the table whose three positions and three angles are each the mean of two
+    sines of time, zero at time 0.
     """
 
-    def __init__(self, frequencies: Array, largest: Array) -> None:
-        self._frequencies = frequencies
-        self._largest = largest
+    frequencies: Array
+    """Frequencies of the sines (2, 6) [Hz]."""
+    largest: Array
+    """Amplitudes of x, y, z [m] and of the rotations about x, y, z [rad] (6,)."""
 
     def at(self, time: float) -> Pose:
         """Return T_world_target at a time [s]."""
-        q = self._largest * np.sin(2 * pi * self._frequencies * time).mean(axis=0)
+        q = self.largest * np.sin(2 * pi * self.frequencies * time).mean(axis=0)
         turned = exp_so3(np.array([0.0, 0.0, q[5]]))
         return Pose(turned @ exp_so3(np.array([q[3], q[4], 0.0])), MIDDLE + q[:3])

@@ -18,7 +18,9 @@ LEG_DURATION = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the turns on the spot and of the straight drives between them."""
+    """Settings of turns on the spot and straight drives between them: start x, y [m], first
+    direction and angle of a turn [deg], speed [m/s].
+    """
 
     x: Place = -0.1
     """Start position along world x [m]."""

@@ -7,7 +7,7 @@ from sim.motions._straight import Straight
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """Settings of a target at rest: position and heading."""
+    """Settings of a target at rest: position x, y [m] and heading [deg]."""
 
     def way(self, time: float) -> float:
         return 0.0

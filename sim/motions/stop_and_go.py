@@ -11,7 +11,9 @@ from sim.ranges import LONGEST, Place, Speed, Time
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """Settings of the line, of the speed and of the times of driving and standing."""
+    """Settings of a straight drive with stops: start x, y [m], direction [deg], speed [m/s], and
+    durations of driving and standing [s].
+    """
 
     x: Place = -0.5
     speed: Speed = 0.12

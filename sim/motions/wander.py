@@ -21,7 +21,7 @@ by hand."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the loop: its mean radius and the time of one round."""
+    """Settings of the closed path: its mean radius [m] and the duration of one round [s]."""
 
     radius: Length = 0.18
     """Mean radius of the loop [m]."""
@@ -29,7 +29,7 @@ class Config:
     """Duration of one round [s]."""
 
     def build(self, rng: np.random.Generator) -> "Wander":
-        """Return the motion; its shape, start and sense come from the generator."""
+        """Return the motion; its shape, start and sense are drawn from the generator."""
         order = np.array(HARMONICS)
         size = UNEVENNESS * rng.dirichlet(np.ones(len(order))) / order**2
         return Wander(self, size, rng.uniform(0, 2 * pi, len(order) + 1), rng.choice((-1, 1)))
@@ -37,7 +37,9 @@ class Config:
 
 @final
 class Wander:
-    """A loop r(phi) = radius (1 + sum a_k cos(k phi + p_k)), driven at constant d phi/dt."""
+    """A closed path r(phi) = radius (1 + sum a_k cos(k phi + p_k)) around the table's middle,
+    driven at constant d phi/dt.
+    """
 
     def __init__(self, config: Config, size: Array, phases: Array, sense: int) -> None:
         self._config = config

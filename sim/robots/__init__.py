@@ -1,4 +1,4 @@
-"""Robots that carry the camera, one a file: `Config.build(rng)` gives a `Design`."""
+"""Robots that carry the camera, one per file: `Config.build(rng)` gives a `Design`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""A camera that moves freely and makes every twist exactly, without limits of speed or tilt."""
+"""A camera that moves freely: it makes every commanded twist exactly, without limits of speed or
+tilt.
+"""
 
 from dataclasses import dataclass
 from math import pi
@@ -16,7 +18,7 @@ INVERSION = Inversion(weakest=0.001, damping=0.001, exact=True)
 
 @dataclass(frozen=True, slots=True)
 class Config(Drives):
-    """Settings of the robot: errors of its drives and encoders."""
+    """Settings of the free camera: errors of its drives and encoders."""
 
     def build(self, rng: np.random.Generator) -> Design:
         """Return the design of the robot; uses no random numbers."""

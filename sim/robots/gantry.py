@@ -14,7 +14,7 @@ INVERSION = Inversion(weakest=0.1, damping=0.1)
 
 @dataclass(frozen=True, slots=True)
 class Config(Drives):
-    """Settings of the robot: errors of its drives and encoders."""
+    """Settings of the gantry: errors of its drives and encoders."""
 
     def build(self, rng: np.random.Generator) -> Design:
         """Return the design of the robot; uses no random numbers."""

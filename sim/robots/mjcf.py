@@ -1,4 +1,4 @@
-"""A robot from a file, MJCF or URDF: its joints, and a camera at its flange."""
+"""A robot from a model file, MJCF or URDF, that carries a camera at its flange."""
 
 import functools
 import importlib
@@ -42,7 +42,9 @@ ELSEWHERE = "; try another robot.base, or a robot.home near a posture that gets 
 
 @dataclass(frozen=True, slots=True)
 class Config(Drives):
-    """Settings of a robot from a file: its model, its base and its camera."""
+    """Settings of a robot from a model file: its base in the room (x, y, z [m], yaw [deg]), the
+    camera's pose on the flange, start postures and largest joint rates [m/s or rad/s].
+    """
 
     model: File = "arm7"
     """Its file, MJCF or URDF: a path from the scenario's folder or from the working directory, a
@@ -144,7 +146,14 @@ def _in_menagerie(model: str) -> Path:
 def shipped(
     model: str, drives: Drives, homes: tuple[tuple[float, ...], ...], inversion: Inversion
 ) -> Design:
-    """Return the design of a shipped model, such as "arm.xml"."""
+    """Return the design of a shipped robot.
+
+    Args:
+        model: File of its model in `scenes/robots`, such as "arm.xml".
+        drives: Errors of its drives and encoders.
+        homes: Joint positions at which searches begin [m or rad].
+        inversion: Settings of its inverse kinematics.
+    """
     path = str(resources.files("scenes") / FOLDER / model)
     config = Config(model=path, base=(0.0, 0.0, 0.0, 0.0), camera="eye", home=homes)
     design = config.build(np.random.default_rng(0))  # uses no random numbers

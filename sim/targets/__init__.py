@@ -1,4 +1,4 @@
-"""Objects to be followed, one a file: `Config.build(rng)` gives a `Target`."""
+"""Targets of the tracker, one per file: `Config.build(rng)` gives a `Target`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A box in one colour, or with a picture on each side."""
+"""A box in one colour, or with a picture on each side, as the target."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from sim.ranges import Length
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Size and appearance of the box."""
+    """Settings of a box: length, width and height [m], and a colour or a picture."""
 
     size: tuple[Length, Length, Length] = (0.16, 0.1, 0.04)
     """Length along the nose, width, height [m]."""

@@ -1,8 +1,10 @@
-"""A mesh of an OBJ or STL file, scaled to a size, with its own colours and pictures or another."""
+"""A mesh of an OBJ or STL file as the target, scaled to a size, with its own materials, one colour,
+or another picture.
+"""
 
 from dataclasses import dataclass, replace
 from math import cos, radians, sin
-from typing import Any, Literal
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -31,7 +33,9 @@ FLAT = 0.001
 
 @dataclass(frozen=True, slots=True)
 class Config(Outlined):
-    """Settings of a target from a mesh file: the mesh, its size and its orientation."""
+    """Settings of a target from a mesh file: the mesh, its size [m], its orientation [deg], and its
+    colour or texture.
+    """
 
     file: File = "duck"
     """A shipped mesh's name, or an .obj or .stl file."""
@@ -69,7 +73,7 @@ class Config(Outlined):
     def _spec(self, mesh: Triangles, given: Material, *, own: bool) -> mujoco.MjSpec:
         """Return the model of the target, with the mesh's own materials or a given one."""
         if given.picture is not None and mesh.places is None:
-            raise ValueError("it does not say where the texture lies on it (vt)")
+            raise ValueError("the mesh has no texture coordinates (vt) for the texture")
         mesh = replace(mesh, vertices=self._placed(mesh.vertices))
         parts = mesh.parts() if own and any(mesh.materials) else [(mesh, given)]
         spec = mujoco.MjSpec()
@@ -90,7 +94,7 @@ class Config(Outlined):
         points = points @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
         extent = np.ptp(points, axis=0)
         if not extent[:2].max() > 0:
-            raise ValueError("it has no length and no width")
+            raise ValueError("the mesh has no length and no width")
         if isinstance(self.size, tuple):
             scale = np.divide(self.size, extent, out=np.ones(3), where=extent > 0)
         else:
@@ -107,7 +111,7 @@ def _seen_from_outside(mesh: Triangles) -> Triangles:
     places = mesh.places
     behind = None if places is None else places[:, ::-1]
     faces = mesh.faces[:, ::-1]
-    shape: Any = trimesh().Trimesh(mesh.vertices, mesh.faces, process=False)
+    shape = trimesh().Trimesh(mesh.vertices, mesh.faces, process=False)
     if shape.is_watertight and shape.is_winding_consistent:
         return mesh if shape.volume >= 0 else replace(mesh, faces=faces, places=behind)
     return replace(

@@ -1,4 +1,4 @@
-"""A model of the user's, MJCF or URDF: its geoms as they are, moving as one."""
+"""A user's model, MJCF or URDF, as the target: its geoms as they are, moving as one."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,9 @@ MOVING = (*SIMULATION, "actuators", "joints", "cameras")
 
 @dataclass(frozen=True, slots=True)
 class Config(Outlined):
-    """Settings of a target from a model file."""
+    """Settings of a target from a model file: the model and, if wanted, its reference rectangle
+    [m].
+    """
 
     model: File = "truck"
     """A shipped model's name, or an .xml or .urdf file: x is its nose, z is up, and the table is at

@@ -1,4 +1,4 @@
-"""A flat picture on the table, its right side at the nose."""
+"""A flat picture on the table as the target, the picture's right side at the nose."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from sim.ranges import File, Length
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a flat picture on the table: the picture and its size."""
+    """Settings of a flat picture on the table: the picture, its length and its width [m]."""
 
     picture: File = "pebbles"
     """A shipped picture's name, or a file; it is stretched over the plate."""

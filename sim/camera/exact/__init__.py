@@ -1,1 +1,1 @@
-"""A renderer that gives the same pictures on every machine."""
+"""A software renderer that gives the same pictures on every machine."""

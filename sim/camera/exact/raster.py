@@ -54,13 +54,15 @@ def dot(a: Array, b: Array) -> float:
 
 @compiled(error_model="numpy")
 def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) -> None:
-    """Set the colour of a corner to the sum of the light that it reflects, at most 1 a channel, by
-    the lighting model of OpenGL's fixed pipeline (Blinn-Phong), as MuJoCo uses it.
+    """Compute the colour of a triangle's corner and write it into the corner: the reflected light,
+    at most 1 a channel, by the lighting of OpenGL's fixed pipeline (Blinn-Phong), as MuJoCo uses
+    it.
 
     Args:
-        corner: The corner (11,), whose colour is written.
-        normal: Its unit normal (3,) in the camera's frame.
-        rgba: Colour of the body (4,).
+        corner: Position [m], colour, texture coordinates, pixel and 1 / z of the corner (11,); the
+            colour is written.
+        normal: Unit normal of the surface (3,) in the camera's frame.
+        rgba: Colour of the body (4,), 0 to 1.
         shine: The body's emission, specular reflection and specular exponent (3,).
         lights: The lights (n, 21) in the camera's frame.
     """
@@ -94,10 +96,12 @@ def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) 
 
 @compiled(error_model="numpy")
 def project(corner: Array, view: Array) -> None:
-    """Set the position in the picture, and 1 / z, of a corner in front of the camera.
+    """Project a triangle's corner that is in front of the camera: write its pixel (u, v) [px] and 1
+    / z [1/m] into the corner.
 
     Args:
-        corner: The corner (11,), which is changed.
+        corner: Position in the camera's frame [m], colour, texture coordinates, pixel and
+            1 / z (11,).
         view: Focal lengths and principal point (4,) [px].
     """
     corner[NEARNESS] = 1.0 / corner[2]
@@ -107,7 +111,7 @@ def project(corner: Array, view: Array) -> None:
 
 @compiled(error_model="numpy")
 def may_cover(corners: Array, height: int, width: int) -> bool:
-    """Return False if a triangle certainly covers no middle of a pixel.
+    """Return False if a triangle certainly covers no pixel centre of the picture.
 
     Args:
         corners: The triangle's corners (3, 11), in front of the camera.
@@ -131,8 +135,8 @@ def may_cover(corners: Array, height: int, width: int) -> bool:
 
 @compiled(error_model="numpy")
 def gradients(corners: Array, count: int, found: Array) -> None:
-    """Find the gradients of 1 / z, and of colour and texture coordinates over z, all of which are
-    linear in the picture (perspective-correct interpolation).
+    """Compute how 1 / z, and colour and texture coordinates divided by z, change from pixel to
+    pixel in a triangle; all are linear in the picture (perspective-correct interpolation).
 
     Args:
         corners: The triangle's corners (3, 11).
@@ -160,12 +164,13 @@ def gradients(corners: Array, count: int, found: Array) -> None:
 
 @compiled(error_model="numpy")
 def edges_of(corners: Array, found: Array) -> None:
-    """Find the edges of a triangle: two triangles that share an edge get the same numbers.
+    """Compute the edges of a triangle in the picture, each from top to bottom, and write them into
+    `found`; triangles that share an edge get the same numbers.
 
     Args:
         corners: The triangle's corners (3, 11).
-        found: For each edge its first row, its last row, its first column, and the change of the
-            column by row (3, 4); written.
+        found: For each edge its first row, its last row, its first column [px], and the change of
+            the column by row (3, 4); written.
     """
     for i in range(3):
         a = i
@@ -181,12 +186,12 @@ def edges_of(corners: Array, found: Array) -> None:
 
 @compiled(error_model="numpy")
 def row_of(edges: Array, middle: float, width: int) -> tuple[int, int]:
-    """Return the first column of a triangle in a row, and the column after its last; two triangles
-    that share an edge neither overlap nor leave a gap.
+    """Return the first column of a triangle in a row of pixels, and the column after its last [px];
+    triangles that share an edge neither overlap nor leave a gap.
 
     Args:
         edges: The triangle's edges (3, 4), from `edges_of`.
-        middle: The middle of the row [px].
+        middle: Vertical position of the row's pixel centres [px].
         width: Width of the picture [px].
     """
     left = np.inf
@@ -318,15 +323,16 @@ def fill(
 
 @compiled(error_model="numpy")
 def is_beyond(first: int, last: int, size: int) -> bool:
-    """Return whether texture coordinates from first to last [px / 65536] leave a level of this size
-    [px].
+    """Return whether texture coordinates that run from `first` to `last` [1/65536 texel] leave a
+    texture level of `size` texels.
     """
     return min(first, last) < 0 or max(first, last) > size << 16
 
 
 @compiled(error_model="numpy")
 def level_of(s_right: float, t_right: float, s_down: float, t_down: float, levels: Indices) -> int:
-    """Return the level of a texture whose pixels are nearest in size to the picture's.
+    """Return the number of the texture's mipmap level whose texels are nearest in size to the
+    picture's pixels.
 
     Args:
         s_right: Change of the first texture coordinate from a pixel to the next.
@@ -349,7 +355,8 @@ def level_of(s_right: float, t_right: float, s_down: float, t_down: float, level
 
 @compiled(error_model="numpy")
 def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found: Array) -> int:
-    """Clip a triangle at the near plane, and return the number of corners of the rest, 0, 3 or 4.
+    """Clip a triangle at the near plane: write the corners of the part before the camera, and
+    return their number, 0, 3 or 4.
 
     Args:
         seen: All corners of the body (n, 11).
@@ -357,7 +364,7 @@ def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found:
         face: Number of the triangle.
         near: Distance of the near plane [m].
         view: Focal lengths and principal point (4,) [px].
-        found: The corners of the rest (4, 11), written.
+        found: The corners of the remaining part (4, 11), written.
     """
     count = 0
     for k in range(3):
@@ -378,7 +385,8 @@ def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found:
 
 @compiled(error_model="numpy")
 def is_outside(middle: Array, radius: float, view: Array, height: int, width: int) -> bool:
-    """Return whether a ball lies beside the picture or behind the camera.
+    """Return whether a ball lies completely outside the camera's view, beside the picture or behind
+    the camera.
 
     Args:
         middle: Its centre (3,) in the camera's frame [m].
@@ -422,7 +430,7 @@ def draw(
     nearness: Singles,
     shown: Numbers,
 ) -> None:
-    """Draw bodies into a picture, in a given order.
+    """Draw bodies (a scene's geoms, and its sky) into a picture, in a given order.
 
     Args:
         order: Numbers of the bodies to draw, best the nearest first.

@@ -1,7 +1,8 @@
-"""The renderer that needs no graphics driver, and gives the same pictures on every machine.
+"""The software renderer: it needs no graphics driver, and gives the same pictures on every machine.
 
 It draws geoms and sky with the shapes, lights and textures of MuJoCo's own renderer, but without
-shadows, reflections, haze and translucence. As there, lights act on the corners of triangles.
+shadows, reflections, haze and translucence. As in MuJoCo, light is computed at the corners of
+triangles.
 """
 
 from collections.abc import Callable
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from sim.camera import gl
 from sim.camera.exact import raster
-from sim.camera.exact.solids import across, sky_of, solids_of, texture_of
+from sim.camera.exact.solids import face_normals, sky_of, solids_of, texture_of
 from sim.camera.renderer import Backdrop, DepthPromise, Promise, T, camera_pose
 from sim.types import Array, Camera, DepthPicture, Image
 
@@ -31,9 +32,10 @@ NO_BODY = -1
 
 
 class ExactRenderer:
-    """Draws a model's camera with IEEE arithmetic in a fixed order; see `Renderer`.
+    """Software renderer for a camera of a MuJoCo model, with IEEE arithmetic in a fixed order; it
+    has the methods of `Renderer`.
 
-    The sky is one more body after all geoms, which emits light and moves with the camera.
+    The sky is drawn as one more body after all geoms, which emits light and moves with the camera.
 
     Raises:
         ValueError: The model has bodies that it cannot draw.
@@ -59,7 +61,7 @@ class ExactRenderer:
         self._faces = numbers.reshape(-1, 3)
         """Corners of each triangle."""
         self._first_face = np.concatenate([[0], np.cumsum(counts)])
-        plane = across(every[:, :3])
+        plane = face_normals(every[:, :3])
         self._planes = np.column_stack([plane, np.sum(plane * every[::3, :3], axis=1)])
         """Of each triangle's plane normal and distance, both times twice its area (n, 4)."""
         self._radii = np.array([np.linalg.norm(s[:, :3], axis=1).max(initial=0) for s in solids])
@@ -80,18 +82,25 @@ class ExactRenderer:
         """Do nothing: this renderer holds no buffers to release."""
 
     def begin(self, data: mujoco.MjData) -> Promise:
-        """Begin a picture of the scene as it is, which may change afterwards; see `Renderer`."""
+        """Begin a picture of the scene in `data`, which may change afterwards; return a function
+        that waits for the RGB picture (H, W, 3) and returns it.
+        """
         hidden = self._backdrop.is_hidden(data, self._camera)
         return self._draw(data, self._before_table if hidden else self._is_shown).result
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        """Return a mask of the pixels that show one of the geoms; see `Renderer`."""
+        """Return a mask (H, W), true where the picture shows a geom that the mask `geoms` (ngeom,)
+        selects; with `alone` no other geom is drawn.
+        """
         wanted = np.append(geoms, False)
         self._draw(data, self._is_shown & wanted if alone else self._is_shown).result()
         return np.append(wanted, False)[self._shown]
 
     def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
-        """Begin a depth picture of the scene as it is; see `Renderer`."""
+        """Begin a depth picture of the scene in `data`, which may change afterwards; return a
+        function that waits for the distances along the optical axis (H, W) [m], inf where no geom
+        is.
+        """
         is_geom = np.arange(len(self._is_shown)) < self._model.ngeom
         return self._draw(data, self._is_shown & is_geom, self._depths).result
 

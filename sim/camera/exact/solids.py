@@ -1,4 +1,4 @@
-"""Triangles of a model's geoms and sky, as MuJoCo draws them, each in its own frame."""
+"""Triangles of a MuJoCo model's geoms and sky, as MuJoCo draws them, each geom in its own frame."""
 
 import mujoco
 import numpy as np
@@ -40,8 +40,8 @@ position [m], unit normal, and texture coordinates, 0 to 1 over the picture (3 n
 
 
 def solids_of(model: mujoco.MjModel) -> list[Solid]:
-    """Return the surface of each geom of a model; a geom of a type that is not drawn has no
-    triangles.
+    """Return the triangles of each geom in a model, in the geom's own frame; a geom whose type
+    cannot be drawn has none.
     """
     return [
         _mesh(model, geom) if kind == SHAPE.mjGEOM_MESH else _primitive(model, geom)
@@ -50,7 +50,8 @@ def solids_of(model: mujoco.MjModel) -> list[Solid]:
 
 
 def sky_of(side: int, far: float) -> Solid:
-    """Return the sky: the inside of a cube around the camera.
+    """Return the triangles of the sky: the inside of a cube around the camera, along the world's
+    axes.
 
     Args:
         side: Side of each of its six pictures, which lie one below the other in the texture [px].
@@ -64,16 +65,16 @@ def sky_of(side: int, far: float) -> Solid:
 
 
 def texture_of(model: mujoco.MjModel, geom: int) -> int:
-    """Return the number of the texture of a geom's material; -1 if it has no texture."""
+    """Return the index of the texture on a model's geom (by id); -1 if it has no texture."""
     material = model.geom_matid[geom]
     if material < 0:
         return -1
     return int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
 
 
-def across(corners: Array) -> Array:
-    """Return the normals of triangles (n, 3), whose lengths are twice the areas [m^2], from their
-    corners (3 n, 3) [m].
+def face_normals(corners: Array) -> Array:
+    """Return a normal (n, 3) of each of n triangles, twice as long as the triangle's area [m^2],
+    from the corners (3 n, 3) [m], three rows per triangle.
     """
     a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
     return np.cross(b - a, c - a)
@@ -152,7 +153,7 @@ def _turned(points: Array, normals: Array, slices: int) -> Surface:
         grid[..., 2] = profile[:, None, 1]
         quads = [grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]]
         turned.append(_split(np.stack(quads, axis=2).reshape(-1, 4, 3)))
-    kept = np.repeat(np.linalg.norm(across(turned[0]), axis=1) > NO_AREA, 3)
+    kept = np.repeat(np.linalg.norm(face_normals(turned[0]), axis=1) > NO_AREA, 3)
     return turned[0][kept], turned[1][kept]
 
 
@@ -168,7 +169,7 @@ def _mesh(model: mujoco.MjModel, geom: int) -> Solid:
     if start >= 0:
         places = model.mesh_facetexcoord[faces].ravel() + start
         return np.column_stack([corners, normals, model.mesh_texcoord[places]])
-    flat = np.repeat(across(corners), 3, axis=0)
+    flat = np.repeat(face_normals(corners), 3, axis=0)
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.finfo(float).tiny)
     differs = np.sum(flat * normals, axis=1, keepdims=True) < FLAT
     size = model.geom_size[geom].astype(float)
