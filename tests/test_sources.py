@@ -144,8 +144,7 @@ def test_got_10k_s_layout_is_found_and_its_boxes_count_from_1(tmp_path, label):
     assert (sequence.start.x, sequence.start.y) == (20, 15)
     tracker = Got10kTracker("frozen")
     tracker.init(np.zeros((100, 160, 3), np.uint8), (11.0, 11.0, 20.0, 10.0))
-    found = tracker._follower.region.corners(sequence.start)
-    np.testing.assert_allclose(found, sequence.truth[0])
+    np.testing.assert_allclose(sequence.region.corners(sequence.start), sequence.truth[0])
     assert tracker.update(np.zeros((100, 160, 3), np.uint8)).tolist() == [11.0, 11.0, 20.0, 10.0]
 
 

@@ -1,4 +1,4 @@
-"""Film of a track: truth white; estimate green, amber or red by the tracker's status."""
+"""Film of a track: each picture with the estimated and the true outline, and a chart below it."""
 
 from pathlib import Path
 
@@ -12,13 +12,13 @@ from tracking.types import Region
 CAPTION = "estimate green (locked), amber (unsure), red (lost); truth white"
 CURVES = {"confidence": colours.CURVES[1]}
 SMALLEST = (608, 64)
-"""Least width and height of a panel [px]; smaller pictures are enlarged."""
+"""Least width and height of a picture in the film [px]; smaller pictures are enlarged."""
 LARGEST = (1888, 1000)
-"""Largest width and height of a panel [px]; larger pictures are reduced."""
+"""Largest width and height of a picture in the film [px]; larger pictures are reduced."""
 
 
 class AnnotatedVideo:
-    """Writer of a film; its size follows from that of the first picture."""
+    """Writer of the film of a track; the film's size follows from that of the first picture."""
 
     def __init__(
         self, to: Path | Pages, rate: float, region: Region, title: str, end: float | None = None
@@ -26,9 +26,9 @@ class AnnotatedVideo:
         """Prepare a film; the file is opened with the first picture.
 
         Args:
-            to: The file to write, or the receiver of the frames.
+            to: The MP4 file to write, or the receiver of the frames.
             rate: Approximate rate of the pictures [1/s].
-            region: The target's region.
+            region: Size of the target in the first picture [px].
             title: Title of the film.
             end: Time of the last picture [s]; None: unknown.
         """
@@ -41,7 +41,11 @@ class AnnotatedVideo:
         self._film: FilmPage | None = None
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a picture with its estimate, and the true corners (4, 2) [px] if they are known.
+        """Write a frame with a picture and its estimate.
+
+        Args:
+            shot: The picture and the estimate.
+            truth: True corners (4, 2) [px] in that picture; None: unknown.
 
         Raises:
             OSError: The file cannot be written.
@@ -55,16 +59,17 @@ class AnnotatedVideo:
         film.add(shot.picture.time, [view], [shot.confidence], [shot.estimate.status.name], note)
 
     def close(self) -> None:
-        """Finish the file."""
+        """Finish the file, if a picture was written."""
         if self._film:
             self._film.close()
 
     def abandon(self) -> None:
-        """Close the file early; it can be played up to its last whole second."""
+        """Close the file after an error; the film can be played up to its last whole second."""
         if self._film:
             self._film.abandon()
 
     def _opened(self, width: int, height: int) -> FilmPage:
+        """Return the film, opened for pictures of a size [px] if it is not open yet."""
         if self._film is None:
             factor = max(SMALLEST[0] / width, 1.0)
             factor = min(factor, LARGEST[0] / width, LARGEST[1] / height)

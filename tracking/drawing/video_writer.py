@@ -1,7 +1,7 @@
-"""Writing of MP4 files in H.264 that browsers play, with the true times of the frames.
+"""Writing of MP4 files in H.264 that browsers play, each frame shown at its own time.
 
-While it is written, the file consists of fragments of a second that players accept, so that a film
-is playable even if the program is killed; in the end it becomes an ordinary MP4.
+While a file is written, it consists of fragments of a second that players accept, so that the film
+can be played even if the program is killed. When it is closed, it becomes an ordinary MP4 file.
 """
 
 import io
@@ -28,20 +28,21 @@ FRAGMENTED = {
     "flush_packets": "1",
 }
 FRAGMENT = 1.0
-"""Length of a fragment; a killed program loses at most the last one [s]."""
+"""Length of a fragment [s]; a killed program loses at most the last one."""
 TICKS = 90_000
-"""Resolution of the times [1/s]."""
+"""Resolution of the frames' times [1/s]."""
 NO_OTHER_KEYS = 1_000_000
-"""Largest distance of the encoder's own key frames, so that only our fragments begin with one."""
+"""Number of frames after which the encoder itself adds a key frame: so many that only the first
+frame of a fragment is one."""
 BT709 = 1
 """H.264's number of the primaries and the transfer function of the standard BT.709."""
 
 
 class VideoWriter:
-    """Writer of a video file."""
+    """Writer of an MP4 file."""
 
     def __init__(self, path: Path, rate: float, width: int, height: int) -> None:
-        """Open the file.
+        """Open the file; an older one is replaced.
 
         Args:
             path: The file.
@@ -76,10 +77,10 @@ class VideoWriter:
         """Size of the file's head, and of the file up to its last whole fragment [bytes]."""
 
     def add(self, image: Image, time: float) -> None:
-        """Write a frame (height, width, 3) that is shown from a time on [s], until the next one.
+        """Write a frame, RGB (height, width, 3), that is shown from a time [s] until the next one.
 
         Raises:
-            OSError: The file cannot be written; it is abandoned.
+            OSError: The file cannot be written; it is closed with its whole fragments.
         """
         ticks = max(round(TICKS * time), self._last + 1)
         frame = av.VideoFrame.from_ndarray(image, format="rgb24").reformat(
@@ -101,7 +102,7 @@ class VideoWriter:
         """Finish the file; a file without frames is removed.
 
         Raises:
-            OSError: The file cannot be written; it is abandoned.
+            OSError: The file cannot be written; it is closed with its whole fragments.
         """
         if self._last < 0:
             self.abandon()
@@ -113,7 +114,7 @@ class VideoWriter:
         self._file.close()
 
     def abandon(self) -> None:
-        """Close the file with its whole fragments; remove it if it has none."""
+        """Close the file after an error with its whole fragments; remove it if it has none."""
         if self._file.closed:
             return
         # FFmpeg still writes an end; PyAV 15 crashes where it cannot, some time later.
@@ -128,7 +129,7 @@ class VideoWriter:
 
     @contextmanager
     def _abandoned_if_refused(self) -> Generator[None]:
-        """Abandon the file if the block raises an OSError, in which the file is named."""
+        """Name the file in an OSError of the block, and close the file with its whole fragments."""
         try:
             with atomic.naming(self._path):
                 yield
@@ -138,9 +139,9 @@ class VideoWriter:
 
 
 class _WholeFile(io.FileIO):
-    """An unbuffered file whose `write` writes everything or raises an OSError.
+    """An unbuffered file whose `write` writes all bytes or raises an OSError.
 
-    A full disk accepts a part of the bytes, which PyAV would not notice.
+    On a full disk the system writes a part of the bytes only, which PyAV does not notice.
     """
 
     def write(self, content: bytes) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
