@@ -112,7 +112,10 @@ def test_a_model_of_another_tracker_is_named(vit, tmp_path):
             "OpenCV's Nano needs its model files backbone, neckhead; the number given is 1",
         ),
         ({"model": "a.onnx"}, "OpenCV's MIL has no model file; the number given is 1"),
-        ({"judge": "score"}, 'OpenCV\'s MIL has no score; set judge = "histogram"'),
+        (
+            {"judge": "score"},
+            'OpenCV\'s MIL has no score; set judge = "histogram", which needs none',
+        ),
     ],
 )
 def test_settings_that_do_not_fit_are_refused(settings, message):

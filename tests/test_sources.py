@@ -70,8 +70,8 @@ def test_numbers_that_names_leave_out_are_said(tmp_path, names, many, first):
     pictures = list(Folder.of(tmp_path, rate=10.0))
     assert [p.time for p in pictures] == pytest.approx([0.1 * k for k in range(len(names))])
     sentence = (
-        f"the numbers in the names leave out {many} pictures, the first after {first}; the times "
-        "do not: each picture is one period later than the one before"
+        f"by the numbers in the names {many} pictures are missing, the first after {first}; each "
+        "picture is still taken as one period after the one before"
     )
     assert {p.notes for p in pictures} == {(sentence,) if many else ()}
 

@@ -118,8 +118,8 @@ def test_the_one_number_of_vots_is_an_absent_target(tmp_path):
     with pytest.raises(ValueError, match="line 2: '2' is not a region") as refused:
         truth.read(written(tmp_path, "1,2,3,4\n2\n"))
     assert str(refused.value) == (
-        "groundtruth.txt, line 2: '2' is not a region: a line of one number is VOT's 0, where the "
-        "target is absent"
+        "groundtruth.txt, line 2: '2' is not a region; the only line of one number is VOT's 0, for "
+        "an absent target"
     )
 
 
@@ -139,7 +139,7 @@ NAME = "groundtruth.txt, line 2"
         ("10,5;20,5;30;40", "'10,5;20,5;30;40' is not a line of numbers (a decimal point, not a"),
         ("10,5 20,5 30,0 40,0", "'10,5 20,5 30,0 40,0' is not a line of numbers (a decimal point"),
         ("10,5,20,5,30,0,40,0", f"{NAME}: the corners are not in order around the target"),
-        ("50,20,nan,40", "'50,20,nan,40' lacks some numbers; all or none may be nan"),
+        ("50,20,nan,40", "'50,20,nan,40' has numbers and nan; an absent target has only nan"),
         ("50,20,inf,40", "'50,20,inf,40' is not a position in a picture; the limit is 1e+06"),
         ("", f"{NAME}: a line has 4 or 8 numbers, not 0"),
     ],
@@ -157,9 +157,9 @@ def test_a_line_that_would_be_read_as_something_else_is_refused(tmp_path, line, 
         ("10,20,40,20,40,60,10,60", "TLD", "line 1: a line of TLD has 4 numbers, not 8"),
         ("10,20,40,20,40,60,10,60", "OTB", "line 1: a line of OTB has 4 numbers, not 8"),
         ("10,20,40,20", "CSV", "the columns are 10, 20, 40, 20; it needs x1..y4, or left, top"),
-        ("x,y,w,h\n1,2", "AUTO", "line 2: the header has 4 columns, this line has not"),
-        ("x,y,w,h\n1,5,2,5,3,4", "AUTO", "line 2: the header has 4 columns, this line has not"),
-        ("x,y,w,h\n1,2,,4", "AUTO", "line 2: '1;2;nan;4' lacks some numbers"),
+        ("x,y,w,h\n1,2", "AUTO", "line 2: expected 4 columns, as the header has"),
+        ("x,y,w,h\n1,5,2,5,3,4", "AUTO", "line 2: expected 4 columns, as the header has"),
+        ("x,y,w,h\n1,2,,4", "AUTO", "line 2: '1;2;nan;4' has numbers and nan"),
         ("x,y,w,h\n1,2,-3,4", "AUTO", "line 2: the target is -3 x 4 px; both sides must be"),
     ],
 )
@@ -206,7 +206,7 @@ def test_lasot_counts_from_one_and_marks_absent_frames(tmp_path):
     with pytest.raises(ValueError) as refused:
         truth.read(path)
     assert str(refused.value) == (
-        f"{place}: this should be 4 numbers 0 or 1, as groundtruth.txt has"
+        f"{place}: expected 4 numbers 0 or 1, one for each line of groundtruth.txt"
     )
 
 

@@ -15,7 +15,7 @@ def answering(answer):
     return wrap(Answering, name="theirs")()
 
 
-EXPECTED = "(ok, box) or a box of x, y, width, height is expected"
+EXPECTED = "expected (ok, box) or a box of x, y, width, height"
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,10 @@
 """OpenCV's own trackers by their names; OpenCV's errors become a ValueError with one sentence."""
 
 import ctypes
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 import cv2
 import numpy as np
@@ -29,30 +29,6 @@ REMEDY = (
     "installed last is used)"
 )
 """End of the message where an OpenCV without the additional modules is installed."""
-
-
-class Cv2Object(Protocol):
-    """The methods of OpenCV's trackers."""
-
-    def init(self, image: Image, box: Box, /) -> object:
-        """Learn the target in a box of the first picture, BGR (H, W, 3)."""
-        ...
-
-    def update(self, image: Image, /) -> tuple[bool, Sequence[float]]:
-        """Return True if the target is seen, and its box x, y, width, height [px]."""
-        ...
-
-    def getTrackingScore(self) -> float:
-        """Return the score of the last update; only neural trackers have this method."""
-        ...
-
-
-class Cv2Class(Protocol):
-    """OpenCV's class of a tracker."""
-
-    def create(self, *settings: object) -> Cv2Object:
-        """Return a new tracker."""
-        ...
 
 
 class Cv2Tracker:
@@ -121,9 +97,9 @@ class Cv2Tracker:
         """Return OpenCV's score of the last update, clipped to 0..1; 0 where it is nan."""
         return float(np.clip(np.nan_to_num(self._tracker.getTrackingScore()), 0, 1))
 
-    def _made(self) -> Cv2Object:
+    def _made(self) -> Any:
         """Return OpenCV's tracker with its model files."""
-        made_by = factory_of(self._name)
+        create = creator_of(self._name)
         parts = MODELS.get(self._name, ())
         if len(self._models) != len(parts):
             files = f"needs its model files {', '.join(parts)}" if parts else "has no model file"
@@ -133,12 +109,12 @@ class Cv2Tracker:
         for path in self._models:
             reading.opened(path, "model").close()  # OpenCV's own message names no file
         if not parts:
-            return made_by.create()
+            return create()
         settings = getattr(cv2, f"Tracker{self._name}_Params")()
         for part, path in zip(parts, self._models, strict=True):
             setattr(settings, part, str(path))
         with self._named():
-            return made_by.create(settings)
+            return create(settings)
 
     @contextmanager
     def _named(self, end: str = "") -> Generator[None]:
@@ -159,15 +135,15 @@ class Cv2Tracker:
         return f"OpenCV's {self._name} with {files}" if files else f"OpenCV's {self._name}"
 
 
-def factory_of(name: str) -> Cv2Class:
-    """Return OpenCV's class of a tracker, such as "MIL".
+def creator_of(name: str) -> Callable[..., Any]:
+    """Return OpenCV's function that makes a tracker of a name, such as "MIL".
 
     Raises:
         ValueError: This OpenCV has no such tracker; the message lists the trackers that it has.
     """
     found = getattr(cv2, f"Tracker{name}", None)
     if found is not None and hasattr(found, "create"):
-        return found
+        return found.create
     there = [
         n.removeprefix("Tracker")
         for n in dir(cv2)
