@@ -135,13 +135,13 @@ def test_a_box_without_an_area_is_a_sentence():
     with pytest.raises(ValueError) as refused:
         follow(settings)
     assert str(refused.value) == (
-        f"TraX server '{settings.command}': update returned array([ 1., 2., -3., 4.]), a box "
-        "without an area"
+        f"TraX server '{settings.command}': update returned array([ 1., 2., -3., 4.]); expected "
+        "(ok, box) or a box of x, y, width, height with an area"
     )
 
 
 def test_a_box_whose_area_vanishes_has_none():
-    with pytest.raises(ValueError, match=r"a box without an area$"):
+    with pytest.raises(ValueError, match=r"width, height with an area$"):
         follow(config("vanishes"))
 
 

@@ -15,7 +15,7 @@ def answering(answer):
     return wrap(Answering, name="theirs")()
 
 
-EXPECTED = "expected (ok, box) or a box of x, y, width, height"
+EXPECTED = "expected (ok, box) or a box of x, y, width, height with an area"
 
 
 @pytest.mark.parametrize(
@@ -32,8 +32,8 @@ EXPECTED = "expected (ok, box) or a box of x, y, width, height"
         ((float("nan"), 2, 3, 4), f"update returned (nan, 2, 3, 4); {EXPECTED}"),
         ((1, 2, float("inf"), 4), f"update returned (1, 2, inf, 4); {EXPECTED}"),
         ((1, 2, 1e9, 4), f"update returned (1, 2, 1000000000.0, 4); {EXPECTED}"),
-        ((1, 2, -3, 4), "update returned (1, 2, -3, 4), a box without an area"),
-        ((True, (1, 2, 0, 4)), "update returned (True, (1, 2, 0, 4)), a box without an area"),
+        ((1, 2, -3, 4), f"update returned (1, 2, -3, 4); {EXPECTED}"),
+        ((True, (1, 2, 0, 4)), f"update returned (True, (1, 2, 0, 4)); {EXPECTED}"),
         (np.ones((1, 4)), f"update returned array([[1., 1., 1., 1.]]); {EXPECTED}"),
         ({"box": 1}, f"update returned {{'box': 1}}; {EXPECTED}"),
     ],

@@ -32,7 +32,9 @@ DOUBT = 0.3
 
 @dataclass(frozen=True, slots=True)
 class LossLimits:
-    """Limits of the appearance distance, 0..1, above which the target counts as not seen."""
+    """Settings of `LossJudge`: limits of the appearance distance, 0..1, above which a target counts
+    as not seen.
+    """
 
     floor: float = 0.25
     """Smallest threshold of the distance."""
@@ -61,8 +63,9 @@ class LossJudge:
 
     @property
     def threshold(self) -> float:
-        """Largest distance of a seen target: the median of recent good frames plus `SIGMAS` robust
-        standard deviations, clipped to floor and cap; the cap after fewer than `FEW` good frames.
+        """Largest appearance distance, 0..1, of a target that counts as seen: the median of recent
+        good frames plus 3 robust standard deviations, clipped to the limits' floor and cap; the cap
+        after fewer than 10 good frames.
         """
         if len(self._good) < FEW:
             return self._limits.cap

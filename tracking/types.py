@@ -106,13 +106,20 @@ class Region:
         return self.width * self.height * state.scale**2
 
 
+def turns_of(corners: Array) -> Array:
+    """Return the cross products (n,) [px^2] of each side of an outline (n, 2) [px] with the next
+    side: above 0 where the outline turns clockwise in the image.
+    """
+    sides = np.diff(corners, axis=0, append=corners[:1])
+    after = np.roll(sides, -1, axis=0)
+    return sides[:, 0] * after[:, 1] - sides[:, 1] * after[:, 0]
+
+
 def goes_around(corners: Array) -> bool:
     """Return True if corners (4, 2) [px] form a convex outline in the order of `Region.corners`
     (clockwise in the image), as a rectangle does that is seen from its front.
     """
-    sides = np.diff(corners, axis=0, append=corners[:1])
-    after = np.roll(sides, -1, axis=0)
-    turns = sides[:, 0] * after[:, 1] - sides[:, 1] * after[:, 0]
+    turns = turns_of(corners)
     return bool(turns.sum() > 0 and turns.min() >= -ROUNDING * turns.sum())
 
 

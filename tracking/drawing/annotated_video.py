@@ -1,5 +1,6 @@
 """Film of a track: each picture with the estimated and the true outline, and a chart below it."""
 
+from functools import partial
 from pathlib import Path
 
 from sim.types import Array
@@ -32,12 +33,9 @@ class AnnotatedVideo:
             title: Title of the film.
             end: Time of the last picture [s]; None: unknown.
         """
-        self._to = to
-        self._rate = rate
+        chart = Chart(CURVES, "confidence", end, top=1.0)
+        self._open = partial(FilmPage, to, rate, title, [CAPTION], chart=chart)
         self._region = region
-        self._title = title
-        self._end = end
-        self._size = (0, 0)
         self._film: FilmPage | None = None
 
     def add(self, shot: Shot, truth: Array | None) -> None:
@@ -53,8 +51,8 @@ class AnnotatedVideo:
         marks = [(shot.estimate.outline(self._region), colours.STATUS[shot.estimate.status])]
         if truth is not None:
             marks.insert(0, (truth, colours.TRUTH))
-        film = self._opened(*(shot.size or SMALLEST))
-        view = panel(shot.picture.image, *self._size, marks, shot.estimate.particles)
+        film = self._film = self._film or self._open(size=_panel_for(*(shot.size or SMALLEST)))
+        view = panel(shot.picture.image, *film.size, marks, shot.estimate.particles)
         note = f"frame {shot.index}"
         film.add(shot.picture.time, [view], [shot.confidence], [shot.estimate.status.name], note)
 
@@ -64,18 +62,15 @@ class AnnotatedVideo:
             self._film.close()
 
     def abandon(self) -> None:
-        """Close the file after an error; the film can be played up to its last whole second."""
+        """Close the file after an error; the film can be played up to its last frames."""
         if self._film:
             self._film.abandon()
 
-    def _opened(self, width: int, height: int) -> FilmPage:
-        """Return the film, opened for pictures of a size [px] if it is not open yet."""
-        if self._film is None:
-            factor = max(SMALLEST[0] / width, 1.0)
-            factor = min(factor, LARGEST[0] / width, LARGEST[1] / height)
-            w = max(SMALLEST[0], round(factor * width))
-            h = max(SMALLEST[1], round(factor * height))
-            self._size = w + w % 2, h + h % 2
-            chart = Chart(CURVES, "confidence", self._end, top=1.0)
-            self._film = FilmPage(self._to, self._rate, self._title, [CAPTION], self._size, chart)
-        return self._film
+
+def _panel_for(width: int, height: int) -> tuple[int, int]:
+    """Return width and height [px], even numbers, of the panel for pictures of a size [px]."""
+    factor = max(SMALLEST[0] / width, 1.0)
+    factor = min(factor, LARGEST[0] / width, LARGEST[1] / height)
+    w = max(SMALLEST[0], round(factor * width))
+    h = max(SMALLEST[1], round(factor * height))
+    return w + w % 2, h + h % 2

@@ -165,15 +165,14 @@ class FilmPage:
             (LEFT / width, BELOW / height, (right - LEFT) / width, (CHART - BELOW - ABOVE) / height)
         )
         self._chart = RunningChart(axes, chart)
-        self._panel = size
-        self._figure = figure
+        self.size = size
         self._canvas = FigureCanvasAgg(figure)
         self._ground: object = None  # the drawn figure without what changes in each frame
         self._video = VideoWriter(to, rate, width, height) if isinstance(to, Path) else to
         self.close = self._video.close
         """Finish the file."""
         self.abandon = self._video.abandon
-        """Close the file after an error; it can be played up to its last whole second."""
+        """Close the file after an error; it can be played up to its last frames."""
 
     def add(
         self,
@@ -202,13 +201,13 @@ class FilmPage:
             badge.set(text=status, color=STATUS_ON_WHITE[status])
         if self._chart.add(time, values, statuses) or self._ground is None:
             self._canvas.draw()
-            self._ground = self._canvas.copy_from_bbox(self._figure.bbox)
+            self._ground = self._canvas.copy_from_bbox(self._canvas.figure.bbox)
         self._canvas.restore_region(self._ground)
         for artist in (self._note, *badges, *self._chart.artists):
-            self._figure.draw_artist(artist)
+            self._canvas.figure.draw_artist(artist)
         page = np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
         top = HEAD + CAPTION
         for i, picture in enumerate(panels):
-            left = MARGIN + i * (self._panel[0] + MARGIN)
-            page[top : top + self._panel[1], left : left + self._panel[0]] = picture
+            left = MARGIN + i * (self.size[0] + MARGIN)
+            page[top : top + self.size[1], left : left + self.size[0]] = picture
         self._video.add(page, time)

@@ -1,7 +1,7 @@
 """Writing of MP4 files in H.264 that browsers play, each frame shown at its own time.
 
-While a file is written, it consists of fragments of a second that players accept, so that the film
-can be played even if the program is killed. When it is closed, it becomes an ordinary MP4 file.
+While a file is written, each frame is a fragment of its own, so that the film can be played even if
+the program is killed. When the file is closed, it becomes an ordinary MP4 file.
 """
 
 import io
@@ -13,7 +13,6 @@ from pathlib import Path
 
 import av
 from av.error import FFmpegError
-from av.video.frame import PictureType
 from av.video.reformatter import ColorRange, Colorspace
 
 from sim.types import Image
@@ -21,19 +20,15 @@ from tracking.files import atomic
 
 CODEC = "libx264"
 FORMAT = "yuv420p"
-OPTIONS = {"preset": "veryfast", "tune": "zerolatency", "crf": "18", "forced-idr": "1"}
-"""Options of the encoder: it encodes each frame at once, and thin lines stay sharp."""
+OPTIONS = {"preset": "veryfast", "tune": "zerolatency", "crf": "18", "g": "30"}
+"""Options of the encoder: it encodes each frame at once, thin lines stay sharp, and every 30th
+frame is a key frame, from which a player can start."""
 FRAGMENTED = {
-    "movflags": "hybrid_fragmented+frag_keyframe+empty_moov+default_base_moof",
+    "movflags": "hybrid_fragmented+frag_every_frame+empty_moov+default_base_moof",
     "flush_packets": "1",
 }
-FRAGMENT = 1.0
-"""Length of a fragment [s]; a killed program loses at most the last one."""
 TICKS = 90_000
 """Resolution of the frames' times [1/s]."""
-NO_OTHER_KEYS = 1_000_000
-"""Number of frames after which the encoder itself adds a key frame: so many that only the first
-frame of a fragment is one."""
 BT709 = 1
 """H.264's number of the primaries and the transfer function of the standard BT.709."""
 
@@ -58,20 +53,21 @@ class VideoWriter:
         self._file = _WholeFile(path, "w")
         self._container = av.open(self._file, mode="w", format="mp4", options=FRAGMENTED)
         about = Fraction(rate).limit_denominator(TICKS)
-        stream = self._container.add_stream(CODEC, options=OPTIONS, rate=about)
-        stream.width = width
-        stream.height = height
-        stream.pix_fmt = FORMAT
+        stream = self._stream = self._container.add_stream(
+            CODEC,
+            rate=about,
+            options=OPTIONS,
+            width=width,
+            height=height,
+            pix_fmt=FORMAT,
+            colorspace=Colorspace.ITU709,
+            color_range=ColorRange.MPEG,
+            color_primaries=BT709,
+            color_trc=BT709,
+        )
         stream.time_base = stream.codec_context.time_base = Fraction(1, TICKS)
-        stream.codec_context.gop_size = NO_OTHER_KEYS
-        context = stream.codec_context
-        context.colorspace = Colorspace.ITU709
-        context.color_range = ColorRange.MPEG
-        context.color_primaries = context.color_trc = BT709
-        self._stream = stream
         self._period = round(TICKS / rate)
         self._last = -1
-        self._key = -TICKS
         self._head = 0
         self._whole = 0
         """Size of the file's head, and of the file up to its last whole fragment [bytes]."""
@@ -89,9 +85,6 @@ class VideoWriter:
         frame.pts = ticks
         frame.time_base = Fraction(1, TICKS)
         frame.duration = self._period
-        begins = ticks >= self._key + FRAGMENT * TICKS
-        frame.pict_type = PictureType.I if begins else PictureType.NONE
-        self._key = ticks if begins else self._key
         self._last = ticks
         with self._abandoned_if_refused():
             self._container.mux(self._stream.encode(frame))

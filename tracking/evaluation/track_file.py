@@ -136,10 +136,10 @@ def read(path: Path) -> Track:
 
 
 def _track(rows: list[list[str]]) -> Track:
-    at = {name: i for i, name in enumerate(HEADER)}
+    """Return the track in the rows of a file, whose columns are `HEADER`."""
 
     def columns(*names: str) -> np.ndarray:
-        found = [[float(row[at[name]]) for name in names] for row in rows]
+        found = [[float(row[HEADER.index(name)]) for name in names] for row in rows]
         return np.array(found).reshape(-1, len(names))
 
     return Track(

@@ -94,11 +94,11 @@ class Comparison:
         return np.hypot(*self.offsets.T)
 
     def success(self) -> Array:
-        """Return the shares (21,) of frames whose upright overlap exceeds each of `OVERLAPS`."""
+        """Return the shares (21,) of frames whose upright overlap exceeds 0, 0.05 ... 1."""
         return np.mean(self.overlaps > OVERLAPS[:, None], axis=1)
 
     def precision(self) -> Array:
-        """Return the shares (51,) of frames whose error is at most each of `PIXELS`."""
+        """Return the shares (51,) of frames whose centre error is at most 0, 1 ... 50 px."""
         return np.mean(self.errors <= PIXELS[:, None], axis=1)
 
 

@@ -140,7 +140,7 @@ class Got10kTracker:
         self._follower = Follower(configured(kind, preset, **settings), seed, rate)
 
     def init(self, image: ArrayLike, box: ArrayLike) -> None:
-        """Learn the target in a box (4,) of the first picture.
+        """Learn the target in a box (4,), left, top, width, height [px], of the first picture, RGB.
 
         Raises:
             ValueError: The box is empty, or most of it is outside the picture.
@@ -148,7 +148,9 @@ class Got10kTracker:
         self._follower.start(_array(image), np.array(box, dtype=float) - (1, 1, 0, 0))
 
     def update(self, image: ArrayLike) -> Array:
-        """Return the target's upright box (4,) in the next picture."""
+        """Return the target's upright box (4,), left, top, width, height [px], in the next picture,
+        RGB.
+        """
         _, (left, top, width, height) = self._follower.update(_array(image))
         return np.array([left + 1.0, top + 1.0, width, height])
 
@@ -191,11 +193,9 @@ class VotHandle(Protocol):
 
     def region(self) -> Any:
         """Return the target's region in the first picture [px], of a rectangle or polygon type."""
-        ...
 
     def frame(self) -> str | None:
         """Return the path of the next picture; None or "" at the end."""
-        ...
 
     def report(self, region: Any, confidence: float) -> None:
         """Report the target's region [px], of the type of the first one, and the confidence 0..1 if

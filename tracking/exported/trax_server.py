@@ -16,6 +16,7 @@ from sim.types import Array
 from tracking import configured
 from tracking.evaluation.warm_up import warm_up
 from tracking.exported.toolkits import Follower
+from tracking.sequences.quadrilateral import boxes
 from tracking.sequences.sources import RATE
 from tracking.types import Status
 from tracking.wrapped.trax_messages import (
@@ -24,7 +25,6 @@ from tracking.wrapped.trax_messages import (
     SEEN,
     UNSEEN,
     Message,
-    box_around,
     message_in,
     picture_in,
     region_in,
@@ -102,13 +102,13 @@ def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Ite
         if given is not None:
             region = given
             given = None
-            box = region.ndim == 1 or len(region) == CORNERS
-            follower.start(image, region.ravel() if box else box_around(region), turned=True)
+            exact = region.ndim == 1 or len(region) == CORNERS
+            follower.start(image, region.ravel() if exact else boxes(region[None])[0], turned=True)
             yield _answer(region, 1.0, seen=True)
         else:
             found, rect = follower.update(image)
-            boxes = region is not None and region.ndim == 1
-            outline = np.array(rect) if boxes else found.outline(follower.region)
+            is_box = region is not None and region.ndim == 1
+            outline = np.array(rect) if is_box else found.outline(follower.region)
             # A tracker that is unsure, but finds something similar, still reports its region.
             seen = found.distance < 1.0 or found.status is Status.LOCKED
             yield _answer(outline, 1.0 - found.distance, seen=seen)

@@ -1,4 +1,4 @@
-"""Texts of CSV files."""
+"""Conversion of rows of values to the text of a CSV file."""
 
 import csv
 import io

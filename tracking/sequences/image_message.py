@@ -68,11 +68,10 @@ def decoder_of(kind: str, serialization: str, schema: Schema | None = None) -> D
     from rosbags.typesys import Stores, get_typestore
 
     name = kind.replace("/", "/msg/")
-    if serialization == "ros1":
-        store = get_typestore(Stores.ROS1_NOETIC)
-        return lambda data: store.deserialize_ros1(data, name)
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    return lambda data: store.deserialize_cdr(data, name)
+    is_ros1 = serialization == "ros1"
+    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    deserialize = store.deserialize_ros1 if is_ros1 else store.deserialize_cdr
+    return lambda data: deserialize(data, name)
 
 
 def picture_of(
@@ -115,7 +114,9 @@ def _raw(message: Any, depth: BitDepth) -> Image:
     step = message.step
     data = np.frombuffer(message.data, np.uint8)
     if encoding is None:
-        raise ValueError(f"its encoding is '{message.encoding}'; known are {', '.join(known)}")
+        raise ValueError(
+            f"the pixel format of this image is '{message.encoding}'; known are {', '.join(known)}"
+        )
     check_size(width, height)
     size, code = CODES.get(encoding, (2, cv2.COLOR_GRAY2RGB))
     if not width * size <= step <= len(data) // height:

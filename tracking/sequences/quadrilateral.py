@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim.types import Array
-from tracking.types import Region, State
+from tracking.types import Region, State, turns_of
 
 BOX = 4
 """Number of numbers of a box: left, top, width, height."""
@@ -27,7 +27,9 @@ def corners_of(numbers: Array) -> Array:
 
 
 def boxes(corners: Array) -> Array:
-    """Return upright boxes (n, 4), left, top, width, height [px], around corners (n, 4, 2) [px]."""
+    """Return upright boxes (n, 4), left, top, width, height [px], around the m corners of each of n
+    outlines (n, m, 2) [px].
+    """
     low = corners.min(axis=1)
     high = corners.max(axis=1)
     return np.hstack([low, high - low])
@@ -55,8 +57,6 @@ def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
 
 def crosses_itself(corners: Array) -> bool:
     """Return True if two opposite sides of a quadrilateral (4, 2) cross each other."""
-    edges = np.roll(corners, -1, axis=0) - corners
-    following = np.roll(edges, -1, axis=0)
-    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    turns = turns_of(corners)
     # A convex outline turns four times to one side, a concave one three times, a crossed one twice.
     return bool((turns > 0).sum() == 2 == (turns < 0).sum())

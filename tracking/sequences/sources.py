@@ -79,7 +79,6 @@ class Source(Protocol):
     @property
     def count(self) -> int | None:
         """Number of pictures; None if it is unknown."""
-        ...
 
     @property
     def rate(self) -> float:
@@ -89,7 +88,6 @@ class Source(Protocol):
     @property
     def end(self) -> End | None:
         """Report on the last reading, or on a stream so far; None if all pictures were read."""
-        ...
 
     def __iter__(self) -> Iterator[Picture]: ...
 

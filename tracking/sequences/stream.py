@@ -65,7 +65,7 @@ class SourceLost(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Feed:
-    """An open camera or stream."""
+    """Pictures of an open camera or stream, and how to read them."""
 
     pictures: Iterator[Picture]
     """Pictures without names and times; the iteration raises SourceLost where the source breaks
@@ -102,12 +102,12 @@ class LiveSource:
         """Report on the pictures so far: the source's end, and dropped and damaged pictures; None
         before the end if none was dropped or damaged.
         """
-        odd = {
-            "were dropped, because they came too fast": self._dropped,
-            "are damaged": self._damaged,
+        counts = {
+            "of them were dropped, because they came too fast": self._dropped,
+            "of them are damaged": self._damaged,
+            "more cannot be decoded": self._failed,
         }
-        parts = [f"{count} of them {what}" for what, count in odd.items() if count]
-        parts += [f"{self._failed} more cannot be decoded"] if self._failed else []
+        parts = [f"{count} {what}" for what, count in counts.items() if count]
         many = f"{self.name}: {self._given + self._dropped} pictures"
         then = ", then it ended" if self._over else ""
         if self._broken:
@@ -279,5 +279,5 @@ def _captured(capture: cv2.VideoCapture) -> Iterator[Picture]:
     while True:
         more, image = capture.read()
         if not more:
-            raise SourceLost("it gives no more pictures")
+            raise SourceLost("the camera gives no more pictures")
         yield Picture("", 0.0, rgb(image), stamp=time.monotonic_ns())

@@ -29,7 +29,7 @@ ABSENT = [0.0]
 """Numbers of a line by which VOT marks an absent target: 0, its code of an unknown region."""
 TLD_NAMES = ("gt.txt", "init.txt")
 HEADER = re.compile(r"\s*[A-Za-z_]\w*\s*,")
-CORNERS = [f"{axis}{i}" for i in range(1, 5) for axis in "xy"]
+CORNERS = tuple(f"{axis}{i}" for i in range(1, 5) for axis in "xy")
 BOX_NAMES = (
     ("left", "top", "width", "height"),
     ("x", "y", "width", "height"),
@@ -254,23 +254,12 @@ def _numbers(line: str, place: str) -> Array:
         raise ValueError(f"{place}: '{line[:LONGEST]}' is not a line of numbers{hint}") from None
     if numbers.tolist() == ABSENT:
         return np.full(BOX, np.nan)
-    if len(numbers) == 1:
-        raise ValueError(
-            f"{place}: '{line[:LONGEST]}' is not a region; the only line of one number is VOT's 0, "
-            "for an absent target"
-        )
     if len(numbers) not in (BOX, QUAD):
         raise ValueError(f"{place}: a line has 4 or 8 numbers, not {len(numbers)}")
-    absent = np.isnan(numbers)
-    if absent.all():
-        return numbers
-    if absent.any():
+    if not np.isnan(numbers).all() and not (np.abs(numbers) <= FARTHEST).all():
         raise ValueError(
-            f"{place}: '{line[:LONGEST]}' has numbers and nan; an absent target has only nan"
-        )
-    if np.abs(numbers).max() > FARTHEST:
-        raise ValueError(
-            f"{place}: '{line[:LONGEST]}' is not a position in a picture; the limit is {FARTHEST:g}"
+            f"{place}: '{line[:LONGEST]}' is not a position in a picture: all numbers must be at "
+            f"most {FARTHEST:g}, or all nan for an absent target"
         )
     return numbers
 
@@ -308,20 +297,19 @@ def _of_csv(lines: list[str], path: Path) -> Array:
     Raises:
         ValueError: Columns are missing, a line does not fit the header, or there is no line.
     """
-    table = csv.DictReader(lines, skipinitialspace=True, strict=True)
-    names = [name.strip() for name in table.fieldnames or []]
-    table.fieldnames = names
-    wanted = next((list(n) for n in (CORNERS, *BOX_NAMES) if set(n) <= set(names)), None)
+    header, *table = csv.reader(lines, skipinitialspace=True, strict=True)
+    names = [name.strip() for name in header]
+    wanted = next((n for n in (CORNERS, *BOX_NAMES) if set(n) <= set(names)), None)
     if wanted is None:
         need = "x1..y4, or left, top, width, height"
-        raise ValueError(f"{path.name}: the columns are {', '.join(names)}; it needs {need}")
+        raise ValueError(f"{path.name}: the columns are {', '.join(names)}; a truth needs {need}")
     rows: list[Array] = []
     for i, row in enumerate(table, 2):
         place = f"{path.name}, line {i}"
-        if None in row or None in row.values():
+        if len(row) != len(names):
             raise ValueError(f"{place}: expected {len(names)} columns, as the header has")
-        numbers = _numbers(";".join(row[name].strip() or "nan" for name in wanted), place)
-        rows.append(_corners(numbers, Format.VOT, place))
+        numbers = ";".join(row[names.index(name)].strip() or "nan" for name in wanted)
+        rows.append(_corners(_numbers(numbers, place), Format.VOT, place))
     if not rows:
         raise ValueError(f"{path}: this truth is empty")
     return np.stack(rows)

@@ -13,6 +13,7 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import BinaryIO
 
 import av
@@ -225,19 +226,12 @@ def quoted(printed: Printed) -> str:
     return f" (FFmpeg: {' '.join(printed[0][2].split()).rstrip('.')})" if printed else ""
 
 
-class _Nameless:
-    """An open file that hides its name, by which FFmpeg would guess the format."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self.read = file.read
-        self.seek = file.seek
-        self.tell = file.tell
-
-
 def _container(file: BinaryIO) -> InputContainer:
     """Open a video file by its content, as one of `FORMATS` alone."""
+    # Without the file's name, by which FFmpeg would guess the format.
+    nameless = SimpleNamespace(read=file.read, seek=file.seek, tell=file.tell)
     options = {"format_whitelist": FORMATS, "protocol_whitelist": "pipe"}
-    return av.open(_Nameless(file), mode="r", options=options)
+    return av.open(nameless, mode="r", options=options)
 
 
 def only_video(container: InputContainer) -> VideoStream:

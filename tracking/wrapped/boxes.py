@@ -58,13 +58,12 @@ def box_in(answer: object, name: str) -> Array | None:
         box = np.empty(0)
     if box.shape == (4,) and not box.any():
         return None
-    if box.shape != (4,) or not (np.abs(box) <= FARTHEST).all():  # nan is not
+    is_box = box.shape == (4,) and (np.abs(box) <= FARTHEST).all()  # nan is not
+    if not is_box or box[2:].min() < LEAST_SIDE:
         raise ValueError(
             f"{name}: update returned {shown(answer)}; expected (ok, box) or a box of x, y, width, "
-            "height"
+            "height with an area"
         )
-    if box[2:].min() < LEAST_SIDE:
-        raise ValueError(f"{name}: update returned {shown(answer)}, a box without an area")
     return box
 
 

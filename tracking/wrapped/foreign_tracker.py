@@ -40,7 +40,9 @@ LIMITS = LossLimits(floor=0.5, cap=0.75)
 
 @dataclass(frozen=True)
 class JudgeSettings:
-    """Settings that decide whether the target is seen."""
+    """Settings of a tracker of another author: how it is decided whether the target is seen, and
+    whether the size is followed.
+    """
 
     needs = frozenset({Channel.PICTURE})
 
@@ -70,7 +72,6 @@ class RegionSource(Protocol):
             A box (4,) x, y, width, height, or the corners (4, 2) of a convex quadrilateral [px];
             None where the target is not seen.
         """
-        ...
 
     def score(self) -> float:
         """Return the tracker's own score of its last answer, 0..1."""

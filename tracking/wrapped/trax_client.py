@@ -18,6 +18,7 @@ from typing import NoReturn
 import numpy as np
 
 from sim.types import Array, Image
+from tracking.sequences.quadrilateral import boxes
 from tracking.types import Region, State
 from tracking.wrapped.boxes import Box, box_in, box_of, convex, score_in
 from tracking.wrapped.trax_messages import (
@@ -26,7 +27,6 @@ from tracking.wrapped.trax_messages import (
     SEEN,
     UNSEEN,
     Message,
-    box_around,
     message_in,
     picture_text,
     region_in,
@@ -81,8 +81,7 @@ class TraxClient:
         hello = self._ask("hello").named
         self._separate = hello.get("trax.version", "1") not in TOGETHER
         self._pictures = self._taken(_words(hello, "image", "path"), PICTURES, "picture")
-        regions = self._taken(_words(hello, "region", "rectangle"), REGIONS, "region")
-        self._polygons = "polygon" in regions
+        self._regions = self._taken(_words(hello, "region", "rectangle"), REGIONS, "region")
         if (channels := _words(hello, "channels", "color")) != ["color"]:
             self._fail(f"needs the channels {', '.join(channels)}; we have color")
 
@@ -96,7 +95,7 @@ class TraxClient:
             ValueError: The server has ended, hangs, or sends no answer.
         """
         box = box_of(region, state, image)
-        target = region_text(region.corners(state) if self._polygons else np.array(box))
+        target = region_text(region.corners(state) if "polygon" in self._regions else np.array(box))
         picture = self._picture(image)
         if self._separate:
             self._ask("state", Message("initialize", (target,)), Message("frame", (picture,)))
@@ -125,7 +124,7 @@ class TraxClient:
             return None
         if found.ndim == 1:
             return box_in(found, self._name)
-        box = box_in(box_around(found), self._name)
+        box = box_in(boxes(found[None])[0], self._name)
         return found if len(found) == CORNERS and convex(found) else box
 
     def score(self) -> float:

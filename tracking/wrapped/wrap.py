@@ -38,11 +38,9 @@ class Foreign(Protocol):
 
     def init(self, image: Any, box: Any, /) -> object:
         """Learn the target in a box of the first picture; return False to refuse the box."""
-        ...
 
     def update(self, image: Any, /) -> object:
         """Return the target's box [px] in the next picture, or (ok, box)."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,12 +176,12 @@ def is_foreign(tracker: object) -> TypeGuard[Foreign]:
 
 @dataclass(frozen=True)
 class WrapSettings(JudgeSettings):
-    """Settings of a wrapped tracker."""
+    """Settings of a tracker that `wrap` makes of a class of another author."""
 
     wrapping: ClassVar[Wrapping]
 
     def build(self, rng: np.random.Generator) -> ForeignTracker:
-        """Return the tracker; its seed, if it takes one, is drawn from the generator."""
+        """Return a new tracker; if its class takes a seed, the seed is drawn from the generator."""
         return self.wrapping.build(self, rng)
 
     def __reduce__(self) -> tuple[object, ...]:
