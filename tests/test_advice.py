@@ -79,8 +79,8 @@ def test_nothing_is_said_of_the_painted_targets(kind, tracker):
 @pytest.mark.parametrize(("tracker", "poor"), [("pf_ssd", 1), ("kams", 1), ("texture_pf", 0)])
 def test_a_target_in_the_colours_of_its_ground_needs_its_texture(tracker, poor):
     assert said(tracker, first_of("camouflage")) == poor * (
-        f"{tracker} is a poor choice for this target: its colours are those around it; texture_pf "
-        "looks at texture, too"
+        f"{tracker} is a poor choice for this target: target and surroundings have the same colours; "
+        "texture_pf also uses texture"
     )
 
 

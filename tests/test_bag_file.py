@@ -118,7 +118,9 @@ def test_a_message_that_cannot_be_read_says_why(tmp_path):
         return [(bags.START + k, bags.RAW, m) for k, m in enumerate(messages)]
 
     deep, wide = Bag(bags.write(tmp_path / "log.bag", {"/eye": make}), None)
-    assert deep.reason.startswith("its encoding is '32FC1'; known are rgb8, bgr8, 8UC3, rgba8")
+    assert deep.reason.startswith(
+        "the pixel format of this image is '32FC1'; known are rgb8, bgr8, 8UC3, rgba8"
+    )
     assert wide.reason == (
         "a picture of 4000 x 20 px in rgb8 does not fit into 1800 bytes with rows of 90"
     )

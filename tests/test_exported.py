@@ -4,6 +4,7 @@ import subprocess
 import sys
 from collections import namedtuple
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -122,7 +123,8 @@ def test_each_picture_has_the_time_of_its_number(monkeypatch):
             seen.append((frame.index, frame.time))
             return Estimate(self.given[1], np.zeros((4, 4)), 0.0, Status.LOCKED)
 
-    monkeypatch.setattr("tracking.exported.toolkits.create", lambda *_, **__: Watching())
+    settings = SimpleNamespace(build=lambda _: Watching())
+    monkeypatch.setattr("tracking.exported.toolkits.configured", lambda *_, **__: settings)
     tracker = OpenCVTracker("kams", rate=10.0)
     for _ in range(2):  # a target that is given anew begins at 0 again
         seen.clear()

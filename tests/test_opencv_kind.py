@@ -112,7 +112,10 @@ def test_a_model_of_another_tracker_is_named(vit, tmp_path):
             "OpenCV's Nano needs its model files backbone, neckhead; the number given is 1",
         ),
         ({"model": "a.onnx"}, "OpenCV's MIL has no model file; the number given is 1"),
-        ({"judge": "score"}, 'OpenCV\'s MIL has no score: judge = "histogram" needs none'),
+        (
+            {"judge": "score"},
+            'OpenCV\'s MIL has no score; set judge = "histogram", which needs none',
+        ),
     ],
 )
 def test_settings_that_do_not_fit_are_refused(settings, message):
@@ -150,6 +153,10 @@ def test_an_unknown_name_lists_what_there_is():
 class Leaving:
     """What OpenCV does when the box has left the picture."""
 
+    @staticmethod
+    def create(*_settings):
+        return Leaving()
+
     def init(self, _image, _rect):
         self.count = 0
 
@@ -160,10 +167,15 @@ class Leaving:
         return True, (50, 40, 30, 20)
 
 
-@pytest.mark.parametrize("models", [(), ("net.onnx",)])
-def test_what_opencv_refuses_is_unseen_once_the_model_has_worked(models, monkeypatch):
-    monkeypatch.setattr(cv2_tracker.Cv2Tracker, "_made", lambda _: Leaving())
-    config = Config(name="Vit", model=models)
+@pytest.mark.parametrize(("name", "models"), [("MIL", ()), ("Vit", ("net.onnx",))])
+def test_what_opencv_refuses_is_unseen_once_the_model_has_worked(
+    name, models, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    for model in models:
+        (tmp_path / model).touch()
+    monkeypatch.setattr(cv2, f"Tracker{name}", Leaving)
+    config = Config(name=name, model=models)
     Leaving.fails = 2
     assert [e.status.name for e in follow(config, 5)] == ["LOCKED", "UNSURE", "LOCKED", "LOCKED"]
     Leaving.fails = 1

@@ -148,7 +148,7 @@ def test_a_4k_picture_is_a_picture(kind, size, uhd):
         (
             Region(40.0, 20.0),
             State(80.0, 60.0, 0.0, 0.0),
-            "the region's scale is 0; it lies between 0.00674 and 148",
+            "the region's scale is 0; it must be 0.00674 to 148",
         ),
     ],
 )

@@ -70,8 +70,8 @@ def test_numbers_that_names_leave_out_are_said(tmp_path, names, many, first):
     pictures = list(Folder.of(tmp_path, rate=10.0))
     assert [p.time for p in pictures] == pytest.approx([0.1 * k for k in range(len(names))])
     sentence = (
-        f"the numbers in the names leave out {many} pictures, the first after {first}; the times "
-        "do not: each picture is one period later than the one before"
+        f"by the numbers in the names {many} pictures are missing, the first after {first}; each "
+        "picture is still taken as one period after the one before"
     )
     assert {p.notes for p in pictures} == {(sentence,) if many else ()}
 
@@ -144,8 +144,7 @@ def test_got_10k_s_layout_is_found_and_its_boxes_count_from_1(tmp_path, label):
     assert (sequence.start.x, sequence.start.y) == (20, 15)
     tracker = Got10kTracker("frozen")
     tracker.init(np.zeros((100, 160, 3), np.uint8), (11.0, 11.0, 20.0, 10.0))
-    found = tracker._follower.region.corners(sequence.start)
-    np.testing.assert_allclose(found, sequence.truth[0])
+    np.testing.assert_allclose(sequence.region.corners(sequence.start), sequence.truth[0])
     assert tracker.update(np.zeros((100, 160, 3), np.uint8)).tolist() == [11.0, 11.0, 20.0, 10.0]
 
 

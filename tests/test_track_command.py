@@ -185,8 +185,8 @@ BAD = {
     ),
     "two targets": (
         ["two"],
-        "two: there are several truths (groundtruth_rect.1.txt, groundtruth_rect.2.txt); choose "
-        "one with --truth",
+        "two: there are several truth files (groundtruth_rect.1.txt, groundtruth_rect.2.txt); "
+        "choose one with --truth",
     ),
     "a log of several cameras": (
         ["cameras.mcap", "--region", REGION],

@@ -152,7 +152,7 @@ def test_an_update_before_the_start_is_refused(kind):
     with pytest.raises(ValueError) as refused:
         create(kind).update(Frame(np.zeros((60, 80, 3), np.uint8), 0.0, 0))
     owner, _, rest = str(refused.value).partition(": ")
-    assert rest == "start(frame, region, state) goes before update(frame)"
+    assert rest == "call start(frame, region, state) before update(frame)"
     assert owner in {one.__name__ for one in type(create(kind)).__mro__}
 
 

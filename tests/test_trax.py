@@ -91,24 +91,26 @@ def test_a_target_that_the_server_does_not_see_is_unseen():
     assert {(e.distance, e.state) for e in found} == {(1.0, START)}
 
 
+UNKNOWN = "which is neither a rectangle nor a polygon"
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("dies", "ended with code 1 where its hello is expected: no weights found"),
-        ("crashes", "ended with code 3 where its state is expected: out of memory"),
-        ("leaves", "ended with code 0 where its state is expected"),
-        ("hello", "said hello where its state is expected"),
-        ("nonsense", 'answered @@TRAX:state "here, or there", which is no region'),
-        ("nan", 'answered @@TRAX:state "nan,1,2,3", which is no region'),
-        ("three", 'answered @@TRAX:state "1,2,3", which is no region'),
-        ("none", "answered @@TRAX:state, which is no region"),
+        ("dies", "ended with code 1 instead of sending 'hello': no weights found"),
+        ("crashes", "ended with code 3 instead of sending 'state': out of memory"),
+        ("leaves", "ended with code 0 instead of sending 'state'"),
+        ("hello", "sent 'hello' instead of 'state'"),
+        ("nonsense", f'answered @@TRAX:state "here, or there", {UNKNOWN}'),
+        ("nan", f'answered @@TRAX:state "nan,1,2,3", {UNKNOWN}'),
+        ("three", f'answered @@TRAX:state "1,2,3", {UNKNOWN}'),
+        ("none", "answered @@TRAX:state, which is not one region"),
+        ("mask", f'answered @@TRAX:state "m0,0,2,2,1,2", {UNKNOWN}'),
+        ("good 4 mask path", "accepts a region only as mask; servobench sends polygon, rectangle"),
         (
-            "mask",
-            'answered @@TRAX:state "m0,0,2,2,1,2", which is a mask; rectangles and polygons '
-            "are known",
+            "good 4 rectangle url",
+            "accepts a picture only as url; servobench sends buffer, data, memory, path",
         ),
-        ("good 4 mask path", "takes mask as region; we have polygon, rectangle"),
-        ("good 4 rectangle url", "takes url as picture; we have buffer, data, memory, path"),
     ],
 )
 def test_a_server_that_fails_is_a_sentence(words, message):
@@ -133,20 +135,20 @@ def test_a_box_without_an_area_is_a_sentence():
     with pytest.raises(ValueError) as refused:
         follow(settings)
     assert str(refused.value) == (
-        f"TraX server '{settings.command}': update returned array([ 1., 2., -3., 4.]), a box "
-        "without an area"
+        f"TraX server '{settings.command}': update returned array([ 1., 2., -3., 4.]); expected "
+        "(ok, box) or a box of x, y, width, height with an area"
     )
 
 
 def test_a_box_whose_area_vanishes_has_none():
-    with pytest.raises(ValueError, match=r"a box without an area$"):
+    with pytest.raises(ValueError, match=r"width, height with an area$"):
         follow(config("vanishes"))
 
 
 @pytest.mark.parametrize(("mode", "wanted"), [("silent", "hello"), ("hangs", "state")])
 def test_a_server_that_hangs_is_ended(mode, wanted):
     settings, began = config(mode, timeout=0.8), time.monotonic()
-    with pytest.raises(ValueError, match=f"said no {wanted} within 0.8 s$"):
+    with pytest.raises(ValueError, match=f"sent no '{wanted}' within 0.8 s$"):
         follow(settings)
     assert time.monotonic() - began < 30  # not the minute that it sleeps
 
@@ -172,7 +174,7 @@ def test_a_confidence_that_is_to_judge_must_come(tmp_path):
     settings = config("lost", judge="score")
     assert follow(settings)[0].status is Status.UNSURE
     silent = dataclasses.replace(settings, command=settings.command.replace("lost", "plain"))
-    with pytest.raises(ValueError, match='reports no confidence: judge = "histogram" needs none'):
+    with pytest.raises(ValueError, match='reports no confidence; set judge = "histogram", which'):
         follow(silent)
 
 
@@ -284,8 +286,8 @@ def test_a_target_may_be_given_anew():
         (['@@TRAX:initialize "40,30,-30,-20"'], "region '40,30,-30,-20' has no area"),
         (['@@TRAX:initialize "40,30,30,-20"'], "region '40,30,30,-20' has no area"),
         (['@@TRAX:initialize "0"'], "the client's region '0' has no area"),
-        (['@@TRAX:initialize "nan,1,2,3"'], "the client's region 'nan,1,2,3' is no region"),
-        (['@@TRAX:initialize "m0,0,2,2,1"'], "region 'm0,0,2,2,1' is a mask; rectangles and"),
+        (['@@TRAX:initialize "nan,1,2,3"'], "the client's region 'nan,1,2,3' is neither a"),
+        (['@@TRAX:initialize "m0,0,2,2,1"'], "region 'm0,0,2,2,1' is neither a rectangle nor"),
         (['@@TRAX:initialize "40,30,60,30,80,30"', FRAME_LINE], "the region is 40 x 0 px; both"),
         ([REGION_LINE, "@@TRAX:frame /no/such.png"], "/no/such.png: cannot read this picture"),
     ],
@@ -312,7 +314,7 @@ def test_the_program_ends_with_a_sentence():
     )
     code, (*_, said) = program("frozen", close=">&-", input="")
     assert code == 2
-    assert said.endswith("standard input or output is closed; a client talks through them")
+    assert said.endswith("standard input or output is closed, but a TraX client needs both")
 
 
 def test_ctrl_c_ends_the_program_without_a_traceback():

@@ -1,37 +1,40 @@
-"""Frames in, estimates out: trackers put together from shared parts.
+"""Trackers: each estimates where one target is in the frames of a camera.
 
-They see frames, never the world behind them. `create` gives a tracker by its kind, `wrap` makes one
-of a class with another convention.
+A tracker sees frames only, never the simulated world. `create` returns one of our trackers by its
+kind; `wrap` turns a class written for OpenCV or GOT-10k into a tracker of ours.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sim.installed import Trusted
 from sim.kinds import checked
 from tracking.trackers import KINDS
 
 if TYPE_CHECKING:
+    from sim.kinds import PartConfig
     from tracking.types import Tracker
     from tracking.wrapped.wrap import wrap
 
 __all__ = ["create", "wrap"]
 
 
-def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any) -> Tracker:
-    """Return a tracker of a kind, such as "pf_ssd", with any of its settings.
+def create(kind: str, seed: int = 0, preset: str | None = None, **settings: object) -> Tracker:
+    """Return a new tracker of a kind, such as "pf_ssd".
 
     Args:
-        kind: A file of tracking/trackers, a kind of an installed package, or "module:Name".
+        kind: Name of a file in tracking/trackers, a kind of an installed package, or "module:Name"
+            for a class of your own.
         seed: Seed of the tracker's random draws.
-        preset: "paper" for the settings of the paper it comes from; None for the best ones known.
-        **settings: Fields of its `Config`; `servobench list KIND` prints them.
+        preset: "paper" for the settings in the paper that describes the tracker; None for the best
+            settings known.
+        **settings: Fields of the kind's `Config`; `servobench list KIND` prints them.
 
     Raises:
-        UnknownKind: There is no such kind or preset; the message lists what there is.
-        TypeError: There is no such setting.
-        ValueError: A setting has a wrong type, or is out of range.
+        UnknownKind: There is no such kind or preset; the message lists those that exist.
+        TypeError: The kind has no such setting.
+        ValueError: A setting has the wrong type, or is out of range.
 
     Example:
         >>> import numpy as np
@@ -52,15 +55,16 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: Any)
     return configured(kind, preset, **settings).build(rng)
 
 
-def configured(kind: str, preset: str | None = None, **settings: Any) -> Any:
-    """Return the settings of a tracker, whose method `build` makes it; arguments and errors are
-    those of `create`.
+def configured(kind: str, preset: str | None = None, **settings: object) -> PartConfig[Tracker]:
+    """Return the checked `Config` of a tracker, whose method `build(rng)` returns the tracker.
+
+    Arguments and errors are those of `create`.
     """
     return checked(KINDS.config(Trusted(kind), preset, **settings), kind)
 
 
-def __getattr__(name: str) -> Any:
-    if name == "wrap":  # imported with what it needs, and only then
+def __getattr__(name: str) -> object:
+    if name == "wrap":  # its module imports OpenCV, which `create` alone does not need
         from tracking.wrapped.wrap import wrap
 
         return wrap

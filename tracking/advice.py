@@ -1,9 +1,9 @@
 """Advice on the choice of a tracker, from the first picture.
 
-A tracker is shown the picture that it has learned from again. One that cannot tell where in its
-region the target is, because both have the same colours, settles beside it; one whose signs the
-target lacks (hue, texture) does not recognise it. On the shipped targets what it settles by is
-close to its error in a run (tracking/RESULTS.md).
+The tracker learns the first picture and then follows the target through copies of it. If target and
+surroundings have the same colours, its estimate settles beside the target; if the target has no hue
+or texture that the tracker uses, it reports that it does not see the target. On the shipped targets
+the distance at which it settles is close to its error in a run (tracking/RESULTS.md).
 """
 
 from math import hypot, inf, sqrt
@@ -18,31 +18,32 @@ from tracking.trackers import KINDS
 from tracking.types import Region, State, Status, Tracker, Trait, traits_of
 
 REPEATS = 12
-"""Pictures that are shown: mean shift needs about six to settle."""
+"""Number of copies of the picture: mean shift needs about six to settle."""
 LEAST_SHARE = 0.05
 LEAST_PX = 3.0
-"""A tracker is a poor choice if it settles farther away than both: this share of the target's size,
-and this [px]."""
+"""A tracker is a poor choice if its estimate settles farther from the target than this [px] and
+than `LEAST_SHARE` of the target's size."""
 BETTER = "pf_ssd"
 """Tracker that is tried where another one is a poor choice."""
 LEAST_CONTRAST = 0.15
-"""A target whose colours change its distance by less when the template is shifted (`changes`) is
-hardly told from its ground by them: `camouflage` has 0.09, all other targets at least 0.23."""
-NO_CONTRAST = "its colours are those around it; texture_pf looks at texture, too"
+"""Least change of the colour distance when the template is shifted (`changes`) that separates a
+target from its surroundings: `camouflage` has 0.09, all other targets at least 0.23."""
+NO_CONTRAST = "target and surroundings have the same colours; texture_pf also uses texture"
 NO_ANGLE = "the target looks the same when it is turned: its angle is not followed"
 
 
 def advice(config: PartConfig[Tracker], image: Image, region: Region, state: State) -> str:
-    """Return a sentence if a tracker of ours is a poor choice for a target, or sees no angle of it.
+    """Return a warning if a tracker is a poor choice for a target or cannot follow its angle.
 
     Args:
         config: Settings of the tracker.
         image: The first picture, RGB (H, W, 3).
-        region: The template.
-        state: State of the target there.
+        region: Size of the target in that picture [px].
+        state: State of the target in that picture.
 
     Returns:
-        The sentence; nothing where the tracker does well, and of other people's trackers.
+        One sentence; empty where the tracker does well, and for trackers that use neither colours
+        nor texture, which are not tried.
     """
     kind = kind_of(config)
     traits = traits_of(config) or frozenset()
@@ -65,8 +66,11 @@ def advice(config: PartConfig[Tracker], image: Image, region: Region, state: Sta
 def _settled(
     config: PartConfig[Tracker], image: Image, region: Region, state: State
 ) -> tuple[float, bool]:
-    """Return the distance from the target at which a tracker settles on the first picture [px], inf
-    where it does not recognise it; and True if it follows the angle.
+    """Return where a new tracker settles on copies of the first picture.
+
+    Returns:
+        Distance of its estimate from the target [px], inf if its last status is not LOCKED; and
+        True if it follows the target's angle.
     """
     tracker = config.build(np.random.default_rng(0))
     tracker.start(Frame(image, 0.0, 0), region, state)

@@ -24,15 +24,17 @@ CLEAR = 0.08
 SURE = 6.0
 """A rise of the distance by fewer robust standard deviations is chance."""
 JUMP = 0.03
-"""A smaller deviation of the estimate from the prediction is chance: in position over the target's
-size, or in ln scale."""
+"""A smaller deviation of the estimate from the prediction is chance: of position, as a share of the
+target's size, or of ln scale."""
 DOUBT = 0.3
 """Time after which a suddenly risen distance is accepted as a change of the light [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class LossLimits:
-    """Limits of the appearance distance, 0..1, above which the target counts as not seen."""
+    """Settings of `LossJudge`: limits of the appearance distance, 0..1, above which a target counts
+    as not seen.
+    """
 
     floor: float = 0.25
     """Smallest threshold of the distance."""
@@ -43,13 +45,15 @@ class LossLimits:
     patience: float = 1.0
     """Time without the target after which the status is LOST [s]; before that it is UNSURE."""
     sudden: float = 0.0
-    """A distance above this many times the median of recent good frames is not accepted at first,
-    even below the floor, if the estimate jumps as well: this happens when something begins to hide
-    the target and pulls the estimate along. 0: it is accepted."""
+    """Factor on the median distance of recent good frames. A distance above the product counts as
+    not seen for up to `DOUBT` s, even below the floor, if the estimate jumps as well: this happens
+    when an occluder begins to hide the target and pulls the estimate along. 0: no such check."""
 
 
 class LossJudge:
-    """Decides from each frame's distance whether the target is seen, by the good frames before."""
+    """Decides frame by frame whether the target is seen, by comparing its appearance distance with
+    a threshold that follows from recent frames in which it was seen ("good frames").
+    """
 
     def __init__(self, limits: LossLimits) -> None:
         self._limits = limits
@@ -59,8 +63,9 @@ class LossJudge:
 
     @property
     def threshold(self) -> float:
-        """Largest distance of a seen target: the median of recent good frames plus `SIGMAS` robust
-        standard deviations, clipped to floor and cap; the cap after fewer than `FEW` good frames.
+        """Largest appearance distance, 0..1, of a target that counts as seen: the median of recent
+        good frames plus 3 robust standard deviations, clipped to the limits' floor and cap; the cap
+        after fewer than 10 good frames.
         """
         if len(self._good) < FEW:
             return self._limits.cap
@@ -79,8 +84,9 @@ class LossJudge:
         Args:
             distance: Distance from the target's appearance, 0..1; inf if the target was not found.
             time: Time of the frame [s].
-            jump: Deviation of the estimate from the prediction: in position over the target's size,
-                or in ln scale, whichever is larger; inf for a tracker without prediction.
+            jump: Deviation of the estimate from the tracker's prediction: of position, as a share
+                of the target's size, or of ln scale, whichever is larger; inf for a tracker without
+                prediction.
         """
         limit = self.threshold * (1.0 if self.locked else self._limits.hysteresis)
         if not distance <= limit:  # nan is not
@@ -95,7 +101,7 @@ class LossJudge:
         return Status.LOST if time - self._unseen_since >= self._limits.patience else Status.UNSURE
 
     def _begins_to_hide(self, distance: float, time: float, jump: float) -> bool:
-        """Return whether the distance has risen suddenly, with a jump, less than `DOUBT` ago."""
+        """Return True if the distance rose suddenly, with a jump, less than `DOUBT` s ago."""
         sudden = self._limits.sudden
         risen = False
         if sudden > 0 and len(self._good) >= FEW:
@@ -108,6 +114,6 @@ class LossJudge:
         return self._risen_since is not None and time - self._risen_since < DOUBT
 
     def _usual(self) -> tuple[float, float]:
-        """Return median and robust standard deviation of the recent good frames' distances."""
+        """Return median and robust standard deviation of the distances of recent good frames."""
         middle = median(self._good)
         return middle, MAD_TO_SIGMA * median(abs(good - middle) for good in self._good)

@@ -1,7 +1,7 @@
-"""Recognition of the target by stored views: a confidence that it is the target, and places to
-search while it is LOST.
+"""Recognition of the target by stored views (small pictures of it): the confidence that a state
+shows the target, and places at which to search while the target is LOST.
 
-The confidence is a logistic regression on three measures: distance of colour histograms, likeness
+The confidence is a logistic regression on three measures: distance of colour histograms, similarity
 to the stored views, and spread of the particles. It is smoothed over time, because a target is
 seldom lost for one frame only.
 """
@@ -25,19 +25,20 @@ BIAS = -7.0
 BY_DISTANCE = -5.0
 """Weight of the histograms' distance, 0..1."""
 BY_LIKENESS = 13.0
-"""Weight of the likeness to the stored views."""
+"""Weight of the similarity to the stored views."""
 BY_SPREAD = -15.0
-"""Weight of the particles' spread, over the target's size."""
+"""Weight of the particles' spread, as a share of the target's size."""
 MOST_SIGN = 4.0
 """Largest absolute logit of one frame, so that one frame does not outweigh those around it."""
 MEMORY = 0.15
 """Time over which the confidence is smoothed [s]."""
 TRUSTED = 0.8
-"""Smallest confidence with which the present view is stored."""
+"""Smallest confidence with which the current view is stored."""
 CANDIDATES = 5
-"""Number of places most like a stored view, to which particles move while the target is LOST."""
+"""Number of places most similar to a stored view, to which particles move while the target is
+LOST."""
 SENT = 0.25
-"""Share of the particles that move there."""
+"""Share of the particles that move to these places."""
 LIMITS = LossLimits(floor=0.8, cap=0.8, hysteresis=0.75, patience=0.4)
 """Limits of 1 - the confidence."""
 TINY = 1e-12
@@ -45,19 +46,19 @@ TINY = 1e-12
 
 
 class Recogniser:
-    """Stored views of one target, and the confidence that the tracker follows it."""
+    """Views of one target, and the confidence that the tracker follows this target."""
 
     def __init__(
         self, count: int, image: Image, region: Region, state: State, model: SampledModel
     ) -> None:
-        """Store the first view, and let the model compare states with all views from now on.
+        """Store the first view, and make the model compare states with all stored views.
 
         Args:
             count: Largest number of stored views.
-            image: First picture as the model sees it (H, W, 3).
-            region: The template.
-            state: State of the target there.
-            model: Model of the target's appearance.
+            image: First picture, blurred as the model uses it (H, W, 3).
+            region: Size of the target in the first picture [px].
+            state: State of the target in the first picture.
+            model: Model of the target's appearance, which is changed.
         """
         self._views = Views(image, region, state, count)
         self._model = model
@@ -69,12 +70,12 @@ class Recogniser:
     def doubt(
         self, image: LabelledImage, state: State, cloud: ParticleFilter, time: float
     ) -> float:
-        """Return 1 - confidence that a state shows the target, smoothed over the last frames.
+        """Return 1 - the confidence, 0..1, that a state shows the target, smoothed over `MEMORY` s.
 
         Args:
-            image: The picture.
-            state: The state.
-            cloud: The particles, from whose spread the confidence falls.
+            image: Current picture.
+            state: State that is judged, usually the current estimate.
+            cloud: Current particles; the farther they spread, the lower the confidence.
             time: Time of the frame [s].
         """
         at = state.vector[None]
@@ -90,26 +91,24 @@ class Recogniser:
         return 1 / (1 + math.exp(self._logit))
 
     def learn(self, image: LabelledImage, state: State, doubt: float) -> None:
-        """Store the view at a state if the confidence is high.
-
-        The smoothed confidence lags: by it alone, an occluder would be stored as a view of the
-        target. So the logit of this frame has to be positive as well.
+        """Store the view at a state if the smoothed confidence and that of this frame are high.
 
         Args:
-            image: The picture.
-            state: The state.
-            doubt: 1 - confidence, from `doubt`.
+            image: Current picture.
+            state: State of the target in the picture.
+            doubt: 1 - the smoothed confidence, as the method `doubt` returned it for this frame.
         """
+        # The smoothed confidence lags: by it alone, an occluder would be stored as a view.
         if doubt <= 1 - TRUSTED and self._sign > 0:
             self._views.learn(image.blurred, state)
 
     def send(self, cloud: ParticleFilter, image: LabelledImage, last: State) -> None:
-        """Move the last `SENT` of the particles to the places most like a stored view.
+        """Move a share `SENT` of the particles to the places most similar to a stored view.
 
         Args:
-            cloud: The particles, which are changed.
-            image: The picture.
-            last: The last state in which the target was seen.
+            cloud: The particles, of which the last ones in the array are moved.
+            image: Current picture.
+            last: Last state in which the target was seen.
         """
         places: Array = self._views.search(image.blurred, last, CANDIDATES)
         count = round(SENT * len(cloud.samples))
@@ -118,8 +117,8 @@ class Recogniser:
 
 
 def _spread(cloud: ParticleFilter, state: State) -> float:
-    """Return the root mean square distance of the particles from a state, over the target's size;
-    particles farther away than this size follow something else and do not count.
+    """Return the root mean square distance of the particles from a state, as a share of the
+    target's size. Particles farther away than that size follow something else and do not count.
     """
     away = np.hypot(*(cloud.samples[:, :2] - [state.x, state.y]).T) / (cloud.size * state.scale)
     weights = np.where(away < 1.0, cloud.weights, 0.0)

@@ -1,7 +1,7 @@
 """Settings that several trackers share; a tracker's own `Config` adds to them."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from annotated_types import Ge, Le
 
@@ -9,8 +9,8 @@ from sim.ranges import Share
 
 MOST_LEVELS = 32
 """Most colour bins a channel: their joint numbers have 16 bits."""
-PLAIN: dict[str, Any] = {"contrast": 0.0, "learn": False}
-"""Settings that switch off all additions to the papers' methods, for the presets of papers."""
+PLAIN: dict[str, object] = {"contrast": 0.0, "learn": False}
+"""Settings that switch off our additions to published methods, for the presets named "paper"."""
 Levels = Annotated[int, Ge(2), Le(MOST_LEVELS)]
 Inset = Annotated[float, Ge(0), Le(0.49)]
 Contrast = Annotated[float, Ge(0), Le(100)]
@@ -24,22 +24,22 @@ Turn = Annotated[float, Ge(0), Le(4)]
 
 @dataclass(frozen=True)
 class ParticleSettings:
-    """Settings of a particle filter."""
+    """Settings that all particle filters share."""
 
     particles: Count = 200
     """Number of particles."""
     gamma: Sharpness = 50.0
     """Sharpness of the likelihood exp(-gamma d^2)."""
     noise: Spread = 0.15
-    """Spread of position per frame, over the target's size."""
+    """Standard deviation of position per frame, as a share of the target's size."""
     turn_noise: Turn = 0.0
-    """Spread of theta per frame [rad]; 0: the tracker does not turn."""
+    """Standard deviation of theta per frame [rad]; 0: the tracker does not follow the angle."""
     scale_noise: Share = 0.0
-    """Spread of ln scale per frame; 0: the tracker keeps its size."""
+    """Standard deviation of ln scale per frame; 0: the tracker does not follow the size."""
     velocity_memory: Share = 0.5
     """Share of the old velocity that the new one keeps; 1: a random walk without velocity."""
     scatter: Share = 0.7
-    """Share of the particles that is strewn over the whole picture while the target is LOST."""
+    """Share of the particles that is drawn uniformly over the picture while the target is LOST."""
     views: Annotated[int, Ge(0), Le(16)] = 0
     """Number of small pictures of the target, the first and the newest, by which it is recognised,
     judged LOST, and found again; 0: its colours alone decide."""

@@ -1,4 +1,4 @@
-"""The values of tracking: state, region, estimate, status, and what a tracker is."""
+"""State, region, estimate and status of a tracked target, and the protocol of a tracker."""
 
 from __future__ import annotations
 
@@ -17,24 +17,29 @@ from sim.types import LARGEST_PICTURE, Array, Frame
 LARGEST_LOG = 5.0
 """Largest size of ln scale: a target grows or shrinks by at most a factor of 148."""
 ROUNDING = 1e-6
-"""A corner may be drawn in by this share of an area: single precision rounds so."""
+"""An outline still counts as convex if a corner is dented by this share of its area: single
+precision rounds by so much."""
 
 
 class _SetByStart:
+    """Default of an attribute that `Tracker.start` replaces; reading the default raises a
+    ValueError.
+    """
+
     def __get__(self, tracker: object | None, owner: type) -> Any:
         if tracker is None:
             return self
-        raise ValueError(f"{owner.__name__}: start(frame, region, state) goes before update(frame)")
+        raise ValueError(f"{owner.__name__}: call start(frame, region, state) before update(frame)")
 
 
 SET_BY_START: Any = _SetByStart()
-"""An attribute of a tracker's class that `start` sets; to read it before raises a ValueError."""
+"""Class attribute of a tracker that `start` replaces; reading it earlier raises a ValueError."""
 
 
 @dataclass(frozen=True, slots=True)
 class State:
     """Position, orientation and size of the target in the image (Teuliere, Marchand, Eck, section
-    II).
+    II). Pixels count from the image's top left corner.
     """
 
     x: float
@@ -42,44 +47,44 @@ class State:
     y: float
     """Centre, down [px]."""
     theta: float = 0.0
-    """Orientation, from +x towards +y [rad]; continuous, so it may pass pi."""
+    """Orientation, from +x towards +y [rad]; continuous, so it may exceed pi."""
     scale: float = 1.0
-    """Size over the size in the first frame."""
+    """Size relative to the first frame."""
 
     @property
     def vector(self) -> Array:
-        """Vector (4,) of x, y [px], theta [rad] and ln scale: the coordinates in which filters and
-        searches work.
-        """
+        """Vector (4,) of x, y [px], theta [rad] and ln scale, as filters and searches use it."""
         return np.array([self.x, self.y, self.theta, math.log(self.scale)])
 
     def moved(self, change: Array | None) -> State:
-        """Return the state after a change (4,) of (x, y, theta, ln scale), if any."""
+        """Return this state plus a change (4,) of x, y [px], theta [rad], ln scale; None: none."""
         return self if change is None else State.of(self.vector + change)
 
     @staticmethod
     def of(vector: Array) -> State:
-        """Return the state of a vector (x, y, theta, ln scale)."""
+        """Return the state of a vector (4,) of x, y [px], theta [rad] and ln scale."""
         x, y, theta, log_scale = vector.tolist()
         return State(x, y, theta, math.exp(min(max(log_scale, -LARGEST_LOG), LARGEST_LOG)))
 
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """Rectangle around the target in the first frame, by its sides [px]. A `State` gives its
-    centre, angle and scale in any frame.
+    """Size of the rectangle around the target in the first frame [px]. A `State` gives the
+    rectangle's centre, angle and scale in any frame.
     """
 
     width: float
-    """Along the target's own x axis [px]."""
+    """Side along the target's own x axis [px]."""
     height: float
-    """Along the target's own y axis [px]."""
+    """Side along the target's own y axis [px]."""
     quad: Array | None = field(default=None, compare=False)
-    """Its four corners (4, 2) in the first picture [px], where that is known: a rectangle that is
-    seen tilted has no right angles."""
+    """The target's four corners (4, 2) in the first picture [px] where they are known: a rectangle
+    that is seen tilted has no right angles."""
 
     def corners(self, state: State) -> Array:
-        """Return the corners (4, 2) [px]; at theta = 0 from the top left on, clockwise."""
+        """Return the rectangle's corners (4, 2) in the image [px]: clockwise, at theta = 0 from the
+        top left one on.
+        """
         half = state.scale / 2 * np.array([self.width, self.height])
         c = np.cos(state.theta)
         s = np.sin(state.theta)
@@ -87,11 +92,13 @@ class Region:
         return box @ np.array([[c, s], [-s, c]]) + (state.x, state.y)
 
     def first_corners(self, state: State) -> Array:
-        """Return corners (4, 2) in the first picture [px], where the target is in this state."""
+        """Return the target's corners (4, 2) in the first picture [px]: `quad`, if it is known,
+        else the rectangle's at a state.
+        """
         return self.corners(state) if self.quad is None else self.quad
 
     def inner(self, inset: float) -> Region:
-        """Return the region without this share of its sides, half on each side."""
+        """Return a region with the same centre whose sides are shorter by a share of 0..1."""
         return Region(self.width * (1 - inset), self.height * (1 - inset))
 
     def area(self, state: State) -> float:
@@ -99,18 +106,25 @@ class Region:
         return self.width * self.height * state.scale**2
 
 
-def goes_around(corners: Array) -> bool:
-    """Return whether corners (4, 2) lie around a convex area in the order of `Region.corners`, as
-    the picture of a rectangle's front does; but for rounding.
+def turns_of(corners: Array) -> Array:
+    """Return the cross products (n,) [px^2] of each side of an outline (n, 2) [px] with the next
+    side: above 0 where the outline turns clockwise in the image.
     """
     sides = np.diff(corners, axis=0, append=corners[:1])
     after = np.roll(sides, -1, axis=0)
-    turns = sides[:, 0] * after[:, 1] - sides[:, 1] * after[:, 0]
+    return sides[:, 0] * after[:, 1] - sides[:, 1] * after[:, 0]
+
+
+def goes_around(corners: Array) -> bool:
+    """Return True if corners (4, 2) [px] form a convex outline in the order of `Region.corners`
+    (clockwise in the image), as a rectangle does that is seen from its front.
+    """
+    turns = turns_of(corners)
     return bool(turns.sum() > 0 and turns.min() >= -ROUNDING * turns.sum())
 
 
 class Status(Enum):
-    """Confidence of a tracker in three steps; each member carries its sentence."""
+    """Whether a tracker sees its target in a frame; the value of each member explains it."""
 
     LOCKED = "The target is seen and followed."
     UNSURE = (
@@ -121,36 +135,39 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Report of a tracker for one frame."""
+    """Result of a tracker for one frame."""
 
     state: State
-    """State of the target."""
+    """Position [px], angle [rad] and scale of the target in the image."""
     covariance: Array
-    """Covariance (4, 4) of (x, y, theta, ln scale); nan where the tracker has none."""
+    """Covariance (4, 4) of x, y [px], theta [rad], ln scale; nan where the tracker has none."""
     distance: float
     """Bhattacharyya distance between the target's appearance here and in the first frame, 0..1; or
-    1 - the score of a tracker that is judged by its own."""
+    1 - score, for a tracker that reports a score of its own."""
     status: Status
-    """Confidence of the tracker."""
+    """Whether the target is seen."""
     follows: tuple[bool, bool] = (True, True)
-    """True where the tracker follows the angle, and the size; the others stay as they began."""
+    """True where the tracker follows the angle, and the size; what it does not follow keeps the
+    value of the first frame."""
     ess: float = float("nan")
-    """Effective sample size, for trackers with particles."""
+    """Effective sample size of a particle filter; nan for other trackers."""
     evaluations: int = 0
-    """Histograms evaluated in this frame."""
+    """Number of histograms that the tracker computed for this frame."""
     particles: Array | None = None
-    """Particles (N, 5): x, y, theta, scale, weight; weights sum to 1."""
+    """Particles (N, 5): x, y [px], theta [rad], scale, weight; weights sum to 1."""
     corners: Array | None = None
-    """Corners (4, 2) [px] in the order of the region's, where the tracker follows more than a
-    similarity: the outline in place of the region at `state`."""
+    """Corners (4, 2) of the target [px] in the order of `Region.corners`, from a tracker that
+    follows perspective; None: the region's corners at `state`."""
 
     def outline(self, region: Region) -> Array:
-        """Return the target's corners (4, 2) [px]: those reported, else the region's."""
+        """Return the target's corners (4, 2) in the image [px]: `corners`, if the tracker reports
+        them, else those of a region at `state`.
+        """
         return region.corners(self.state) if self.corners is None else self.corners
 
 
 def unknown_covariance() -> Array:
-    """Return the covariance (4, 4) of an estimate whose tracker has none: nan."""
+    """Return a covariance (4, 4) of nan, for trackers that estimate none."""
     return np.full((4, 4), np.nan)
 
 
@@ -158,8 +175,8 @@ class Tracker(Protocol):
     """A method that follows one target through the frames of a sequence.
 
     `start` is called once with the first frame, then `update` once for each further frame in
-    order. A tracker keeps its state between calls, copies what it needs of a picture (the caller
-    may reuse the buffer), and returns an estimate for every frame: a target that it does not
+    order. A tracker keeps its state between calls and copies the pixels that it needs later (the
+    caller may reuse the buffer). It returns an estimate for every frame: a target that it does not
     see is reported by the status, not by an exception.
 
     >>> class Fixed:
@@ -179,8 +196,8 @@ class Tracker(Protocol):
 
         Args:
             frame: The first frame.
-            region: Size of the target's rectangle in it [px].
-            state: Position and angle of that rectangle in it.
+            region: Size of the target's rectangle in that frame [px].
+            state: Position [px] and angle [rad] of the rectangle in that frame.
 
         Raises:
             ValueError: The region or the picture is unusable.
@@ -191,17 +208,17 @@ class Tracker(Protocol):
 
         Args:
             frame: The next frame.
-            ego: Change (4,) of (x, y, theta, ln scale) by which the camera's motion since the last
-                frame has moved a target that stood still; None where it is unknown.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale by which the camera's motion
+                since the last frame has moved a target that stood still; None where it is unknown.
         """
         ...
 
 
 class Trait(Enum):
-    """Property of a tracker that others ask about; the value describes it."""
+    """Property of a tracker, by which it is chosen and listed; the value describes it."""
 
-    COLOUR = "It knows the target by its colours."
-    TEXTURE = "It knows the target by its texture."
+    COLOUR = "It recognises the target by its colours."
+    TEXTURE = "It recognises the target by its texture."
     ANGLE = "It follows the angle of a target that shows one."
     CORNERS = "It reports the four corners of the target, and with them its tilt."
     MARKER = "It follows markers of its own, and no other target."
@@ -210,56 +227,66 @@ class Trait(Enum):
 
 Traits = frozenset[Trait]
 SEES_PICTURES = frozenset({Channel.PICTURE, Channel.EGO_MOTION})
-"""The channels of a tracker whose settings declare none."""
+"""Input of a tracker whose settings declare none: pictures and the camera's motion."""
 
 
 @runtime_checkable
 class Describes(Protocol):
-    """Settings of a tracker that name its traits."""
+    """Settings (a `Config`) that declare the traits of the tracker that they build."""
 
     @property
     def traits(self) -> Traits:
-        """The traits of the tracker that these settings build."""
+        """Traits of the tracker that these settings build."""
         ...
 
 
 def traits_of(config: object) -> Traits | None:
-    """Return the traits that a tracker's settings name; None where they name none."""
+    """Return the traits that a tracker's `Config` declares; None where it declares none."""
     return config.traits if isinstance(config, Describes) else None
 
 
 def follows_any_target(config: object) -> bool:
-    """Return whether a tracker follows any target by the camera's pictures alone."""
+    """Return True if the tracker of a `Config` needs no marker, and no input but the camera's
+    pictures and motion (a tracker that is given the true pose does).
+    """
     marked = Trait.MARKER in (traits_of(config) or ())
     return not marked and needs_of(config, SEES_PICTURES) <= SEES_PICTURES
 
 
 @runtime_checkable
 class SeesOutline(Protocol):
-    """A tracker that can correct the first region, because the target is a known object such as a
+    """A tracker that can correct the first region, because its target is a known object such as a
     tag.
     """
 
     def outline(self, frame: Frame, region: Region, state: State) -> tuple[Region, State]:
-        """Return the region, and where it is, that a target has in the first picture: as given
-        where that is right up to noise, or where nothing is found.
+        """Return the region [px] of the target that is seen in the first frame, and its state.
+
+        Args:
+            frame: The first frame.
+            region: The region that the user gave [px].
+            state: Its position [px] and angle [rad] in that frame.
+
+        Returns:
+            The given region and state where no target is found, or where they fit the target that
+            is found up to noise.
         """
         ...
 
 
 SMALLEST_SIDE = 4.0
-"""A region with a shorter side [px] holds too little to be recognised by."""
+"""Shortest side of a region [px]: a smaller target cannot be recognised."""
 LEAST_INSIDE = 0.5
-"""At least this share of a region lies inside the first image."""
+"""Least share of a region's area inside the first image."""
 FARTHEST = 1e6
-"""Largest size of a region's numbers [px]: products of larger ones would overflow."""
+"""Largest absolute value of a region's numbers [px]: products of larger ones would overflow."""
 
 
 def check_picture(image: object) -> None:
-    """Check that an image is an RGB picture, because the compiled loops trust its shape and type.
+    """Check that an image is an RGB picture: compiled loops read it without checks of their own.
 
     Raises:
-        ValueError: It is not an array (H, W, 3) of uint8, or has no pixels.
+        ValueError: The image is not an array (H, W, 3) of uint8, or has no pixels.
     """
     if not isinstance(image, np.ndarray):
         raise ValueError(f"a picture is an array (height, width, 3) of uint8, not {image!r:.40}")
@@ -271,20 +298,17 @@ def check_picture(image: object) -> None:
         )
 
 
-def _check_type(value: object, kind: type) -> None:
-    if not isinstance(value, kind):
-        raise ValueError(f"expected a {kind.__name__}, got {value!r}")
-
-
 def check_region(frame: Frame, region: Region, state: State) -> None:
     """Check the arguments of `Tracker.start`.
 
     Raises:
-        ValueError: The rectangle is empty, without end, or most of it is outside the image; or the
-            image is not a picture, or too large; or an argument has the wrong type.
+        ValueError: The region is too small, has numbers that are not finite, or lies mostly outside
+            the image; the image is not a picture, or too large; or an argument has the wrong type.
     """
-    _check_type(region, Region)
-    _check_type(state, State)
+    given: list[tuple[object, type]] = [(region, Region), (state, State)]
+    for value, kind in given:
+        if not isinstance(value, kind):
+            raise ValueError(f"expected a {kind.__name__}, got {value!r}")
     check_picture(frame.image)
     height, width = frame.image.shape[:2]
     if max(height, width) > LARGEST_PICTURE:
@@ -311,7 +335,11 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
 
 
 def _check_numbers(region: Region, state: State) -> None:
-    """Refuse numbers that are not finite or far too large, and a scale out of range."""
+    """Check that a region's numbers are finite and at most `FARTHEST`, and the scale in range.
+
+    Raises:
+        ValueError: One of them is not.
+    """
     numbers = (region.width, region.height, state.x, state.y, state.theta)
     plain = all(isinstance(number, Real) for number in (*numbers, state.scale))
     if not plain or not all(abs(number) <= FARTHEST for number in numbers):  # nan is not
@@ -323,5 +351,5 @@ def _check_numbers(region: Region, state: State) -> None:
     most = math.exp(LARGEST_LOG)
     if not least <= state.scale <= most:
         raise ValueError(
-            f"the region's scale is {state.scale:.6g}; it lies between {least:.3g} and {most:.3g}"
+            f"the region's scale is {state.scale:.6g}; it must be {least:.3g} to {most:.3g}"
         )

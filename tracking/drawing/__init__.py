@@ -1,1 +1,1 @@
-"""Drawings of results: contact sheets, curves, annotated videos."""
+"""Drawing of results: contact sheets, figures, annotated films."""

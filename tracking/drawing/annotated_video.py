@@ -1,5 +1,6 @@
-"""Film of a track: truth white; estimate green, amber or red by the tracker's status."""
+"""Film of a track: each picture with the estimated and the true outline, and a chart below it."""
 
+from functools import partial
 from pathlib import Path
 
 from sim.types import Array
@@ -12,13 +13,13 @@ from tracking.types import Region
 CAPTION = "estimate green (locked), amber (unsure), red (lost); truth white"
 CURVES = {"confidence": colours.CURVES[1]}
 SMALLEST = (608, 64)
-"""Least width and height of a panel [px]; smaller pictures are enlarged."""
+"""Least width and height of a picture in the film [px]; smaller pictures are enlarged."""
 LARGEST = (1888, 1000)
-"""Largest width and height of a panel [px]; larger pictures are reduced."""
+"""Largest width and height of a picture in the film [px]; larger pictures are reduced."""
 
 
 class AnnotatedVideo:
-    """Writer of a film; its size follows from that of the first picture."""
+    """Writer of the film of a track; the film's size follows from that of the first picture."""
 
     def __init__(
         self, to: Path | Pages, rate: float, region: Region, title: str, end: float | None = None
@@ -26,22 +27,23 @@ class AnnotatedVideo:
         """Prepare a film; the file is opened with the first picture.
 
         Args:
-            to: The file to write, or the receiver of the frames.
+            to: The MP4 file to write, or the receiver of the frames.
             rate: Approximate rate of the pictures [1/s].
-            region: The target's region.
+            region: Size of the target in the first picture [px].
             title: Title of the film.
             end: Time of the last picture [s]; None: unknown.
         """
-        self._to = to
-        self._rate = rate
+        chart = Chart(CURVES, "confidence", end, top=1.0)
+        self._open = partial(FilmPage, to, rate, title, [CAPTION], chart=chart)
         self._region = region
-        self._title = title
-        self._end = end
-        self._size = (0, 0)
         self._film: FilmPage | None = None
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a picture with its estimate, and the true corners (4, 2) [px] if they are known.
+        """Write a frame with a picture and its estimate.
+
+        Args:
+            shot: The picture and the estimate.
+            truth: True corners (4, 2) [px] in that picture; None: unknown.
 
         Raises:
             OSError: The file cannot be written.
@@ -49,28 +51,26 @@ class AnnotatedVideo:
         marks = [(shot.estimate.outline(self._region), colours.STATUS[shot.estimate.status])]
         if truth is not None:
             marks.insert(0, (truth, colours.TRUTH))
-        film = self._opened(*(shot.size or SMALLEST))
-        view = panel(shot.picture.image, *self._size, marks, shot.estimate.particles)
+        film = self._film = self._film or self._open(size=_panel_for(*(shot.size or SMALLEST)))
+        view = panel(shot.picture.image, *film.size, marks, shot.estimate.particles)
         note = f"frame {shot.index}"
         film.add(shot.picture.time, [view], [shot.confidence], [shot.estimate.status.name], note)
 
     def close(self) -> None:
-        """Finish the file."""
+        """Finish the file, if a picture was written."""
         if self._film:
             self._film.close()
 
     def abandon(self) -> None:
-        """Close the file early; it can be played up to its last whole second."""
+        """Close the file after an error; the film can be played up to its last frames."""
         if self._film:
             self._film.abandon()
 
-    def _opened(self, width: int, height: int) -> FilmPage:
-        if self._film is None:
-            factor = max(SMALLEST[0] / width, 1.0)
-            factor = min(factor, LARGEST[0] / width, LARGEST[1] / height)
-            w = max(SMALLEST[0], round(factor * width))
-            h = max(SMALLEST[1], round(factor * height))
-            self._size = w + w % 2, h + h % 2
-            chart = Chart(CURVES, "confidence", self._end, top=1.0)
-            self._film = FilmPage(self._to, self._rate, self._title, [CAPTION], self._size, chart)
-        return self._film
+
+def _panel_for(width: int, height: int) -> tuple[int, int]:
+    """Return width and height [px], even numbers, of the panel for pictures of a size [px]."""
+    factor = max(SMALLEST[0] / width, 1.0)
+    factor = min(factor, LARGEST[0] / width, LARGEST[1] / height)
+    w = max(SMALLEST[0], round(factor * width))
+    h = max(SMALLEST[1], round(factor * height))
+    return w + w % 2, h + h % 2

@@ -1,4 +1,4 @@
-"""Colours with the same meaning in all drawings: truth, goal, particles, status and curves."""
+"""Colours of truth, goal, particles, status and curves, the same in all drawings."""
 
 from tracking.types import Status
 

@@ -1,4 +1,6 @@
-"""Contact sheets: rows of a sequence's pictures with truth and estimate."""
+"""Contact sheets: one image with pictures of a sequence in rows, true and estimated outlines in
+them.
+"""
 
 from collections.abc import Sequence
 
@@ -14,11 +16,11 @@ TILE = 240
 GAP = 4
 """Space between pictures [px]."""
 COLUMNS = 4
-"""Pictures in a row."""
+"""Number of pictures in a row."""
 SUBPIXEL_BITS = 4
-"""Bits of OpenCV's coordinates below a pixel: outlines move by sixteenths of a pixel."""
+"""Fractional bits of OpenCV's coordinates: outlines are drawn to sixteenths of a pixel."""
 FARTHEST = 2**30
-"""Largest coordinate in those units to which OpenCV draws a line."""
+"""Largest coordinate to which OpenCV draws a line [1/16 px]."""
 
 
 def outline(
@@ -30,13 +32,13 @@ def outline(
     *,
     closed: bool = True,
 ) -> None:
-    """Draw a polygon or an open line with a black border into an image; nothing if a point is nan.
+    """Draw a polygon or an open line with a black border into an image, unless a point is nan.
 
     Args:
         image: RGB (H, W, 3), which is changed.
-        corners: Points (n, 2) [px], before the image was resized.
-        colour: RGB.
-        factor: Factor by which the image was resized.
+        corners: Points (n, 2) in pixels of the picture before it was resized.
+        colour: Colour of the line (RGB).
+        factor: Factor by which the picture was resized to the image.
         width: Width of the line [px].
         closed: Join the last point to the first.
     """
@@ -49,13 +51,13 @@ def outline(
 
 
 def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) -> Image:
-    """Return a contact sheet of up to `count` pictures at equal distances in a sequence.
+    """Return a contact sheet (H, W, 3) of up to `count` pictures, evenly spaced in a sequence.
 
     Args:
-        source: The pictures.
+        source: The n pictures of the sequence.
         truth: True corners (n, 4, 2) [px], drawn white.
-        found: Estimated corners (n, 4, 2) [px], drawn green.
-        count: Number of pictures.
+        found: Estimated corners (up to n, 4, 2) [px], drawn green; None: unknown.
+        count: Largest number of pictures on the sheet.
     """
     wanted = set(np.linspace(0, len(truth) - 1, min(count, len(truth))).astype(int).tolist())
     return page(
@@ -68,7 +70,7 @@ def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) ->
 
 
 def page(tiles: Sequence[Image]) -> Image:
-    """Return a picture with tiles (h, `TILE`, 3) in rows of four."""
+    """Return one image (H, W, 3) with small pictures (h, `TILE`, 3) in rows of four."""
     height = max(t.shape[0] for t in tiles)
     columns = min(COLUMNS, len(tiles))
     rows = -(-len(tiles) // columns)
@@ -81,12 +83,12 @@ def page(tiles: Sequence[Image]) -> Image:
 
 
 def tile(picture: Picture, truth: Array, found: Array | None) -> Image:
-    """Return a picture resized to the width `TILE`, with its name and two outlines.
+    """Return a picture of a contact sheet (h, `TILE`, 3): resized, with its name and two outlines.
 
     Args:
         picture: The picture; black if it could not be read.
-        truth: True corners (4, 2) [px].
-        found: Estimated corners (4, 2) [px]; None: not drawn.
+        truth: True corners (4, 2) in pixels of the picture, drawn white; nan: not drawn.
+        found: Estimated corners (4, 2) in pixels of the picture, drawn green; None: not drawn.
     """
     image = np.zeros((TILE * 3 // 4, TILE, 3), np.uint8) if picture.image is None else picture.image
     factor = TILE / image.shape[1]

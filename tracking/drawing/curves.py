@@ -1,4 +1,4 @@
-"""Success and precision plots over many runs, as usual for trackers (Wu, Lim, Yang 2013)."""
+"""Success and precision plots of trackers, means over many runs (Wu, Lim, Yang 2013)."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,9 +19,10 @@ def draw(
     """Write success.png and precision.png, and return their paths.
 
     Args:
-        results: Results of all runs, with "tracker", "success" and "precision".
+        results: A table for each run with the name of its "tracker" and its curves: "success" (21,)
+            and "precision" (51,), shares of frames at `OVERLAPS` and `PIXELS`.
         order: Names of the trackers in the order of the legend.
-        title: Name of the suite.
+        title: Name of the suite of sequences.
         folder: Folder of the files.
 
     Raises:

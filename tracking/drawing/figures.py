@@ -1,4 +1,4 @@
-"""Axes, texts and PNG files of all figures that Matplotlib draws."""
+"""Axes, texts and PNG files of figures that Matplotlib draws."""
 
 from io import BytesIO
 from pathlib import Path
@@ -18,10 +18,10 @@ SCREEN = 80
 
 
 class Drawing(Figure):
-    """A figure that a notebook displays when it is the value of a cell."""
+    """A Matplotlib figure that a notebook displays when it is the value of a cell."""
 
     def png(self) -> bytes:
-        """Return the content of a PNG file with the figure."""
+        """Return the bytes of a PNG file with the figure."""
         file = BytesIO()
         self.savefig(file, format="png", dpi=SCREEN)
         return file.getvalue()
@@ -32,7 +32,15 @@ class Drawing(Figure):
 def panels(
     width: float, height: float, rows: int = 1, columns: int = 1, *, sharex: bool = False
 ) -> tuple[Drawing, list[Axes]]:
-    """Return a figure of a size [inch] and its axes, row by row, with a light grid."""
+    """Return a new figure and its axes, row by row, each with a light grid.
+
+    Args:
+        width: Width of the figure [inch].
+        height: Height of the figure [inch].
+        rows: Number of rows of axes.
+        columns: Number of columns of axes.
+        sharex: All axes have the same horizontal range.
+    """
     figure = Drawing(figsize=(width, height), layout="constrained")
     axes = list(np.atleast_1d(figure.subplots(rows, columns, sharex=sharex)).ravel())
     for ax in axes:
@@ -42,19 +50,19 @@ def panels(
 
 
 def plain_logarithm(axis: Axis) -> None:
-    """Label a logarithmic axis with numbers such as 0.5, 1, 2 instead of powers of ten."""
+    """Label a logarithmic axis at 1, 2, 5 times powers of ten, by numbers such as 0.5."""
     axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(ticker.StrMethodFormatter("{x:g}"))
     axis.set_minor_locator(ticker.NullLocator())
 
 
 def literal(text: str) -> str:
-    """Return a text with escaped dollar signs, so that Matplotlib does not read formulas in it."""
+    """Return a text with escaped dollar signs, so that Matplotlib does not parse it as formulas."""
     return text.replace("$", r"\$")
 
 
 def save(figure: Figure, folder: Path, name: str) -> Path:
-    """Write a figure as a PNG file into a folder, and return its path.
+    """Write a figure as a PNG file with a name into a folder, and return the file's path.
 
     Raises:
         OSError: The file cannot be written.

@@ -1,4 +1,4 @@
-"""Films: a title, pictures beside each other, and below them a chart that grows with time."""
+"""Films whose frames have a title, pictures beside each other, and a chart over time below them."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,11 +26,11 @@ CAPTION = 24
 CHART = 194
 """Height of the chart [px]."""
 LETTER = 12
-"""Width of a letter of the title [px]; a longer title is cut."""
+"""Width of a letter of the title [px]; a title that does not fit is cut."""
 OTHERS = 410
-"""Width of the texts beside the title [px]."""
+"""Width of the note, the time and the status beside the title [px]."""
 STATUS = 100
-"""Width of the status among these [px]."""
+"""Width of the status [px]."""
 LEFT = 70
 """Space left of the chart's axes [px]."""
 BELOW = 50
@@ -38,15 +38,15 @@ BELOW = 50
 ABOVE = 32
 """Space above the chart's axes, for the legend [px]."""
 GROUND = (228, 228, 228)
-"""Colour around a picture in its panel (RGB)."""
+"""Colour of a panel around its picture (RGB)."""
 LINE = 2
 """Width of an outline [px]."""
 DOT = 1
 """Radius of a particle [px]."""
 FRONT = 0.5
-"""Beginning of the line to the target's front, as a share of the distance from the centre."""
+"""The line from the target's centre to its front begins at this share of the distance."""
 Marks = Sequence[tuple[Array, tuple[int, int, int]]]
-"""Points (n, 2) [px] of outlines or lines, each with its colour (RGB)."""
+"""Outlines or lines, each by its points (n, 2) [px] and its colour (RGB)."""
 
 
 def panel(
@@ -57,15 +57,17 @@ def panel(
     particles: Array | None = None,
     paths: Marks = (),
 ) -> Image:
-    """Return a panel (height, width, 3) with a picture in its middle; black without a picture.
+    """Return a panel (height, width, 3), an image of a fixed size with a picture in its middle.
 
     Args:
-        image: RGB of any size.
+        image: The picture, RGB of any size; None: a black panel.
         width: Width of the panel [px].
         height: Height of the panel [px].
-        marks: Corners (4, 2) of outlines, in pixels of the picture.
-        particles: Positions (n, 2 or more) of dots, in pixels of the picture.
-        paths: Points (n, 2) of lines, in pixels of the picture.
+        marks: Outlines to draw, by corners (4, 2) in pixels of the picture; each also gets a line
+            to the target's front.
+        particles: Dots to draw, by rows (n, 2 or more) that begin with x, y in pixels of the
+            picture; None: no dots.
+        paths: Open lines to draw, by points (n, 2) in pixels of the picture.
     """
     if image is None:
         return np.zeros((height, width, 3), np.uint8)
@@ -93,20 +95,20 @@ def panel(
 
 
 class Pages(Protocol):
-    """Receiver of the frames of a film that is not written to a file."""
+    """Receiver of the frames of a film, in place of a file; a live page is one."""
 
     def add(self, image: Image, time: float, /) -> None:
-        """Take a frame (height, width, 3) that is shown from a time on [s]."""
+        """Receive a frame, RGB (height, width, 3), that is shown from a time [s] on."""
 
     def close(self) -> None:
-        """Take no more."""
+        """Handle the end of the film."""
 
     def abandon(self) -> None:
-        """Take no more after an error."""
+        """Handle the end of the film after an error."""
 
 
 class FilmPage:
-    """Writer of a film."""
+    """Writer of a film with a title, panels beside each other, and a chart below them."""
 
     def __init__(
         self,
@@ -117,15 +119,15 @@ class FilmPage:
         size: tuple[int, int],
         chart: Chart,
     ) -> None:
-        """Open the file.
+        """Lay out the frames, and open the file.
 
         Args:
-            to: The file to write, or the receiver of the frames.
+            to: The MP4 file to write, or the receiver of the frames.
             rate: Approximate rate of the frames [1/s].
             title: Title of the film.
-            captions: Captions of the panels.
+            captions: A caption for each panel.
             size: Width and height of each panel [px], even numbers.
-            chart: The chart below the panels.
+            chart: Settings of the chart below the panels.
 
         Raises:
             OSError: The file cannot be written.
@@ -138,6 +140,7 @@ class FilmPage:
         figure = Figure((width / DOTS, height / DOTS), dpi=DOTS)
 
         def written(x: float, y: float, text: str = "", **style: Any) -> Text:
+            """Return a text at a position from the frame's top left corner [px]."""
             return figure.text(x / width, 1 - y / height, text, va="center", **style)
 
         written(MARGIN, HEAD / 2, literal(title), size=10, weight="bold")
@@ -157,20 +160,19 @@ class FilmPage:
             )
             for i in range(len(captions))
         ]
-        """Statuses above the pictures, where each has its own."""
+        """Texts above the panels for a status of each; unused if the film has one status."""
         axes = figure.add_axes(
             (LEFT / width, BELOW / height, (right - LEFT) / width, (CHART - BELOW - ABOVE) / height)
         )
         self._chart = RunningChart(axes, chart)
-        self._panel = size
-        self._figure = figure
+        self.size = size
         self._canvas = FigureCanvasAgg(figure)
-        self._ground: Any = None
+        self._ground: object = None  # the drawn figure without what changes in each frame
         self._video = VideoWriter(to, rate, width, height) if isinstance(to, Path) else to
         self.close = self._video.close
         """Finish the file."""
         self.abandon = self._video.abandon
-        """Close the file early; it can be played up to its last whole second."""
+        """Close the file after an error; it can be played up to its last frames."""
 
     def add(
         self,
@@ -183,11 +185,12 @@ class FilmPage:
         """Write a frame.
 
         Args:
-            time: Time of the frame [s].
-            panels: A picture of the panel's size for each caption.
-            values: A value for each curve.
-            statuses: LOCKED, UNSURE or LOST: one for the film, or one for each panel.
-            note: Text before the time.
+            time: Time of the frame [s], later than that of the last one.
+            panels: For each caption an image (height, width, 3) of the panels' size.
+            values: A value for each curve of the chart.
+            statuses: Names of a `Status`, such as "LOCKED": one for the film, or one for each
+                panel.
+            note: Text before the time, such as "frame 12".
 
         Raises:
             OSError: The file cannot be written.
@@ -198,13 +201,13 @@ class FilmPage:
             badge.set(text=status, color=STATUS_ON_WHITE[status])
         if self._chart.add(time, values, statuses) or self._ground is None:
             self._canvas.draw()
-            self._ground = self._canvas.copy_from_bbox(self._figure.bbox)
+            self._ground = self._canvas.copy_from_bbox(self._canvas.figure.bbox)
         self._canvas.restore_region(self._ground)
         for artist in (self._note, *badges, *self._chart.artists):
-            self._figure.draw_artist(artist)
+            self._canvas.figure.draw_artist(artist)
         page = np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
         top = HEAD + CAPTION
         for i, picture in enumerate(panels):
-            left = MARGIN + i * (self._panel[0] + MARGIN)
-            page[top : top + self._panel[1], left : left + self._panel[0]] = picture
+            left = MARGIN + i * (self.size[0] + MARGIN)
+            page[top : top + self.size[1], left : left + self.size[0]] = picture
         self._video.add(page, time)

@@ -7,7 +7,9 @@ from sim.types import DepthPicture, Image
 
 
 def encoded(image: Image, jpeg_quality: int | None = None) -> bytes:
-    """Return the bytes of a JPEG file of an RGB picture at a quality, 0..100; without, of a PNG."""
+    """Return an RGB picture (H, W, 3) as the bytes of a JPEG file with a quality of 0..100; None:
+    as the bytes of a PNG file.
+    """
     bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
     if jpeg_quality is None:
         return cv2.imencode(".png", bgr)[1].tobytes()
@@ -15,6 +17,6 @@ def encoded(image: Image, jpeg_quality: int | None = None) -> bytes:
 
 
 def encoded_depth(depth: DepthPicture) -> bytes:
-    """Return the bytes of a PNG file, 16 bits in mm, of a depth picture [m]; 0 where it is nan."""
+    """Return a depth picture (H, W) [m] as the bytes of a PNG file with 16 bits in mm; nan as 0."""
     millimetres = np.nan_to_num(1e3 * depth, nan=0.0).clip(0, np.iinfo(np.uint16).max)
     return cv2.imencode(".png", np.rint(millimetres).astype(np.uint16))[1].tobytes()

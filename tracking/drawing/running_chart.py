@@ -1,4 +1,4 @@
-"""A chart over time that grows frame by frame, with bands in the colours of the status."""
+"""Chart over time of a film: curves that grow frame by frame, and bands in the status's colours."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,38 +15,38 @@ from tracking.drawing.colours import STATUS_ON_WHITE
 from tracking.drawing.figures import DOTS
 
 BAND = 0.07
-"""Height of the bands, as a share of the axes."""
+"""Height of the bands, as a share of the axes' height."""
 FIRST_END = 10.0
 """First end of the time axis if the film's end is unknown [s]."""
 LONGER = 1.5
-"""Factor on the end of the time axis when it is reached."""
+"""Factor on the end of the time axis when a frame exceeds it."""
 NICE = (1.0, 2.0, 5.0, 10.0)
-"""First digits of the end of a growing axis."""
+"""First digits of the end of a growing vertical axis."""
 LOWEST = 5.0
-"""Least end of a growing vertical axis."""
+"""First end of a growing vertical axis."""
 POINTS = 72
 """Points in an inch; widths of lines are in points."""
 
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Settings of a chart whose curves share an axis that begins at 0."""
+    """Settings of a chart whose curves share a vertical axis that begins at 0."""
 
     curves: Mapping[str, str]
-    """Colours of the curves by name."""
+    """Colour of each curve by the curve's name in the legend."""
     label: str
-    """Label of the vertical axis."""
+    """Label of the vertical axis, with the unit of the values."""
     end: float | None = None
-    """End of the time axis [s]; None: unknown."""
+    """End of the time axis [s]; None: it grows with the frames."""
     top: float | None = None
     """End of the vertical axis; None: it grows with the values."""
 
 
 class RunningChart:
-    """A chart whose axes grow when a value exceeds their end."""
+    """Drawer of a chart, whose axes grow when a frame exceeds their end."""
 
     def __init__(self, axes: Axes, chart: Chart) -> None:
-        """Begin a chart in empty axes."""
+        """Set up empty axes with the settings of a chart."""
         self._axes = axes
         self._grows = chart.top is None
         axes.set_xlabel("time [s]", size=8)
@@ -81,15 +81,15 @@ class RunningChart:
         self._set_limits()
 
     def add(self, time: float, values: Sequence[float], statuses: Sequence[str]) -> bool:
-        """Add a frame.
+        """Extend the curves and bands by a frame.
 
         Args:
             time: Time of the frame [s], later than that of the last one.
             values: A value for each curve; nan leaves a gap.
-            statuses: LOCKED, UNSURE or LOST of each band, from top to bottom.
+            statuses: Name of a `Status`, such as "LOCKED", for each band, from top to bottom.
 
         Returns:
-            True if the axes have grown, and must be drawn again.
+            True if the axes have grown, so that the whole figure must be drawn again.
         """
         self._times.append(time)
         self._statuses.append(statuses)
@@ -105,6 +105,7 @@ class RunningChart:
         return self._grow(time, max(filter(math.isfinite, values), default=0.0))
 
     def _grow(self, time: float, value: float) -> bool:
+        """Extend the axes to a time [s] and a value; return True if one of them has grown."""
         longer = time > self._end
         higher = self._grows and value > self._top
         if longer:

@@ -1,7 +1,7 @@
-"""Writing of MP4 files in H.264 that browsers play, with the true times of the frames.
+"""Writing of MP4 files in H.264 that browsers play, each frame shown at its own time.
 
-While it is written, the file consists of fragments of a second that players accept, so that a film
-is playable even if the program is killed; in the end it becomes an ordinary MP4.
+While a file is written, each frame is a fragment of its own, so that the film can be played even if
+the program is killed. When the file is closed, it becomes an ordinary MP4 file.
 """
 
 import io
@@ -13,7 +13,6 @@ from pathlib import Path
 
 import av
 from av.error import FFmpegError
-from av.video.frame import PictureType
 from av.video.reformatter import ColorRange, Colorspace
 
 from sim.types import Image
@@ -21,27 +20,24 @@ from tracking.files import atomic
 
 CODEC = "libx264"
 FORMAT = "yuv420p"
-OPTIONS = {"preset": "veryfast", "tune": "zerolatency", "crf": "18", "forced-idr": "1"}
-"""Options of the encoder: it encodes each frame at once, and thin lines stay sharp."""
+OPTIONS = {"preset": "veryfast", "tune": "zerolatency", "crf": "18", "g": "30"}
+"""Options of the encoder: it encodes each frame at once, thin lines stay sharp, and every 30th
+frame is a key frame, from which a player can start."""
 FRAGMENTED = {
-    "movflags": "hybrid_fragmented+frag_keyframe+empty_moov+default_base_moof",
+    "movflags": "hybrid_fragmented+frag_every_frame+empty_moov+default_base_moof",
     "flush_packets": "1",
 }
-FRAGMENT = 1.0
-"""Length of a fragment; a killed program loses at most the last one [s]."""
 TICKS = 90_000
-"""Resolution of the times [1/s]."""
-NO_OTHER_KEYS = 1_000_000
-"""Largest distance of the encoder's own key frames, so that only our fragments begin with one."""
+"""Resolution of the frames' times [1/s]."""
 BT709 = 1
 """H.264's number of the primaries and the transfer function of the standard BT.709."""
 
 
 class VideoWriter:
-    """Writer of a video file."""
+    """Writer of an MP4 file."""
 
     def __init__(self, path: Path, rate: float, width: int, height: int) -> None:
-        """Open the file.
+        """Open the file; an older one is replaced.
 
         Args:
             path: The file.
@@ -57,29 +53,30 @@ class VideoWriter:
         self._file = _WholeFile(path, "w")
         self._container = av.open(self._file, mode="w", format="mp4", options=FRAGMENTED)
         about = Fraction(rate).limit_denominator(TICKS)
-        stream = self._container.add_stream(CODEC, options=OPTIONS, rate=about)
-        stream.width = width
-        stream.height = height
-        stream.pix_fmt = FORMAT
+        stream = self._stream = self._container.add_stream(
+            CODEC,
+            rate=about,
+            options=OPTIONS,
+            width=width,
+            height=height,
+            pix_fmt=FORMAT,
+            colorspace=Colorspace.ITU709,
+            color_range=ColorRange.MPEG,
+            color_primaries=BT709,
+            color_trc=BT709,
+        )
         stream.time_base = stream.codec_context.time_base = Fraction(1, TICKS)
-        stream.codec_context.gop_size = NO_OTHER_KEYS
-        context = stream.codec_context
-        context.colorspace = Colorspace.ITU709
-        context.color_range = ColorRange.MPEG
-        context.color_primaries = context.color_trc = BT709
-        self._stream = stream
         self._period = round(TICKS / rate)
         self._last = -1
-        self._key = -TICKS
         self._head = 0
         self._whole = 0
         """Size of the file's head, and of the file up to its last whole fragment [bytes]."""
 
     def add(self, image: Image, time: float) -> None:
-        """Write a frame (height, width, 3) that is shown from a time on [s], until the next one.
+        """Write a frame, RGB (height, width, 3), that is shown from a time [s] until the next one.
 
         Raises:
-            OSError: The file cannot be written; it is abandoned.
+            OSError: The file cannot be written; it is closed with its whole fragments.
         """
         ticks = max(round(TICKS * time), self._last + 1)
         frame = av.VideoFrame.from_ndarray(image, format="rgb24").reformat(
@@ -88,9 +85,6 @@ class VideoWriter:
         frame.pts = ticks
         frame.time_base = Fraction(1, TICKS)
         frame.duration = self._period
-        begins = ticks >= self._key + FRAGMENT * TICKS
-        frame.pict_type = PictureType.I if begins else PictureType.NONE
-        self._key = ticks if begins else self._key
         self._last = ticks
         with self._abandoned_if_refused():
             self._container.mux(self._stream.encode(frame))
@@ -101,7 +95,7 @@ class VideoWriter:
         """Finish the file; a file without frames is removed.
 
         Raises:
-            OSError: The file cannot be written; it is abandoned.
+            OSError: The file cannot be written; it is closed with its whole fragments.
         """
         if self._last < 0:
             self.abandon()
@@ -113,7 +107,7 @@ class VideoWriter:
         self._file.close()
 
     def abandon(self) -> None:
-        """Close the file with its whole fragments; remove it if it has none."""
+        """Close the file after an error with its whole fragments; remove it if it has none."""
         if self._file.closed:
             return
         # FFmpeg still writes an end; PyAV 15 crashes where it cannot, some time later.
@@ -128,7 +122,7 @@ class VideoWriter:
 
     @contextmanager
     def _abandoned_if_refused(self) -> Generator[None]:
-        """Abandon the file if the block raises an OSError, in which the file is named."""
+        """Name the file in an OSError of the block, and close the file with its whole fragments."""
         try:
             with atomic.naming(self._path):
                 yield
@@ -138,9 +132,9 @@ class VideoWriter:
 
 
 class _WholeFile(io.FileIO):
-    """An unbuffered file whose `write` writes everything or raises an OSError.
+    """An unbuffered file whose `write` writes all bytes or raises an OSError.
 
-    A full disk accepts a part of the bytes, which PyAV would not notice.
+    On a full disk the system writes a part of the bytes only, which PyAV does not notice.
     """
 
     def write(self, content: bytes) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]

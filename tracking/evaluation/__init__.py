@@ -1,1 +1,1 @@
-"""Tracks of trackers, and their measures against the truth."""
+"""Tracks (a tracker's estimates for all pictures of a source), and their measures against truth."""

@@ -14,10 +14,11 @@ from tracking.types import Estimate, Region, State, Status, Tracker, unknown_cov
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A picture with the tracker's estimate."""
+    """A picture of a source with the tracker's estimate for it."""
 
     picture: Picture
     index: int
+    """Number of the picture in its source, from 0 on."""
     estimate: Estimate
     seconds: float
     """Time that the tracker took [s]; 0 if the picture could not be read."""
@@ -31,11 +32,11 @@ class Shot:
 
     @property
     def confidence(self) -> float:
-        """1 - the estimate's distance, 0..1; 0 if the picture could not be read."""
+        """Confidence 0..1: 1 - the estimate's distance; 0 if the picture could not be read."""
         return 1.0 - self.estimate.distance
 
     def without_picture(self) -> "Shot":
-        """Return a copy without image and particles, which take much memory."""
+        """Return a copy without image and particles, to save memory."""
         picture = dataclasses.replace(self.picture, image=None)
         estimate = dataclasses.replace(self.estimate, particles=None)
         return dataclasses.replace(self, picture=picture, estimate=estimate)
@@ -44,10 +45,16 @@ class Shot:
 def follow(
     tracker: Tracker, source: Iterable[Picture], region: Region, state: State
 ) -> Iterator[Shot]:
-    """Start a tracker on the first picture, and yield its estimate for each picture.
+    """Start a tracker on the first picture, and yield its estimate for each picture of a source.
 
     For a picture that cannot be decoded the tracker is not called: the estimate is LOST, with the
     last state.
+
+    Args:
+        tracker: A new tracker.
+        source: The pictures.
+        region: Size of the target in the first picture [px].
+        state: Position [px] and angle [rad] of the target in the first picture.
 
     Raises:
         ValueError: The region is not valid, or the first picture cannot be read.
@@ -78,22 +85,22 @@ def follow(
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """The numbers of a track of n pictures."""
+    """A tracker's estimates for n pictures, as arrays."""
 
     states: Array
-    """x, y [px], theta [rad], scale (n, 4)."""
+    """x, y [px], theta [rad], scale (n, 4) in the image."""
     corners: Array
-    """Corners (n, 4, 2) of the estimate [px]."""
+    """Corners (n, 4, 2) of the estimated outline in the image [px]."""
     confidence: Array
     """Confidence (n,), 0..1."""
     milliseconds: Array
-    """Time that the tracker took (n,) [ms]; the first is that of its start."""
+    """Time that the tracker took for each picture (n,) [ms]; the first is that of its start."""
     evaluations: Array
-    """Number of histograms that the tracker read (n,)."""
+    """Number of histograms that the tracker computed for each picture (n,)."""
 
     @staticmethod
     def of(shots: list[Shot], region: Region) -> "Track":
-        """Return the numbers of shots."""
+        """Return the track of pictures with estimates, whose target has a region [px]."""
         found = [shot.estimate for shot in shots]
         return Track(
             np.array([(e.state.x, e.state.y, e.state.theta, e.state.scale) for e in found]),

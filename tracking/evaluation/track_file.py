@@ -1,4 +1,4 @@
-"""Tracks as CSV files with a row for each picture."""
+"""Writing and reading of tracks as CSV files with a row for each picture."""
 
 import csv
 import io
@@ -46,19 +46,24 @@ LARGEST = 1_000_000_000
 
 
 class TrackFile:
-    """Writer of a track; each row is in the file before the next picture is read."""
+    """Writer of a track's CSV file; each row is on the disk before the next picture is read."""
 
     def __init__(self, path: Path, region: Region) -> None:
+        """Open a new file and write its header; `region` is the size of the target [px].
+
+        Raises:
+            OSError: The file cannot be written.
+        """
         self._path = path
         self._region = region
         self._file = io.TextIOWrapper(
             atomic.new_file(path), "utf-8", errors="backslashreplace", newline=""
-        )  # names of files may be no text
+        )  # names of pictures may hold bytes that are not UTF-8
         self._writer = csv.writer(self._file, lineterminator="\n")
         self._writer.writerow(HEADER)
 
     def add(self, shot: Shot) -> None:
-        """Write the row of a shot.
+        """Write the row of a picture with its estimate.
 
         Raises:
             OSError: The file cannot be written.
@@ -88,7 +93,11 @@ class TrackFile:
             self._file.flush()
 
     def close(self) -> None:
-        """Finish the file."""
+        """Close the file.
+
+        Raises:
+            OSError: The last rows cannot be written.
+        """
         with atomic.naming(self._path):
             self._file.close()
 
@@ -103,10 +112,10 @@ def stamp_text(stamp: int | None) -> str:
 
 
 def read(path: Path) -> Track:
-    """Return the track in a file; its numbers of histograms are nan, as the file has none.
+    """Return the track in a CSV file; its `evaluations` are nan, because the file has none.
 
     Raises:
-        ValueError: The file cannot be read, or is not a track.
+        ValueError: The file cannot be read, or is not a track of this format.
     """
     text = reading.text(path, "track", LARGEST)
     try:
@@ -127,10 +136,10 @@ def read(path: Path) -> Track:
 
 
 def _track(rows: list[list[str]]) -> Track:
-    at = {name: i for i, name in enumerate(HEADER)}
+    """Return the track in the rows of a file, whose columns are `HEADER`."""
 
     def columns(*names: str) -> np.ndarray:
-        found = [[float(row[at[name]]) for name in names] for row in rows]
+        found = [[float(row[HEADER.index(name)]) for name in names] for row in rows]
         return np.array(found).reshape(-1, len(names))
 
     return Track(

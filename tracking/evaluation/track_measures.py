@@ -1,4 +1,4 @@
-"""Measures of a track against the truth, each with its name, unit and better direction."""
+"""Measures of a track against the true outlines, each with its name, unit and better direction."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,19 +22,19 @@ SHARES = np.linspace(0, 0.5, 51)
 NEAR = 20
 """Threshold of the reported precision [px]."""
 LOSS_RUN = 5
-"""Number of frames in a row off the target that count as a loss; one jump does not."""
+"""Number of frames in a row with an error above the target's size that count as a loss."""
 ON_TARGET = 0.1
 """Least overlap of a box that counts as on the target in `lost_signal`."""
 RATE = 30.0
-"""Pictures a second in `auc_streamed`: sequences of benchmarks have no times."""
+"""Rate of the pictures in `auc_streamed` [1/s]: sequences of benchmarks have no times."""
 HALF = 0.5
-"""Overlap of a frame in which the target is held."""
+"""Least overlap of a frame in which the target is held."""
 MOST = 0.9
 """Least share of such frames in a track that holds the target."""
 
 
 class Better(Enum):
-    """The better direction of a measure."""
+    """Whether higher or lower values of a measure are better."""
 
     HIGHER = "higher"
     LOWER = "lower"
@@ -42,7 +42,9 @@ class Better(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A track and its truth, compared in the frames in which the target is present."""
+    """A track and the true outlines of its target, compared in the m of n frames in which the
+    target is present.
+    """
 
     track: Track
     truth: Array
@@ -50,9 +52,9 @@ class Comparison:
     states: Array | None
     """True x, y, theta, scale (n, 4) if they are known exactly, else None."""
     present: NDArray[np.bool_]
-    """True in the frames with the target (n,); m of the n frames have it."""
+    """True in the frames with the target (n,)."""
     offsets: Array
-    """From the true centres to those found (m, 2) [px]."""
+    """From the true centres to the estimated ones (m, 2) [px]."""
     sizes: Array
     """Width and height (m, 2) of the true upright boxes [px]."""
     overlaps: Array
@@ -65,7 +67,7 @@ class Comparison:
         """Compare a track with the truth of its pictures, up to the length of the shorter one.
 
         Args:
-            track: The track.
+            track: Estimates of a tracker.
             truth: True corners (n, 4, 2) [px]; nan in frames without the target.
             states: True x, y [px], theta [rad], scale (n, 4) if they are known exactly.
         """
@@ -88,38 +90,42 @@ class Comparison:
 
     @property
     def errors(self) -> Array:
-        """Distances (m,) between the true and the found centres [px]."""
+        """Distances (m,) between the true and the estimated centres [px]."""
         return np.hypot(*self.offsets.T)
 
     def success(self) -> Array:
-        """Return the shares (21,) of frames whose upright overlap exceeds each of `OVERLAPS`."""
+        """Return the shares (21,) of frames whose upright overlap exceeds 0, 0.05 ... 1."""
         return np.mean(self.overlaps > OVERLAPS[:, None], axis=1)
 
     def precision(self) -> Array:
-        """Return the shares (51,) of frames whose error is at most each of `PIXELS`."""
+        """Return the shares (51,) of frames whose centre error is at most 0, 1 ... 50 px."""
         return np.mean(self.errors <= PIXELS[:, None], axis=1)
 
 
 @dataclass(frozen=True, slots=True)
 class TrackMeasure:
-    """A measure of a track."""
+    """A measure of a track: how to compute it, and how to print it."""
 
     name: str
     unit: str
     better: Better
     meaning: str
     of: Callable[[Comparison], float]
+    """Returns the value in `unit`; nan where the measure does not apply."""
     most: float = np.inf
-    """Its largest possible value; the smallest is 0."""
+    """Largest possible value; the smallest is 0."""
 
 
 def seen_in(corners: Array) -> NDArray[np.bool_]:
-    """Return a mask (n,) of the frames of a truth (n, 4, 2) in which the target is present."""
+    """Return a mask (n,) that is True in frames with a target, by its true corners (n, 4, 2): those
+    of an absent target are nan.
+    """
     return np.asarray(np.isfinite(corners).all(axis=(1, 2)))
 
 
 def box_overlaps(a: Array, b: Array) -> Array:
-    """Return the intersection over union (n,) of upright boxes (n, 4): left, top, width, height.
+    """Return the intersection over union (n,) of pairs of upright boxes (n, 4): left, top, width,
+    height [px].
 
     >>> box_overlaps(np.array([[0.0, 0.0, 2.0, 2.0]]), np.array([[1.0, 0.0, 2.0, 2.0]])).round(3)
     array([0.333])
@@ -132,7 +138,7 @@ def box_overlaps(a: Array, b: Array) -> Array:
 
 
 def turned_overlaps(a: Array, b: Array) -> Array:
-    """Return the intersection over union (n,) of convex quadrilaterals (n, 4, 2)."""
+    """Return the intersection over union (n,) of pairs of convex quadrilaterals (n, 4, 2) [px]."""
     overlaps = np.zeros(len(a))
     for i, (p, q) in enumerate(zip(a.astype(np.float32), b.astype(np.float32), strict=True)):
         shared = float(cv2.intersectConvexConvex(p, q)[0])
@@ -141,14 +147,18 @@ def turned_overlaps(a: Array, b: Array) -> Array:
 
 
 def frames_until_loss(c: Comparison) -> float:
-    """Return the frames before the error exceeds the target's size for five in a row."""
+    """Return the number of frames with the target before its loss: the first of `LOSS_RUN` in a row
+    whose centre error exceeds the target's size; the number of all, if there is no loss.
+    """
     away = c.errors > np.sqrt(np.prod(c.sizes, axis=1))
     runs = np.convolve(away, np.ones(LOSS_RUN), mode="valid") == LOSS_RUN
     return float(np.argmax(runs)) if runs.any() else float(len(away))
 
 
 def lost_signal(c: Comparison) -> float:
-    """Return the area under the ROC curve of 1 - confidence as a sign of being off the target."""
+    """Return the area under the ROC curve of 1 - confidence as a detector of frames in which the
+    estimate is off the target; nan if all frames are off, or none is.
+    """
     off = ~c.present
     off[c.present] = c.overlaps < ON_TARGET
     doubt = 1 - c.track.confidence[: len(off)]
@@ -160,7 +170,8 @@ def lost_signal(c: Comparison) -> float:
 
 
 def expected_overlap(c: Comparison) -> float:
-    """Return the mean overlap of the first n frames, 0 from a loss on, averaged over all n.
+    """Return the mean overlap of the first n frames, averaged over all n; from a loss on, the
+    overlap counts as 0.
 
     The expected average overlap of the VOT challenge is this over some of the lengths of several
     sequences (Kristan and others, The visual object tracking VOT2015 challenge results, 2015).
@@ -171,14 +182,15 @@ def expected_overlap(c: Comparison) -> float:
 
 
 def late_success(c: Comparison, late: int) -> float:
-    """Return the success AUC where each frame is compared with the estimate that has arrived by
-    then: that of some frames before (Li, Wang, Ramanan, Towards streaming perception, 2020).
+    """Return the area under the success curve (AUC) where each frame is compared with the estimate
+    of `late` frames before (Li, Wang, Ramanan, Towards streaming perception, 2020).
     """
     return _success_of(c, np.maximum(np.arange(len(c.present)) - late, 0))
 
 
 def streamed_success(c: Comparison) -> float:
-    """Return the success AUC where frames come at `RATE`, and estimates after their measured time.
+    """Return the area under the success curve (AUC) where frames come at `RATE`, and each estimate
+    arrives after the time that the tracker took for it.
 
     A busy tracker misses the frames that come meanwhile. Its estimate for the next frame is assumed
     to be the one that it made when it saw all frames.
@@ -197,13 +209,18 @@ def streamed_success(c: Comparison) -> float:
 
 
 def _success_of(c: Comparison, estimates: NDArray[np.intp]) -> float:
-    """Return the success AUC where each frame is compared with the estimate of another one (n,)."""
+    """Return the area under the success curve where frame i is compared with the estimate of frame
+    `estimates[i]` (n,).
+    """
     arrived = boxes(c.track.corners[estimates[c.present]])
     overlaps = box_overlaps(arrived, boxes(c.truth[c.present]))
     return float(np.mean(overlaps > OVERLAPS[:, None]))
 
 
 def _state_rmse(c: Comparison, column: int) -> float:
+    """Return the root mean square error of theta (column 2) [deg], or the relative one of the scale
+    (column 3); nan if the true states are unknown.
+    """
     if c.states is None:
         return float("nan")
     difference = c.track.states[: len(c.states), column] - c.states[:, column]
@@ -213,14 +230,17 @@ def _state_rmse(c: Comparison, column: int) -> float:
 
 
 def _relative(c: Comparison) -> Array:
+    """Return the distances (m,) of the centres, x over the target's width, y over its height."""
     return np.hypot(*(c.offsets / np.maximum(c.sizes, 1e-12)).T)
 
 
-def _shown(c: Comparison) -> NDArray[np.bool_]:
-    """Return for each frame whether the tracker was asked: the first one is given, and a picture
-    that cannot be read is not shown.
+def _of_updates(c: Comparison, of: Callable[[Array], np.floating], values: Array) -> float:
+    """Return the mean or median of values (n,) over the frames for which the tracker made an
+    estimate: without the first one, and without pictures that cannot be read. 0 without any.
     """
-    return (c.track.milliseconds > 0) & (np.arange(len(c.track.milliseconds)) > 0)
+    made = c.track.milliseconds > 0
+    made[:1] = False
+    return float(of(values[made])) if made.any() else 0.0
 
 
 MEASURES = (
@@ -236,7 +256,7 @@ MEASURES = (
         "auc_turned",
         "",
         Better.HIGHER,
-        "the same for rectangles as they are turned",
+        "auc of the overlap of the outlines themselves instead of their upright boxes",
         lambda c: float(np.mean(c.turned_overlaps > OVERLAPS[:, None])),
         1.0,
     ),
@@ -252,7 +272,7 @@ MEASURES = (
         "auc_late_3",
         "",
         Better.HIGHER,
-        "the same of three frames before: 100 ms at 30 Hz",
+        "success, each frame compared with the estimate of three frames before",
         lambda c: late_success(c, 3),
         1.0,
     ),
@@ -260,7 +280,7 @@ MEASURES = (
         "auc_streamed",
         "",
         Better.HIGHER,
-        "the same for pictures at 30 Hz, late by the measured time, without those missed",
+        "success for pictures at 30 Hz, compared with the newest finished estimate",
         streamed_success,
         1.0,
     ),
@@ -320,14 +340,14 @@ MEASURES = (
         "frames_until_loss",
         "",
         Better.HIGHER,
-        "frames before five in a row off by the target's size",
+        "frames before five in a row with an error above the target's size",
         frames_until_loss,
     ),
     TrackMeasure(
         "completed",
         "",
         Better.HIGHER,
-        "1 if it was never lost",
+        "1 if the target was never lost",
         lambda c: float(frames_until_loss(c) == len(c.errors)),
         1.0,
     ),
@@ -343,7 +363,7 @@ MEASURES = (
         "lost_auc",
         "",
         Better.HIGHER,
-        "area under the ROC of 1 - confidence as a sign of being off",
+        "area under the ROC curve of 1 - confidence as a detector of estimates off the target",
         lost_signal,
         1.0,
     ),
@@ -352,18 +372,18 @@ MEASURES = (
         "ms",
         Better.LOWER,
         "median time for a frame",
-        lambda c: float(np.median(c.track.milliseconds[_shown(c)])) if _shown(c).any() else 0.0,
+        lambda c: _of_updates(c, np.median, c.track.milliseconds),
     ),
     TrackMeasure(
         "evaluations",
         "",
         Better.LOWER,
-        "mean number of histograms read for a frame",
-        lambda c: float(np.mean(c.track.evaluations[_shown(c)])) if _shown(c).any() else 0.0,
+        "mean number of histograms computed for a frame",
+        lambda c: _of_updates(c, np.mean, c.track.evaluations),
     ),
 )
 
 
 def measure_all(comparison: Comparison) -> dict[str, float]:
-    """Return all measures by name; nan for a measure that does not apply."""
+    """Return the value of each measure by its name; nan for a measure that does not apply."""
     return {measure.name: measure.of(comparison) for measure in MEASURES}

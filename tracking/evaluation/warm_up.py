@@ -1,4 +1,4 @@
-"""Compile the loops and load the files of a tracker before its time is measured."""
+"""Warm-up of a tracker, so that compilation and loading do not count as its computing time."""
 
 from contextlib import suppress
 
@@ -14,21 +14,21 @@ from tracking.types import Region, State, Tracker
 SIZE = (240, 320)
 """Height and width of the pictures on which a tracker is warmed up [px]."""
 BLUR = (9, 9)
-"""Window in which the noise is averaged [px], so that it has gradients to follow."""
+"""Window in which the noise is averaged [px], so that trackers find gradients in it."""
 
 
 def warm_up(config: PartConfig[Tracker]) -> list[Shot]:
-    """Let a new tracker follow pictures of noise, in which its target moves by a pixel and is lost.
+    """Run a new tracker on pictures of noise, in which its target moves by a pixel and is lost.
 
-    Compiled loops and network files are then in memory, and a tracker in another process has
-    stored what it compiled. An error here is ignored: the tracker raises it again on the user's
-    pictures.
+    Its compiled loops and network files are then in memory; a tracker in another process has stored
+    its compiled loops on the disk. An error of the tracker is ignored here: the tracker raises it
+    again on the user's pictures.
 
     Args:
         config: Settings of the tracker.
 
     Returns:
-        Its estimates up to the error, if there is one.
+        The tracker's estimates up to its first error.
     """
     shots = list[Shot]()
     pictures = [Picture("noise", 0.0, image) for image in _images()]
@@ -41,9 +41,9 @@ def warm_up(config: PartConfig[Tracker]) -> list[Shot]:
 
 
 def _images() -> list[Image]:
-    """Return pictures of blurred noise: one, the same moved by 1 and 2 pixels, and another.
+    """Return four pictures of blurred noise: one, the same moved by 1 and 2 pixels, and another.
 
-    Half of them are read-only, as those of a simulated camera: numba compiles loops for both kinds.
+    The last two are read-only as those of a simulated camera: numba compiles loops for both kinds.
     """
     noise = np.random.default_rng(0).integers(0, 256, (2, *SIZE, 3), np.uint8)
     first, other = (cv2.blur(each, BLUR) for each in noise)

@@ -9,30 +9,38 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sim.files.bit_depth import BitDepth
 from sim.files.picture_file import read_image, rgb
+from sim.kinds import PartConfig
 from sim.types import Array, Frame, Image
-from tracking import create
+from tracking import configured
 from tracking.sequences.quadrilateral import boxes, corners_of, placement
 from tracking.sequences.sources import RATE
-from tracking.types import Estimate, Status
+from tracking.types import Estimate, Status, Tracker
 
 Rect = tuple[float, float, float, float]
 """Left, top, width, height [px]."""
 
 
 class Follower:
-    """A tracker that is given pictures at a fixed rate [1/s]."""
+    """A tracker for pictures without times, which are assumed to come at a fixed rate."""
 
-    def __init__(self, kind: str, seed: int, rate: float, settings: dict[str, Any]) -> None:
-        self._kind = kind
+    def __init__(self, config: PartConfig[Tracker], seed: int, rate: float) -> None:
+        """Prepare a tracker.
+
+        Args:
+            config: Settings of the tracker.
+            seed: Seed of the tracker's random draws.
+            rate: Rate of the pictures [1/s].
+        """
+        self._config = config
         self._seed = seed
         self._rate = rate
-        self._settings = settings
 
-    def start(self, image: Image, numbers: Any, *, turned: bool = False) -> None:
-        """Make a new tracker and show it the target.
+    def start(self, image: Image, numbers: ArrayLike, *, turned: bool = False) -> None:
+        """Make a new tracker and start it on the first picture.
 
         Args:
             image: The first picture, RGB (H, W, 3).
@@ -43,24 +51,28 @@ class Follower:
             ValueError: The region is empty, or most of it is outside the picture.
         """
         self.region, state = placement(corners_of(np.array(numbers, dtype=float)), turned=turned)
-        self._tracker = create(self._kind, self._seed, **self._settings)
+        self._tracker = self._config.build(np.random.default_rng(self._seed))
         self._count = 0
         self._tracker.start(self._frame(image), self.region, state)
 
     def update(self, image: Image) -> tuple[Estimate, Rect]:
-        """Return the estimate for the next picture, and the upright box around the target."""
+        """Return the estimate for the next picture, RGB (H, W, 3), and the upright box (left, top,
+        width, height) [px] around its outline.
+        """
         found = self._tracker.update(self._frame(image))
         left, top, width, height = boxes(found.outline(self.region)[None])[0].tolist()
         return found, (left, top, width, height)
 
     def _frame(self, image: Image) -> Frame:
+        """Return the next frame, whose time follows from the rate."""
         index = self._count
         self._count = self._count + 1
         return Frame(image, index / self._rate, index)
 
 
 class OpenCVTracker:
-    """OpenCV's convention: BGR pictures, `init(image, rect)`, `update(image) -> (ok, rect)`.
+    """One of our trackers with the interface of OpenCV's: BGR pictures, `init(image, rect)`, and
+    `update(image)`, which returns (ok, rect).
 
     Example:
         >>> import numpy as np
@@ -72,15 +84,25 @@ class OpenCVTracker:
         (True, 130, 105, 60, 30)
     """
 
-    def __init__(self, kind: str, seed: int = 0, rate: float = RATE, **settings: Any) -> None:
-        """Choose a tracker by its kind; see `tracking.create`."""
-        self._follower = Follower(kind, seed, rate, settings)
+    def __init__(
+        self,
+        kind: str,
+        seed: int = 0,
+        rate: float = RATE,
+        preset: str | None = None,
+        **settings: object,
+    ) -> None:
+        """Choose a tracker by its kind; `rate` is that of the pictures [1/s], and the other
+        arguments and the errors are those of `tracking.create`.
+        """
+        self._follower = Follower(configured(kind, preset, **settings), seed, rate)
 
     def init(self, image: np.ndarray, rect: Rect) -> None:
-        """Learn the target in a box of the first picture, BGR (H, W, 3).
+        """Learn the target in a box (left, top, width, height) [px] of the first picture, BGR
+        (H, W, 3).
 
         Raises:
-            ValueError: The rectangle is empty, or most of it is outside the picture.
+            ValueError: The box is empty, or most of it is outside the picture.
         """
         self._follower.start(rgb(image), rect)
 
@@ -88,45 +110,57 @@ class OpenCVTracker:
         """Find the target in the next picture, BGR (H, W, 3).
 
         Returns:
-            True if it is seen, and its box (left, top, width, height) [px].
+            True if the target is seen, and its upright box (left, top, width, height) [px].
         """
         found, rect = self._follower.update(rgb(image))
         return found.status is Status.LOCKED, rect
 
 
 class Got10kTracker:
-    """Interface of the GOT-10k toolkit: `init(image, box)`, `update(image) -> box` and `track`.
+    """One of our trackers with the interface of the GOT-10k toolkit: `init`, `update` and `track`.
 
-    Pictures are RGB, arrays or PIL's; boxes are left, top, width, height, pixels counted from 1.
+    Pictures are RGB, as arrays or PIL images; boxes are left, top, width, height [px], with pixels
+    counted from 1.
     """
 
     is_deterministic = True
 
-    def __init__(self, kind: str, seed: int = 0, rate: float = RATE, **settings: Any) -> None:
-        """Choose a tracker by its kind; see `tracking.create`."""
+    def __init__(
+        self,
+        kind: str,
+        seed: int = 0,
+        rate: float = RATE,
+        preset: str | None = None,
+        **settings: object,
+    ) -> None:
+        """Choose a tracker by its kind; `rate` is that of the pictures [1/s], and the other
+        arguments and the errors are those of `tracking.create`.
+        """
         self.name = kind
-        self._follower = Follower(kind, seed, rate, settings)
+        self._follower = Follower(configured(kind, preset, **settings), seed, rate)
 
-    def init(self, image: Any, box: Any) -> None:
-        """Learn the target in a box (4,) of the first picture.
+    def init(self, image: ArrayLike, box: ArrayLike) -> None:
+        """Learn the target in a box (4,), left, top, width, height [px], of the first picture, RGB.
 
         Raises:
             ValueError: The box is empty, or most of it is outside the picture.
         """
         self._follower.start(_array(image), np.array(box, dtype=float) - (1, 1, 0, 0))
 
-    def update(self, image: Any) -> Array:
-        """Return the target's box (4,) in the next picture."""
+    def update(self, image: ArrayLike) -> Array:
+        """Return the target's upright box (4,), left, top, width, height [px], in the next picture,
+        RGB.
+        """
         _, (left, top, width, height) = self._follower.update(_array(image))
         return np.array([left + 1.0, top + 1.0, width, height])
 
     def track(
         self,
         img_files: Sequence[str],
-        box: Any,
-        visualize: bool = False,  # the toolkit gives it
+        box: ArrayLike,
+        visualize: bool = False,  # the toolkit passes it
     ) -> tuple[Array, Array]:
-        """Follow a target through picture files.
+        """Follow a target through n picture files.
 
         Args:
             img_files: Paths of the pictures.
@@ -134,7 +168,7 @@ class Got10kTracker:
             visualize: Not used; `servobench track --video` writes a film.
 
         Returns:
-            Boxes (n, 4), and the tracker's time for each picture (n,) [s].
+            Upright boxes (n, 4), and the time that the tracker took for each picture (n,) [s].
 
         Raises:
             ValueError: As for `init`, or a picture cannot be read.
@@ -155,35 +189,41 @@ class Got10kTracker:
 
 
 class VotHandle(Protocol):
-    """Interface of `vot.VOT("rectangle")` or `vot.VOT("polygon")` of the toolkit's integration."""
+    """The methods of the VOT toolkit's `vot.VOT("rectangle")` or `vot.VOT("polygon")`."""
 
     def region(self) -> Any:
-        """Return the target's region in the first picture: a rectangle or a polygon."""
-        ...
+        """Return the target's region in the first picture [px], of a rectangle or polygon type."""
 
     def frame(self) -> str | None:
         """Return the path of the next picture; None or "" at the end."""
-        ...
 
     def report(self, region: Any, confidence: float) -> None:
-        """Report the target's region, and the confidence 0..1 if the toolkit accepts one."""
+        """Report the target's region [px], of the type of the first one, and the confidence 0..1 if
+        the toolkit accepts one.
+        """
 
 
 def run_vot(
-    handle: VotHandle, kind: str, seed: int = 0, rate: float = RATE, **settings: Any
+    handle: VotHandle,
+    kind: str,
+    seed: int = 0,
+    rate: float = RATE,
+    preset: str | None = None,
+    **settings: object,
 ) -> None:
     """Follow a target for the VOT toolkit until its pictures end.
 
     Args:
-        handle: The toolkit's integration, such as `vot.VOT("rectangle")`.
+        handle: The toolkit's object, such as `vot.VOT("rectangle")`.
         kind: Kind of the tracker; see `tracking.create`.
-        seed: Seed of the tracker's random numbers.
+        seed: Seed of the tracker's random draws.
         rate: Rate of the pictures [1/s].
-        **settings: The tracker's settings.
+        preset: As for `tracking.create`.
+        **settings: Settings of the tracker.
 
     Raises:
-        ValueError: A picture cannot be read or decoded, or is too large; or the region is neither a
-            rectangle nor a polygon of four points.
+        ValueError: A picture cannot be read or decoded, or is too large; the region is neither a
+            rectangle nor a polygon of four points; or as for `tracking.create`.
     """
     given = handle.region()
     path = handle.frame()
@@ -191,7 +231,7 @@ def run_vot(
         return
     points = getattr(given, "points", None)
     box = () if points else (given.x, given.y, given.width, given.height)
-    follower = Follower(kind, seed, rate, settings)
+    follower = Follower(configured(kind, preset, **settings), seed, rate)
     scored = len(inspect.signature(handle.report).parameters) > 1
     region = np.array(points or box, dtype=float).ravel()
     depth = BitDepth()
@@ -206,5 +246,6 @@ def run_vot(
         handle.report(answer, *[1.0 - found.distance][: int(scored)])
 
 
-def _array(image: Any) -> Image:
+def _array(image: ArrayLike) -> Image:
+    """Return a picture, an array or PIL's, as an array (H, W, 3) of uint8."""
     return np.ascontiguousarray(np.asarray(image, dtype=np.uint8))

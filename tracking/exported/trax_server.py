@@ -1,10 +1,12 @@
-"""Our trackers for clients of the TraX protocol: `python -m tracking.exported.trax_server KIND`."""
+"""Server of the TraX protocol with one of our trackers, such as for the VOT toolkit: `python -m
+tracking.exported.trax_server KIND`.
+"""
 
 import argparse
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator
-from typing import Any, TextIO
+from typing import TextIO
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from sim.types import Array
 from tracking import configured
 from tracking.evaluation.warm_up import warm_up
 from tracking.exported.toolkits import Follower
+from tracking.sequences.quadrilateral import boxes
 from tracking.sequences.sources import RATE
 from tracking.types import Status
 from tracking.wrapped.trax_messages import (
@@ -22,7 +25,6 @@ from tracking.wrapped.trax_messages import (
     SEEN,
     UNSEEN,
     Message,
-    box_around,
     message_in,
     picture_in,
     region_in,
@@ -41,39 +43,41 @@ def run_trax(
     kind: str,
     seed: int = 0,
     rate: float = RATE,
+    preset: str | None = None,
     *,
     requests: TextIO | None = None,
     answers: TextIO | None = None,
-    **settings: Any,
+    **settings: object,
 ) -> None:
     """Serve a TraX client until it quits.
 
-    The tracker is compiled and loaded before the hello, because clients limit the time of each
-    answer: the VOT toolkit ends a server after 30 s.
+    The tracker is compiled and loaded before the first message (hello), because clients limit the
+    time of each answer: the VOT toolkit ends a server after 30 s.
 
     Args:
         kind: Kind of the tracker; see `tracking.create`.
-        seed: Seed of the tracker's random numbers.
+        seed: Seed of the tracker's random draws.
         rate: Rate of the pictures [1/s].
+        preset: As for `tracking.create`.
         requests: Stream of the client's messages; None: standard input.
         answers: Stream of our messages; None: standard output.
-        **settings: The tracker's settings.
+        **settings: Settings of the tracker.
 
     Raises:
-        ValueError: There is no such tracker or setting; or the client shows no region or no
-            picture, or a frame before a region.
+        ValueError: There is no such kind or preset, or a setting has a wrong value; or the client
+            sends a region or picture that cannot be used, or a picture before a region.
         TypeError: The tracker has no such setting.
     """
     out = answers or sys.stdout
-    warm_up(configured(kind, **settings))
-    follower = Follower(kind, seed, rate, settings)
-    for message in _conversation(kind, follower, requests or sys.stdin):
+    config = configured(kind, preset, **settings)
+    warm_up(config)
+    for message in _conversation(kind, Follower(config, seed, rate), requests or sys.stdin):
         out.write(message.line())
         out.flush()
 
 
 def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Iterator[Message]:
-    """Yield a hello, and the answers to a client's messages."""
+    """Yield our messages: a hello, then the answer to each picture that a client sends."""
     yield Message("hello", named=ABOUT | {"trax.name": kind})
     given: Array | None = None  # a region, until its first picture comes
     region: Array | None = None
@@ -98,20 +102,24 @@ def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Ite
         if given is not None:
             region = given
             given = None
-            box = region.ndim == 1 or len(region) == CORNERS
-            follower.start(image, region.ravel() if box else box_around(region), turned=True)
+            exact = region.ndim == 1 or len(region) == CORNERS
+            follower.start(image, region.ravel() if exact else boxes(region[None])[0], turned=True)
             yield _answer(region, 1.0, seen=True)
         else:
             found, rect = follower.update(image)
-            boxes = region is not None and region.ndim == 1
-            outline = np.array(rect) if boxes else found.outline(follower.region)
+            is_box = region is not None and region.ndim == 1
+            outline = np.array(rect) if is_box else found.outline(follower.region)
             # A tracker that is unsure, but finds something similar, still reports its region.
             seen = found.distance < 1.0 or found.status is Status.LOCKED
             yield _answer(outline, 1.0 - found.distance, seen=seen)
 
 
 def _region(text: str) -> Array:
-    """Return the client's region: a box (4,) or a polygon (n, 2) [px]."""
+    """Return the client's region: a box (4,) x, y, width, height, or a polygon (n, 2) [px].
+
+    Raises:
+        ValueError: The text is neither, or the box has no area.
+    """
     try:
         region = region_in(text)
     except ValueError as error:
@@ -122,13 +130,17 @@ def _region(text: str) -> Array:
 
 
 def _answer(region: Array, confidence: float, *, seen: bool) -> Message:
-    """Return the answer to a picture; it is marked if the tracker saw no target."""
+    """Return the answer to a picture: a region (4,) or (n, 2) [px] and the confidence 0..1, marked
+    if the tracker did not see the target.
+    """
     named = {CONFIDENCE: f"{confidence:.6f}"} | ({} if seen else {SEEN: UNSEEN})
     return Message("state", [region_text(region)], named)
 
 
 def main() -> None:
-    """Serve the tracker that the command line names."""
+    """Serve the tracker that the command line names until the client quits; exit code 1 for an
+    error, 2 for a wrong command line, 130 for Ctrl-C.
+    """
     parser = argparse.ArgumentParser(prog="python -m tracking.exported.trax_server")
     parser.add_argument("kind")
     parser.add_argument("settings", nargs="*", help="such as particles=80")
@@ -136,7 +148,7 @@ def main() -> None:
     parser.add_argument("--preset")
     given = parser.parse_args()
     if None in (sys.stdin, sys.stdout):
-        parser.error("standard input or output is closed; a client talks through them")
+        parser.error("standard input or output is closed, but a TraX client needs both")
     try:
         settings = tomllib.loads("\n".join(given.settings))
         run_trax(given.kind, given.seed, preset=given.preset, **settings)

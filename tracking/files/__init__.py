@@ -1,1 +1,1 @@
-"""Writing of files, completely or not at all and never through links, and of CSV and JSON texts."""
+"""Writing of files (each complete or absent, never through a link) and of CSV and JSON texts."""

@@ -1,7 +1,8 @@
-"""Writing of files, completely or not at all and never through a link.
+"""Writing of files so that each is complete or absent, and never through a link.
 
-A file is written under another name, flushed to the disk, and renamed over an older one. The folder
-may come from another person: a link at a file's place is replaced, a link to a folder is refused.
+A file is written under another name, flushed to the disk, and renamed over an older one. Because
+the folder may come from another person, a link that has the file's name is replaced, and a link to
+a folder is refused.
 """
 
 import errno
@@ -15,12 +16,12 @@ from typing import BinaryIO
 from sim.files.reading import KINDS
 
 ASIDE = ".{}.part"
-"""Name of an unfinished file."""
+"""Name of an unfinished file; {} is its final name."""
 NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
 
 
 def write(root: Path, name: str, content: bytes | str) -> Path:
-    """Write a file, or replace an older one.
+    """Write a file, replacing an older one.
 
     Args:
         root: The folder to write to; made if it does not exist.
@@ -40,7 +41,8 @@ def write(root: Path, name: str, content: bytes | str) -> Path:
 
 @contextmanager
 def writing(root: Path, name: str) -> Generator[BinaryIO]:
-    """Open a binary file, which gets its name when the block ends without an exception.
+    """Open a binary file for the block; it gets its name when the block ends without an exception,
+    and is removed otherwise.
 
     Arguments and errors are those of `write`.
     """
@@ -59,10 +61,10 @@ def writing(root: Path, name: str) -> Generator[BinaryIO]:
 
 
 def _check_replaceable(path: Path) -> None:
-    """Refuse to replace a device, a pipe, a folder or a link such as /dev/stdout by a file.
+    """Check that a path is free, a file, or a link to a file.
 
     Raises:
-        OSError: The path is one of these.
+        OSError: It is a device, a pipe, a folder or a link such as /dev/stdout.
     """
     try:
         mode = path.lstat().st_mode
@@ -76,7 +78,7 @@ def _check_replaceable(path: Path) -> None:
 
 @contextmanager
 def naming(path: Path) -> Generator[None]:
-    """Add a path to each OSError of the block that names no file."""
+    """Name a path in an OSError of the block that names no file, so that its message does."""
     try:
         yield
     except OSError as error:
@@ -86,26 +88,30 @@ def naming(path: Path) -> Generator[None]:
 
 
 def new_file(path: Path) -> BinaryIO:
-    """Open a new binary file for writing, in place of an older file or a link.
+    """Open a new binary file for writing; an older file or link of this name is removed.
 
     Raises:
-        OSError: The file cannot be opened.
+        OSError: The file cannot be made.
     """
     path.unlink(missing_ok=True)
     return os.fdopen(os.open(path, NEW, 0o666), "wb")
 
 
 def folder(root: Path, name: str) -> Path:
-    """Make a folder below a root and return its path; no folder of the path may be a link.
+    """Make a folder below a root, if it does not exist, and return its path.
+
+    Args:
+        root: The root; made if it does not exist.
+        name: Path from the root, such as "results/kams"; none of its folders may be a link.
 
     Raises:
-        OSError: It cannot be made, or a folder of the path is a link.
+        OSError: A folder cannot be made, or is a link.
     """
     root.mkdir(parents=True, exist_ok=True)
     path = root
     for part in PurePosixPath(name).parts:
         path = path / part
         if path.is_symlink():
-            raise OSError(errno.ELOOP, "this is a link, and nothing is written through it", path)
+            raise OSError(errno.ELOOP, "this folder is a link; give a folder itself", path)
         path.mkdir(exist_ok=True)
     return path

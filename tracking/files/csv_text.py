@@ -1,13 +1,12 @@
-"""Texts of CSV files."""
+"""Conversion of rows of values to the text of a CSV file."""
 
 import csv
 import io
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 
-def csv_text(head: Sequence[Any], rows: Iterable[Sequence[Any]]) -> str:
-    """Return the text of a CSV file with a header row and rows of cells."""
+def csv_text(head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
+    """Return the text of a CSV file: a header with the columns' names, and rows of values."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(head)

@@ -1,4 +1,4 @@
-"""Conversion of values to JSON, which has no infinity, nan or invalid characters."""
+"""Conversion of values to JSON, which cannot hold infinity, nan or invalid characters."""
 
 import dataclasses
 import json
@@ -10,14 +10,15 @@ import numpy as np
 
 
 def number(value: float) -> float | None:
-    """Return a number for JSON: None for infinity and nan."""
+    """Return a number as JSON can hold it: None for infinity and nan."""
     return value if math.isfinite(value) else None
 
 
-def as_json(value: Any) -> Any:
-    """Return a value in the types of JSON.
+def as_json(value: object) -> Any:
+    """Return a value converted to dict, list, str, int, float, bool or None.
 
-    A dataclass becomes a table, an enum its value, infinity and nan None, any other type its text.
+    A dataclass becomes a dict of its fields, an enum its value, infinity and nan become None, and
+    any other type its text.
     """
     match value:
         case bool() | int() | None:
@@ -40,6 +41,6 @@ def as_json(value: Any) -> Any:
             return str(value)
 
 
-def json_text(document: Any) -> str:
-    """Return the text of a JSON file with a value that `as_json` converts."""
+def json_text(document: object) -> str:
+    """Return the text of a JSON file with a value, converted as `as_json` does."""
     return json.dumps(as_json(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"

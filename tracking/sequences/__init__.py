@@ -1,1 +1,1 @@
-"""Sequences of pictures from folders, videos, bags, streams and cameras, and their truth."""
+"""Pictures from folders, videos, bags, streams and cameras, and the target's true place in them."""

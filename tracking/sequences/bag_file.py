@@ -1,12 +1,13 @@
-"""The pictures of one topic of a bag: MCAP, ROS 1 (.bag), ROS 2 (a folder, or one .db3 file).
+"""Pictures of a bag (a file or folder of recorded messages): MCAP, ROS 1 (.bag), ROS 2 (a folder,
+or one .db3 file).
 
-`mcap` and `rosbags` read the files; their errors become one sentence.
+The packages `mcap` and `rosbags` read the files; their errors become a ValueError with one
+sentence.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,8 +25,7 @@ from tracking.sequences.image_message import (
 from tracking.sequences.sources import NANO, RATE, End, Picture, timed
 
 if TYPE_CHECKING:
-    from mcap.records import Schema
-    from mcap.summary import Summary
+    from mcap.records import Channel, Schema
 
 MCAP = b"\x89MCAP0\r\n"
 """First bytes of an MCAP file."""
@@ -34,48 +34,48 @@ ROS1 = b"#ROSBAG V"
 SQLITE = b"SQLite format 3"
 """First bytes of a ROS 2 bag of one file."""
 INDEX = "metadata.yaml"
-"""The file that makes a folder a ROS 2 bag."""
+"""Name of the file by which a folder is a ROS 2 bag."""
 INDEX_KEY = b"rosbag2_bagfile_information"
-"""The key near the beginning of that file."""
+"""Key near the beginning of that file."""
 HEAD = 1000
-"""Length of the beginning of a file that shows its kind [bytes]."""
+"""Length of the beginning of a file that shows its format [bytes]."""
 LARGEST_RECORD = 1_000_000_000
 """Largest record of an MCAP file that is read into memory [bytes]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One topic of a bag."""
+    """A topic of a bag: a named series of messages of one type."""
 
     name: str
     kind: str
-    """Type of its messages, without "/msg"."""
+    """Type of the messages, such as "sensor_msgs/Image", without "/msg"."""
     serialization: str
-    """"ros1", "cdr", "protobuf" or another encoding of its messages."""
+    """Encoding of the messages: "ros1", "cdr", "protobuf" or another one."""
     count: int
-    """Number of its messages."""
+    """Number of messages."""
     schema: Schema | None = None
-    """The definition that an MCAP file holds; Protobuf cannot be decoded without."""
+    """Definition of the type in an MCAP file, without which Protobuf cannot be decoded."""
 
     @property
     def has_pictures(self) -> bool:
-        """True if its messages are pictures that can be read."""
+        """True if the messages are pictures that can be read."""
         return self.kind in KINDS.get(self.serialization, ())
 
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """An open bag."""
+    """Contents of an open bag."""
 
     topics: Iterable[Topic]
     span: float
     """Time from the first message to the last [s]."""
     messages: Callable[[str], Iterator[tuple[int, bytes]]]
-    """Gives the messages of a topic: when each was recorded [ns], and its bytes."""
+    """Yields the messages of a topic: when each was recorded [ns], and its bytes."""
 
 
 def is_bag(path: Path) -> bool:
-    """Return whether a path is a bag by its content; false for what cannot be read."""
+    """Return True if a path is a bag by its content; False also if it cannot be read."""
     try:
         folder = path.is_dir()
         with reading.opened(path / INDEX if folder else path, "bag") as file:
@@ -86,15 +86,15 @@ def is_bag(path: Path) -> bool:
 
 
 class Bag:
-    """Pictures of a topic, with the stamps of their headers."""
+    """Source of the pictures of one topic of a bag, with the stamps of their headers."""
 
     end: End | None = None
 
     def __init__(self, path: Path, topic: str | None) -> None:
-        """Open a bag and find a topic; None stands for the only one with pictures.
+        """Find a topic in a bag; None: the only topic with pictures.
 
         Raises:
-            ValueError: The bag cannot be read, or has no such topic of pictures.
+            ValueError: The bag cannot be read, or has no such topic with pictures.
         """
         self.path = path
         with _opened(path) as bag:
@@ -108,7 +108,7 @@ class Bag:
         return timed(self._messages(), self.rate)
 
     def _messages(self) -> Iterator[Picture]:
-        """Give the pictures without their times."""
+        """Yield the pictures, with time 0, and set `end`."""
         topic = self._topic
         depth = BitDepth()
         index = 0
@@ -134,6 +134,11 @@ class Bag:
 
 
 def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
+    """Return the topic of a name, or the only one with pictures for None.
+
+    Raises:
+        ValueError: There is none, there are several, or it has no messages.
+    """
     images = [topic for topic in topics if topic.has_pictures]
     if not images:
         there = [f"{topic.name} ({topic.kind} as {topic.serialization})" for topic in topics]
@@ -153,10 +158,10 @@ def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
 
 @contextmanager
 def _opened(path: Path) -> Generator[Contents]:
-    """Open a bag of any kind.
+    """Open a bag of any format for the block.
 
     Raises:
-        ValueError: It cannot be read; also later, where it is damaged.
+        ValueError: The bag cannot be read; also in the block, where the bag is damaged.
     """
     head = b""
     if path.is_dir():
@@ -181,10 +186,10 @@ def _opened(path: Path) -> Generator[Contents]:
 
 
 def _check_links(folder: Path) -> None:
-    """Refuse a ROS 2 bag with links to other folders.
+    """Check that a ROS 2 bag has no links to files outside its folder.
 
     Raises:
-        ValueError: It has one.
+        ValueError: The bag has such a link.
     """
     for file in folder.iterdir():
         if file.resolve().parent != folder.resolve():
@@ -193,6 +198,7 @@ def _check_links(folder: Path) -> None:
 
 @contextmanager
 def _ros(path: Path, head: bytes) -> Generator[Contents]:
+    """Open a bag of ROS 1 or ROS 2 for the block; `head` is the beginning of a file."""
     from rosbags import rosbag1, rosbag2
 
     is_ros1 = head.startswith(ROS1)
@@ -212,6 +218,7 @@ def _ros(path: Path, head: bytes) -> Generator[Contents]:
 
 @contextmanager
 def _mcap(path: Path) -> Generator[Contents]:
+    """Open an MCAP file for the block."""
     from mcap.reader import NonSeekingReader
 
     with reading.opened(path, "bag") as file:
@@ -227,50 +234,35 @@ def _mcap(path: Path) -> Generator[Contents]:
 
 
 def _listed(file: BinaryIO) -> tuple[Iterable[Topic], int]:
-    """Return the topics of a log, and the time from its first message to its last [ns]."""
-    from mcap.reader import SeekingReader
+    """Return the topics of an MCAP file, and the time from its first message to its last [ns]."""
+    from mcap.reader import NonSeekingReader, SeekingReader
 
+    topics: dict[str, Topic] = {}
     with suppress(Exception):  # mcap fails in many ways where the end is missing
         summary = SeekingReader(file, record_size_limit=LARGEST_RECORD).get_summary()
         if summary is not None and summary.statistics is not None:
             numbers = summary.statistics
-            span = numbers.message_end_time - numbers.message_start_time
-            return _topics(summary, numbers.channel_message_counts), span
-    return _scanned(file)
-
-
-def _scanned(file: BinaryIO) -> tuple[Iterable[Topic], int]:
-    """Return the topics of a log without a summary, as a killed recorder leaves it."""
-    from mcap.records import Channel, Message, Schema
-    from mcap.stream_reader import StreamReader
-    from mcap.summary import Summary
-
-    summary = Summary()
-    counts = Counter[int]()
+            for channel in summary.channels.values():
+                count = numbers.channel_message_counts.get(channel.id, 0)
+                _count(topics, channel, summary.schemas.get(channel.schema_id), count)
+            return topics.values(), numbers.message_end_time - numbers.message_start_time
+    # A killed recorder leaves a file without a summary: its messages are counted.
     times: list[int] = []
     file.seek(0)
+    reader = NonSeekingReader(file, record_size_limit=LARGEST_RECORD)
     try:
-        for record in StreamReader(file, record_size_limit=LARGEST_RECORD).records:
-            if isinstance(record, Schema):
-                summary.schemas[record.id] = record
-            elif isinstance(record, Channel):
-                summary.channels[record.id] = record
-            elif isinstance(record, Message):
-                counts[record.channel_id] += 1
-                times.append(record.log_time)
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            _count(topics, channel, schema, 1)
+            times.append(message.log_time)
     except Exception:  # the place where it was cut off
         if not times:
             raise
-    return _topics(summary, counts), max(times, default=0) - min(times, default=0)
+    return topics.values(), max(times, default=0) - min(times, default=0)
 
 
-def _topics(summary: Summary, counts: Mapping[int, int]) -> Iterable[Topic]:
-    """Return the topics of a log with the number of messages of each; counts are by channel."""
-    found: dict[str, Topic] = {}
-    for number, channel in summary.channels.items():
-        schema = summary.schemas.get(channel.schema_id)
-        kind = plain_kind(schema.name) if schema else "no type"
-        new = Topic(channel.topic, kind, channel.message_encoding, 0, schema)
-        known = found.get(channel.topic, new)
-        found[channel.topic] = replace(known, count=known.count + counts.get(number, 0))
-    return found.values()
+def _count(topics: dict[str, Topic], channel: Channel, schema: Schema | None, count: int) -> None:
+    """Add a number of messages of a channel to the topic of its name."""
+    kind = plain_kind(schema.name) if schema else "no type"
+    new = Topic(channel.topic, kind, channel.message_encoding, 0, schema)
+    known = topics.get(channel.topic, new)
+    topics[channel.topic] = replace(known, count=known.count + count)

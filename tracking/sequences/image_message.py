@@ -1,7 +1,8 @@
-"""Image messages of ROS 1, ROS 2 and Foxglove as pictures with their stamps.
+"""Decoding of image messages of ROS 1, ROS 2 and Foxglove to pictures with their stamps.
 
-`rosbags` decodes sensor_msgs (Image, CompressedImage) by its own definitions, so that nothing in a
-file becomes code; `mcap-protobuf-support` decodes foxglove (RawImage, CompressedImage).
+The package `rosbags` decodes sensor_msgs (Image, CompressedImage) by its own definitions, so that
+no text of a file becomes code; `mcap-protobuf-support` decodes foxglove (RawImage,
+CompressedImage).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 ROS = ("sensor_msgs/Image", "sensor_msgs/CompressedImage")
 FOXGLOVE = ("foxglove.RawImage", "foxglove.CompressedImage")
 KINDS = {"ros1": ROS, "cdr": ROS, "protobuf": FOXGLOVE}
-"""Types of image messages by their serialization."""
+"""Types of image messages that can be read, by the encoding of the messages."""
 CODES = {
     "rgb8": (3, None), "bgr8": (3, cv2.COLOR_BGR2RGB), "8UC3": (3, cv2.COLOR_BGR2RGB),
     "rgba8": (4, cv2.COLOR_RGBA2RGB), "bgra8": (4, cv2.COLOR_BGRA2RGB),
@@ -34,11 +35,11 @@ CODES = {
     "bayer_bggr8": (1, cv2.COLOR_BayerBGGR2RGB), "bayer_gbrg8": (1, cv2.COLOR_BayerGBRG2RGB),
     "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2RGB),
 }  # fmt: skip
-"""Bytes a pixel of each encoding, and OpenCV's conversion to RGB."""
+"""Bytes of a pixel in each pixel format, and OpenCV's conversion of the format to RGB."""
 DEEP = "mono16"
-"""Encoding with two bytes a pixel, of which a camera may use fewer bits."""
+"""Pixel format with two bytes a pixel, of which a camera may use fewer bits."""
 Decoder = Callable[[bytes], Any]
-"""Returns the object with the fields of a message, by its bytes."""
+"""Returns an object with the fields of a message, given the bytes of the message."""
 
 
 def plain_kind(kind: str) -> str:
@@ -47,31 +48,30 @@ def plain_kind(kind: str) -> str:
 
 
 def decoder_of(kind: str, serialization: str, schema: Schema | None = None) -> Decoder:
-    """Return the decoder of messages of a type.
+    """Return the function that decodes messages of a type.
 
     Args:
         kind: The type, one of `KINDS[serialization]`.
-        serialization: "ros1", "cdr" or "protobuf".
-        schema: The definition of the type in the file, which Protobuf needs.
+        serialization: Encoding of the messages: "ros1", "cdr" or "protobuf".
+        schema: Definition of the type in the file, which Protobuf needs.
 
     Raises:
-        ValueError: The definition is missing.
+        ValueError: Protobuf's definition is missing.
     """
     if serialization == "protobuf":
         from mcap_protobuf.decoder import DecoderFactory
 
         decoder = DecoderFactory().decoder_for(serialization, schema)
         if decoder is None:
-            raise ValueError(f"its definition of {kind} is missing")
+            raise ValueError(f"the definition of {kind} is missing in this file")
         return decoder
     from rosbags.typesys import Stores, get_typestore
 
     name = kind.replace("/", "/msg/")
-    if serialization == "ros1":
-        store = get_typestore(Stores.ROS1_NOETIC)
-        return lambda data: store.deserialize_ros1(data, name)
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    return lambda data: store.deserialize_cdr(data, name)
+    is_ros1 = serialization == "ros1"
+    store = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    deserialize = store.deserialize_ros1 if is_ros1 else store.deserialize_cdr
+    return lambda data: deserialize(data, name)
 
 
 def picture_of(
@@ -80,12 +80,12 @@ def picture_of(
     """Return the stamp [ns] of a message, None if it is not set, and its picture, RGB (H, W, 3).
 
     Args:
-        decode: Decoder of the message.
+        decode: Decoder of the message's type.
         data: The bytes of the message.
-        depth: Bits in use in the topic's pictures; None: decided by this picture alone.
+        depth: Number of bits that the topic's pictures use, found so far; None: by this picture.
 
     Raises:
-        ValueError: The message is cut off, of an unknown encoding, or cannot be decoded.
+        ValueError: The message is cut off, has an unknown pixel format, or cannot be decoded.
     """
     try:
         message = decode(data)
@@ -101,7 +101,11 @@ def picture_of(
 
 
 def _raw(message: Any, depth: BitDepth) -> Image:
-    """Return the picture, RGB (H, W, 3), of a message with raw pixels."""
+    """Return the picture of a message with raw pixels, RGB (H, W, 3), read-only.
+
+    Raises:
+        ValueError: The pixel format is unknown, or the data do not fit the picture's size.
+    """
     known = *CODES, DEEP
     # Drivers write V4L2's "YUYV" for ROS's "yuyv".
     encoding = next((e for e in known if e.lower() == message.encoding.lower()), None)
@@ -110,7 +114,9 @@ def _raw(message: Any, depth: BitDepth) -> Image:
     step = message.step
     data = np.frombuffer(message.data, np.uint8)
     if encoding is None:
-        raise ValueError(f"its encoding is '{message.encoding}'; known are {', '.join(known)}")
+        raise ValueError(
+            f"the pixel format of this image is '{message.encoding}'; known are {', '.join(known)}"
+        )
     check_size(width, height)
     size, code = CODES.get(encoding, (2, cv2.COLOR_GRAY2RGB))
     if not width * size <= step <= len(data) // height:

@@ -1,12 +1,12 @@
-"""Four corners (4, 2) of a target: conversion from and to boxes, and to a region with its state."""
+"""Four corners of a target (4, 2): conversion from and to boxes, and to a region with its state."""
 
 import numpy as np
 
 from sim.types import Array
-from tracking.types import Region, State
+from tracking.types import Region, State, turns_of
 
 BOX = 4
-"""Number of numbers of a box."""
+"""Number of numbers of a box: left, top, width, height."""
 QUAD = 8
 """Number of coordinates of four corners."""
 RECTANGULAR = 0.02
@@ -14,7 +14,8 @@ RECTANGULAR = 0.02
 
 
 def corners_of(numbers: Array) -> Array:
-    """Return the corners (4, 2) of a box (4,) of left, top, width, height, or of coordinates (8,).
+    """Return the corners (4, 2) of a box (4,) of left, top, width, height [px], clockwise from the
+    top left one; or of their coordinates x1, y1 ... x4, y4 (8,) [px].
 
     >>> corners_of(np.array([10.0, 20.0, 30.0, 40.0])).tolist()
     [[10.0, 20.0], [40.0, 20.0], [40.0, 60.0], [10.0, 60.0]]
@@ -26,18 +27,21 @@ def corners_of(numbers: Array) -> Array:
 
 
 def boxes(corners: Array) -> Array:
-    """Return the upright boxes (n, 4) around corners (n, 4, 2): left, top, width, height."""
+    """Return upright boxes (n, 4), left, top, width, height [px], around the m corners of each of n
+    outlines (n, m, 2) [px].
+    """
     low = corners.min(axis=1)
     high = corners.max(axis=1)
     return np.hstack([low, high - low])
 
 
 def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
-    """Return the region [px] and the state of corners (4, 2) [px].
+    """Return the region [px] of a target with given corners, and its state in that picture.
 
     Args:
-        corners: In order around the target, the first edge along its x axis.
-        turned: Keep the rotation if the corners form a rectangle; else use the upright box.
+        corners: Corners (4, 2) [px] in order around the target, the first edge along its x axis.
+        turned: Keep the angle if the corners form a rectangle. Otherwise, and for other
+            quadrilaterals, region and state are those of the upright box around the corners.
     """
     edges = np.roll(corners, -1, axis=0) - corners
     width = np.hypot(*edges[0])
@@ -52,9 +56,7 @@ def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
 
 
 def crosses_itself(corners: Array) -> bool:
-    """Return whether two opposite sides of a quadrilateral (4, 2) cross each other."""
-    edges = np.roll(corners, -1, axis=0) - corners
-    following = np.roll(edges, -1, axis=0)
-    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    """Return True if two opposite sides of a quadrilateral (4, 2) cross each other."""
+    turns = turns_of(corners)
     # A convex outline turns four times to one side, a concave one three times, a crossed one twice.
     return bool((turns > 0).sum() == 2 == (turns < 0).sum())

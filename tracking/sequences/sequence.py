@@ -1,18 +1,19 @@
-"""Sequences of pictures with the target's truth, and sources of pictures by their names."""
+"""Sequences (pictures with the target's true outlines), and sources of pictures by their names."""
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from sim.files import reading
-from sim.types import Array
+from sim.types import Array, Image
 from tracking.sequences import stream
 from tracking.sequences import truth as truths
 from tracking.sequences.bag_file import Bag, is_bag
 from tracking.sequences.quadrilateral import placement
-from tracking.sequences.sources import Folder, Source, images_in
+from tracking.sequences.sources import Folder, PaintedSource, Source, images_in
 from tracking.sequences.truth import Format
 from tracking.sequences.video_file import Video
 from tracking.types import Region, State
@@ -20,7 +21,7 @@ from tracking.types import Region, State
 IMAGE_FOLDERS = ("img", "color", "imgs", "images", "frames")
 """Names of the folders with a sequence's pictures in OTB's and VOT's layouts."""
 TRUTHS = ("groundtruth_rect*.txt", "groundtruth*.txt", "gt.txt", "truth.csv", "groundtruth.csv")
-"""Patterns of the names of truth files; the first one that matches any file is used."""
+"""Patterns of the names of truth files; the first pattern that matches any file is used."""
 CAMERA = "camera:"
 """Beginning of the name of a camera."""
 CAMERA_DIGITS = 3
@@ -31,53 +32,62 @@ THERE = "folder, video file, bag, camera:NUMBER, or address such as rtsp://HOST/
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """Pictures with the target's truth."""
+    """Pictures with the target's true outlines."""
 
     name: str
-    family: str
-    """Name of the group of sequences over which results are averaged, such as "clutter-a"."""
     source: Source
     truth: Array
     """Corners (n, 4, 2) of the target [px]; nan in frames without it."""
     region: Region
-    """The target's region, with its size in the first picture."""
+    """Size of the target in the first picture [px]."""
     start: State
     """State of the target in the first picture."""
     states: Array | None = None
-    """x, y [px], theta [rad], scale (n, 4) if they are known exactly, else None."""
+    """True x, y [px], theta [rad], scale (n, 4) if they are known exactly, else None."""
 
     @staticmethod
-    def of_states(
-        name: str, family: str, source: Source, region: Region, states: Array
+    def painted(
+        name: str, paint: Callable[[int], Image], region: Region, states: Array
     ) -> "Sequence":
-        """Return a sequence whose exact states (n, 4) are known: x, y, theta, scale."""
+        """Return a sequence of painted pictures.
+
+        Args:
+            name: Name of the sequence.
+            paint: Returns the picture of a number from 0 on, RGB (H, W, 3).
+            region: Size of the target at scale 1 [px].
+            states: Exact x, y [px], theta [rad], scale of the target in each picture (n, 4).
+        """
+        source = PaintedSource(paint, len(states))
         corners = np.stack([region.corners(State(*row)) for row in states.tolist()])
-        return Sequence(name, family, source, corners, region, State(*states[0].tolist()), states)
+        return Sequence(name, source, corners, region, State(*states[0].tolist()), states)
 
 
 def is_folder(path: Path) -> bool:
-    """Return whether there is such a folder; false for a name that no file can have."""
+    """Return True if a path is a folder; False also for a name that no file can have."""
     return os.path.isdir(path)  # noqa: PTH112 (Path's raises for such a name)
 
 
 def source_of(text: str, rate: float, topic: str | None = None) -> Source:
-    """Return the source that a text names.
+    """Return the source of pictures that a text names.
 
     Args:
-        text: A folder (also in OTB's and VOT's layouts), a video file, a bag, the address of a
-            stream, or a camera such as "camera:0".
+        text: A folder (also in OTB's and VOT's layouts), a video file, a bag (recorded messages of
+            ROS or MCAP), the address of a stream, or a camera such as "camera:0".
         rate: Rate of a folder's pictures [1/s].
-        topic: Topic of a bag; None: the only one with pictures.
+        topic: Topic of a bag; None: the only topic with pictures.
 
     Raises:
-        ValueError: There is no such source, it has no pictures, or several topics of it have.
+        ValueError: There is no such source, it has no pictures, or a bag has several topics with
+            pictures.
     """
     path = Path(text)
     is_address = stream.ADDRESS.match(text)
     if not is_address and is_bag(path):
         return Bag(path, topic)
     if topic is not None:
-        raise ValueError(f"{stream.shown(text)}: this is not a bag, so it has no topic '{topic}'")
+        raise ValueError(
+            f"{stream.shown(text)}: this is not a bag; only a bag has topics such as '{topic}'"
+        )
     if is_address:
         return stream.stream(text)
     if text.startswith(CAMERA):
@@ -93,7 +103,8 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
 
 
 def pictures_in(folder: Path) -> Path:
-    """Return the folder with the pictures of a sequence: the folder itself or one in it (OTB, VOT).
+    """Return the folder with the pictures of a sequence: the sequence's own, or one in it as in the
+    layouts of OTB and VOT.
 
     Raises:
         ValueError: The folder cannot be read.
@@ -105,7 +116,8 @@ def pictures_in(folder: Path) -> Path:
 
 
 def truths_in(folder: Path) -> list[Path]:
-    """Return the truth files of a sequence, sorted; one for each target.
+    """Return the truth files of a sequence's folder, one for each target, sorted by name; an empty
+    list if it has none.
 
     Raises:
         ValueError: The folder cannot be read.
@@ -119,31 +131,34 @@ def truths_in(folder: Path) -> list[Path]:
 
 
 def truth_beside(source: str) -> Path | None:
-    """Return the truth file of a source, named as for `source_of`; None if it has no truth.
+    """Return the truth file of a source, which is named as for `source_of`; None if the source is
+    not a folder or has no truth.
 
     Raises:
-        ValueError: It has several.
+        ValueError: The folder has several truth files.
     """
     if source.startswith(CAMERA) or not is_folder(Path(source)):
         return None
     found = truths_in(Path(source))
     if len(found) > 1:
         names = ", ".join(path.name for path in found)
-        raise ValueError(f"{source}: there are several truths ({names}); choose one with --truth")
+        raise ValueError(
+            f"{source}: there are several truth files ({names}); choose one with --truth"
+        )
     return found[0] if found else None
 
 
 def check_truth(
     truth: Array, source: Source, place: str, form: Format, *, start_is_enough: bool = False
 ) -> None:
-    """Refuse a truth that does not fit the number or the size of the pictures.
+    """Check that a truth fits the number and the size of the pictures.
 
     Args:
-        truth: Corners (n, 4, 2) of the target [px].
+        truth: True corners (n, 4, 2) of the target [px].
         source: The pictures.
-        place: The truth's file, for messages.
-        form: The format in which it was read.
-        start_is_enough: Accept one line, that of the first picture.
+        place: Path of the truth file, for messages.
+        form: The format in which the file was read.
+        start_is_enough: Accept a truth of the first picture alone.
 
     Raises:
         ValueError: The number of lines is not that of the pictures; or, for `Format.AUTO`, the
@@ -159,7 +174,12 @@ def check_truth(
 
 
 def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
-    """Return the sequences of one folder, one for each truth file, at a rate [1/s].
+    """Return the sequences of one folder of pictures, one for each truth file.
+
+    Args:
+        folder: The folder, also in OTB's and VOT's layouts.
+        rate: Rate of the pictures [1/s].
+        form: Format of the truth files.
 
     Raises:
         ValueError: The folder has no pictures, or a truth cannot be read.
@@ -173,14 +193,17 @@ def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[S
         if not np.isfinite(corners[0]).all():
             raise ValueError(f"{path}: the target is not in the first picture")
         name = f"{folder.name}-{number}" if len(found) > 1 else folder.name
-        sequences.append(Sequence(name, name, source, corners, *placement(corners[0])))
+        sequences.append(Sequence(name, source, corners, *placement(corners[0])))
     return sequences
 
 
 def read_all(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
-    """Return the sequences of a folder, or of all folders in it, at a rate [1/s].
+    """Return the sequences of a folder or, if it is not a sequence, of all folders in it.
 
-    Inner folders with neither pictures nor truth are ignored.
+    Args:
+        folder: The folder; folders in it with neither pictures nor truth are ignored.
+        rate: Rate of the pictures [1/s].
+        form: Format of the truth files.
 
     Raises:
         ValueError: There is no sequence, or a folder is incomplete or cannot be read.
@@ -197,7 +220,7 @@ def read_all(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequ
 
 
 def _is_sequence(path: Path) -> bool:
-    """Return whether a path is a folder with pictures and a truth.
+    """Return True if a path is a folder with pictures and a truth, False if it has neither.
 
     Raises:
         ValueError: The folder has only one of the two, or cannot be read; or the path is a broken

@@ -1,4 +1,6 @@
-"""Sources of pictures: their protocol, the times of pictures, folders and painted pictures."""
+"""Sources of pictures: their protocol, the times of their pictures, and two sources: folders of
+image files, and pictures that a function paints.
+"""
 
 import itertools
 import math
@@ -22,14 +24,14 @@ SECOND = 1_000_000_000
 NANO = 1e-9
 """A nanosecond [s]."""
 SET_BACK = 1.0
-"""A clock that goes back by more was set [s]; chosen by hand."""
+"""A source whose stamps go back by more has set its clock [s]; chosen by hand."""
 SET_FORWARD = 86_400.0
-"""A clock that goes forward by more was set [s]; chosen by hand."""
+"""A source whose stamps go forward by more has set its clock [s]; chosen by hand."""
 CLOSE = 1e-4
-"""Time between two pictures whose stamps are in a wrong order [s]; chosen by hand."""
+"""Time given to two pictures whose stamps are in a wrong order [s]; chosen by hand."""
 NUMBER = re.compile(r"\d+", re.ASCII)
 REPEATED = 0.5
-"""Longest time between two pictures with the same stamp [s]; chosen by hand."""
+"""Longest time given to two pictures with the same stamp [s]; chosen by hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,36 +47,38 @@ class Picture:
     reason: str = "it cannot be decoded"
     """The reason why the image is missing, for messages."""
     stamp: int | None = None
-    """The source's own stamp [ns]: of a bag, usually since 1970; of a video, as its file states it;
-    None if the source states none."""
+    """Time stamp of the source [ns]: of a bag, usually since 1970; of a video, as its file states
+    it; None if the source has none."""
     notes: tuple[str, ...] = ()
-    """Sentences about the source for the user; each is repeated in all later pictures."""
+    """Sentences about the source for the user; all later pictures repeat them."""
     came: datetime | None = None
-    """Time of day at which the picture of a live source came; None for other sources."""
+    """Date and time at which the picture of a camera or stream came; None for other sources."""
     damaged: bool = False
     """True if FFmpeg has concealed damaged parts of the image."""
 
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """Report on the end of reading a source."""
+    """Report on how the reading of a source ended."""
 
     sentence: str
+    """The report for the user."""
     lost: bool = False
-    """True if pictures are missing or damaged: a stream that broke off, a damaged file."""
+    """True if pictures are missing or damaged: the stream broke off, or the file is damaged."""
     dropped: int = 0
-    """Number of pictures of a stream that the tracker was too slow to see."""
+    """Number of pictures of a stream that came while the tracker was busy, and were not used."""
     damaged: int = 0
-    """Number of damaged pictures; of a stream, with those that cannot be decoded."""
+    """Number of damaged pictures; of a stream, including those that cannot be decoded."""
 
 
 class Source(Protocol):
-    """Pictures in order. Iterating again begins again, but for cameras and streams."""
+    """Pictures in order. A new iteration begins with the first picture, except for cameras and
+    streams, which can be read only once.
+    """
 
     @property
     def count(self) -> int | None:
         """Number of pictures; None if it is unknown."""
-        ...
 
     @property
     def rate(self) -> float:
@@ -83,31 +87,31 @@ class Source(Protocol):
 
     @property
     def end(self) -> End | None:
-        """Report on the last reading, or on a stream so far; None if there is nothing to report."""
-        ...
+        """Report on the last reading, or on a stream so far; None if all pictures were read."""
 
     def __iter__(self) -> Iterator[Picture]: ...
 
 
 class Times:
-    """Times of pictures [s] from their stamps: the first is 0, and each is later than the last."""
+    """Converter of stamps to times [s]: the first time is 0, and each is later than the last."""
 
     def __init__(self, rate: float) -> None:
+        """Begin before the first picture; `rate` is the approximate rate of the pictures [1/s]."""
         self._gap = 1.0 / rate
         self._last = -self._gap
         self._zero: float | None = None
         self._stamp: int | None = None
 
     def since_first(self, stamp: int | None) -> float:
-        """Return the time [s] of the next picture by its stamp [ns].
+        """Return the time of the next picture since the first one [s], by its stamp [ns].
 
-        Without a stamp, or with that of the last, it is one picture later than the last. Pictures
-        in a wrong order follow each other closely, until one is later again. A clock that was set
-        goes on from there.
+        A picture without a stamp, or with the stamp of the last one, comes one period of the rate
+        after the last one. Stamps that go back a little are replaced by times that follow closely
+        after each other. If the source's clock was set, times continue one period after the last.
         """
         time = self._last + self._gap
         if stamp is not None:
-            # Whole seconds apart: a float of nanoseconds since 1970 has steps of 256 ns.
+            # Whole seconds are converted apart: a float of ns since 1970 has steps of 256 ns.
             stated = stamp // SECOND + NANO * (stamp % SECOND)
             ahead = -math.inf if self._zero is None else stated - self._zero - self._last
             if stamp == self._stamp:
@@ -122,10 +126,14 @@ class Times:
 
 
 def timed(pictures: Iterable[Picture], rate: float) -> Iterator[Picture]:
-    """Yield pictures with times from their stamps.
+    """Yield pictures with their times since the first one, which follow from their stamps.
 
-    Pictures that cannot be decoded and have no stamp are spread evenly before the next one; where
-    no picture with a stamp follows, they come at the rate [1/s].
+    Pictures that cannot be decoded and have no stamp are spread evenly up to the next picture;
+    where none follows, they come at the rate.
+
+    Args:
+        pictures: Pictures whose times are not set.
+        rate: Approximate rate of the pictures [1/s].
     """
     times = Times(rate)
     waiting: list[Picture] = []
@@ -146,7 +154,8 @@ def timed(pictures: Iterable[Picture], rate: float) -> Iterator[Picture]:
 
 
 def images_in(folder: Path) -> list[Path]:
-    """Return the image files of a folder, sorted, without hidden ones such as those of macOS.
+    """Return the paths of a folder's image files, sorted by name, numbers in names by value; hidden
+    files such as those of macOS are left out.
 
     Raises:
         ValueError: The folder cannot be read.
@@ -160,17 +169,19 @@ def images_in(folder: Path) -> list[Path]:
 
 @dataclass(frozen=True, slots=True)
 class Folder:
-    """The image files of a folder, sorted by name, numbers in names by value."""
+    """Source of the image files of a folder, sorted by name, numbers in names by value."""
 
     files: tuple[Path, ...]
     rate: float = RATE
+    """Rate of the pictures [1/s]."""
     end: End | None = None
     notes: tuple[str, ...] = ()
     """Sentences about the source for the user."""
 
     @staticmethod
     def of(folder: Path, rate: float = RATE) -> "Folder":
-        """Return the images of a folder at a rate [1/s]; if most names have numbers, only those.
+        """Return the source of a folder's images at a rate [1/s]. If more than half of the names
+        have numbers, files without a number are left out.
 
         Raises:
             ValueError: The folder has no images, or cannot be read.
@@ -202,10 +213,12 @@ class Folder:
 
 
 def _gaps(files: Sequence[Path]) -> list[str]:
-    """Return a list with a sentence about numbers that are missing in the names, or an empty one.
+    """Return a list with one sentence if numbers are missing in the names of files, else an empty
+    list.
 
-    Numbers are missing where a step exceeds the usual one, which may be 3. The list is empty if the
-    names differ in more than one number, or if most steps differ, as those of stamps do.
+    Numbers are missing where the step between two names exceeds the most common step. Names that
+    differ in more than one number, or whose steps mostly differ (as time stamps do), are not
+    judged.
     """
     if len({tuple(NUMBER.split(file.stem)) for file in files}) > 1:
         return []
@@ -221,19 +234,21 @@ def _gaps(files: Sequence[Path]) -> list[str]:
     many = sum(steps[place] // usual - 1 for place in places)
     first = places[0]
     return [
-        f"the numbers in the names leave out {many} pictures, the first after {files[first].name}; "
-        "the times do not: each picture is one period later than the one before"
+        f"by the numbers in the names {many} pictures are missing, the first after "
+        f"{files[first].name}; each picture is still taken as one period after the one before"
     ]
 
 
 @dataclass(frozen=True, slots=True)
 class PaintedSource:
-    """Pictures that a function paints; it is called with the number of the picture, from 0 on."""
+    """Source of pictures that a function paints."""
 
     paint: Callable[[int], Image]
+    """Returns the picture of a number from 0 on, RGB (H, W, 3)."""
     count: int
     """Number of pictures."""
     rate: float = RATE
+    """Rate of the pictures [1/s]."""
     end: End | None = None
 
     def __iter__(self) -> Iterator[Picture]:

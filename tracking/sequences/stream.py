@@ -1,7 +1,7 @@
 """Live sources: cameras of this machine (camera:0), and streams by address (rtsp, http, tcp, udp).
 
-A thread reads the source into a queue for one picture. A new picture replaces one that the tracker
-has not taken yet, so that a slow tracker gets the newest picture; replaced pictures are counted.
+A thread reads the source into a queue for one picture. A new picture replaces the one in the queue,
+so that a slow tracker gets the newest picture; replaced pictures are counted as dropped.
 """
 
 import re
@@ -34,7 +34,7 @@ from tracking.sequences.video_file import (
 
 ADDRESS = re.compile(r"(rtsps?|https?|tcp|udp)://", re.IGNORECASE)
 PASSWORD = re.compile(r"^(\w+://[^/@:]*):.*@", re.DOTALL)
-"""Beginning of an address with a password, which may contain any character: the last @ ends it."""
+"""An address up to the end of its password, the last @: passwords may contain any character."""
 PROTOCOLS = {
     "rtsp": "rtp,udp,tcp",
     "rtsps": "rtp,udp,tcp,tls",
@@ -43,19 +43,20 @@ PROTOCOLS = {
     "tcp": "tcp",
     "udp": "udp",
 }
-"""Protocols that FFmpeg may open for an address: never a file of this machine."""
+"""Protocols that FFmpeg may open for an address, by its scheme: never a file of this machine."""
 STREAMS = f"{FORMATS},rtsp,rtp,mpjpeg,mjpeg,jpeg_pipe,h264,hevc"
 """Formats that FFmpeg may detect; without playlists, which name other addresses and files."""
 PATIENCE = 5.0
 """Longest time without an answer or a picture [s]."""
 OPTIONS = {"rtsp_flags": "prefer_tcp", "analyzeduration": "1000000", "fpsprobesize": "2"}
-"""Options of FFmpeg. Two pictures show the rate; by default FFmpeg reads 20, which then come at
-once, so that most are replaced. "nobuffer" is not among them: it discards the pictures that were
-read to detect the format; without the first key frame, all up to the next one are lost."""
+"""Options of FFmpeg. It finds the rate by two pictures; by default it reads 20, which then come at
+once, so that most are dropped. The option "nobuffer" is not used: it discards the pictures that
+were read to detect the format, and without the first key frame all up to the next one are lost."""
 UNSTAMPED = ("mpjpeg", "mjpeg", "jpeg_pipe", "h264", "hevc")
 """Formats without stamps: the time of a picture is that of its arrival."""
 WAKE = 0.1
-"""Time after which a waiting thread checks the other one [s]; Ctrl-C waits for it."""
+"""Time after which a waiting thread checks whether the other thread has ended [s]; Ctrl-C takes
+effect after at most this time."""
 
 
 class SourceLost(Exception):
@@ -64,27 +65,28 @@ class SourceLost(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Feed:
-    """An open camera or stream."""
+    """Pictures of an open camera or stream, and how to read them."""
 
     pictures: Iterator[Picture]
-    """Pictures without names and times. Raises SourceLost."""
+    """Pictures without names and times; the iteration raises SourceLost where the source breaks
+    off."""
     rate: float = RATE
     """Approximate rate of the pictures [1/s]."""
     waits: bool = False
-    """True for a recording on a server, which waits for the tracker; nothing is dropped."""
+    """True for a recording on a server: the reader waits for the tracker, and drops no picture."""
 
 
 class LiveSource:
-    """Pictures of a camera or stream, which can be read only once."""
+    """Source of the pictures of a camera or stream, which can be read only once."""
 
     count: int | None = None
 
     def __init__(self, name: str, opened: Callable[[], AbstractContextManager[Feed]]) -> None:
-        """Make a source, which is opened when it is read.
+        """Make a source, which is opened when it is iterated.
 
         Args:
-            name: Its name in messages.
-            opened: Opens the source; raises SourceLost.
+            name: Name of the source in messages.
+            opened: Opens the source for a `with` block; raises SourceLost if it cannot.
         """
         self.name = name
         self.rate = RATE
@@ -97,13 +99,15 @@ class LiveSource:
 
     @property
     def end(self) -> End | None:
-        """Report on the pictures so far: the source's end, and dropped and damaged pictures."""
-        odd = {
-            "were dropped, because they came too fast": self._dropped,
-            "are damaged": self._damaged,
+        """Report on the pictures so far: the source's end, and dropped and damaged pictures; None
+        before the end if none was dropped or damaged.
+        """
+        counts = {
+            "of them were dropped, because they came too fast": self._dropped,
+            "of them are damaged": self._damaged,
+            "more cannot be decoded": self._failed,
         }
-        parts = [f"{count} of them {what}" for what, count in odd.items() if count]
-        parts += [f"{self._failed} more cannot be decoded"] if self._failed else []
+        parts = [f"{count} {what}" for what, count in counts.items() if count]
         many = f"{self.name}: {self._given + self._dropped} pictures"
         then = ", then it ended" if self._over else ""
         if self._broken:
@@ -132,6 +136,7 @@ class LiveSource:
             reader.join(WAKE)  # a thread that waits for a camera ends later
 
     def _next(self, reader: threading.Thread) -> Picture | None:
+        """Wait for the next picture in the queue, and return it; None after the last one."""
         while True:
             with suppress(Empty):
                 return self._queue.get(timeout=WAKE)
@@ -139,6 +144,7 @@ class LiveSource:
                 return None
 
     def _read(self) -> None:
+        """Read the source into the queue, until it ends or `_stop` is set."""
         index = 0
         try:
             with self._opened() as feed:
@@ -157,6 +163,7 @@ class LiveSource:
             self._broken = str(error)
 
     def _put(self, picture: Picture, *, wait: bool) -> None:
+        """Put a picture into the queue: after waiting for room, or in place of the one there."""
         while not self._stop.is_set():
             with suppress(Full):
                 return self._queue.put(picture, timeout=WAKE if wait else 0.0)
@@ -168,7 +175,7 @@ class LiveSource:
 
 
 def shown(address: str) -> str:
-    """Return an address without its password, to print and to store.
+    """Return an address whose password is replaced by ***, to print and to store.
 
     >>> shown("rtsp://eye:secret@10.0.0.7/one")
     'rtsp://eye:***@10.0.0.7/one'
@@ -179,17 +186,22 @@ def shown(address: str) -> str:
 
 
 def stream(address: str) -> LiveSource:
-    """Return the source of a stream by its address, which `ADDRESS` matches."""
+    """Return the source of a stream by its address, such as "rtsp://HOST/PATH"."""
     return LiveSource(shown(address), lambda: _stream(address))
 
 
 def camera(number: int) -> LiveSource:
-    """Return the source of a camera of this machine by its number."""
+    """Return the source of a camera of this machine by its number, from 0 on."""
     return LiveSource(f"camera:{number}", lambda: _camera(number))
 
 
 @contextmanager
 def _stream(address: str) -> Generator[Feed]:
+    """Open a stream for the block.
+
+    Raises:
+        SourceLost: It cannot be opened, or is not one video.
+    """
     scheme, _, place = address.partition(":")
     scheme = scheme.lower()
     options = OPTIONS | {"format_whitelist": STREAMS, "protocol_whitelist": PROTOCOLS[scheme]}
@@ -197,7 +209,7 @@ def _stream(address: str) -> Generator[Feed]:
     try:
         container = av.open(f"{scheme}:{place}", options=options, timeout=PATIENCE)
     except (FFmpegError, OSError, ValueError) as error:
-        # Of a silent address RTSP says that the data are invalid.
+        # For an address without an answer, RTSP reports invalid data instead of the timeout.
         reason = _reason(error, late=time.monotonic() > began + PATIENCE)
         raise SourceLost(f"cannot open this stream: {reason}") from None
     with container:
@@ -213,6 +225,11 @@ def _stream(address: str) -> Generator[Feed]:
 
 
 def _pictures(container: InputContainer, video: VideoStream) -> Generator[Picture]:
+    """Yield the pictures of an open stream.
+
+    Raises:
+        SourceLost: The stream breaks off.
+    """
     is_stamped = container.format.name not in UNSTAMPED
     printers = {video.codec_context.name, container.format.name}  # not those of a film meanwhile
     began = False
@@ -230,6 +247,7 @@ def _pictures(container: InputContainer, video: VideoStream) -> Generator[Pictur
 
 
 def _reason(error: Exception, *, late: bool = False) -> str:
+    """Return the reason of an error of FFmpeg for a message; `late`: it came after `PATIENCE`."""
     if late or isinstance(error, ExitError):
         return f"nothing came for {PATIENCE:g} s"
     return getattr(error, "strerror", None) or str(error)
@@ -237,6 +255,11 @@ def _reason(error: Exception, *, late: bool = False) -> str:
 
 @contextmanager
 def _camera(number: int) -> Generator[Feed]:
+    """Open a camera for the block.
+
+    Raises:
+        SourceLost: There is no such camera.
+    """
     with silent_libraries():
         capture = cv2.VideoCapture(number)
     try:
@@ -248,8 +271,13 @@ def _camera(number: int) -> Generator[Feed]:
 
 
 def _captured(capture: cv2.VideoCapture) -> Iterator[Picture]:
+    """Yield the pictures of an open camera until it is lost, with the times of their arrival.
+
+    Raises:
+        SourceLost: The camera gives no more pictures.
+    """
     while True:
         more, image = capture.read()
         if not more:
-            raise SourceLost("it gives no more pictures")
+            raise SourceLost("the camera gives no more pictures")
         yield Picture("", 0.0, rgb(image), stamp=time.monotonic_ns())

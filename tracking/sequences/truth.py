@@ -1,4 +1,5 @@
-"""Reading of truth files in the formats of OTB, VOT, TLD and CSV, as corners of the target.
+"""Reading of truth files (the target's true outline in each picture) in the formats of OTB, VOT,
+TLD and CSV.
 
 All coordinates become continuous pixels from the image's top left corner. OTB, GOT-10k and LaSOT
 count pixels from 1, so that their box 1,1,w,h begins at the corner; VOT, TLD and CSV count from 0.
@@ -25,10 +26,10 @@ LASOT_FILES = ("full_occlusion.txt", "out_of_view.txt")
 """Files beside groundtruth.txt in LaSOT's layout: for each frame 1 where the target is absent."""
 MASK = re.compile(r"m-?\d+,\s*-?\d+,")
 ABSENT = [0.0]
-"""Numbers of VOT's line for an absent target: 0, its code of an unknown region."""
+"""Numbers of a line by which VOT marks an absent target: 0, its code of an unknown region."""
 TLD_NAMES = ("gt.txt", "init.txt")
 HEADER = re.compile(r"\s*[A-Za-z_]\w*\s*,")
-CORNERS = [f"{axis}{i}" for i in range(1, 5) for axis in "xy"]
+CORNERS = tuple(f"{axis}{i}" for i in range(1, 5) for axis in "xy")
 BOX_NAMES = (
     ("left", "top", "width", "height"),
     ("x", "y", "width", "height"),
@@ -39,7 +40,7 @@ LONGEST = 80
 LARGEST_FILE = 20_000_000
 """Largest truth file [bytes]: ten hours at 30 pictures a second."""
 MOST_LINES = 2
-"""Most lines for each picture: a longer truth is refused before it is parsed."""
+"""Most lines of a truth for each picture: a longer truth is refused before it is parsed."""
 DOUBT = "these numbers may be x,y,w,h or x1,y1,x2,y2"
 REMEDY = (
     "give the format of this truth: otb, vot or tld (--truth-format, or truth_format in a suite)"
@@ -47,7 +48,7 @@ REMEDY = (
 
 
 class Format(Enum):
-    """Format of a truth file; each member carries the meaning of a line's numbers."""
+    """Format of a truth file; the value of each member is the meaning of a line's numbers."""
 
     AUTO = "decided by the file's name and header, refused if they do not decide"
     OTB = "x,y,w,h, pixels counted from 1; also GOT-10k's and LaSOT's"
@@ -57,20 +58,19 @@ class Format(Enum):
 
     @staticmethod
     def named(name: str) -> "Format":
-        """Return the format of a name in small letters.
+        """Return the format of a name in lower case, such as "otb".
 
         Raises:
             ValueError: There is no such format.
         """
-        found = next((f for f in Format if f.name.lower() == name), None)
-        if found is None:
-            there = ", ".join(f.name.lower() for f in Format)
-            raise ValueError(f"there is no truth format '{name}'; there is {there}")
-        return found
+        formats = {each.name.lower(): each for each in Format}
+        if name not in formats:
+            raise ValueError(f"there is no truth format '{name}'; there is {', '.join(formats)}")
+        return formats[name]
 
 
 def other_count(place: str, lines: int, pictures: int) -> str:
-    """Return the message about a truth with more or fewer lines than there are pictures."""
+    """Return the message about a truth file `place` with more or fewer lines than pictures."""
     return (
         f"{place}: this truth has {lines} lines for {pictures} pictures; it needs one for each, "
         "with nan where the target is absent"
@@ -78,13 +78,13 @@ def other_count(place: str, lines: int, pictures: int) -> str:
 
 
 def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Array:
-    """Read the corners (n, 4, 2) of the target in each frame [px]; nan in frames without it.
+    """Return the target's corners (n, 4, 2) in each picture [px]; nan in pictures without it.
 
     The target is absent if all numbers of a line are nan or missing, if the line is VOT's 0, if its
     box has width and height 0, and, in LaSOT's layout, in the frames that two other files mark.
 
     Args:
-        path: The file.
+        path: The truth file.
         form: The format. AUTO means CSV for a file with a header, OTB for groundtruth_rect*.txt and
             in GOT-10k's and LaSOT's layouts, VOT for other groundtruth*.txt, TLD for gt.txt and
             init.txt; a file of another name is read as VOT, unless its lines of four numbers could
@@ -92,8 +92,8 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
         count: Number of pictures; a truth of many more lines is not parsed. None: unknown.
 
     Raises:
-        ValueError: The file cannot be read, has too many lines, a line is not of this format, or
-            AUTO cannot decide.
+        ValueError: The file cannot be read or has too many lines, a line does not fit the format,
+            or AUTO cannot decide.
     """
     lines = reading.text(path, "truth", LARGEST_FILE).rstrip().splitlines()
     if not lines:
@@ -121,7 +121,8 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
 
 
 def has_masks(path: Path) -> bool:
-    """Return whether a truth file begins with a mask, which `read` replaces by the box around it.
+    """Return True if a truth file begins with a mask of VOT, which `read` replaces by the box
+    around it.
 
     Raises:
         ValueError: The file cannot be read.
@@ -130,6 +131,11 @@ def has_masks(path: Path) -> bool:
 
 
 def _format_of(path: Path, rows: list[Array]) -> Format:
+    """Return the format of a truth file by its name, the files beside it, and its numbers.
+
+    Raises:
+        ValueError: The numbers could be boxes or two corners.
+    """
     # GOT-10k's authors: "all coordinate values are 1-based" (github.com/got-10k/toolkit, issue 6).
     is_got10k = any((path.parent / name).exists() for name in GOT10K_FILES)
     if OTB_NAME.match(path.name) or (is_got10k and VOT_NAME.match(path.name)) or _is_lasot(path):
@@ -145,29 +151,37 @@ def _format_of(path: Path, rows: list[Array]) -> Format:
 
 
 def _is_lasot(path: Path) -> bool:
+    """Return True if a truth file is in LaSOT's layout, by the files beside it."""
     # The smallest coordinate is 1 (github.com/HengLan/LaSOT_Evaluation_Toolkit, issue 14).
     beside = all((path.parent / name).exists() for name in LASOT_FILES)
     return beside and bool(VOT_NAME.match(path.name))
 
 
 def _marked_absent(path: Path, count: int) -> NDArray[np.bool_]:
-    """Return a mask (count,) of the frames that LaSOT's two files beside a truth mark as absent."""
+    """Return a mask (count,), True in frames without the target by LaSOT's two files beside a truth
+    of `count` lines.
+
+    Raises:
+        ValueError: One of them cannot be read, or has not `count` numbers 0 or 1.
+    """
     absent = np.zeros(count, bool)
     for place in (path.parent / name for name in LASOT_FILES):
         marks = reading.text(place, "truth", LARGEST_FILE).replace(",", " ").split()
         if len(marks) != count or not set(marks) <= {"0", "1"}:
-            raise ValueError(f"{place}: this should be {count} numbers 0 or 1, as {path.name} has")
+            raise ValueError(
+                f"{place}: expected {count} numbers 0 or 1, one for each line of {path.name}"
+            )
         absent |= np.array(marks) == "1"
     return absent
 
 
 def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
-    """Refuse boxes that leave the picture and would fit into it as two corners (TLD).
+    """Check that boxes do not leave the picture where two corners (TLD) would fit into it.
 
     Args:
-        corners: Corners (n, 4, 2) of the target [px], nan in frames without it.
+        corners: True corners (n, 4, 2) of the target [px], nan in frames without it.
         size: Width and height of the pictures [px].
-        place: The truth's file, for messages.
+        place: Path of the truth file, for messages.
 
     Raises:
         ValueError: The numbers seem to be x1,y1,x2,y2 but were read as x,y,w,h.
@@ -182,12 +196,23 @@ def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
 
 
 def _may_be_corners(given: Array) -> bool:
-    """Return whether all lines (n, 4) could be x1,y1,x2,y2, with x2 > x1 and y2 > y1."""
+    """Return True if the numbers of all lines (n, 4) [px] could be two corners x1,y1,x2,y2, with
+    x2 > x1 and y2 > y1.
+    """
     return bool((given[:, 2:] > given[:, :2]).all())
 
 
 def _corners(row: Array, form: Format, place: str) -> Array:
-    """Return the corners (4, 2) [px] by a line's numbers; `place` names the line in messages."""
+    """Return the corners (4, 2) [px] that the numbers of a line stand for in a format.
+
+    Args:
+        row: The numbers (4,) or (8,).
+        form: The format of the file.
+        place: Name of file and line, for messages.
+
+    Raises:
+        ValueError: The numbers do not fit the format.
+    """
     if form in (Format.OTB, Format.TLD) and len(row) != BOX:
         raise ValueError(f"{place}: a line of {form.name} has 4 numbers, not {len(row)}")
     if len(row) == QUAD:
@@ -213,9 +238,11 @@ def _corners(row: Array, form: Format, place: str) -> Array:
 
 
 def _numbers(line: str, place: str) -> Array:
-    """Return the 4 or 8 numbers of a line; nan if the target is absent.
+    """Return the numbers (4,) or (8,) of a line [px]; nan if the target is absent. For a mask, they
+    are x, y, width, height of the box around it.
 
-    Of a mask, they are x, y, width, height of the box around it.
+    Raises:
+        ValueError: The line is neither 4 or 8 numbers nor a mask; `place` names it in the message.
     """
     if MASK.match(line):
         return _around_mask(line, place)
@@ -227,30 +254,24 @@ def _numbers(line: str, place: str) -> Array:
         raise ValueError(f"{place}: '{line[:LONGEST]}' is not a line of numbers{hint}") from None
     if numbers.tolist() == ABSENT:
         return np.full(BOX, np.nan)
-    if len(numbers) == 1:
-        raise ValueError(
-            f"{place}: '{line[:LONGEST]}' is not a region: a line of one number is VOT's 0, where "
-            "the target is absent"
-        )
     if len(numbers) not in (BOX, QUAD):
         raise ValueError(f"{place}: a line has 4 or 8 numbers, not {len(numbers)}")
-    absent = np.isnan(numbers)
-    if absent.all():
-        return numbers
-    if absent.any():
-        raise ValueError(f"{place}: '{line[:LONGEST]}' lacks some numbers; all or none may be nan")
-    if np.abs(numbers).max() > FARTHEST:
+    if not np.isnan(numbers).all() and not (np.abs(numbers) <= FARTHEST).all():
         raise ValueError(
-            f"{place}: '{line[:LONGEST]}' is not a position in a picture; the limit is {FARTHEST:g}"
+            f"{place}: '{line[:LONGEST]}' is not a position in a picture: all numbers must be at "
+            f"most {FARTHEST:g}, or all nan for an absent target"
         )
     return numbers
 
 
 def _around_mask(line: str, place: str) -> Array:
-    """Return x, y, width, height (4,) of the box around a mask of VOT; nan if it is empty.
+    """Return x, y, width, height (4,) [px] of the box around a mask of VOT; nan for an empty mask.
 
-    Its line is m and x, y, width, height of a rectangle, then the lengths of runs through its rows,
-    one row after the other: zeros, ones, zeros ...
+    The line is the letter m, then x, y, width, height of a rectangle, then the lengths of runs of
+    zeros, ones, zeros ... through the rectangle's rows, one row after the other.
+
+    Raises:
+        ValueError: The line is not such a mask; `place` names it in the message.
     """
     try:
         x, y, width, height, *runs = (int(part) for part in line.removeprefix("m").split(","))
@@ -271,20 +292,24 @@ def _around_mask(line: str, place: str) -> Array:
 
 
 def _of_csv(lines: list[str], path: Path) -> Array:
-    table = csv.DictReader(lines, skipinitialspace=True, strict=True)
-    names = [name.strip() for name in table.fieldnames or []]
-    table.fieldnames = names
-    wanted = next((list(n) for n in (CORNERS, *BOX_NAMES) if set(n) <= set(names)), None)
+    """Return the corners (n, 4, 2) [px] in the lines of a CSV file with a header.
+
+    Raises:
+        ValueError: Columns are missing, a line does not fit the header, or there is no line.
+    """
+    header, *table = csv.reader(lines, skipinitialspace=True, strict=True)
+    names = [name.strip() for name in header]
+    wanted = next((n for n in (CORNERS, *BOX_NAMES) if set(n) <= set(names)), None)
     if wanted is None:
         need = "x1..y4, or left, top, width, height"
-        raise ValueError(f"{path.name}: the columns are {', '.join(names)}; it needs {need}")
+        raise ValueError(f"{path.name}: the columns are {', '.join(names)}; a truth needs {need}")
     rows: list[Array] = []
     for i, row in enumerate(table, 2):
         place = f"{path.name}, line {i}"
-        if None in row or None in row.values():
-            raise ValueError(f"{place}: the header has {len(names)} columns, this line has not")
-        numbers = _numbers(";".join(row[name].strip() or "nan" for name in wanted), place)
-        rows.append(_corners(numbers, Format.VOT, place))
+        if len(row) != len(names):
+            raise ValueError(f"{place}: expected {len(names)} columns, as the header has")
+        numbers = ";".join(row[names.index(name)].strip() or "nan" for name in wanted)
+        rows.append(_corners(_numbers(numbers, place), Format.VOT, place))
     if not rows:
         raise ValueError(f"{path}: this truth is empty")
     return np.stack(rows)

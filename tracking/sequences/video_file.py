@@ -1,19 +1,19 @@
-"""Video files: their pictures with their stamps, by FFmpeg (PyAV).
+"""Video files: their pictures with the time stamps that the files state, read by FFmpeg (PyAV).
 
-FFmpeg accepts a file by its content, and only as one of these formats: playlists and other texts
+FFmpeg detects the format by a file's content, and only among `FORMATS`: playlists and other texts
 could make it open more files. It gets an open file without a name, so that it reads no addresses
 and no numbered series.
 
-Damage is what FFmpeg reports: errors that it returns, frames that it marks, and errors that it only
-prints. Where it reports nothing, as of a cut MPEG-TS or Ogg, nothing is known.
+Damage is known only from FFmpeg: errors that it returns, frames that it marks, and errors that it
+prints. Of some cut files, such as MPEG-TS or Ogg, FFmpeg reports no damage.
 """
 
-import math
 import re
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import BinaryIO
 
 import av
@@ -37,15 +37,14 @@ SLOWEST = 0.01
 FASTEST = 10_000.0
 """Largest accepted rate [frames/s]."""
 MOST_MISSING = 100
-"""Most frames without a picture that are given for those that a file states and does not have."""
+"""Largest number of frames without an image that are yielded for frames that a file states and does
+not have."""
 FORMATS = "mov,mp4,matroska,webm,avi,mpegts,mpeg,flv,ogg,asf,gif,yuv4mpegpipe"
 """FFmpeg's names of the accepted formats."""
 KNOWN = "MP4, MOV, Matroska, WebM, AVI, MPEG-TS, MPEG-PS, FLV, Ogg, ASF, GIF, Y4M"
 """The accepted formats, for messages."""
-QUARTER = 0.01
-"""Largest ratio of the small and the large entries of a display matrix of quarter turns."""
 DEEP_FORMATS = re.compile(r"(?P<grey>gray16|ya16)|rgb48|bgr48|rgba64|bgra64|gbrp16|gbrap16")
-"""Names of FFmpeg's formats of grey or RGB with 16 bits, without the order of the bytes."""
+"""Names of FFmpeg's pixel formats of grey or RGB with 16 bits, without the order of the bytes."""
 Matrix = tuple[int, int, int, int]
 """(a, b, c, d) of a display matrix: a pixel (x, y) is shown at (a x + c y, b x + d y)."""
 UNTURNED: Matrix = (1, 0, 0, 1)
@@ -54,22 +53,22 @@ UNTURNED: Matrix = (1, 0, 0, 1)
 
 @dataclass(slots=True)
 class Video:
-    """A video file; its pictures have the times that it states."""
+    """Source of the pictures of a video file."""
 
     path: Path
     rate: float
     """Rate of the pictures [1/s]."""
     count: int
-    """Number of frames that it states; where it states none, that it has."""
+    """Number of frames that the file states or, if it states none, contains."""
     end: End | None = None
     """Report on missing or damaged pictures of the last reading; None: all were read."""
 
     @staticmethod
     def of(path: Path) -> "Video":
-        """Open a video file for its rate and number of frames.
+        """Return the source of a video file, which is read for its rate and number of frames.
 
         Raises:
-            ValueError: It cannot be read, or is not one video.
+            ValueError: The file cannot be read, or does not hold exactly one video.
         """
         with reading.opened(path, "video") as file, printed_by_ffmpeg() as printed:
             try:
@@ -93,7 +92,7 @@ class Video:
         return timed(self._frames(), self.rate)
 
     def _frames(self) -> Iterator[Picture]:
-        """Yield the frames; their times are not set yet."""
+        """Yield all frames, with time 0, and set `end`."""
         index = readable = damaged = 0
         report = ""
         self.end = None
@@ -108,7 +107,7 @@ class Video:
                     damaged += frame.damaged or bool(printed)
                     report = report or quoted(printed)
                     yield replace(frame, name=f"frame {index}")
-                    printed.clear()  # also what a film that is written meanwhile has printed
+                    printed.clear()  # also messages of a film that is written meanwhile
                     index += 1
                 damaged += bool(printed)
                 report = report or quoted(printed)
@@ -125,13 +124,14 @@ class Video:
 
 
 def decoded(packets: "Iterable[Packet[VideoStream]]") -> Iterator[Picture]:
-    """Decode the packets of an open file or stream; names and times are not set.
+    """Yield the pictures in packets of an open file or stream, without names and with time 0; the
+    image is None where a picture cannot be decoded.
 
     Raises:
-        FFmpegError, OSError: It breaks off.
+        FFmpegError, OSError: The file or stream breaks off.
     """
     depth = BitDepth()
-    reformatter = VideoReformatter()  # one of its own for each frame takes 300 kB
+    reformatter = VideoReformatter()  # a new one for each frame would take 300 kB
     matrix: Matrix | None = None
     for packet in packets:
         try:
@@ -144,14 +144,15 @@ def decoded(packets: "Iterable[Packet[VideoStream]]") -> Iterator[Picture]:
             matrix = matrix or _display_matrix(frame)
             image = _rgb(frame, matrix, depth, reformatter)
             stamp = None if frame.pts is None else round(frame.time * SECOND)
-            notes = (*_turns(matrix), *depth.notes)
-            yield Picture("", 0.0, image, stamp=stamp, notes=notes, damaged=frame.is_corrupt)
+            yield Picture("", 0.0, image, stamp=stamp, notes=depth.notes, damaged=frame.is_corrupt)
 
 
 def _rgb(
     frame: av.VideoFrame, matrix: Matrix, depth: BitDepth, reformatter: VideoReformatter
 ) -> Image | None:
-    """Return a frame, RGB (H, W, 3), turned as its file states; None if it cannot be decoded."""
+    """Return a frame as RGB (H, W, 3), read-only, turned and mirrored by a display matrix; None if
+    the frame cannot be decoded.
+    """
     try:
         check_size(frame.width, frame.height)
         pixels = _eight_bits(frame, depth, reformatter)
@@ -163,9 +164,10 @@ def _rgb(
 
 
 def _eight_bits(frame: av.VideoFrame, depth: BitDepth, reformatter: VideoReformatter) -> Image:
-    """Return a frame as RGB (H, W, 3) of 8 bits; of 16 bits, by those that its camera uses.
+    """Return a frame as RGB (H, W, 3) of 8 bits.
 
-    Formats of 10 or 12 bits state the bits in use. So does YUV, whose black and white are fixed.
+    Of 16 bits, the highest 8 that the camera uses are taken. FFmpeg itself converts formats of 10
+    or 12 bits, which state the bits in use, and YUV, whose black and white are fixed.
     """
     deep = DEEP_FORMATS.match(frame.format.name)
     if deep is not None and depth.used != DEEP:
@@ -178,7 +180,9 @@ def _eight_bits(frame: av.VideoFrame, depth: BitDepth, reformatter: VideoReforma
 
 
 def _display_matrix(frame: av.VideoFrame) -> Matrix:
-    """Return the display matrix of a frame, which telephones write."""
+    """Return the display matrix of a frame, by which telephones say how a video is shown; that of
+    an unturned picture where there is none.
+    """
     matrix = frame.side_data.get("DISPLAYMATRIX")
     if matrix is None:
         return UNTURNED
@@ -187,7 +191,9 @@ def _display_matrix(frame: av.VideoFrame) -> Matrix:
 
 
 def _as_shown(image: Image, matrix: Matrix) -> Image:
-    """Return an image turned by quarter turns and mirrored as a display matrix states."""
+    """Return an image (H, W, 3) turned by the nearest quarter turn of a display matrix, and
+    mirrored by it.
+    """
     a, b, c, d = matrix
     if abs(a) + abs(d) < abs(b) + abs(c):
         image = image.swapaxes(0, 1)
@@ -196,28 +202,13 @@ def _as_shown(image: Image, matrix: Matrix) -> Image:
     return image[:: -1 if d < 0 else 1, :: -1 if a < 0 else 1]
 
 
-def _turns(matrix: Matrix) -> list[str]:
-    """Return a list with a sentence if a display matrix is no quarter turn, else an empty one."""
-    a, b, c, d = matrix
-    straight = abs(a) + abs(d)
-    crossed = abs(b) + abs(c)
-    if min(straight, crossed) <= QUARTER * max(straight, crossed):
-        return []
-    angle = math.degrees(math.atan2(b, a))  # y goes down
-    sense = "clockwise" if angle > 0 else "counterclockwise"
-    return [
-        f"this video says that it is shown turned by {abs(angle):.0f} degrees {sense}; its "
-        "pictures are turned to the nearest quarter turn only"
-    ]
-
-
 Printed = list[tuple[int, str, str]]
 """Messages of FFmpeg: level, name of the part that prints, text."""
 
 
 @contextmanager
 def printed_by_ffmpeg() -> Generator[Printed]:
-    """Collect the errors that FFmpeg prints, and does not return."""
+    """Collect the errors that FFmpeg prints during the block; the list is filled as they come."""
     level = av.logging.get_level()
     skips = av.logging.get_skip_repeated()
     av.logging.set_level(av.logging.ERROR)
@@ -231,30 +222,24 @@ def printed_by_ffmpeg() -> Generator[Printed]:
 
 
 def quoted(printed: Printed) -> str:
-    """Return the first message of FFmpeg in brackets, to end a sentence; empty without one."""
+    """Return FFmpeg's first message in brackets, to end a sentence; "" for an empty list."""
     return f" (FFmpeg: {' '.join(printed[0][2].split()).rstrip('.')})" if printed else ""
 
 
-class _Nameless:
-    """An open file that hides its name, by which FFmpeg would guess the format."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self.read = file.read
-        self.seek = file.seek
-        self.tell = file.tell
-
-
 def _container(file: BinaryIO) -> InputContainer:
+    """Open a video file by its content, as one of `FORMATS` alone."""
+    # Without the file's name, by which FFmpeg would guess the format.
+    nameless = SimpleNamespace(read=file.read, seek=file.seek, tell=file.tell)
     options = {"format_whitelist": FORMATS, "protocol_whitelist": "pipe"}
-    return av.open(_Nameless(file), mode="r", options=options)
+    return av.open(nameless, mode="r", options=options)
 
 
 def only_video(container: InputContainer) -> VideoStream:
-    """Return the only video stream; album covers do not count.
+    """Return the only video stream of an open file or stream; album covers do not count.
 
     Raises:
-        ValueError: There is no video stream, there are several, or its pictures have no size or a
-            too large one.
+        ValueError: There is no video stream or several, or the pictures cannot be decoded, have no
+            size, or are too large.
     """
     streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
     if len(streams) != 1:
@@ -262,7 +247,7 @@ def only_video(container: InputContainer) -> VideoStream:
         raise ValueError(f"{there} in this file; give a file with one video")
     stream = streams[0]
     if getattr(stream, "codec_context", None) is None:  # FFmpeg has no decoder of this kind
-        raise ValueError("the pictures of this video are compressed in a way that is not known")
+        raise ValueError("FFmpeg here has no decoder for the compression of this video")
     if not stream.width or not stream.height:
         raise ValueError("no frame of this video can be decoded")
     check_size(stream.width, stream.height, "first frame: the picture")
@@ -275,6 +260,11 @@ def rate_of(stream: VideoStream) -> float:
 
 
 def _rate(stream: VideoStream) -> float:
+    """Return the rate of a video file [frames/s].
+
+    Raises:
+        ValueError: The rate is not known, or out of range.
+    """
     rate = rate_of(stream)
     if not SLOWEST <= rate <= FASTEST:
         raise ValueError(
@@ -285,9 +275,9 @@ def _rate(stream: VideoStream) -> float:
 
 
 def _count(container: InputContainer, stream: VideoStream) -> int:
-    """Return the number of frames that a file states; where it states none, that it has."""
+    """Return the number of frames that a file states or, if it states none, contains."""
     if stream.frames and "mp4" in container.format.name:
-        # One that was trimmed without encoding keeps frames that only others need.
+        # A file that was trimmed without new encoding keeps hidden frames that others refer to.
         shown = [not e.is_discard for e in getattr(stream, "index_entries", ())]  # from PyAV 16 on
         return sum(shown) or stream.frames
     if stream.frames:

@@ -1,4 +1,4 @@
-"""Checks of the boxes, quadrilaterals and scores that other trackers return."""
+"""Boxes of regions, and checks of the boxes and scores that trackers of other authors return."""
 
 import reprlib
 from typing import Any
@@ -15,13 +15,11 @@ SLACK = 1e-3
 """A score may leave 0..1 by this much: rounding errors of single precision."""
 LEAST_SIDE = 1e-6
 """Shortest side of a box with an area [px]: the product of shorter sides could underflow to 0."""
-EXPECTED = "(ok, box) or a box of x, y, width, height"
-"""Accepted answers of `update`, for messages."""
 
 
 def box_of(region: Region, state: State, image: Image) -> Box:
-    """Return the upright box [px] around a region at a state, cut to the image (H, W, 3); at least
-    one pixel wide and high.
+    """Return the upright box x, y, width, height [px] around a region at a state, cut to the image
+    (H, W, 3); at least one pixel wide and high.
     """
     corners = region.corners(state)
     height, width = image.shape[:2]
@@ -31,20 +29,23 @@ def box_of(region: Region, state: State, image: Image) -> Box:
 
 
 def convex(corners: Array) -> bool:
-    """Return whether corners (4, 2) form a convex quadrilateral whose area is not 0."""
+    """Return True if corners (4, 2) [px] form a convex quadrilateral with an area above 0."""
     points = corners.astype(np.float32)
     return cv2.contourArea(points) > 0 and cv2.isContourConvex(points)
 
 
-def box_in(answer: Any, name: str) -> Array | None:
-    """Return the box (4,) [px] in an answer of `update`; None for ok = False, or a box of zeros.
+def box_in(answer: object, name: str) -> Array | None:
+    """Return the box (4,) x, y, width, height [px] that a tracker's `update` returned.
 
     Args:
-        answer: (ok, box) or a box: x, y, width, height.
+        answer: A box, or (ok, box).
         name: Name of the tracker, for messages.
 
+    Returns:
+        None where the target is not seen: ok is False, or the box has only zeros.
+
     Raises:
-        ValueError: The answer is neither, or the box has no area; the message quotes the answer.
+        ValueError: The answer is neither of the two, or the box has no area.
     """
     given = answer
     if isinstance(answer, tuple | list) and len(answer) == 2 and np.ndim(answer[0]) == 0:
@@ -57,10 +58,12 @@ def box_in(answer: Any, name: str) -> Array | None:
         box = np.empty(0)
     if box.shape == (4,) and not box.any():
         return None
-    if box.shape != (4,) or not (np.abs(box) <= FARTHEST).all():  # nan is not
-        raise ValueError(f"{name}: update returned {shown(answer)}; {EXPECTED} is expected")
-    if box[2:].min() < LEAST_SIDE:
-        raise ValueError(f"{name}: update returned {shown(answer)}, a box without an area")
+    is_box = box.shape == (4,) and (np.abs(box) <= FARTHEST).all()  # nan is not
+    if not is_box or box[2:].min() < LEAST_SIDE:
+        raise ValueError(
+            f"{name}: update returned {shown(answer)}; expected (ok, box) or a box of x, y, width, "
+            "height with an area"
+        )
     return box
 
 
@@ -68,21 +71,21 @@ def score_in(answer: Any, name: str) -> float:
     """Return a tracker's score as a number, clipped to 0..1.
 
     Args:
-        answer: The score that the tracker gave.
+        answer: The score that the tracker returned.
         name: Name of the tracker, for messages.
 
     Raises:
-        ValueError: The score is not a number between 0 and 1; the message quotes it.
+        ValueError: The score is not a number of 0 to 1.
     """
     try:
         score = float(answer)
     except (TypeError, ValueError):
         score = float("nan")
     if not -SLACK <= score <= 1 + SLACK:
-        raise ValueError(f"{name}: the score is {shown(answer)}; a score lies between 0 and 1")
+        raise ValueError(f"{name}: the score is {shown(answer)}; it must be a number of 0 to 1")
     return min(max(score, 0.0), 1.0)
 
 
-def shown(answer: Any) -> str:
-    """Return a tracker's answer as one short line of text, for messages."""
+def shown(answer: object) -> str:
+    """Return a value that a tracker returned as one short line of text, for messages."""
     return " ".join(reprlib.repr(answer).split())

@@ -1,7 +1,7 @@
-"""OpenCV's own trackers by their names; OpenCV's errors become sentences."""
+"""OpenCV's own trackers by their names; OpenCV's errors become a ValueError with one sentence."""
 
 import ctypes
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ MODELS = {
 }
 """Names of the model files of OpenCV's neural trackers, in order; these trackers have a score."""
 LEAST_MIL = 5
-"""Shortest longer side of MIL's box [px]: in a smaller one OpenCV draws features for ever."""
+"""Least length of the longer side of MIL's box [px]: in a smaller box OpenCV never returns."""
 CONTRIB = ("CSRT", "KCF")
 """Trackers that only OpenCV's additional modules have."""
 REMEDY = (
@@ -34,12 +34,12 @@ REMEDY = (
 class Cv2Tracker:
     """A tracker of OpenCV, for pictures in BGR.
 
-    An unusable model raises an error in the first `update`. Errors of OpenCV in later updates, such
-    as for a box that has left the picture, mean that the target is not seen.
+    An unusable model file raises an error in the first `update`. Errors of OpenCV in later updates,
+    such as for a box that has left the picture, mean that the target is not seen.
     """
 
     def __init__(self, name: str, models: Sequence[str], seed: int) -> None:
-        """Make `cv2.TrackerNAME`.
+        """Make OpenCV's tracker of a name; `init` must be called before `update`.
 
         Args:
             name: Name of the tracker, such as "MIL".
@@ -47,7 +47,7 @@ class Cv2Tracker:
             seed: Seed of OpenCV's random numbers.
 
         Raises:
-            ValueError: This OpenCV has no such tracker, or it needs other model files.
+            ValueError: This OpenCV has no such tracker, or the tracker needs other model files.
         """
         self._name = name
         self._models = [Path(model) for model in models]
@@ -55,11 +55,14 @@ class Cv2Tracker:
         self._tracker = self._made()
         self._proven = False
 
-    def init(self, image: Image, box: Box) -> Any:
-        """Learn the target in a box of the first picture, BGR (H, W, 3).
+    def init(self, image: Image, box: Box) -> object:
+        """Learn the target in a box [px] of the first picture, BGR (H, W, 3).
+
+        Returns:
+            OpenCV's answer: False if it refuses the box.
 
         Raises:
-            ValueError: OpenCV refuses the box or the model files.
+            ValueError: OpenCV fails on the box or the model files.
         """
         self._size = image.shape
         if self._name == "MIL" and max(box[2:]) < LEAST_MIL:
@@ -71,32 +74,32 @@ class Cv2Tracker:
         with self._named(f" (region: {box[2]} x {box[3]} px, picture: {width} x {height} px)"):
             return self._tracker.init(image, box)
 
-    def update(self, image: Image) -> tuple[bool, Any]:
-        """Return (ok, box) of the target in the next picture; ok is False where it is not seen.
-
-        In a picture whose size differs from that of the first, it is not seen.
+    def update(self, image: Image) -> tuple[bool, Sequence[float]]:
+        """Return True and the target's box x, y, width, height [px] in the next picture, BGR
+        (H, W, 3); False where the target is not seen, or the first picture had another size.
 
         Raises:
             ValueError: The model files do not fit each other or this tracker.
         """
         if image.shape != self._size:
-            return False, None
+            return False, ()
         try:
             with self._named():
                 found, box = self._tracker.update(image)
         except ValueError:
             if self._models and not self._proven:
                 raise
-            return False, None
+            return False, ()
         self._proven = True
         return found and min(box[2:]) > 0, box
 
     def score(self) -> float:
-        """Return OpenCV's score of the last update, clipped to 0..1; 0 for nan."""
+        """Return OpenCV's score of the last update, clipped to 0..1; 0 where it is nan."""
         return float(np.clip(np.nan_to_num(self._tracker.getTrackingScore()), 0, 1))
 
     def _made(self) -> Any:
-        made_by = factory_of(self._name)
+        """Return OpenCV's tracker with its model files."""
+        create = creator_of(self._name)
         parts = MODELS.get(self._name, ())
         if len(self._models) != len(parts):
             files = f"needs its model files {', '.join(parts)}" if parts else "has no model file"
@@ -106,16 +109,20 @@ class Cv2Tracker:
         for path in self._models:
             reading.opened(path, "model").close()  # OpenCV's own message names no file
         if not parts:
-            return made_by.create()
+            return create()
         settings = getattr(cv2, f"Tracker{self._name}_Params")()
         for part, path in zip(parts, self._models, strict=True):
             setattr(settings, part, str(path))
         with self._named():
-            return made_by.create(settings)
+            return create(settings)
 
     @contextmanager
     def _named(self, end: str = "") -> Generator[None]:
-        """Raise a ValueError with the tracker's name and files for OpenCV's errors in the block."""
+        """Turn OpenCV's errors in the block into a ValueError with the tracker's name and files.
+
+        Args:
+            end: End of the message, after OpenCV's reason.
+        """
         try:
             with silent_libraries():
                 yield
@@ -123,19 +130,20 @@ class Cv2Tracker:
             raise ValueError(f"{self._place()}: {_reason(error)}{end}") from None
 
     def _place(self) -> str:
+        """Return the tracker's name and model files, to begin a message."""
         files = ", ".join(map(str, self._models))
         return f"OpenCV's {self._name} with {files}" if files else f"OpenCV's {self._name}"
 
 
-def factory_of(name: str) -> Any:
-    """Return OpenCV's class of a tracker.
+def creator_of(name: str) -> Callable[..., Any]:
+    """Return OpenCV's function that makes a tracker of a name, such as "MIL".
 
     Raises:
-        ValueError: This OpenCV does not have it; the message lists the trackers that it has.
+        ValueError: This OpenCV has no such tracker; the message lists the trackers that it has.
     """
     found = getattr(cv2, f"Tracker{name}", None)
-    if hasattr(found, "create"):
-        return found
+    if found is not None and hasattr(found, "create"):
+        return found.create
     there = [
         n.removeprefix("Tracker")
         for n in dir(cv2)
@@ -148,9 +156,8 @@ def factory_of(name: str) -> Any:
 
 
 def running() -> str:
-    """Return the version of the imported OpenCV, and whether it has the additional modules.
-
-    Package metadata may be wrong: two packages of OpenCV overwrite each other's files.
+    """Return a text with the version of the imported OpenCV, and whether it has the additional
+    modules. Package metadata may be wrong: two packages of OpenCV overwrite each other's files.
     """
     contrib = hasattr(cv2, "TrackerCSRT")
     return f"{cv2.__version__} {'with' if contrib else 'without'} the additional modules"

@@ -1,7 +1,7 @@
-"""A tracker of another author with our interface.
+"""A tracker of another author with the interface of `tracking.types.Tracker`.
 
-Its boxes or quadrilaterals become states. Our colour histogram, or the tracker's own score, decides
-whether the target is seen.
+Its boxes or quadrilaterals are converted to states. Our colour histogram, or the tracker's own
+score, decides whether the target is seen.
 """
 
 import math
@@ -33,62 +33,73 @@ UPRIGHT = 1e-3
 RESIZED = 1e-3
 """Smallest change of ln scale that counts as a change of size."""
 ORDERS = [np.roll(order, k) for k in range(4) for order in ((0, 1, 2, 3), (3, 2, 1, 0))]
-"""All orders of four corners around a quadrilateral, in both senses."""
+"""Indices of a quadrilateral's four corners, from each corner on, in both senses."""
 LIMITS = LossLimits(floor=0.5, cap=0.75)
-"""Limits of the histogram's distance; of hard bins, that of a seen target is not near 0."""
+"""Limits of the histogram's distance: with hard bins, even that of a seen target is far above 0."""
 
 
 @dataclass(frozen=True)
 class JudgeSettings:
-    """Settings that decide whether the target is seen."""
+    """Settings of a tracker of another author: how it is decided whether the target is seen, and
+    whether the size is followed.
+    """
 
     needs = frozenset({Channel.PICTURE})
 
     judge: Literal["histogram", "score"] = "histogram"
-    """Decide by our colour histogram of the tracker's region, or by the tracker's own score."""
+    """Decide by our colour histogram in the tracker's box, or by the tracker's own score."""
     least_score: Share = 0.3
     """With judge = "score": below this score the target is not seen."""
     follow_size: bool = True
-    """Follow the size of the tracker's boxes, once it has changed."""
+    """The scale follows the size of the tracker's boxes, once it has changed."""
 
 
 class RegionSource(Protocol):
-    """A tracker of another author: an object in this process, or a server."""
+    """Connection to a tracker of another author: an object in this process, or a server."""
 
     def start(self, image: Image, region: Region, state: State) -> Box:
-        """Show the first picture, RGB (H, W, 3), and the target's region; return its box [px]."""
-        ...
+        """Start the tracker on the first picture, RGB (H, W, 3).
 
-    def update(self, image: Image) -> Array | None:
-        """Return a box (4,) or the corners (4, 2) of a convex quadrilateral [px]; None where the
-        target is not seen.
+        Returns:
+            The box x, y, width, height [px] around the region at the state.
         """
         ...
 
+    def update(self, image: Image) -> Array | None:
+        """Return where the tracker finds the target in the next picture, RGB (H, W, 3).
+
+        Returns:
+            A box (4,) x, y, width, height, or the corners (4, 2) of a convex quadrilateral [px];
+            None where the target is not seen.
+        """
+
     def score(self) -> float:
-        """Return the tracker's own score of its last region, 0..1."""
+        """Return the tracker's own score of its last answer, 0..1."""
         ...
 
 
 @final
 class ForeignTracker:
-    """Our interface around a tracker of another author.
+    """A `tracking.types.Tracker` around a tracker of another author.
 
-    Its boxes move and scale the region. Its quadrilaterals also turn the region, and are reported
-    as corners. It is not told the camera's motion.
+    Boxes of the other tracker move and scale the region; its quadrilaterals also turn the region,
+    and are reported as corners. The camera's motion is ignored.
     """
 
     _source: RegionSource = SET_BY_START
 
     def __init__(self, settings: JudgeSettings, make: Callable[[], RegionSource]) -> None:
+        """Prepare a tracker; `make` is called by `start`, and returns a new tracker of the other
+        author.
+        """
         self._settings = settings
         self._make = make
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Make a new tracker and show it the first frame.
+        """Make a new tracker of the other author and start it on the first frame.
 
         Raises:
-            ValueError: The region is not valid, the tracker cannot be made, or it refuses the
+            ValueError: The region is not valid, or the tracker cannot be made or refuses the
                 region.
         """
         check_region(frame, region, state)
@@ -103,14 +114,14 @@ class ForeignTracker:
             self._model = AppearanceSettings().model(frame.image, region, state)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the estimate by the tracker's region; without a region, the last state stays.
+        """Return the estimate by the other tracker's answer; the last state where it finds nothing.
 
         Args:
             frame: The next frame.
             ego: Not used.
 
         Raises:
-            ValueError: The tracker fails, or its answer is not a region.
+            ValueError: The other tracker fails, or its answer is not a region.
         """
         found = self._source.update(frame.image)
         corners = None
@@ -128,7 +139,7 @@ class ForeignTracker:
         )
 
     def _judge(self, frame: Frame) -> tuple[float, Status]:
-        """Return distance and status of the target at the tracker's region."""
+        """Return the target's distance, 0..1, at the current placement, and its status."""
         if self._settings.judge == "score":
             distance = 1.0 - self._source.score()
             return distance, self._loss.judge(distance, frame.time)
@@ -142,15 +153,15 @@ class ForeignTracker:
 
 
 class Placement:
-    """Converts boxes or corners of another tracker into states of the region.
+    """Converts the boxes or corners of another tracker into states of our region.
 
-    A box moves the centre and scales the region by the square root of its area, both relative to
-    the first box; the angle keeps its first value. Four corners also turn the region, by the
-    similarity that maps its first corners to them with the least squares.
+    A box moves the centre and scales the region by the square root of the box's area, both relative
+    to the first box; the angle keeps its first value. Four corners also turn the region, by the
+    similarity that maps the first corners to them with least squares.
     """
 
     turns = False
-    """True once corners were not upright."""
+    """True once corners were given that are not those of an upright box."""
     resizes = False
     """True once the size has changed."""
 
@@ -158,9 +169,9 @@ class Placement:
         """Begin with the target in the first picture.
 
         Args:
-            region: The template.
-            state: State of the target at first.
-            box: The upright box around it, x, y, width, height, as the tracker gets it [px].
+            region: Size of the target in the first picture [px].
+            state: State of the target in the first picture.
+            box: Upright box (4,) x, y, width, height [px] with which the tracker was started.
             sizes: Follow the size, too.
         """
         self._first = state
@@ -171,16 +182,16 @@ class Placement:
         self._sizes = sizes
 
     def follow_box(self, box: Array) -> None:
-        """Set the state by a box (4,): x, y, width, height [px], the sides above 0."""
+        """Set `state` by a box (4,): x, y, width, height [px], with sides above 0."""
         moved = box[:2] + box[2:] / 2 - self._box[:2] - self._box[2:] / 2
         grown = float(np.log(box[2] * box[3] / (self._box[2] * self._box[3]))) / 2
         self._move(np.array([*moved, 0.0, grown]))
 
     def follow_corners(self, corners: Array) -> Array:
-        """Set the state by the corners (4, 2) of a convex quadrilateral [px], in any order.
+        """Set `state` by the corners (4, 2) of a convex quadrilateral [px], from any corner on.
 
         Returns:
-            The corners (4, 2) in the order of the region's own.
+            The corners (4, 2) in the order of `Region.corners`.
         """
         ordered = (corners[order] for order in ORDERS)
         # Trackers begin with any corner: the order nearest to the last corners is the region's.
@@ -198,10 +209,14 @@ class Placement:
         return seen
 
     def _move(self, change: Array) -> None:
+        """Set `state` to the first state plus a change (4,) of x, y [px], theta [rad], ln scale."""
         self.resizes = self._sizes and (self.resizes or abs(float(change[3])) > RESIZED)
         self.state = self._first.moved(change * (1, 1, 1, self.resizes))
 
     def _distance(self, corners: Array) -> float:
+        """Return the sum of squared distances [px^2] of corners (4, 2) from the last ones, both
+        relative to their centres.
+        """
         around = self._last - self._last.mean(axis=0)
         return float(np.square(corners - corners.mean(axis=0) - around).sum())
 
@@ -211,6 +226,6 @@ def _complex(points: Array) -> np.ndarray:
 
 
 def _upright(corners: Array) -> bool:
-    """Return whether the sides of a quadrilateral (4, 2) lie along the axes."""
+    """Return True if the sides of a quadrilateral (4, 2) [px] lie along the image's axes."""
     sides = np.abs(np.diff(corners, axis=0, append=corners[:1]))
     return bool((sides.min(axis=1) <= UPRIGHT * sides.max()).all())

@@ -1,4 +1,4 @@
-"""Client of a tracker that runs in another process and speaks the TraX protocol."""
+"""Client for a tracker that runs in another process, a server, and speaks the TraX protocol."""
 
 import os
 import shlex
@@ -18,6 +18,7 @@ from typing import NoReturn
 import numpy as np
 
 from sim.types import Array, Image
+from tracking.sequences.quadrilateral import boxes
 from tracking.types import Region, State
 from tracking.wrapped.boxes import Box, box_in, box_of, convex, score_in
 from tracking.wrapped.trax_messages import (
@@ -26,7 +27,6 @@ from tracking.wrapped.trax_messages import (
     SEEN,
     UNSEEN,
     Message,
-    box_around,
     message_in,
     picture_text,
     region_in,
@@ -36,23 +36,23 @@ from tracking.wrapped.trax_messages import (
 TOGETHER = {"1", "2", "3"}
 """Versions of TraX whose first message holds region and picture; later versions send two."""
 PICTURES = frozenset({"path", "memory", "buffer", "data"})
-"""Formats in which we send pictures."""
+"""Formats of the pictures that we can send."""
 REGIONS = frozenset({"rectangle", "polygon"})
-"""Forms in which we send regions."""
+"""Formats of the regions that we can send."""
 LAST_LINES = 3
 """Number of lines of a server's stderr that an error quotes."""
 LONGEST_LINE = 1 << 24
-"""Longest piece of a server's output that is read at once [bytes]: output without an end of line
-cannot fill the memory."""
+"""Most bytes of a server's output that are read at once: output without an end of line cannot fill
+the memory."""
 GRACE = 0.5
 """Time between the request to quit and the kill of a server [s]."""
 KEEPER = 'read -r _; kill -s KILL -- "-$1"; rm -rf -- "$2"'
-"""Shell script that kills a server with its children and removes its folder, as soon as it reads a
-line or the end of its input. It does so also after a kill of our own process."""
+"""Shell script that kills a server with its children and removes its folder, as soon as the script
+reads a line or the end of its input, which ends also when our own process is killed."""
 
 
 class TraxClient:
-    """A TraX server as a source of regions; the server ends with this object."""
+    """Connection to a TraX server (a `RegionSource`); the server is ended with this object."""
 
     def __init__(self, command: str, timeout: float) -> None:
         """Start a server and wait for its hello.
@@ -62,7 +62,7 @@ class TraxClient:
             timeout: Longest wait for an answer [s].
 
         Raises:
-            ValueError: The server does not start, sends no hello, or accepts none of our forms of
+            ValueError: The server does not start, sends no hello, or accepts none of our formats of
                 regions or pictures.
         """
         if not command.strip():
@@ -81,19 +81,21 @@ class TraxClient:
         hello = self._ask("hello").named
         self._separate = hello.get("trax.version", "1") not in TOGETHER
         self._pictures = self._taken(_words(hello, "image", "path"), PICTURES, "picture")
-        regions = self._taken(_words(hello, "region", "rectangle"), REGIONS, "region")
-        self._polygons = "polygon" in regions
+        self._regions = self._taken(_words(hello, "region", "rectangle"), REGIONS, "region")
         if (channels := _words(hello, "channels", "color")) != ["color"]:
             self._fail(f"needs the channels {', '.join(channels)}; we have color")
 
     def start(self, image: Image, region: Region, state: State) -> Box:
-        """Send the first picture, RGB (H, W, 3), and the target's region; return its box [px].
+        """Send the first picture, RGB (H, W, 3), and the target's region at a state.
+
+        Returns:
+            The upright box x, y, width, height [px] around the region.
 
         Raises:
-            ValueError: As for `update`.
+            ValueError: The server has ended, hangs, or sends no answer.
         """
         box = box_of(region, state, image)
-        target = region_text(region.corners(state) if self._polygons else np.array(box))
+        target = region_text(region.corners(state) if "polygon" in self._regions else np.array(box))
         picture = self._picture(image)
         if self._separate:
             self._ask("state", Message("initialize", (target,)), Message("frame", (picture,)))
@@ -102,7 +104,7 @@ class TraxClient:
         return box
 
     def update(self, image: Image) -> Array | None:
-        """Send a picture, RGB (H, W, 3), and return the target's region in it [px].
+        """Send the next picture, RGB (H, W, 3), and return the target's region in it [px].
 
         Returns:
             A box (4,) of x, y, width, height, or the corners (4, 2) of a convex quadrilateral;
@@ -116,44 +118,55 @@ class TraxClient:
         try:
             found = region_in(*answer.arguments)
         except (TypeError, ValueError) as error:
-            reason = error if isinstance(error, ValueError) else "no region"
+            reason = error if isinstance(error, ValueError) else "not one region"
             self._fail(f"answered {answer.line().strip()[:80]}, which is {reason}")
         if found is None or answer.named.get(SEEN) == UNSEEN:
             return None
         if found.ndim == 1:
             return box_in(found, self._name)
-        box = box_in(box_around(found), self._name)
+        box = box_in(boxes(found[None])[0], self._name)
         return found if len(found) == CORNERS and convex(found) else box
 
     def score(self) -> float:
-        """Return the confidence of the last answer, 0..1.
+        """Return the confidence that the server sent with its last answer, 0..1.
 
         Raises:
-            ValueError: The server reported no confidence.
+            ValueError: The server sent no confidence, or not a number of 0 to 1.
         """
         if CONFIDENCE not in self._named:
             raise ValueError(
-                f'{self._name} reports no {CONFIDENCE}: judge = "histogram" needs none'
+                f'{self._name} reports no {CONFIDENCE}; set judge = "histogram", which needs none'
             )
         return score_in(self._named[CONFIDENCE], self._name)
 
     def _picture(self, image: Image) -> str:
-        """Return a picture in a form that the server accepts; of files, the last two are kept."""
+        """Return a picture as the argument of a message, in a format that the server accepts; of
+        pictures sent as files, the last two files are kept.
+        """
         self._count += 1
         (self._folder / f"{self._count - 2:08}.png").unlink(missing_ok=True)
         return picture_text(image, self._pictures, self._folder / f"{self._count:08}.png")
 
     def _taken(self, offered: Sequence[str], ours: frozenset[str], what: str) -> Sequence[str]:
-        """Return the forms that a server accepts; fail if none of ours is among them."""
+        """Return the formats that a server accepts, checked to hold one of ours.
+
+        Raises:
+            ValueError: None of ours is among them.
+        """
         if not ours & set(offered):
-            self._fail(f"takes {', '.join(offered)} as {what}; we have {', '.join(sorted(ours))}")
+            self._fail(
+                f"accepts a {what} only as {', '.join(offered)}; servobench sends "
+                f"{', '.join(sorted(ours))}"
+            )
         return offered
 
     def _ask(self, expected: str, *messages: Message) -> Message:
-        """Send messages, and return the answer, whose type is expected.
+        """Send messages, and return the server's answer, which has the expected type.
 
-        A server that hangs blocks reading and writing, so that it is killed after the timeout.
+        Raises:
+            ValueError: The server has ended, hangs, or answers with another type.
         """
+        # A server that hangs blocks our reading and writing: its kill ends both.
         began = time.monotonic()
         late = threading.Timer(self._timeout, os.killpg, (self._process.pid, signal.SIGKILL))
         late.start()
@@ -163,19 +176,21 @@ class TraxClient:
         finally:
             late.cancel()
         if answer is None and time.monotonic() - began >= self._timeout:
-            self._fail(f"said no {expected} within {self._timeout:g} s")
+            self._fail(f"sent no '{expected}' within {self._timeout:g} s")
         if answer is None or answer.type == "quit":
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(GRACE)
             code = self._process.poll()
             ended = "ended" if code is None else f"ended with code {code}"
-            self._fail(f"{ended} where its {expected} is expected")
+            self._fail(f"{ended} instead of sending '{expected}'")
         if answer.type != expected:
-            self._fail(f"said {answer.type} where its {expected} is expected")
+            self._fail(f"sent '{answer.type}' instead of '{expected}'")
         return answer
 
     def _fail(self, fault: str) -> NoReturn:
-        """End the server, and raise a ValueError with the last lines of its stderr."""
+        """End the server, and raise a ValueError with its name, a fault and the last lines of its
+        stderr.
+        """
         with self._log.open("rb") as log:
             lines = deque(filter(bytes.strip, log), LAST_LINES)
         self._close()
@@ -183,6 +198,11 @@ class TraxClient:
         raise ValueError(f"{self._name} {fault}{words and f': {words}'}") from None
 
     def _started(self, command: str) -> subprocess.Popen[bytes]:
+        """Return the process of the server, whose stderr goes to a file.
+
+        Raises:
+            ValueError: The command cannot be started.
+        """
         self._log = self._folder / "stderr.txt"
         try:
             with self._log.open("wb") as log:
@@ -201,11 +221,12 @@ class TraxClient:
 
 
 def _words(hello: Mapping[str, str], key: str, default: str) -> list[str]:
+    """Return the formats in the argument trax.KEY of a hello, else those of a default."""
     return [word for word in (hello.get(f"trax.{key}") or default).split(";") if word]
 
 
 def _send(process: subprocess.Popen[bytes], *messages: Message) -> None:
-    """Send messages to a server; one that has ended gets none, and gives no answer."""
+    """Send messages to a server; a server that has ended is ignored, as it will not answer."""
     assert process.stdin is not None  # a pipe
     with suppress(OSError):
         process.stdin.write("".join(message.line() for message in messages).encode())
@@ -213,7 +234,7 @@ def _send(process: subprocess.Popen[bytes], *messages: Message) -> None:
 
 
 def _messages(process: subprocess.Popen[bytes]) -> Iterator[Message]:
-    """Yield the messages of a server until it ends."""
+    """Yield the messages that a server sends until it ends; its other output is skipped."""
     assert process.stdout is not None  # a pipe
     while line := process.stdout.readline(LONGEST_LINE):
         if message := message_in(line.decode("utf-8", "replace")):
@@ -221,7 +242,7 @@ def _messages(process: subprocess.Popen[bytes]) -> Iterator[Message]:
 
 
 def _end(process: subprocess.Popen[bytes], keeper: subprocess.Popen[bytes]) -> None:
-    """End a server with all that it has started."""
+    """End a server and the processes that it has started, and remove its folder."""
     _send(process, Message("quit"))
     with suppress(subprocess.TimeoutExpired):
         process.wait(GRACE)

@@ -17,50 +17,50 @@ import numpy as np
 from sim.files.bit_depth import BitDepth
 from sim.files.picture_file import check_size, decoded, read_image
 from sim.types import Array, Image
+from tracking.sequences.quadrilateral import BOX
 
 PREFIX = "@@TRAX:"
 CONFIDENCE = "confidence"
-"""Name under which servers report their score."""
+"""Name of the argument in which servers report their score."""
 SEEN = "seen"
 UNSEEN = "0"
-"""Name and value by which our server reports that its tracker did not see the target; TraX itself
-cannot say so."""
+"""Argument seen=0 by which our server reports that its tracker did not see the target; TraX itself
+has no message for this."""
 TYPES = {"hello", "initialize", "frame", "state", "status", "quit"}
 ARGUMENT = re.compile(r'"((?:[^"\\]|\\.)*+)"|(\S+)')
-"""An argument in quotes, or without. The possessive repetition takes linear time on a line whose
+"""An argument with or without quotes. The possessive repetition takes linear time on a line whose
 quotes are not closed, as a crashing server leaves it."""
 NAMED = re.compile(r"([\w.]{1,64})=(.*)", re.ASCII | re.DOTALL)
 SPECIAL = re.compile(r'[\\"\n]')
 ESCAPED = {"\\": "\\\\", '"': '\\"', "\n": "\\n"}
-BOX = 4
 FEWEST_NUMBERS = 6
 """Numbers of a rectangle, and fewest of a polygon."""
 CORNERS = 4
-"""Number of corners of a polygon that may turn a region; others are replaced by their box."""
+"""Number of corners of a polygon that can turn a region; other polygons are replaced by their
+box."""
 PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 BYTES = {"rgb": 3, "gray8": 1, "gray16": 2}
 """Bytes of a pixel in each format of raw pictures."""
-MASK = "m"
-"""First letter of a region that is a mask."""
 
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message: its type, arguments in order, and named arguments."""
+    """A TraX message: its type, its arguments in order, and its named arguments."""
 
     type: str
+    """One of `TYPES`."""
     arguments: Sequence[str] = ()
     named: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def line(self) -> str:
-        """Return the message as a line of text with its end."""
+        """Return the message as the line of text that is sent, with its newline."""
         texts = [*self.arguments, *(f"{key}={value}" for key, value in self.named.items())]
         quoted = [f'"{SPECIAL.sub(lambda m: ESCAPED[m[0]], text)}"' for text in texts]
         return f"{PREFIX}{' '.join([self.type, *quoted])}\n"
 
 
 def message_in(line: str) -> Message | None:
-    """Return the message in a line of text; None if the line holds no message."""
+    """Return the TraX message in a received line of text; None if the line is other output."""
     if not line.startswith(PREFIX):
         return None
     name, _, rest = line.removeprefix(PREFIX).strip().partition(" ")
@@ -77,21 +77,19 @@ def message_in(line: str) -> Message | None:
 
 
 def region_text(numbers: Array) -> str:
-    """Return a box (4,) or corners (n, 2) [px] as the text of a region."""
+    """Return a box (4,) x, y, width, height, or corners (n, 2) [px] as the text of a region."""
     return ",".join(f"{number:.4f}" for number in numbers.ravel().tolist())
 
 
 def region_in(text: str) -> Array | None:
-    """Return the box (4,) or the polygon (n, 2) [px] in the text of a region.
+    """Return the box (4,) x, y, width, height, or the polygon (n, 2) [px] in the text of a region.
 
     Returns:
         None where the target is not seen: for a single number, or a box of zeros.
 
     Raises:
-        ValueError: The text is a mask, or not a region; the message continues "... is".
+        ValueError: The text is neither; the message is written to follow "The text is".
     """
-    if text.startswith(MASK):
-        raise ValueError("a mask; rectangles and polygons are known")
     try:
         numbers = np.array(text.split(","), dtype=float)
     except ValueError:
@@ -101,13 +99,8 @@ def region_in(text: str) -> Array | None:
         return None
     polygon = count >= FEWEST_NUMBERS and count % 2 == 0
     if not (polygon or count == BOX) or not np.isfinite(numbers).all():
-        raise ValueError("no region")
+        raise ValueError("neither a rectangle nor a polygon")
     return numbers.reshape(-1, 2) if polygon else numbers
-
-
-def box_around(polygon: Array) -> Array:
-    """Return the upright box (4,), x, y, width, height, around a polygon (n, 2) [px]."""
-    return np.concatenate([polygon.min(axis=0), np.ptp(polygon, axis=0)])
 
 
 def picture_text(image: Image, formats: Sequence[str], file: Path) -> str:
@@ -115,9 +108,9 @@ def picture_text(image: Image, formats: Sequence[str], file: Path) -> str:
 
     Args:
         image: The picture.
-        formats: Formats that the server accepts: raw pixels in the message ("memory") come first,
-            then PNG in the message ("buffer", "data"), then PNG in a file ("path").
-        file: The file to write for "path".
+        formats: Formats that the server accepts. Raw pixels in the message ("memory") are
+            preferred, then PNG in a file ("path"), then PNG in the message ("buffer", "data").
+        file: The file that is written for "path".
     """
     if "memory" in formats:
         height, width = image.shape[:2]
@@ -130,11 +123,11 @@ def picture_text(image: Image, formats: Sequence[str], file: Path) -> str:
 
 
 def picture_in(text: str, depth: BitDepth | None = None) -> Image:
-    """Return the RGB picture (H, W, 3) in an argument of a message, or in the file that it names.
+    """Return the RGB picture (H, W, 3) in an argument of a message, or in a file named there.
 
     Args:
         text: The argument of the message.
-        depth: Bits in use in the pictures of the client; None: decided by this picture alone.
+        depth: Number of bits that the client's pictures use, found so far; None: by this picture.
 
     Raises:
         ValueError: The picture cannot be read or decoded, or its data do not fit its size.
@@ -145,7 +138,7 @@ def picture_in(text: str, depth: BitDepth | None = None) -> Image:
             width, height, kind, data = rest.split(";", 3)
             check_size(int(width), int(height))
             if kind not in BYTES:
-                raise ValueError(f"there is no format '{kind}'; there is {', '.join(BYTES)}")
+                raise ValueError(f"unknown format '{kind}'; known are {', '.join(BYTES)}")
             pixels = np.frombuffer(base64.b64decode(data, validate=True), np.uint8)
             image = pixels.reshape(int(height), int(width), BYTES[kind])
             if kind == "gray16":

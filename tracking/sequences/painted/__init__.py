@@ -1,4 +1,4 @@
-"""Kinds of painted sequences with exact truth, one a file."""
+"""Kinds of painted (synthetic) sequences with exact truth; each file has one kind."""
 
 from __future__ import annotations
 

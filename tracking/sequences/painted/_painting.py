@@ -1,4 +1,4 @@
-"""Random textures, noise, and pasting of a picture under a similarity, for painted sequences."""
+"""Random textures, noise, and pasting of a small picture into another, for painted sequences."""
 
 import cv2
 import numpy as np
@@ -6,18 +6,23 @@ import numpy as np
 from sim.types import Array, Image
 from tracking.types import Region, State
 
+WIDTH = 320
+"""Width of all painted pictures [px]."""
+HEIGHT = 240
+"""Height of all painted pictures [px]."""
+
 
 def blotches(
     rng: np.random.Generator, width: int, height: int, grain: float, colour: Array, spread: float
 ) -> Image:
-    """Return a random picture (height, width, 3) of blotches.
+    """Return a random picture, RGB (height, width, 3), of soft blotches around a colour.
 
     Args:
         rng: Random generator.
         width: Width [px].
         height: Height [px].
-        grain: Size of the blotches [px].
-        colour: Mean colour (3,), or a whole picture (height, width, 3).
+        grain: Size of the blotches: standard deviation of the Gaussian that smooths noise [px].
+        colour: Mean colour (3,), or mean colour of each pixel (height, width, 3) [grey levels].
         spread: Standard deviation of each channel [grey levels].
     """
     noise = cv2.GaussianBlur(rng.normal(0, 1, (height, width, 3)), (0, 0), grain)
@@ -26,11 +31,11 @@ def blotches(
 
 
 def noisy(image: Image, noise: float, seed: int, index: int) -> Image:
-    """Return a picture with Gaussian noise that depends on its number in a sequence.
+    """Return a picture (H, W, 3) plus Gaussian noise; the same index gets the same noise again.
 
     Args:
-        image: The picture, also with fractions of grey levels.
-        noise: Standard deviation [grey levels].
+        image: The picture (H, W, 3) [grey levels], which may have fractions.
+        noise: Standard deviation of the noise [grey levels].
         seed: Seed of the sequence's noise.
         index: Number of the picture in the sequence.
     """
@@ -39,7 +44,14 @@ def noisy(image: Image, noise: float, seed: int, index: int) -> Image:
 
 
 def paste(image: Image, patch: Image, region: Region, state: State) -> Image:
-    """Return a picture (H, W, 3) with a patch in the region at a state, with smooth edges."""
+    """Return a copy of a picture (H, W, 3) with a patch (h, w, 3) drawn into a region.
+
+    Args:
+        image: The picture.
+        patch: The patch, which is scaled to the region and turned; its edges become smooth.
+        region: Size of the patch in the picture at scale 1 [px].
+        state: Position [px], angle [rad] and scale of the patch in the picture.
+    """
     height, width = patch.shape[:2]
     shape = (image.shape[1], image.shape[0])
     # warpAffine counts from pixel centres, so a patch spans -0.5 .. size - 0.5.

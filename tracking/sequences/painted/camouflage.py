@@ -1,8 +1,8 @@
-"""Camouflage: a car painted in its ground's own colours, which only the texture of its paint shows.
+"""Camouflage: a car in the colours of the ground, which only its finer texture shows.
 
-For the claim of the PFJCTH paper that colour and texture together follow what neither does alone.
-The car's paint is fine, the ground's coarse. Gravel in another colour, with the car's texture, lies
-on the ground. Motion, sizes and noise are those of `texture`.
+For the claim of the PFJCTH paper that colour and texture together follow a target that neither
+follows alone. Gravel in another colour, with the car's texture, lies on the ground. Motion, sizes
+and noise are those of `texture`.
 """
 
 from dataclasses import dataclass
@@ -14,25 +14,27 @@ from annotated_types import Ge, Le
 
 from sim.types import Array, Image
 from tracking.sequences.painted import texture
-from tracking.sequences.painted._painting import blotches
-from tracking.sequences.painted.texture import HEIGHT, SIZE, WIDTH
+from tracking.sequences.painted._painting import HEIGHT, WIDTH, blotches
+from tracking.sequences.painted.texture import SIZE
 
 COARSE = 6.0
 FINE = 1.2
 SPREAD = 20.0
-"""Size of the blotches of ground and paint [px], and their spread [grey levels]."""
+"""Standard deviation of the colours of ground, car and gravel [grey levels]; above it, the size of
+the ground's blotches and of those of car and gravel [px]."""
 OTHER = 70.0
 """Distance of the gravel's colour from the car's (Euclidean, RGB)."""
 BIN = 32
+"""Width of one of 8 colour bins a channel [grey levels]."""
 SHADE = 9.0
+"""Largest distance of a shade from the middle of its colour bin [grey levels]."""
 SMOOTH = 8.0
-"""Width of one of 8 colour bins a channel, how far shades are from its middle at most [grey
-levels], and the size of those of the ground [px]."""
+"""Size of the ground's blotches where all shades are of one colour bin [px]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config(texture.Config):
-    """Texture's settings, the colours and the gravel."""
+    """Settings of `texture`, the colours and the gravel."""
 
     colours: Literal["one", "spread"] = "one"
     """Shades of "one" colour bin, of 8 a channel, so that one place has the colours of any other;
@@ -42,6 +44,7 @@ class Config(texture.Config):
     """Number of patches of gravel, each about as large as the car."""
 
     def _paint(self, rng: np.random.Generator) -> tuple[Image, Image]:
+        """Return pictures of the ground (HEIGHT, WIDTH, 3) and of the car (h, w, 3)."""
         one = self.colours == "one"
         if one:
             colour = BIN * (rng.integers(2, 6, 3).astype(np.float64) + 0.5)
@@ -67,14 +70,18 @@ class Config(texture.Config):
 
 
 def _tones(rng: np.random.Generator, size: tuple[int, int], colour: Array) -> Image:
-    """Return a fine picture in two tones of a colour, half of the pixels each."""
+    """Return a fine picture (height, width, 3) in two tones of a colour (3,), half of the pixels
+    each; `size` is width and height [px].
+    """
     noise = _noise(rng, size, FINE)
     tone = np.where(noise > np.median(noise), SHADE, -SHADE)
     return (colour + tone[..., None]).astype(np.uint8)
 
 
 def _shades(rng: np.random.Generator, colour: Array) -> Image:
-    """Return a smooth picture in all shades of a colour between the two tones, evenly."""
+    """Return a smooth picture (HEIGHT, WIDTH, 3) of the ground in all shades of a colour (3,)
+    between the two tones of the car, each equally often.
+    """
     noise = _noise(rng, (WIDTH, HEIGHT), SMOOTH)
     order = noise.ravel().argsort().argsort().reshape(noise.shape)
     shade = np.interp(order, (0, noise.size - 1), (-SHADE, SHADE))
@@ -82,5 +89,5 @@ def _shades(rng: np.random.Generator, colour: Array) -> Image:
 
 
 def _noise(rng: np.random.Generator, size: tuple[int, int], grain: float) -> Array:
-    """Return noise (height, width) whose blotches have a size [px]."""
+    """Return noise (height, width) with blotches of a size `grain` [px]."""
     return np.asarray(cv2.GaussianBlur(rng.normal(0, 1, size[::-1]), (0, 0), grain), np.float64)

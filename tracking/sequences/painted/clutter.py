@@ -1,5 +1,5 @@
 """Clutter: a disc of four colours jumps over a background of similar discs (Naeem, Pridmore, Mills,
-artificial sequences, levels a to d; e to h are ours, and harder).
+artificial sequences, levels a to d; levels e to h are ours, and harder).
 
 320x240 px, 140 frames, white background. The target, radius 14 px, has four sectors of different
 colours. It follows a smooth path (a sum of two sines in each axis) plus Gaussian noise in every
@@ -7,10 +7,10 @@ frame, of 4, 8, 12, 14 px on each axis. The background has 100, 300, 500, 600 di
 14 px; each has two of the target's colours and two random ones (or, as a setting, all four of the
 target's), in random order. The target covers them.
 
-On levels a to d four of six trackers with the paper's settings complete nearly all. On e to h each
-disc has three of the target's colours: the median of the six (`kams` with 50 particles, the other
-filters with 200) completes 75, 55, 30 and 10 % of ten sequences, and `kams` has a mean error of
-3.0, 3.7, 19 and 11 px.
+On levels a to d four of six trackers with the paper's settings complete nearly all sequences. On e
+to h each disc has three of the target's colours: the median of the six trackers (`kams` with 50
+particles, the other filters with 200) completes 75, 55, 30 and 10 % of ten sequences, and `kams`
+has a mean error of 3.0, 3.7, 19 and 11 px.
 """
 
 from dataclasses import dataclass
@@ -21,21 +21,23 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.types import Array, Image
+from tracking.sequences.painted._painting import HEIGHT, WIDTH
 from tracking.sequences.sequence import Sequence
-from tracking.sequences.sources import PaintedSource
 from tracking.types import Region
 
 LEVELS = {
     "a": (4.0, 100, 2), "b": (8.0, 300, 2), "c": (12.0, 500, 2), "d": (14.0, 600, 2),
     "e": (4.0, 300, 3), "f": (8.0, 300, 3), "g": (10.0, 400, 3), "h": (12.0, 500, 3),
 }  # fmt: skip
-"""Noise of the position [px], number of discs, and how many of the target's colours each has."""
-WIDTH = 320
-HEIGHT = 240
+"""Standard deviation of the position's noise [px], number of discs in the background, and number of
+the target's colours that each of them has, by level."""
 RADIUS = 14
+"""Radius of the target and of the largest disc [px]."""
 SMALLEST = 7
+"""Radius of the smallest disc [px]."""
 SECTORS = 4
 SUBPIXEL_BITS = 4
+"""Fractional bits of OpenCV's coordinates: discs are drawn to sixteenths of a pixel."""
 LEAST_APART = 100.0
 """Least difference between colours of the target (Euclidean, RGB)."""
 CYCLES = (0.6, 1.6)
@@ -48,7 +50,7 @@ SWING = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Level, length, and colours of the background."""
+    """Level of difficulty, number of pictures, and colours of the background."""
 
     level: Literal["a", "b", "c", "d", "e", "f", "g", "h"] = "a"
     """Level of noise and clutter; e to h are harder than the paper's a to d."""
@@ -58,7 +60,7 @@ class Config:
     """The background's discs have all four colours of the target, in another order."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """Return a random sequence."""
+        """Return a random sequence of these settings."""
         sigma, count, shared = LEVELS[self.level]
         colours = _apart(rng)
         ground = _ground(rng, colours, count, SECTORS if self.share_all else shared)
@@ -70,14 +72,12 @@ class Config:
             return image
 
         states = np.column_stack([centres, np.zeros(self.frames), np.ones(self.frames)])
-        name = f"clutter-{self.level}"
-        return Sequence.of_states(
-            name, name, PaintedSource(paint, self.frames), Region(2 * RADIUS, 2 * RADIUS), states
-        )
+        region = Region(2 * RADIUS, 2 * RADIUS)
+        return Sequence.painted(f"clutter-{self.level}", paint, region, states)
 
 
 def _apart(rng: np.random.Generator) -> Array:
-    """Return four random colours (4, 3) that differ by `LEAST_APART` from each other and white."""
+    """Return four random colours, RGB (4, 3), at least `LEAST_APART` from each other and white."""
     while True:
         colours = rng.integers(0, 256, (SECTORS, 3)).astype(float)
         others = np.vstack([colours, [255.0] * 3])
@@ -87,6 +87,9 @@ def _apart(rng: np.random.Generator) -> Array:
 
 
 def _ground(rng: np.random.Generator, colours: Array, count: int, kept: int) -> Image:
+    """Return a background (HEIGHT, WIDTH, 3) of `count` discs, each with `kept` of the target's
+    colours (4, 3).
+    """
     image = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
     for _ in range(count):
         mixed = np.vstack(
@@ -101,7 +104,9 @@ def _ground(rng: np.random.Generator, colours: Array, count: int, kept: int) -> 
 
 
 def _path(rng: np.random.Generator, frames: int, sigma: float) -> Array:
-    """Return the centres (n, 2) [px] of the target, which stays inside the picture."""
+    """Return the target's centres (n, 2) [px] in n frames, inside the picture; `sigma` is the
+    standard deviation of their noise [px].
+    """
     room = np.array([WIDTH, HEIGHT]) / 2 - RADIUS
     time = 2 * np.pi * np.arange(frames)[:, None] / PERIOD
     smooth = sum(
@@ -113,7 +118,9 @@ def _path(rng: np.random.Generator, frames: int, sigma: float) -> Array:
 
 
 def _disc(image: Image, centre: Array, radius: float, colours: Array) -> None:
-    """Paint a disc of equal sectors, one for each colour (n, 3), into an image."""
+    """Paint a disc of equal sectors, one for each colour (n, 3), into an image (H, W, 3); centre
+    (2,) and radius are in pixels.
+    """
     unit = 1 << SUBPIXEL_BITS
     # In OpenCV a pixel's centre has whole coordinates.
     x, y = np.round((centre - 0.5) * unit).astype(int).tolist()

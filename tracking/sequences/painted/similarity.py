@@ -1,9 +1,9 @@
 """Similarity: a textured rectangle moves, turns, scales, blurs and is hidden, over clutter.
 
 For the claims of the multi-kernel paper (figures 6 and 7): x, y, theta and scale are known exactly.
-The rectangle, 60 x 40 px of three by three coloured fields, follows smooth curves, with motion
-blur. In the middle of the sequence its speed doubles; later a bar hides it completely. It can also
-leave the picture and return elsewhere.
+The rectangle, 60 x 40 px with three by three coloured fields, follows smooth curves, with motion
+blur. In the middle of the sequence its speed doubles; later a bar hides it completely. As a
+setting, it leaves the picture for a while.
 """
 
 from dataclasses import dataclass
@@ -14,43 +14,41 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.types import Array, Image
-from tracking.sequences.painted._painting import blotches, noisy, paste
+from tracking.sequences.painted._painting import HEIGHT, WIDTH, blotches, noisy, paste
 from tracking.sequences.sequence import Sequence
-from tracking.sequences.sources import PaintedSource
 from tracking.types import Region, State
 
-WIDTH = 320
-HEIGHT = 240
 REGION = Region(60.0, 40.0)
 FIELDS = (3, 3)
-"""Coloured fields of the target."""
+"""Number of coloured fields of the target along each side."""
 PATCHES = 60
-"""Patches of the ground."""
+"""Number of rectangles on the ground."""
 EXPOSURES = 5
 """Number of pictures that are averaged into a blurred one."""
 SHUTTER = 0.5
 """Share of the frame's duration in which the shutter is open."""
 FAST = (0.35, 0.6)
-"""Part of the sequence in which the target is fast."""
+"""Begin and end of the part in which the target is fast, as shares of the sequence."""
 HIDDEN_AT = 0.75
-"""Part of the sequence before the bar covers the target."""
+"""Middle of the part in which the bar covers the target, as a share of the sequence."""
 BAR = (90, 90, 90)
+"""Colour of the bar (RGB)."""
 AWAY_AT = 0.3
-"""Part of the sequence before the target is out of the picture."""
+"""Begin of the part in which the target is out of the picture, as a share of the sequence."""
 GOING = 6
 """Number of frames in which the target leaves the picture, and in which it comes back."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Length, motion, occlusion and noise."""
+    """Number of pictures, motion, occlusion and noise."""
 
     frames: Annotated[int, Ge(20), Le(100_000)] = 200
     """Number of pictures."""
     turn_deg: Annotated[float, Ge(0), Le(720)] = 70.0
     """Largest rotation from the start [deg]."""
     zoom: Annotated[float, Ge(1), Le(3)] = 1.4
-    """Largest scale; the smallest is its inverse."""
+    """Largest scale of the target; its smallest scale is the inverse."""
     hidden: Annotated[int, Ge(0), Le(100)] = 10
     """Number of frames in which the target is fully hidden."""
     away: Annotated[int, Ge(0), Le(100_000)] = 0
@@ -59,7 +57,7 @@ class Config:
     """Standard deviation of the noise of the pictures [grey levels]."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """Return a random sequence."""
+        """Return a random sequence of these settings."""
         ground = _ground(rng)
         patch = _target(rng)
         fine = self._states(rng)
@@ -75,13 +73,14 @@ class Config:
             return noisy(image, self.noise, noise_seed, index)
 
         middle = fine.reshape(self.frames, EXPOSURES, 4).mean(axis=1)
-        source = PaintedSource(paint, self.frames)
-        sequence = Sequence.of_states("similarity", "similarity", source, REGION, middle)
+        sequence = Sequence.painted("similarity", paint, REGION, middle)
         sequence.truth[sequence.truth[..., 0].min(axis=1) >= WIDTH] = np.nan
         return sequence
 
     def _states(self, rng: np.random.Generator) -> Array:
-        """Return states (frames * EXPOSURES, 4) of all exposures, the first at a frame's start."""
+        """Return the target's states (frames * EXPOSURES, 4), x, y [px], theta [rad], scale, in all
+        exposures; the first exposure of a frame is at the frame's time.
+        """
         frame = np.repeat(np.arange(self.frames), EXPOSURES)
         phase = np.tile(np.arange(EXPOSURES), self.frames) * SHUTTER / EXPOSURES
         at = (frame + phase) / self.frames
@@ -102,7 +101,7 @@ class Config:
 
 
 def _ground(rng: np.random.Generator) -> Image:
-    """Return a background of blotches with random rectangles."""
+    """Return a background (HEIGHT, WIDTH, 3) of blotches with random rectangles."""
     image = blotches(rng, WIDTH, HEIGHT, 6.0, np.full(3, 128.0), 30.0)
     for _ in range(PATCHES):
         size = rng.uniform(8, 40, 2)
@@ -114,6 +113,7 @@ def _ground(rng: np.random.Generator) -> Image:
 
 
 def _target(rng: np.random.Generator) -> Image:
+    """Return a picture (h, w, 3) of the target at twice its size."""
     fields = rng.integers(20, 236, (*FIELDS, 3)).astype(np.uint8)
     size = (round(2 * REGION.width), round(2 * REGION.height))
     plain = cv2.resize(fields, size, interpolation=cv2.INTER_NEAREST)
@@ -121,7 +121,7 @@ def _target(rng: np.random.Generator) -> Image:
 
 
 def _hide(image: Array, state: Array) -> None:
-    """Paint an upright bar over the target."""
+    """Paint an upright bar over the target, whose state is (4,), into an image (H, W, 3)."""
     x = state[0]
     reach = float(np.hypot(REGION.width, REGION.height)) / 2 * state[3] + 2
     image[:, max(int(x - reach), 0) : int(x + reach) + 1] = BAR

@@ -1,8 +1,8 @@
 """Texture: a textured car on a road of the same colour changes its size and its speed.
 
-For the claim of the PFJCTH paper: the texture separates the target from the background, colour
-alone does not. The car, 56 x 32 px, follows a smooth curve with changing speed; its size grows and
-shrinks as if its distance changed.
+For the claim of the PFJCTH paper that texture separates such a target from the background, and
+colour alone does not. The car, 56 x 32 px, follows a smooth curve with changing speed; its size
+grows and shrinks as if its distance changed.
 """
 
 from dataclasses import dataclass
@@ -13,38 +13,37 @@ from annotated_types import Ge, Le
 
 from sim.kinds import kind_of
 from sim.types import Array, Image
-from tracking.sequences.painted._painting import blotches, noisy, paste
+from tracking.sequences.painted._painting import HEIGHT, WIDTH, blotches, noisy, paste
 from tracking.sequences.sequence import Sequence
-from tracking.sequences.sources import PaintedSource
 from tracking.types import Region, State
 
-WIDTH = 320
-HEIGHT = 240
 REGION = Region(56.0, 32.0)
 SIZE = (round(REGION.width), round(REGION.height))
 ROAD = 24.0
 SHADE = 14.0
-"""Size of the road's blotches [px], and their spread [grey levels]: a smooth texture."""
+"""Standard deviation of the road's colours [grey levels]; above it, the size of its blotches [px]:
+a smooth texture."""
 GRAIN = 1.4
 RELIEF = 34.0
-"""Size of the car's blotches [px], and their spread [grey levels]: a fine, strong texture."""
+"""Standard deviation of the car's colours [grey levels]; above it, the size of its blotches [px]: a
+fine, strong texture."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Length, size, speed and noise."""
+    """Number of pictures, and the car's size and speed."""
 
     frames: Annotated[int, Ge(20), Le(100_000)] = 160
     """Number of pictures."""
     zoom: Annotated[float, Ge(1), Le(3)] = 1.6
-    """Largest scale; the smallest is its inverse."""
+    """Largest scale of the car; its smallest scale is the inverse."""
     speed: Annotated[float, Ge(0), Le(50)] = 6.0
     """Largest speed [px per frame]; the car also stands still."""
     noise: Annotated[float, Ge(0), Le(100)] = 2.0
     """Standard deviation of the noise of the pictures [grey levels]."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """Return a random sequence."""
+        """Return a random sequence of these settings."""
         ground, patch = self._paint(rng)
         states = self._states(rng)
         noise_seed = int(rng.integers(1 << 31))
@@ -53,17 +52,18 @@ class Config:
             image = paste(ground, patch, REGION, State(*states[index].tolist()))
             return noisy(image, self.noise, noise_seed, index)
 
-        name = kind_of(self)
-        return Sequence.of_states(name, name, PaintedSource(paint, self.frames), REGION, states)
+        return Sequence.painted(kind_of(self), paint, REGION, states)
 
     def _paint(self, rng: np.random.Generator) -> tuple[Image, Image]:
-        """Return the ground and the car."""
+        """Return pictures of the ground (HEIGHT, WIDTH, 3) and of the car (h, w, 3)."""
         colour = rng.uniform(80, 170, 3)
         ground = blotches(rng, WIDTH, HEIGHT, ROAD, colour, SHADE)
         return ground, blotches(rng, *SIZE, GRAIN, colour, RELIEF)
 
     def _states(self, rng: np.random.Generator) -> Array:
-        """Return states (n, 4) along an ellipse, with a speed that rises and falls."""
+        """Return the car's states (n, 4), x, y [px], theta [rad], scale, along an ellipse, with a
+        speed that rises and falls.
+        """
         time = np.arange(self.frames)
         pace = self.speed * np.sin(np.pi * time / self.frames * rng.uniform(3, 5)) ** 2
         radius = np.array([0.28 * WIDTH, 0.24 * HEIGHT])
