@@ -18,6 +18,7 @@ from servo.scenario.load import load
 from sim.camera import gl
 from sim.camera.choice import renderer_of
 from sim.camera.exact.renderer import ExactRenderer
+from sim.camera.lens import Lens
 from sim.camera.renderer import OpenGLRenderer
 from sim.mounting import CAMERA
 from sim.types import Camera
@@ -72,7 +73,8 @@ def share_near(a, b):
 
 def both(episode):
     world = episode.world
-    return [make(world.model, CAMERA, world._lens.view) for make in (OpenGLRenderer, ExactRenderer)]
+    view = Lens(world.camera).view
+    return [make(world.model, CAMERA, view) for make in (OpenGLRenderer, ExactRenderer)]
 
 
 @pytest.mark.opengl

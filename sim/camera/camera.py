@@ -107,7 +107,6 @@ class CameraConfig:
     """Largest depth that is measured [m]; farther points have no depth."""
 
     def __post_init__(self) -> None:
-        frame = 1e3 / self.rate
         of_depth = (self.depth_noise, self.depth_holes, self.depth_nearest, self.depth_farthest)
         check(
             (
@@ -128,8 +127,8 @@ class CameraConfig:
             ),
             (
                 self.readout_ms / 1e3 * self.rate + self.exposure > 1 + SAME_PIXEL,
-                f"readout_ms = {self.readout_ms:g} and the exposure do not fit into a frame of "
-                f"{frame:g} ms",
+                f"readout_ms = {self.readout_ms:g} and the exposure do not fit into a frame at "
+                f"{self.rate:g} Hz",
             ),
             (
                 not self.depth and of_depth != (0.0, 0, NEAREST, FARTHEST),
