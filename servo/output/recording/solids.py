@@ -143,7 +143,7 @@ def _mesh(model: mujoco.MjModel, mesh: int, picture: Image | None) -> Surface:
     return Surface(vertices.astype(float), normals.astype(float), uv.astype(float), picture)
 
 
-def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, Any]]:
+def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, rr.AsComponents]]:
     """Yield entity path and Rerun archetype of shapes: one pair for each mesh, and one for all
     other shapes of a kind on one body; `bodies` are the entity paths of the bodies by number.
     """
@@ -184,7 +184,7 @@ def _mesh_archetype(shape: Shape) -> rr.Mesh3D:
     )
 
 
-def _archetype(kind: str, members: list[Shape]) -> Any:
+def _archetype(kind: str, members: list[Shape]) -> rr.AsComponents:
     sizes = np.stack([m.size for m in members])
     centres = np.stack([m.pose.translation for m in members])
     turned = [np.roll(quaternion_of(m.pose.rotation), -1) for m in members]
