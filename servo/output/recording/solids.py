@@ -83,8 +83,10 @@ def shapes_of(model: mujoco.MjModel) -> list[Shape]:
 
 
 def _appearance(model: mujoco.MjModel, g: int, kind: str) -> tuple[Array, Surface | None]:
-    """Return colour RGBA (4,), 0..1, and surface of geom `g`: of a mesh or a box with a texture,
-    else None, and the texture's mean colour is used.
+    """Return colour RGBA (4,), 0..1, and surface of geom `g`.
+
+    Only meshes, and boxes with a flat texture, have a surface. A texture that cannot be drawn is
+    replaced by its mean colour.
     """
     rgba = model.geom_rgba[g].astype(float)
     material = model.geom_matid[g]
