@@ -13,7 +13,7 @@ import servo
 from servo.cli.outputs import Outputs
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
-from servo.output.mcap_file import RunMcap, _CheckedFile, _fields
+from servo.output.mcap_file import McapFile, RunMcap
 from servo.output.ros2_messages import Kind
 from sim.models.quaternion import matrix_of
 from sim.types import Pose
@@ -135,15 +135,19 @@ def test_definitions_name_the_time_of_ros_2():
         assert "time" not in fields
 
 
-def test_names_that_are_alike_as_fields_stay_apart():
+def test_names_that_are_alike_as_fields_stay_apart(tmp_path):
     columns = ["joint_a-b_rad", "joint_a_b_rad", "joint_左_rad", "joint_右_rad", "time_s"]
-    assert list(_fields(columns).values()) == [
-        "joint_a_b_rad",
-        "joint_a_b_rad_1",
-        "joint_rad",
-        "joint_rad_3",
-        "time_s",
-    ]
+    file = McapFile(tmp_path / "a.mcap", "/step", dict.fromkeys(columns, "float64"))
+    file.row(0, {column: number for number, column in enumerate(columns)})
+    file.close()
+    ((_, row),) = read(tmp_path / "a.mcap")["/step"]
+    assert {name: value for name, value in vars(row).items() if name != "__msgtype__"} == {
+        "joint_a_b_rad": 0.0,
+        "joint_a_b_rad_1": 1.0,
+        "joint_rad": 2.0,
+        "joint_rad_3": 3.0,
+        "time_s": 4.0,
+    }
 
 
 def test_without_the_package_the_extra_is_named(monkeypatch, tmp_path):
@@ -157,8 +161,7 @@ def test_without_the_package_the_extra_is_named(monkeypatch, tmp_path):
 
 
 def test_the_first_error_of_the_disk_is_kept():
-    file = _CheckedFile(Path("/dev/full"))
-    assert file.write(b"x") == 1
-    with pytest.raises(OSError, match="No space left"):
-        file.check()
-    file.close()
+    file = McapFile(Path("/dev/full"), "/step", {"a": "float64"})
+    for write in (lambda: file.row(0, {"a": 1.0}), file.close):
+        with pytest.raises(OSError, match="No space left"):
+            write()

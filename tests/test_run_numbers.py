@@ -143,7 +143,7 @@ def test_these_events_happen(scripted, approved):
 
 def test_the_plots_show_this(scripted, drawn, approved):
     steps, _, written = scripted
-    whole = RunCurves.read(written.folder / "steps.parquet", steps[0].scene.features)
+    whole = RunCurves.of(pq.read_table(written.folder / "steps.parquet"), steps[0].scene.features)
     curves = replace(whole, table=whole.table.take([*range(0, len(steps), 2)]))
     for name, figure in (("motion", plots.motion_figure), ("errors", plots.error_figure)):
         approved(f"run/plot-{name}", drawn(figure(curves, "title")), ROUNDING)

@@ -161,15 +161,11 @@ class RunFilm:
         self._finish(whole=False)
 
     def _finish(self, *, whole: bool) -> None:
-        if self._opened is None:
-            return
-        film, views = self._opened
-        self._opened = None
-        with closing(views.close):
-            if whole:
-                film.close()
-            else:
-                film.abandon()
+        if self._opened is not None:
+            film, views = self._opened
+            self._opened = None
+            with closing(film.close if whole else film.abandon, views.close):
+                pass
 
 
 def write_film(steps: Iterable[Step], path: Path, title: str = "") -> Path:

@@ -3,7 +3,7 @@
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, ClassVar, Self, TypeVar
 
 from annotated_types import Ge, Le
 from pydantic import TypeAdapter, ValidationError
@@ -19,12 +19,13 @@ ABSURD = 1e100
 """Largest number in a file; a larger one cannot be drawn."""
 Number = Annotated[float, Ge(-ABSURD), Le(ABSURD)]
 HALF = "it may be half-written"
+T = TypeVar("T")
 
 
 class OtherFormat(Mistake):
     """A file has another format number than this version of servobench reads."""
 
-    def __init__(self, path: Path, found: Any, number: int) -> None:
+    def __init__(self, path: Path, found: object, number: int) -> None:
         has = "has no format number" if found is None else f"has format {found!r}"
         self.fact = f"{path}: this file {has}, and this version of servobench reads format {number}"
         super().__init__(
@@ -65,7 +66,7 @@ class Document:
             Mistake: The file cannot be read, is not JSON, is of another kind, or lacks a key.
         """
         encoded = content(path)
-        head = _parsed(path, encoded, dict[str, Any])
+        head = _parsed(path, encoded, dict[str, object])
         if head.get("format") is None:
             raise OtherFormat(path, None, cls.FORMAT)
         if head.get("kind") != cls.KIND:
@@ -86,7 +87,7 @@ class Made(Document):
     """Versions of the packages that decide the numbers, and the digest of our own source."""
 
 
-def check_format(path: Path, found: Any, number: int) -> None:
+def check_format(path: Path, found: object, number: int) -> None:
     """Check that a file has the format number that this version reads.
 
     Args:
@@ -111,7 +112,7 @@ def content(path: Path) -> bytes:
         return reading.content(path, "file", LARGEST)
 
 
-def _parsed(path: Path, encoded: bytes, kind: Any) -> Any:
+def _parsed(path: Path, encoded: bytes, kind: type[T]) -> T:
     try:
         return TypeAdapter(kind).validate_json(encoded)
     except ValidationError as error:

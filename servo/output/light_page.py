@@ -6,7 +6,7 @@ The browser needs no GPU, unlike for Rerun's viewer.
 import threading
 import webbrowser
 from collections.abc import Iterator
-from typing import Any, final
+from typing import final
 
 from servo.mistake import Mistake
 from servo.output.display import has_display
@@ -122,7 +122,7 @@ class ThrottledSink:
         self.close = sink.close
         self.abandon = sink.abandon
 
-    def add(self, *given: Any) -> None:
+    def add(self, *given: object) -> None:
         """Pass a frame on if 0.1 s have passed since the last one that was passed on."""
         if self._timer.due():
             self._sink.add(*given)

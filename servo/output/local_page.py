@@ -3,7 +3,6 @@
 import secrets
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
 
 HOST = "127.0.0.1"
 
@@ -31,7 +30,7 @@ class LocalServer(ThreadingHTTPServer):
         """Answer requests in the background until `shutdown` is called."""
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
-    def handle_error(self, request: Any, client_address: Any) -> None:
+    def handle_error(self, request: object, client_address: object) -> None:
         """Ignore an error of one connection, such as a browser that resets it."""
 
 
@@ -61,5 +60,5 @@ class LocalHandler(BaseHTTPRequestHandler):
         self.end_headers()
         self.wfile.write(body)
 
-    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002  (its name there)
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002  (its name there)
         """Print no line about the request, as the base class would."""

@@ -34,7 +34,7 @@ from servo.loop.step import Step
 from servo.mistake import Mistake
 from servo.output import ros2_messages as ros2
 from servo.output.ros2_messages import Kind
-from servo.output.steps_table import FLAG, REAL, TEXT, WHOLE, quantities_of
+from servo.output.steps_table import quantities_of, row_of
 from servo.scenario.calibration import camera_info
 from sim.models.quaternion import quaternion_of
 from sim.types import Array, Camera, DepthPicture, Image, Pose
@@ -53,8 +53,6 @@ LATEST = ros2.SECOND << 31
 FRAME = "camera"
 POINTS, LINE_LOOP = 1, 2
 """Numbers of Foxglove's kinds of annotations."""
-TYPES = {REAL: "float64", WHOLE: "int64", FLAG: "bool", TEXT: "string"}
-"""ROS's words for the types of the table of steps."""
 SHOT = {
     "frame": "int64",
     "status": "string",
@@ -184,7 +182,7 @@ class McapFile:
         ]
         self._tf.log(at, transforms=found)
 
-    def row(self, at: int, values: Mapping[str, Any]) -> None:
+    def row(self, at: int, values: Mapping[str, object]) -> None:
         """Write a frame's row, its last message: values by column, of which None is written as nan.
 
         Raises:
@@ -219,7 +217,7 @@ def _fields(columns: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def _annotation(at: int, kind: int, points: Array, colour: tuple[int, int, int]) -> Any:
+def _annotation(at: int, kind: int, points: Array, colour: tuple[int, int, int]) -> object:
     r, g, b = (part / 255 for part in colour)
     clear = ros2.part(ros2.COLOUR, r=0.0, g=0.0, b=0.0, a=0.0)
     return ros2.part(
@@ -234,7 +232,7 @@ def _annotation(at: int, kind: int, points: Array, colour: tuple[int, int, int])
     )
 
 
-def _transform(pose: Pose) -> Any:
+def _transform(pose: Pose) -> object:
     (x, y, z) = pose.translation.tolist()
     (w, *axis) = quaternion_of(pose.rotation).tolist()
     return ros2.part(
@@ -256,7 +254,7 @@ class Topic:
             topic, schema=schema, message_encoding="cdr", context=context
         )
 
-    def log(self, at: int, **fields: Any) -> None:
+    def log(self, at: int, **fields: object) -> None:
         """Write a message with these fields; its time is `at` [ns]."""
         self._channel.log(self._kind.encoded(**fields), log_time=at)
 
@@ -289,7 +287,9 @@ class RunMcap(McapFile):
     def __init__(self, path: Path, episode: Episode) -> None:
         self._quantities = quantities_of(episode)
         columns = [column for q in self._quantities for column in q.columns]
-        super().__init__(path, "/step", {c.name: TYPES[c.type] for c in columns})
+        super().__init__(
+            path, "/step", {c.name: str(c.type).replace("double", "float64") for c in columns}
+        )
 
     def add(self, step: Step) -> None:
         """Write a step: picture, depth, camera, transforms and row.
@@ -318,7 +318,7 @@ class RunMcap(McapFile):
                 ("world", "target"): truth.T_world_target,
             },
         )
-        self.row(at, dict(cell for q in self._quantities for cell in q.cells(step)))
+        self.row(at, row_of(step, self._quantities))
 
 
 class TrackMcap(McapFile):

@@ -64,16 +64,16 @@ def _known() -> Any:
     return store
 
 
-def part(kind: str, **fields: Any) -> Any:
+def part(kind: str, **fields: object) -> object:
     """Return a message, by type and fields, that is a field of another message."""
     return _known().types[kind.replace("/", "/msg/")](**fields)
 
 
-def stamp(at: int) -> Any:
+def stamp(at: int) -> object:
     """Return a time [ns] as builtin_interfaces/Time."""
     return part("builtin_interfaces/Time", sec=at // SECOND, nanosec=at % SECOND)
 
 
-def header(at: int, frame: str) -> Any:
+def header(at: int, frame: str) -> object:
     """Return std_msgs/Header with a time [ns] and the name of a coordinate frame."""
     return part("std_msgs/Header", stamp=stamp(at), frame_id=frame)

@@ -2,12 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from servo.mistake import Mistake
@@ -63,15 +61,6 @@ class RunCurves:
         """Return the curves of a run from its table of steps and its features."""
         units = dict(zip(features.names, features.units, strict=True))
         return RunCurves(table, units, features.feed_forward)
-
-    @staticmethod
-    def read(path: Path, features: FeatureSet) -> "RunCurves":
-        """Return the curves of a run from its Parquet file of steps and its features.
-
-        Raises:
-            OSError: The file cannot be read.
-        """
-        return RunCurves.of(pq.read_table(path), features)
 
     def __getitem__(self, name: str) -> Array:
         """Return a column of numbers (n,).

@@ -4,6 +4,8 @@ import traceback
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import pyarrow.parquet as pq
+
 from servo.closing import closing
 from servo.loop.episode import Episode
 from servo.loop.part_failures import PartFailed
@@ -165,7 +167,7 @@ class RunFolder:
         title = f"{self._scenario.name}, seed {self._scenario.run.seed}"
         try:
             written = report.write(self.folder)
-            curves = RunCurves.read(self.folder / TABLE, self._features)
+            curves = RunCurves.of(pq.read_table(self.folder / TABLE), self._features)
             drawn = plots.draw(curves, title, self.folder)
         except OSError as error:
             raise Refused(f"{refusal(error)}; all rows are in {self.folder / TABLE}") from None

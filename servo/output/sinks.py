@@ -55,7 +55,7 @@ class Sinks:
     def __bool__(self) -> bool:
         return bool(self._sinks)
 
-    def add(self, *given: Any) -> None:
+    def add(self, *given: object) -> None:
         """Give a frame to each sink; the arguments are those of `Sink.add`."""
         for name, sink in list(self._sinks.items()):
             self._guarded(name, lambda sink=sink: sink.add(*given))
@@ -120,7 +120,7 @@ class PacedSink:
         self.abandon = sink.abandon
         self._began: float | None = None
 
-    def add(self, *given: Any) -> None:
+    def add(self, *given: object) -> None:
         """Wait until the frame's time since the first frame, over the speed, and pass it on."""
         due = self._time_of(given[0]) / self._speed
         now = time.monotonic()

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, dataclass
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -29,10 +28,6 @@ TABLE = "steps.parquet"
 FORMAT = 1
 """Format number in the schema's metadata; it increases by one when readers must change."""
 TWIST_UNITS = ("m_s", "m_s", "m_s", "rad_s", "rad_s", "rad_s")
-REAL = pa.float64()
-WHOLE = pa.int64()
-FLAG = pa.bool_()
-TEXT = pa.string()
 TIMED = "seconds_"
 """Prefix of columns of wall-clock time; all other columns repeat bit for bit with the seed."""
 CELL = 16
@@ -51,12 +46,8 @@ class Quantity:
     name: str
     columns: list[pa.Field]
     """Names with units, types, and what they mean."""
-    of: Callable[[Step], Sequence[Any] | Array]
+    of: Callable[[Step], Sequence[object] | Array]
     """One value for each column."""
-
-    def cells(self, step: Step) -> Iterator[tuple[str, Any]]:
-        """Yield name and value of each column at a step."""
-        return zip((c.name for c in self.columns), self.of(step), strict=True)
 
 
 def quantities(
@@ -70,17 +61,19 @@ def quantities(
         units: Units of the joints, m or rad.
     """
     return [
-        _single("frame", "number of the frame", lambda s: s.frame.index, WHOLE),
+        _single("frame", "number of the frame", lambda s: s.frame.index, "int64"),
         _single("time_s", "simulated time", lambda s: s.frame.time),
-        _single("fresh", "whether the camera delivered this frame", lambda s: s.frame.fresh, FLAG),
-        _single("picture", "frame that estimate and command are of", lambda s: s.picture, WHOLE),
-        _single("decided", "whether they are new in this row", lambda s: s.decided, FLAG),
+        _single(
+            "fresh", "whether the camera delivered this frame", lambda s: s.frame.fresh, "bool"
+        ),
+        _single("picture", "frame that estimate and command are of", lambda s: s.picture, "int64"),
+        _single("decided", "whether they are new in this row", lambda s: s.decided, "bool"),
         _single("age_s", "from that picture to its estimate", lambda s: s.age),
         _single(
             "skipped",
             "pictures that the tracker had no time for, so far",
             lambda s: s.skipped,
-            WHOLE,
+            "int64",
         ),
         *_states(),
         *_places(),
@@ -104,26 +97,26 @@ def quantities(
             units,
         ),
         _single("tilt_rad", "optical axis against straight down", lambda s: s.tilt),
-        _single("mode", "what the controller does", lambda s: s.command.mode.name, TEXT),
-        _single("command_saturated", "a limit changed it", lambda s: s.command.saturated, FLAG),
+        _single("mode", "what the controller does", lambda s: s.command.mode.name, "string"),
+        _single("command_saturated", "a limit changed it", lambda s: s.command.saturated, "bool"),
         _single(
             "command_limits",
             "limits that changed it, where the controller names them",
             lambda s: ", ".join(s.command.limits),
-            TEXT,
+            "string",
         ),
         _single(
             "command_violated",
             "those of them that it does not keep",
             lambda s: ", ".join(s.command.violated),
-            TEXT,
+            "string",
         ),
-        _single("joint_limited", "a joint slowed the motion", lambda s: s.limited, FLAG),
+        _single("joint_limited", "a joint slowed the motion", lambda s: s.limited, "bool"),
         _single(
             "joint_limits",
             "joints that slowed it, each with its limit",
             lambda s: ", ".join(s.joint_limits),
-            TEXT,
+            "string",
         ),
         _single("visible", "fraction of target seen", lambda s: s.truth.visible),
         *(
@@ -145,11 +138,16 @@ def _schema(found: Sequence[Quantity]) -> pa.Schema:
 
 def table_of(steps: Sequence[Step], found: Sequence[Quantity]) -> pa.Table:
     """Return a table with a row for each step and the columns of these quantities."""
-    return pa.Table.from_pylist([_row(step, found) for step in steps], schema=_schema(found))
+    return pa.Table.from_pylist([row_of(step, found) for step in steps], schema=_schema(found))
 
 
-def _row(step: Step, found: Sequence[Quantity]) -> dict[str, Any]:
-    return dict(cell for quantity in found for cell in quantity.cells(step))
+def row_of(step: Step, found: Sequence[Quantity]) -> dict[str, object]:
+    """Return the values of a step by the columns of these quantities."""
+    return {
+        column.name: value
+        for quantity in found
+        for column, value in zip(quantity.columns, quantity.of(step), strict=True)
+    }
 
 
 def _states() -> Iterator[Quantity]:
@@ -183,9 +181,9 @@ def _states() -> Iterator[Quantity]:
         "Distance of the estimate from the target's appearance, 0..1",
         lambda s: s.estimate.distance,
     )
-    yield _single("status", "LOCKED, UNSURE or LOST", lambda s: s.estimate.status.name, TEXT)
+    yield _single("status", "LOCKED, UNSURE or LOST", lambda s: s.estimate.status.name, "string")
     yield _single("ess", "effective sample size", lambda s: s.estimate.ess)
-    yield _single("evaluations", "histograms evaluated", lambda s: s.estimate.evaluations, WHOLE)
+    yield _single("evaluations", "histograms evaluated", lambda s: s.estimate.evaluations, "int64")
 
 
 def _places() -> Iterator[Quantity]:
@@ -242,19 +240,19 @@ def ending_of_rate(unit: str) -> str:
 
 
 def _single(
-    name: str, meaning: str, of: Callable[[Step], Any], kind: pa.DataType = REAL
+    name: str, meaning: str, of: Callable[[Step], object], kind: str = "float64"
 ) -> Quantity:
     return Quantity(name, [_column(name, meaning, kind)], lambda s: (of(s),))
 
 
-def _column(name: str, meaning: str, kind: pa.DataType = REAL) -> pa.Field:
+def _column(name: str, meaning: str, kind: str = "float64") -> pa.Field:
     return pa.field(name, kind, metadata={"meaning": meaning})
 
 
 def _vector(
     prefix: str,
     meaning: str,
-    of: Callable[[Step], Sequence[Any] | Array],
+    of: Callable[[Step], Sequence[object] | Array],
     names: tuple[str, ...],
     units: tuple[str, ...] = (),
 ) -> Quantity:
@@ -279,7 +277,7 @@ class StepsTable:
         self._folder = folder
         self._timer = Timer()
         self._quantities = quantities_of(episode)
-        self._rows: list[dict[str, Any]] = []
+        self._rows: list[dict[str, object]] = []
         every = self._schema = _schema(self._quantities)
         self._file = (folder / STREAM).open("xb")
         self._stream = pa.ipc.new_stream(self._file, self._schema)
@@ -298,7 +296,7 @@ class StepsTable:
             Mistake: The controller has other features than the table.
             OSError: The row cannot be written.
         """
-        self._rows.append(_row(step, self._quantities))
+        self._rows.append(row_of(step, self._quantities))
         if self._timer.due():
             self._flush()
 

@@ -1,6 +1,5 @@
 """Writer of a track's files: rows as CSV and as Parquet, report, and optionally a recording."""
 
-import io
 import shutil
 import time
 from collections.abc import Mapping
@@ -82,7 +81,7 @@ class TrackFolder:
         """
         began = time.monotonic()
         self._rows.add(shot)
-        if self._sinks and self._nearly_full():
+        if self._sinks and shutil.disk_usage(self._folder).free < SPARE:
             self._sinks.end("the disk is full")
         self._sinks.add(shot, truth)
         self.seconds += time.monotonic() - began
@@ -97,10 +96,8 @@ class TrackFolder:
             self._rows.close()
             rows = _rows(self._folder / TRACK)
             self.count = rows.num_rows
-            atomic.write(self._folder, TABLE, _parquet(rows))
-
-    def _nearly_full(self) -> bool:
-        return shutil.disk_usage(self._folder).free < SPARE
+            with atomic.writing(self._folder, TABLE) as file:
+                pq.write_table(rows, file)
 
 
 def _rows(file: Path) -> pa.Table:
@@ -108,13 +105,6 @@ def _rows(file: Path) -> pa.Table:
     types = csv.ConvertOptions(column_types={"stamp": STAMP, "name": pa.string()})
     lines = csv.ParseOptions(newlines_in_values=True)
     return csv.read_csv(file, parse_options=lines, convert_options=types)
-
-
-def _parquet(rows: pa.Table) -> bytes:
-    """Return the bytes of a Parquet file with these rows."""
-    file = io.BytesIO()
-    pq.write_table(rows, file)
-    return file.getvalue()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

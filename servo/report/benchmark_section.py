@@ -1,7 +1,7 @@
 """The page's section about a public benchmark: table, curves, conditions, factors, failures."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +10,11 @@ from servo.bench.benchmark import Band, Benchmark, World, load
 from servo.bench.contestant import FROZEN, Division
 from servo.bench.row import TAUS, Row, rows_in, shipped_rows
 from servo.bench.score import Difficulty, Standing, by_size, effects, standings
-from servo.report.charts import INK, Curve, Scale, curves, heat
+from servo.report.charts import Curve, Scale, curves, heat
 from servo.report.page import LIGHT, Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown, spread
 from servo.study.store import Store, StudyFile
+from sim.types import Array
 
 ROWS = "rows"
 """Folder of the rows, in that of the results."""
@@ -138,11 +139,10 @@ def blocks_of(
         other = len(groups) > 1 and rendering != benchmark.rendering
         after = f", pictures {rendering}" if other else ""
         table = standings(rows)
-        if benchmark.score == "held":
-            figures = [_curves(rows, table), _conditions(benchmark, table)]
-        else:
-            figures = [_sizes(benchmark, worlds, table), _conditions(benchmark, table)]
-        text = [difficulty_of(rows)] if difficulty_of(rows) else []
+        is_loop = benchmark.score == "held"
+        first = _curves(rows, table) if is_loop else _sizes(benchmark, worlds, table)
+        figures = [first, _conditions(benchmark, table)]
+        text = list(filter(None, [difficulty_of(rows)]))
         shown = [standings_table(benchmark, rows)]
         found += [
             Block(f"Contestants{after}", text, tables=shown, figures=figures),
@@ -207,30 +207,31 @@ def _curves(rows: Sequence[Row], table: Sequence[Standing]) -> Figure:
     """Return the share of time over distance from the goal: named contestants in colour, those that
     fix the scale dashed, all others grey.
     """
+    drawn, note = _drawn(table, TAUS, lambda row: np.array(row.curve))
     scale = [row for row in rows if row.division == Division.SCALE.name]
-    named, others = _named(table)
-    drawn = [_curve(row, faint=True) for row in others]
-    drawn += [_curve(row, dashed=True) for row in scale]
-    drawn += [_curve(row, colour) for row, colour in zip(named, LIGHT, strict=False)]
+    drawn += [Curve(row.contestant, TAUS, np.array(row.curve), dashed=True) for row in scale]
     x = Scale("distance from the goal [target sizes]")
     y = Scale("share", low=0.0, high=1.0)
-    return curves("Share of the time within", x, y, drawn, note="Grey: all others." * bool(others))
+    return curves("Share of the time within", x, y, drawn, note=note)
 
 
-def _curve(row: Row, colour: str = INK, *, dashed: bool = False, faint: bool = False) -> Curve:
-    share = np.array(row.curve)
-    return Curve(row.contestant, TAUS, share, colour=colour, dashed=dashed, faint=faint)
+def _drawn(
+    table: Sequence[Standing], x: Array, y: Callable[[Row], Array]
+) -> tuple[list[Curve], str]:
+    """Return the curve y(row) over x (n,) of each contestant, and a note if some are grey.
 
-
-def _named(table: Sequence[Standing]) -> tuple[list[Row], list[Row]]:
-    """Return the rows that a figure names, at most one a colour, and all other rows.
-
-    The named ones are guests; if there are none, they are spread over all ranks.
+    Guests are named and coloured, as many as there are colours; if there are no guests, those
+    named are spread over all ranks. All others are grey.
     """
     of = [s.row for s in table if not is_home(s.row)] or [s.row for s in table]
     shares = np.linspace(0, len(of) - 1, min(len(of), len(LIGHT)))
     named = [of[int(i)] for i in shares]
-    return named, [s.row for s in table if s.row not in named]
+    others = [s.row for s in table if s.row not in named]
+    drawn = [Curve(row.contestant, x, y(row), faint=True) for row in others]
+    drawn += [
+        Curve(row.contestant, x, y(row), colour=ink) for row, ink in zip(named, LIGHT, strict=False)
+    ]
+    return drawn, "Grey: all others." * bool(others)
 
 
 def _conditions(benchmark: Benchmark, table: Sequence[Standing]) -> Figure:
@@ -250,21 +251,17 @@ def _sizes(benchmark: Benchmark, worlds: Sequence[World], table: Sequence[Standi
     """Return the figure of the share of worlds reached over the size of the task (its rank in its
     condition, 0..1), as means over all conditions.
     """
-    named, others = _named(table)
     parts = min(PARTS, sum(w.condition == worlds[0].condition for w in worlds))
-    x = (np.arange(parts) + 0.5) / parts
 
-    def curve(row: Row, colour: str = INK, *, faint: bool = False) -> Curve:
-        shares = [by_size(row, worlds, c.name, parts) for c in benchmark.conditions]
-        return Curve(row.contestant, x, np.mean(shares, axis=0), colour=colour, faint=faint)
+    def shares(row: Row) -> Array:
+        of = [by_size(row, worlds, c.name, parts) for c in benchmark.conditions]
+        return np.mean(of, axis=0)
 
-    drawn = [curve(row, faint=True) for row in others]
-    drawn += [curve(row, colour) for row, colour in zip(named, LIGHT, strict=False)]
-    note = f"Mean of all conditions; each is cut into {parts} parts by the size of its task."
+    drawn, grey = _drawn(table, (np.arange(parts) + 0.5) / parts, shares)
+    note = f"Mean of all conditions; each is cut into {parts} parts by the size of its task. {grey}"
     size = Scale("size of the task, as a rank in its condition", low=0.0, high=1.0)
     y = Scale("share of the worlds reached", low=0.0, high=1.02)
-    note += " Grey: all others." * bool(others)
-    return curves("Reached, by the size of the task", size, y, drawn, note=note)
+    return curves("Reached, by the size of the task", size, y, drawn, note=note.strip())
 
 
 def _effects(worlds: Sequence[World], table: Sequence[Standing]) -> Table:

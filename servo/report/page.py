@@ -1,7 +1,7 @@
 """The parts of a page as values, and their HTML."""
 
 import base64
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from itertools import islice
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 from matplotlib.figure import Figure as Drawing
 
@@ -46,6 +46,8 @@ DARK = (
     "#eb8bf5",
 )
 """Colours of the series of a figure, on light and on dark ground."""
+JPEG = b"\xff\xd8"
+"""First bytes of a JPEG file."""
 JPEG_QUALITY = 82
 MOST_ROWS = 500
 """Rows of a table on a page at most; files have them all."""
@@ -117,13 +119,11 @@ class PageImage:
         if image is None:
             raise Mistake(f"{place}: this is not a picture; it may be half-written")
         height, width = image.shape[:2]
-        is_jpeg = encoded.startswith(b"\xff\xd8")
-        if sheet and not is_jpeg:
+        if sheet and not encoded.startswith(JPEG):
             quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
             encoded = cv2.imencode(".jpg", image, quality)[1].tobytes()
-            is_jpeg = True
         text = base64.b64encode(encoded).decode("ascii")
-        kind = "jpeg" if is_jpeg else "png"
+        kind = "jpeg" if encoded.startswith(JPEG) else "png"
         return PageImage(title, f"data:image/{kind};base64,{text}", width, height, sheet)
 
 
@@ -182,15 +182,16 @@ def rows_of(
     return Block(what.capitalize(), list(text), tables=[table], folded=True)
 
 
-def template(name: str) -> str:
-    """Return the text of a Jinja template in this folder, by the name of its file."""
-    return resources.files("servo.report").joinpath(name).read_text(encoding="utf-8")
+def template(name: str, **filters: Callable[[str], str]) -> Template:
+    """Return the Jinja template of this name in this folder, which may use these filters."""
+    environment = Environment(
+        autoescape=".html" in name, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters.update(filters)
+    text = resources.files("servo.report").joinpath(name).read_text(encoding="utf-8")
+    return environment.from_string(text)
 
 
 def render(sections: Sequence[Section]) -> str:
     """Return the HTML of a whole page with these sections."""
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    text = template("page.html.jinja")
-    return environment.from_string(text).render(sections=sections, light=LIGHT, dark=DARK)
+    return template("page.html.jinja").render(sections=sections, light=LIGHT, dark=DARK)

@@ -3,8 +3,6 @@
 import re
 from collections.abc import Iterator, Sequence
 
-from jinja2 import Environment, StrictUndefined
-
 from servo.report.charts import saved
 from servo.report.page import Section, template
 
@@ -30,13 +28,8 @@ def latex(sections: Sequence[Section]) -> str:
     """Return LaTeX with the tables of all sections, each in an environment `table`; tables of more
     than 60 rows or 16 columns are left out.
     """
-    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["tex"] = _escaped
-    environment.filters["label"] = _label
-    text = template("tables.tex.jinja")
-    return environment.from_string(text).render(
-        sections=sections, rows=MOST_ROWS, columns=MOST_COLUMNS
-    )
+    tables = template("tables.tex.jinja", tex=_escaped, label=_label)
+    return tables.render(sections=sections, rows=MOST_ROWS, columns=MOST_COLUMNS)
 
 
 def _escaped(text: str) -> str:

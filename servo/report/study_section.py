@@ -36,6 +36,11 @@ TIME = "track_ms"
 COLUMNS = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct", TIME)
 PATHS = ("settle_s", "camera_path_m", "detour_m", "retreat_m", "out_of_view_pct", "lost_pct")
 """Measures in the tables, of studies and of those that show paths; the files have all of them."""
+PATHS_TITLE = "Paths of the camera and of the corners"
+PATHS_TEXT = (
+    "Runs of the first seed. Above: the path of the camera around the target [m]. Below: the "
+    "paths of the corners in the picture [px]. A ring is a start, a dot is an end."
+)
 SURE = 0.05
 """Differences with a smaller p-value, after Holm, are called differences."""
 UNITS = (
@@ -61,31 +66,24 @@ def section(folder: Path, measures: Sequence[str] | None = None) -> Section:
     study = load(folder)
     plan = study.plan
     broken = missed_by_cells(grouped(list(study.axes), study.rows), plan.expect)
-    blocks = [
-        *(_results(study, measures or _columns(study)) if study.rows else []),
-        _overview(study, broken),
-        *(_details(study, measures or _columns(study)) if study.rows else []),
-        *_failures(study),
-        page.again(plan),
-    ]
+    blocks = [_overview(study, broken)]
+    if study.rows:
+        columns = measures or (PATHS if study_paths.shows(study) else COLUMNS)
+        blocks = [
+            *_figures("Over time", study_time.figures(study)),
+            _compared(study, columns),
+            *blocks,
+            *_figures("Against the axes", study_time.against(study)),
+            *_figures("Over two axes", study_time.heat_maps(study)),
+            *_figures(PATHS_TITLE, study_paths.paths(study), PATHS_TEXT),
+            *_sheets(study),
+            _cells(study, columns),
+            _runs(study),
+        ]
+    blocks += [*_failures(study), page.again(plan)]
     verdict = _verdict(study, broken)
     facts = _facts(study, broken)
     return Section("study", plan.name, plan.title, verdict, facts, blocks, str(folder))
-
-
-def _results(study: StudyResults, columns: Sequence[str]) -> list[Block]:
-    return [*_figures("Over time", study_time.figures(study)), *_compared(study, columns)]
-
-
-def _details(study: StudyResults, columns: Sequence[str]) -> list[Block]:
-    return [
-        *_figures("Against the axes", study_time.against(study)),
-        *_figures("Over two axes", study_time.heat_maps(study)),
-        *_paths(study),
-        *_sheets(study),
-        _cells(study, columns),
-        _runs(study),
-    ]
 
 
 def _verdict(study: StudyResults, broken: Sequence[str]) -> Badge:
@@ -154,7 +152,7 @@ def _median_words(rows: list[Row], name: str) -> str:
     return shown(median(rows, name)) + f" ({found} of {len(rows)})" * (0 < found < len(rows))
 
 
-def _compared(study: StudyResults, columns: Sequence[str]) -> list[Block]:
+def _compared(study: StudyResults, columns: Sequence[str]) -> Block:
     groups = study.groups(study.compared)
     outcomes = [o for o in Outcome.__members__ if any(r["outcome"] == o for r in study.rows)]
     rows: list[list[Cell]] = []
@@ -165,8 +163,7 @@ def _compared(study: StudyResults, columns: Sequence[str]) -> list[Block]:
         units = study.units(group)
         rate = units.mean(SUCCESS)
         over = counted(rate, units.name)
-        part = "" if len(group) == planned else f" of {planned}"
-        runs = f"{len(group)}{part}"
+        runs = f"{len(group)}" + f" of {planned}" * (len(group) != planned)
         rows.append([name, runs, over, spread(rate), *map(str, ended), *medians])
     head = (
         study.compared or "runs",
@@ -191,7 +188,7 @@ def _compared(study: StudyResults, columns: Sequence[str]) -> list[Block]:
             "second in runs that are otherwise the same; p_holm is corrected for their number."
         )
         tables.append(Table(COMPARED, cells, words=range(3), note=described))
-    return [Block("Compared", points=_sure(pairs), tables=tables)]
+    return Block("Compared", points=_sure(pairs), tables=tables)
 
 
 def _unsure(study: StudyResults) -> list[str]:
@@ -209,10 +206,6 @@ def _unsure(study: StudyResults) -> list[str]:
     return found
 
 
-def _columns(study: StudyResults) -> tuple[str, ...]:
-    return PATHS if study_paths.shows(study) else COLUMNS
-
-
 def _sure(pairs: Sequence[Compared]) -> list[str]:
     found = [c for c in pairs if c.p_holm < SURE and c.test.wins > c.test.losses]
     return [
@@ -222,17 +215,8 @@ def _sure(pairs: Sequence[Compared]) -> list[str]:
     ]
 
 
-def _paths(study: StudyResults) -> list[Block]:
-    found = study_paths.paths(study)
-    text = (
-        "Runs of the first seed. Above: the path of the camera around the target [m]. Below: the "
-        "paths of the corners in the picture [px]. A ring is a start, a dot is an end."
-    )
-    return [Block("Paths of the camera and of the corners", [text], figures=found)] if found else []
-
-
-def _figures(title: str, figures: list[Figure]) -> list[Block]:
-    return [Block(title, figures=figures)] if figures else []
+def _figures(title: str, figures: list[Figure], *text: str) -> list[Block]:
+    return [Block(title, text, figures=figures)] if figures else []
 
 
 def _sheets(study: StudyResults) -> list[Block]:
@@ -283,11 +267,9 @@ def _runs(study: StudyResults) -> Block:
 
 def _cell(value: Any) -> str:
     """Return a value of a run's row as text; of missed bounds, their names."""
-    return ", ".join(str(bound["name"]) for bound in value) if _are_bounds(value) else shown(value)
-
-
-def _are_bounds(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(b, dict) and "name" in b for b in value)
+    if isinstance(value, list) and all(isinstance(bound, dict) for bound in value):
+        return ", ".join(bound["name"] for bound in value)
+    return shown(value)
 
 
 def _failures(study: StudyResults) -> list[Block]:

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from servo.loop.measure import MEASURES
 from servo.report import charts
@@ -88,8 +88,7 @@ def band(runs: Sequence[Series], name: str) -> tuple[Array, Array] | None:
     having = [run for run in runs if name in run and np.isfinite(run[name]).any()]
     if not having:
         return None
-    ends = np.array([duration(run) for run in having])
-    times = np.linspace(0, ends.max(), TIMES)
+    times, lasting = _lasting(having)
     known = [np.isfinite(run[name]) for run in having]
     every = np.stack(
         [
@@ -97,8 +96,7 @@ def band(runs: Sequence[Series], name: str) -> tuple[Array, Array] | None:
             for run, at in zip(having, known, strict=True)
         ]
     )
-    ended = times > ROUNDING + ends[:, None]
-    return times, np.nanpercentile(np.where(ended, np.nan, every), BAND, axis=0)
+    return times, np.nanpercentile(np.where(lasting, every, np.nan), BAND, axis=0)
 
 
 def survival(runs: Sequence[Series]) -> tuple[Array, Array] | None:
@@ -108,12 +106,19 @@ def survival(runs: Sequence[Series]) -> tuple[Array, Array] | None:
     having = [run for run in runs if ON_TARGET in run]
     if not having:
         return None
-    ends = np.array([duration(run) for run in having])
+    times, lasting = _lasting(having)
     off = [run[TIME][(run[TIME] >= SETTLED) & ~(run[ON_TARGET] > 0)] for run in having]
-    lost = np.array([times[0] if len(times) else np.inf for times in off])
-    times = np.linspace(0, ends.max(), TIMES)
-    lasting = ends[:, None] + ROUNDING >= times
+    lost = np.array([after[0] if len(after) else np.inf for after in off])
     return times, (lasting & (lost[:, None] > times)).sum(axis=0) / lasting.sum(axis=0)
+
+
+def _lasting(runs: Sequence[Series]) -> tuple[Array, NDArray[np.bool_]]:
+    """Return times (n,) [s] until the end of the longest run, and flags (runs, n): whether a run
+    lasts until a time.
+    """
+    ends = np.array([duration(run) for run in runs])
+    times = np.linspace(0, ends.max(), TIMES)
+    return times, ends[:, None] + ROUNDING >= times
 
 
 def _errors(groups: dict[str, list[Series]], name: str, title: str, note: str) -> Figure | None:
@@ -185,7 +190,7 @@ def heat_maps(study: StudyResults) -> list[Figure]:
     notes += [cut(f"values of {k}", study.axes[k], MOST_CELLS) or "" for k in (x, y)]
     note = " ".join(filter(None, notes))
 
-    def grid(score: Callable[[list[Row]], float]) -> Any:
+    def grid(score: Callable[[list[Row]], float]) -> Array:
         return np.array(
             [
                 [score([r for r in study.rows if r[x] == a and r[y] == b]) for a in columns]
@@ -228,5 +233,5 @@ def _against(key: str, name: str, drawn: list[Curve], note: str) -> Figure:
     return charts.curves(title, across, along, drawn, note=note)
 
 
-def _numeric(values: list[Any]) -> bool:
+def _numeric(values: list[object]) -> bool:
     return all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)

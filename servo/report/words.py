@@ -4,7 +4,6 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
 
 from tracking.statistics.comparisons import Interval
 
@@ -47,7 +46,7 @@ class Table:
     """Numbers of the rows that are grey."""
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """Return a value as text: a float with three significant digits, or all of its integer part; a
     dash for None, nan and infinite values; yes or no for a bool.
     """
@@ -88,12 +87,12 @@ def counted(interval: Interval | None, unit: str) -> str:
     return f"{count} {unit}{'' if count == 1 else 's'}"
 
 
-def listed(settings: Mapping[str, Any]) -> str:
+def listed(settings: Mapping[str, object]) -> str:
     """Return settings as a line of text, such as "camera.rate = 5, tracker.kind = kams"."""
     return ", ".join(f"{key} = {shown(value)}" for key, value in settings.items())
 
 
-def cut(what: str, found: Sequence[Any], most: int) -> str | None:
+def cut(what: str, found: Sequence[object], most: int) -> str | None:
     """Return the sentence that only the first `most` of a list are shown; None if all are. `what`
     is the plural noun for them.
     """

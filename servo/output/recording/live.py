@@ -79,7 +79,8 @@ class LiveViewer(SentRecording):
             while not _listens(port):
                 if time.monotonic() > end or self._server.poll() is not None:
                     self.stop()
-                    raise Refused(f"Rerun's server does not start at port {port}")
+                    sentence = f"Rerun's server does not start at port {port}"
+                    raise Refused(f"{sentence}; choose another one with --port")
                 time.sleep(POLL)
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:

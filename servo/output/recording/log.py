@@ -26,7 +26,6 @@ a second, because log calls for each entity and frame would take half as long as
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -78,7 +77,7 @@ class Lines:
 
     path: str
     names: Sequence[str]
-    colours: Sequence[Any]
+    colours: Sequence[tuple[int, ...]]
     values: Callable[[Step], Sequence[float] | Array]
 
 
@@ -242,7 +241,13 @@ class RerunLog:
             del self._places[:-1]
             del self._corners[:-1]
 
-    def _send_poses(self, path: str, index: list[rr.TimeColumn], t: Any, R: Any) -> None:
+    def _send_poses(
+        self,
+        path: str,
+        index: list[rr.TimeColumn],
+        t: Sequence[Array] | Array,
+        R: Sequence[Array] | Array,
+    ) -> None:
         turned = np.asarray(R).reshape(-1, 9)
         columns = rr.Transform3D.columns(translation=np.asarray(t), mat3x3=turned)
         self._rec.send_columns(path, index, columns)

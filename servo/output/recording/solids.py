@@ -83,8 +83,10 @@ def shapes_of(model: mujoco.MjModel) -> list[Shape]:
 
 
 def _appearance(model: mujoco.MjModel, g: int, kind: str) -> tuple[Array, Surface | None]:
-    """Return colour RGBA (4,), 0..1, and surface of geom `g`: of a mesh or a box with a texture,
-    else None, and the texture's mean colour is used.
+    """Return colour RGBA (4,), 0..1, and surface of geom `g`.
+
+    Only meshes, and boxes with a flat texture, have a surface. A texture that cannot be drawn is
+    replaced by its mean colour.
     """
     rgba = model.geom_rgba[g].astype(float)
     material = model.geom_matid[g]
@@ -143,7 +145,7 @@ def _mesh(model: mujoco.MjModel, mesh: int, picture: Image | None) -> Surface:
     return Surface(vertices.astype(float), normals.astype(float), uv.astype(float), picture)
 
 
-def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, Any]]:
+def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, rr.AsComponents]]:
     """Yield entity path and Rerun archetype of shapes: one pair for each mesh, and one for all
     other shapes of a kind on one body; `bodies` are the entity paths of the bodies by number.
     """
@@ -184,7 +186,7 @@ def _mesh_archetype(shape: Shape) -> rr.Mesh3D:
     )
 
 
-def _archetype(kind: str, members: list[Shape]) -> Any:
+def _archetype(kind: str, members: list[Shape]) -> rr.AsComponents:
     sizes = np.stack([m.size for m in members])
     centres = np.stack([m.pose.translation for m in members])
     turned = [np.roll(quaternion_of(m.pose.rotation), -1) for m in members]
