@@ -2,12 +2,11 @@
 
 import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
 import pytest
+from preloaded import SCRIPT, on_path, ran
 from tutorial_pages import saved_files, script
 
 FOLDER = Path(__file__).parents[1] / "servo" / "tutorials"
@@ -74,19 +73,17 @@ def test_a_tutorial_prints_its_numbers(name, tmp_path):
     page = (FOLDER / f"{name}.md").read_text()
     for file, content in {**saved_files(page), f"{name}.py": script(page)}.items():
         (tmp_path / file).write_text(content)
-    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    done = subprocess.run(
-        [sys.executable, f"{name}.py"],
+    path = os.pathsep.join([str(on_path(tmp_path / "bin")), os.environ["PATH"]])
+    code, out, err = ran(
+        [f"{name}.py"],
+        program=SCRIPT,
         cwd=tmp_path,
         env=os.environ | {"PATH": path, "MPLBACKEND": "agg"},
-        text=True,
-        capture_output=True,
-        check=False,
     )
-    assert done.returncode == 0, done.stderr
+    assert code == 0, err
     for pattern, expected in PRINTS[name]:
-        found = re.search(f"^.*{pattern}", done.stdout, re.MULTILINE)
-        assert found, (pattern, done.stdout)
+        found = re.search(f"^.*{pattern}", out, re.MULTILINE)
+        assert found, (pattern, out)
         if isinstance(expected, str):
             assert found[1] == expected
         else:
