@@ -55,7 +55,7 @@ IMPORTED = (
     "tracking.trackers.frozen",
 )
 PATIENCE = 180.0
-"""No command takes longer [s]."""
+"""No step of a test takes longer [s]."""
 OUTPUTS = (1, 2)
 """Standard output and error."""
 
@@ -161,7 +161,7 @@ class Command:
 def ran(words, **more):
     """Exit code, stdout and stderr of a command that has ended; None for what is no pipe."""
     command = Command(words, **more)
-    out, err = command.communicate()
+    out, err = command.communicate(4 * PATIENCE)
     return command.returncode, out, err
 
 
