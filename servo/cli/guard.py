@@ -68,6 +68,9 @@ def _set_environment() -> None:
     """
     os.environ.update(ENVIRONMENT | os.environ)
     os.environ["MPLBACKEND"] = "agg"  # plots never open a window
+    if sys.platform == "linux":
+        # We never draw with GLFW there; MuJoCo would look for it by another Python process.
+        os.environ.setdefault("PYGLFW_LIBRARY", os.devnull)
 
 
 def _say_warnings_in_a_line() -> None:
