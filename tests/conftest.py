@@ -19,7 +19,9 @@ import numpy as np
 import pytest
 from approved import approved, drawn, section  # noqa: F401  (fixtures)
 from commands import scheduler_with
+from filelock import FileLock
 from hypothesis import HealthCheck, settings
+from preloaded import preloaded
 from seen_targets import model_folder, show_target  # noqa: F401  (fixtures)
 
 from sim.camera import gl
@@ -88,6 +90,22 @@ def pytest_xdist_auto_num_workers(config):
     return 2 * cores if config.option.markexpr == "processes" else None
 
 
+def pytest_configure(config):
+    """Where tests start programs, have a process that starts them quickly, for all workers."""
+    starts = "not processes" not in config.option.markexpr
+    if starts and not hasattr(config, "workerinput") and not config.option.collectonly:
+        there = ExitStack()
+        there.enter_context(preloaded())
+        config.add_cleanup(there.close)
+
+
+def pytest_ignore_collect(collection_path, config):
+    """Where tests that start programs are wanted, import no file that has none."""
+    if config.option.markexpr != "processes" or collection_path.suffix != ".py":
+        return None
+    return True if "mark.processes" not in collection_path.read_text() else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: -LONGEST_FIRST.get(item.path.stem, 0.0))
@@ -134,6 +152,25 @@ def root() -> Path:
 
 
 @pytest.fixture(scope="session")
+def made_once(tmp_path_factory):
+    """Gives a folder by its name, which one worker makes and all others use."""
+    own = tmp_path_factory.getbasetemp()
+    place = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+
+    def folder_of(name, make):
+        folder, done = place / name, place / f"{name}.done"
+        with FileLock(f"{folder}.lock"):
+            if not done.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                folder.mkdir()
+                make(folder)
+                done.touch()
+        return folder
+
+    return folder_of
+
+
+@pytest.fixture(scope="session")
 def shared_sequences() -> Path:
     folder = sequences_folder()
     if folder is None:
@@ -159,13 +196,12 @@ def no_progress(monkeypatch):
 
 
 @pytest.fixture(scope="session")
-def ran(tmp_path_factory):
+def ran(made_once):
     """The folder of a real run of half a second that misses one of two bounds; copy it to change
     it.
     """
     from servo.cli import run_command
 
-    folder = tmp_path_factory.mktemp("run") / "out"
     changes = [
         "run.duration=0.5",
         "measure.after=0.4",
@@ -174,8 +210,12 @@ def ran(tmp_path_factory):
         "expect.servo_rms_px=0.5",
         "tracker.kind=mean_shift",
     ]
-    assert run_command.run_scenario("still", changes, 3, folder, quiet=True, rerun=True) == 1
-    return folder
+
+    def make(folder):
+        out = folder / "out"
+        assert run_command.run_scenario("still", changes, 3, out, quiet=True, rerun=True) == 1
+
+    return made_once("run", make) / "out"
 
 
 @pytest.fixture(scope="session")
@@ -273,12 +313,14 @@ def cluster():
 
 
 @pytest.fixture(scope="session")
-def wheel(root, tmp_path_factory):
+def wheel(root, made_once):
     """The project's wheel, built."""
-    folder = tmp_path_factory.mktemp("wheel")
-    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    subprocess.run(build, cwd=root, check=True, capture_output=True)
-    (found,) = folder.glob("*.whl")
+
+    def build(folder):
+        command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+        subprocess.run(command, cwd=root, check=True, capture_output=True)
+
+    (found,) = made_once("wheel", build).glob("*.whl")
     return found
 
 
@@ -295,17 +337,19 @@ def pip():
 
 
 @pytest.fixture(scope="session")
-def installed(wheel, pip, tmp_path_factory):
+def installed(wheel, pip, made_once):
     """A folder with the wheel installed into it, and with the loops that are compiled here."""
-    folder = tmp_path_factory.mktemp("installed")
-    pip("--target", str(folder), str(wheel))
-    there, here = folder / "tracking" / "loops", ROOT / "tracking" / "loops"
-    for source in here.glob("*.py"):  # of the same time as here, as numba's files have it
-        shutil.copystat(source, there / source.name)
-    (there / "__pycache__").mkdir(exist_ok=True)
-    for loop in (here / "__pycache__").glob("*.nb[ci]"):
-        shutil.copy2(loop, there / "__pycache__")
-    return folder
+
+    def install(folder):
+        pip("--target", str(folder), str(wheel))
+        there, here = folder / "tracking" / "loops", ROOT / "tracking" / "loops"
+        for source in here.glob("*.py"):  # of the same time as here, as numba's files have it
+            shutil.copystat(source, there / source.name)
+        (there / "__pycache__").mkdir(exist_ok=True)
+        for loop in (here / "__pycache__").glob("*.nb[ci]"):
+            shutil.copy2(loop, there / "__pycache__")
+
+    return made_once("installed", install)
 
 
 @pytest.fixture

@@ -724,6 +724,7 @@ def test_a_class_runs_in_a_process_that_gets_pictures_only(monkeypatch, capfd, t
     scenario = whole.scenario | {"run": {"duration": 0.1, "latency": 1}}
     cut = replace(whole, conditions=whole.conditions[:1], scenario=scenario, frozen={}, slow=None)
     monkeypatch.setattr(benchmark_command, "load", lambda _: cut)
+    monkeypatch.setattr(benchmark_command, "QUICK", 1)
     command = ["benchmark", "loop-v1", "--tracker", "m=mine:Spy", "--quick", "--workers", "1"]
     code, out, _ = call(monkeypatch, capfd, *command, "--out", "o")
     assert code == 0

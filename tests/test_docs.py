@@ -41,14 +41,16 @@ ANCHOR = re.compile(r'\bid="([^"]+)"')
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory):
+def site(made_once):
     """The built site; a process of its own, because Sphinx changes the one that it runs in."""
-    folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "servo", "docs", "--no-open", "--still", "--out", str(folder)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines() == [str(folder.resolve() / "index.html")]
-    return folder
+
+    def build(folder):
+        words = ["-m", "servo", "docs", "--no-open", "--still", "--out", str(folder)]
+        done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout.splitlines() == [str(folder.resolve() / "index.html")]
+
+    return made_once("site", build)
 
 
 @pytest.mark.processes

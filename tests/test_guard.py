@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from preloaded import Command, ran
 
 from servo.cli import main
 from servo.cli.guard import Printer, guarded
@@ -86,16 +87,30 @@ def printed(words, where, place, **environment):
     return ended.returncode, ended.stderr
 
 
+def files_in(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
 FULL = (1, "servobench: standard output: No space left on device\n")
 
 
-@pytest.mark.parametrize(
-    ("where", "end"), [("> /dev/full", FULL), (">&- 2>&-", (0, "")), ("| true", (0, ""))]
-)
-def test_a_run_writes_its_files_whatever_happens_to_what_it_prints(tmp_path, where, end):
+def test_a_run_writes_its_files_though_nothing_can_be_printed(tmp_path):
     odd = {"PYOPENGL_PLATFORM": "nonsense", "MPLBACKEND": "nonsense"}  # does not matter either
-    assert printed(RUN, where, tmp_path, **odd) == end
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == FILES
+    assert printed(RUN, "> /dev/full", tmp_path, **odd) == FULL
+    assert files_in(tmp_path / "out") == FILES
+
+
+def test_a_run_writes_its_files_though_its_streams_are_closed(tmp_path):
+    assert ran(RUN, cwd=tmp_path, stdout=None, stderr=None) == (0, None, None)
+    assert files_in(tmp_path / "out") == FILES
+
+
+def test_a_run_writes_its_files_though_its_reader_is_gone(tmp_path):
+    command = Command(RUN, cwd=tmp_path)
+    command.stdout.close()
+    assert (command.wait(), command.stderr.read()) == (0, "")
+    command.stderr.close()
+    assert files_in(tmp_path / "out") == FILES
 
 
 @pytest.mark.parametrize(
@@ -103,6 +118,8 @@ def test_a_run_writes_its_files_whatever_happens_to_what_it_prints(tmp_path, whe
     [
         (">&-", (0, "")),
         ("2>&-", (0, "")),
+        (">&- 2>&-", (0, "")),
+        ("| true", (0, "")),
         ("> /dev/full", FULL),
         ("> /dev/full 2> /dev/full", (1, "")),
     ],
@@ -114,7 +131,8 @@ def test_so_does_a_command_that_is_quick_to_start(tmp_path, where, end):
 
 @pytest.mark.parametrize("words", [("list",), ("list", "camera"), ("schema",), ("--help",)])
 def test_what_cannot_be_printed_ends_with_a_sentence(tmp_path, words):
-    assert printed(words, "> /dev/full", tmp_path) == FULL
+    code, _, err = ran(words, cwd=tmp_path, stdout="/dev/full")
+    assert (code, err) == FULL
 
 
 def test_an_encoding_that_lacks_a_character_prints_another_one(tmp_path, monkeypatch):

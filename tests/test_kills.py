@@ -60,16 +60,19 @@ def place(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory):
-    """The table of all runs, done one after the other in this process, the last one first."""
-    there = tmp_path_factory.mktemp("undisturbed")
-    (there / "mine.toml").write_text(MINE)
-    study = load(str(there / "mine.toml"))
-    with store.opened(there / "out", StudyFile.of(study, "")) as kept:
-        for run in reversed(list(study.jobs())):
-            kept.add(run, run.run(kept.folder))
-        return kept.table().drop_columns(TIMES)
+@pytest.fixture(scope="session")
+def undisturbed(made_once):
+    """The table of all runs, done one after the other in one process, the last one first."""
+
+    def make(folder):
+        (folder / "mine.toml").write_text(MINE)
+        study = load(str(folder / "mine.toml"))
+        with store.opened(folder / "out", StudyFile.of(study, "")) as kept:
+            for run in reversed(list(study.jobs())):
+                kept.add(run, run.run(kept.folder))
+            pq.write_table(kept.table().drop_columns(TIMES), folder / "table.parquet")
+
+    return pq.read_table(made_once("undisturbed", make) / "table.parquet")
 
 
 def finished(folder="out"):

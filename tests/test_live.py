@@ -4,14 +4,15 @@ import http.client
 import os
 import signal
 import socket
-import subprocess
 import time
 from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
 import pytest
-from commands import BIN, PATIENCE, STOPPED, answers
+from commands import PATIENCE, STOPPED, answers
+from preloaded import Command
+from preloaded import ran as ran_command
 from selenium.common.exceptions import WebDriverException
 from tracked import REGION, pictures
 
@@ -81,15 +82,7 @@ def free_ports():
 
 def started(words, folder):
     """A command, and the address that it prints."""
-    process = subprocess.Popen(
-        [BIN / "servobench", *words.split()],
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        env=without_display(),
-    )
+    process = Command(words.split(), cwd=folder, env=without_display())
     line = process.stdout.readline()
     assert line.startswith("watch it at http://127.0.0.1:"), line
     return process, line.split()[-1]
@@ -261,9 +254,8 @@ def test_a_recording_for_which_a_port_is_in_use_is_a_sentence(ran, tmp_path):
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        words = [BIN / "servobench", "view", ran, "--web", "--port", str(port)]
-        ended = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stdout, ended.stderr) == (
+        told = ran_command(["view", ran, "--web", "--port", port], cwd=tmp_path)
+    assert told == (
         2,
         "",
         f"servobench: --port {port}: port {port} is in use; choose another one with --port\n",

@@ -61,7 +61,10 @@ def test_it_installs_and_runs_as_it_is(package, pip, tmp_path):
     place = tmp_path / "site"
     pip("--no-build-isolation", "--target", str(place), str(package))
     path = os.pathsep.join([str(place), *sys.path])
-    line = "evaluate clutter --trackers red_dot,frozen --seeds 1 --workers 1 --out out"
+    (tmp_path / "few.toml").write_text(
+        '[[sequences]]\nkind = "clutter"\nlevel = "a"\nframes = 20\n'
+    )
+    line = "evaluate few.toml --trackers red_dot,frozen --seeds 1 --workers 1 --out out"
     ended = subprocess.run(
         [sys.executable, "-c", BOTH, line, str(package)],
         cwd=tmp_path,

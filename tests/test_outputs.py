@@ -1,9 +1,8 @@
 """What a run leaves behind: table, recording, report, plots; also when it is killed."""
 
 import json
+import os
 import signal
-import subprocess
-import sys
 import time
 from collections import Counter
 from importlib import metadata
@@ -14,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from commands import frames_in
+from preloaded import Command
 from servoing import METRIC
 
 from servo.cli import run_command
@@ -218,9 +218,8 @@ def test_the_table_pairs_commands_with_the_frames_they_act_in(folder):
 @pytest.mark.newest
 def test_a_killed_run_keeps_its_recording_and_its_rows_to_the_last_second(tmp_path):
     out = tmp_path / "out"
-    code = "import sys; from servo.cli.main import main; sys.exit(main())"
-    arguments = ["run", "reversal", "--quiet", "--out", str(out), "--set", "run.duration=600"]
-    process = subprocess.Popen([sys.executable, "-c", code, *arguments])
+    words = ["run", "reversal", "--quiet", "--out", out, "--set", "run.duration=600"]
+    process = Command(words, stdout=os.devnull, stderr=os.devnull)
     stream, deadline = out / STREAM, time.monotonic() + 120
     while len(frames_in(stream)) < 90:
         assert time.monotonic() < deadline

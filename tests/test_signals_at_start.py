@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from commands import STOPPED, begin, ended, wait_for
+from commands import STOPPED, begin_afresh, ended, wait_for
 
 from servo.cli import guard, main, run_command
 from servo.cli.guard import ending_signals
@@ -91,7 +91,7 @@ def test_a_run_that_is_stopped_before_its_first_step_leaves_no_files(tmp_path, m
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("module", ["click", "numpy", "cv2", "mujoco"])
 def test_a_command_ends_in_the_middle_of_its_imports(tmp_path, number, module):
-    command = begin("run still --out out", tmp_path)
+    command = begin_afresh("run still --out out", tmp_path)
     maps = Path(f"/proc/{command.pid}/maps")
     wait_for(lambda: module in (maps.read_text() + module * (module == "click")))
     os.killpg(command.pid, number)

@@ -1,6 +1,7 @@
 """What `servobench track` leaves: times, files, and what there is of them after a kill."""
 
 import itertools
+import os
 import signal
 import subprocess
 import sys
@@ -8,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from preloaded import Command
 from tracked import FRAMES, REGION, call, image, pictures, rows_of
 
 from servo.cli.track_command import region_of
@@ -76,20 +78,8 @@ def test_a_killed_track_leaves_a_video_and_a_recording_of_all_but_the_last_secon
     for k in range(FRAMES, 3000):
         (folder / "in" / f"{k:04}.png").hardlink_to(folder / "in" / "007.png")
     out = folder / "out"
-    code = "import sys; from servo.cli.main import main; sys.exit(main())"
-    arguments = [
-        "track",
-        "in",
-        "--region",
-        REGION,
-        "--out",
-        str(out),
-        "-q",
-        "--video",
-        "a.mp4",
-        "--rerun",
-    ]
-    process = subprocess.Popen([sys.executable, "-c", code, *arguments])
+    words = ["track", "in", "--region", REGION, "--out", out, "-q", "--video", "a.mp4", "--rerun"]
+    process = Command(words, stdout=os.devnull, stderr=os.devnull)
     deadline = time.monotonic() + 120
     while not ((out / "track.csv").exists() and len(rows_of(out / "track.csv")) > 100):
         assert time.monotonic() < deadline

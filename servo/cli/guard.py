@@ -37,6 +37,9 @@ def guarded(command: Callable[[], object]) -> None:
     """Run a command; print a failure as one sentence on stderr, and exit with its code."""
     os.environ.update(ENVIRONMENT | os.environ)
     os.environ["MPLBACKEND"] = "agg"  # plots never open a window
+    if sys.platform == "linux":
+        # MuJoCo would look for GLFW, which is not used there, by another Python process.
+        os.environ.setdefault("PYGLFW_LIBRARY", os.devnull)
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it prints messages about its caches
     _say_warnings_in_a_line()
     printer = Printer(sys.stdout)

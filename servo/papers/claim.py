@@ -22,12 +22,17 @@ SEED = re.compile(r"(?<=seeds from )\d+(?= on)|(?<=the first seed \()\d+(?=\))")
 """Matches the first seed in the text of a rule's units."""
 
 
+SHORT = ("run.duration=3.0", "measure.after=1.0")
+"""Changes of a scenario in a quick run."""
+
+
 @dataclass(frozen=True, slots=True)
 class Effort:
     """The number of runs that test each claim."""
 
     quick: bool
-    """True to run one seed of each claim, which no verdict uses, as a check of the code."""
+    """True to run one seed of each claim, which no verdict uses, as a check of the code; runs of
+    scenarios are short."""
     sequences: Path | None
     """Folder of real sequences for the claim that also uses them."""
     first: int | None = None
@@ -39,6 +44,11 @@ class Effort:
             return range(QUICK, QUICK + 1)
         begin = first if self.first is None else self.first
         return range(begin, begin + full)
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        """Changes of a scenario after those of its claim."""
+        return SHORT if self.quick else ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,7 +66,14 @@ CASES = (
 
 def _jobs(effort: Effort) -> Sequence[Job]:
     return [
-        loop_job(case.scenario, estimator, seed, case.changes, rate=case.rate, motion=case.motion)
+        loop_job(
+            case.scenario,
+            estimator,
+            seed,
+            (*case.changes, *effort.changes),
+            rate=case.rate,
+            motion=case.motion,
+        )
         for case in CASES
         for estimator in TESTED
         for seed in effort.seeds(SEEDS)

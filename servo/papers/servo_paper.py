@@ -94,7 +94,11 @@ def loop_jobs(
     """
     return [
         loop_job(
-            scenario, estimator, seed, [*changes, *settings, *varied(scenario, seed)], rate=rate
+            scenario,
+            estimator,
+            seed,
+            [*changes, *settings, *varied(scenario, seed), *effort.changes],
+            rate=rate,
         )
         for estimator, settings in laws
         for seed in effort.seeds(SEEDS, first)

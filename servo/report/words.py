@@ -1,11 +1,15 @@
 """Values as text, badges and tables, for a page or a terminal."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
-from tracking.statistics.comparisons import Interval
+if TYPE_CHECKING:  # short commands print tables, and need no NumPy
+    from tracking.statistics.comparisons import Interval
 
 NOTHING = "\N{EN DASH}"
 
@@ -26,7 +30,7 @@ class Badge:
     tone: Tone
 
     @staticmethod
-    def of(held: bool, good: str, bad: str | None = None) -> "Badge":
+    def of(held: bool, good: str, bad: str | None = None) -> Badge:
         """Return a good badge if `held`, else a bad one, whose text is `good` if `bad` is None."""
         return Badge(good, Tone.GOOD) if held else Badge(bad or good, Tone.BAD)
 

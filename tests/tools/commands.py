@@ -11,16 +11,20 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pyarrow as pa
+from preloaded import PATIENCE, Command
 
 BIN = Path(sys.executable).parent
-PATIENCE = 180.0
-"""No step of a test takes longer [s]."""
 STOPPED = "servobench: stopped; what was written is complete up to here."
 QUICK = "--set tracker.kind=frozen --set estimator.kind=none"
 
 
 def begin(words, cwd=None):
-    """Start a command in a session of its own."""
+    """Begin a command in a session of its own, of which only stderr is read."""
+    return Command(words.split(), cwd=cwd, stdout=os.devnull)
+
+
+def begin_afresh(words, cwd=None):
+    """The same as a user starts it: it imports first."""
     return subprocess.Popen(
         [BIN / "servobench", *words.split()],
         cwd=cwd,
@@ -80,14 +84,13 @@ def scheduler_with(workers=1, protocol="tcp"):
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     address, host = f"{protocol}://127.0.0.1:{port}", f"{protocol}://127.0.0.1"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    quiet = {"program": "dask", "stdout": os.devnull, "stderr": os.devnull}
     where = ["--host", host, "--no-dashboard"]
-    scheduler = [BIN / "dask", "scheduler", "--port", str(port), *where]
-    worker = [BIN / "dask", "worker", address, "--nthreads", "1", "--no-nanny", *where]
-    started = [subprocess.Popen(scheduler, **quiet)]
+    worker = ["worker", address, "--nthreads", "1", "--no-nanny", *where]
+    started = [Command(["scheduler", "--port", str(port), *where], **quiet)]
     try:
         wait_for(lambda: answers(port))
-        started += [subprocess.Popen(worker, **quiet) for _ in range(workers)]
+        started += [Command(worker, **quiet) for _ in range(workers)]
         yield started, address
     finally:
         for process in started:
