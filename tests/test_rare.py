@@ -160,7 +160,7 @@ def test_too_many_runs_of_one_command_are_refused():
     check_number(MOST_RUNS)
     with pytest.raises(Mistake) as refused:
         check_number(MOST_RUNS + 1)
-    assert str(refused.value) == "these are 100,001 runs; the limit is 100,000"
+    assert str(refused.value) == "this command would make 100,001 runs; the limit is 100,000"
 
 
 @pytest.mark.parametrize(
@@ -209,5 +209,7 @@ def test_a_scenario_of_a_study_is_a_file_only_by_its_ending(monkeypatch, tmp_pat
 def test_too_little_memory_ends_a_study_instead_of_failing_every_run(tmp_path, error):
     with pytest.raises(Refused) as told:
         Store(tmp_path).fail(Job(0, SimpleNamespace(name="mine"), 0), Failure.of(error))
-    assert str(told.value).startswith("there is too little memory, or too few processes are ")
-    assert str(told.value).endswith("the same command goes on from there")
+    assert str(told.value).startswith(f"{tmp_path}: there is too little memory, or too few ")
+    assert str(told.value).endswith(
+        "the finished runs are stored; run the same command again to continue"
+    )

@@ -301,5 +301,7 @@ def test_a_latency_that_is_set_takes_the_place_of_a_file_s_in_another_unit(tmp_p
 
 @pytest.mark.parametrize("frames", [1, 2])  # also the default, where it is written
 def test_a_latency_in_frames_and_in_milliseconds_exclude_each_other(frames):
-    with pytest.raises(Mistake, match=r"run: latency_ms takes the place of latency; leave latency"):
+    with pytest.raises(
+        Mistake, match=r"run: latency and latency_ms give the same delay; leave one"
+    ):
         load("line", ["run.latency_ms=80", f"run.latency={frames}"])

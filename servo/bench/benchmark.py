@@ -257,7 +257,7 @@ def parsed(
         measures: Constants of the measures, of the first versions: later ones have them among
             their settings, so that the hash covers them.
     """
-    table = toml.decode(text, name)
+    table: Settings = toml.decode(text, name)
     ranges = flat(table["ranges"], name)
     conditions = [
         Condition(
@@ -266,7 +266,7 @@ def parsed(
             flat(given.get("set", {}), name),
             {
                 key: (ends[0], ends[1])
-                for key, ends in (ranges | flat(given.get("ranges", {}), name)).items()
+                for key, ends in Settings(ranges | flat(given.get("ranges", {}), name)).items()
                 if ends  # [] takes a common range away
             },
             {

@@ -253,7 +253,7 @@ def _verify(
             if isinstance(record, Failure):
                 raise Mistake(f"{job.settings[WORLD]}: {record.reason}")
             runs.append(repeated(benchmark, row, errors, record))
-            ended(job.settings[WORLD])
+            ended(str(job.settings[WORLD]))
     return _print_audit(console, row, found, runs)
 
 

@@ -101,7 +101,7 @@ def study_of(request: CompareRequest, name: str) -> Study:
     Raises:
         Mistake: There is no variant, two have one name, or one is wrong.
     """
-    table = {
+    table: dict[str, object] = {
         "scenario": list(request.scenarios),
         "seeds": request.seeds,
         "named": {AXIS: _variants(request)},

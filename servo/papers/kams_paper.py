@@ -1,4 +1,6 @@
-"""Claims of the KAMS paper (Naeem, Pridmore, Mills) about completed sequences in clutter."""
+"""Claims of the KAMS paper (Naeem, Pridmore, Mills) about sequences in clutter that trackers
+complete, and how they are judged.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -51,26 +53,31 @@ FEW_LAYERS = 3
 
 
 def clutter(level: str) -> Generated:
-    """Return the artificial sequences of one level."""
+    """Return the painted sequences in clutter of one level, from "a" to "h"."""
     return generated("clutter", level=level)
 
 
 def _painted(trackers: Sequence[Contender], effort: Effort) -> Sequence[Job]:
-    """Return runs on the hard levels, and on the real sequences if there are any."""
+    """Return the runs of trackers on painted sequences of the hard levels, and on real sequences if
+    the options name a folder of them.
+    """
     real = [] if effort.sequences is None else Recorded.all_in(effort.sequences)
     fresh = sequence_jobs(trackers, [clutter(level) for level in LEVELS], effort.seeds(SEEDS))
     return [*fresh, *sequence_jobs(trackers, real, range(1))]
 
 
-def _published(*kinds: str) -> Callable[[Effort], Sequence[Job]]:
-    return lambda effort: _painted([published(k) for k in ("kams", *kinds)], effort)
+def _published(kinds: Sequence[str], effort: Effort) -> Sequence[Job]:
+    """Return the runs of KAMS and other kinds with their papers' settings."""
+    return _painted([published(k) for k in ("kams", *kinds)], effort)
 
 
 def _equal(effort: Effort) -> Sequence[Job]:
+    """Return the runs of KAMS and its rivals with their own best settings."""
     return _painted([tuned(k) for k in ("kams", *RIVALS)], effort)
 
 
 def _layers(effort: Effort) -> Sequence[Job]:
+    """Return the runs of KAMS with few layers, and of annealing."""
     few = contender(
         "kams", "paper", f"kams-{FEW_LAYERS}-layers", layers=FEW_LAYERS, **AS_PUBLISHED["kams"]
     )
@@ -78,19 +85,22 @@ def _layers(effort: Effort) -> Sequence[Job]:
 
 
 Decide = Callable[[Interval, McNemar, float], Finding]
-"""Returns the finding of a comparison from the difference of completed shares, KAMS less the other
-[%], McNemar's test on completion, and its p value after Holm's correction.
+"""Function that returns the finding of a comparison, given the difference of completed shares (KAMS
+less the other tracker) [%], McNemar's test on completion, and its p value after Holm's correction.
 """
 
 
 def _significantly(_: Interval, test: McNemar, p: float) -> Finding:
+    """Return the finding of McNemar's test: undecided unless the difference is significant."""
     if p >= SIGNIFICANT:
         return Finding.UNDECIDED
     return Finding.HOLDS if test.wins > test.losses else Finding.DOES_NOT_HOLD
 
 
 def _judge_pairs(decide: Decide, evidence: Evidence) -> Verdict:
-    """Judge KAMS, whose results come first, against each other tracker."""
+    """Return the verdict on KAMS, whose runs come first, against each other tracker; `decide`
+    returns the finding of each comparison.
+    """
     runs = evidence.trackers
     first, *others = runs
     ours = runs[first]
@@ -139,15 +149,18 @@ def _judge_pairs(decide: Decide, evidence: Evidence) -> Verdict:
 
 
 def _mcnemar(first: Sequence[Record], second: Sequence[Record], measure: str) -> McNemar:
+    """Compare a measure of two trackers on the same sequences; the higher value wins."""
     return McNemar.of(column(first, measure), column(second, measure))
 
 
 def _errors(effort: Effort) -> Sequence[Job]:
+    """Return the runs of KAMS with published and tuned settings on the paper's levels."""
     trackers = [published("kams"), tuned("kams")]
     return sequence_jobs(trackers, [clutter(c) for c in EASY], effort.seeds(SEEDS_ERROR))
 
 
 def _judge_errors(evidence: Evidence) -> Verdict:
+    """Return the verdict on the sequences that KAMS completes at each level."""
     by_level = {
         label: {level: group(found, family=f"clutter-{level}") for level in EASY}
         for label, found in evidence.trackers.items()
@@ -200,7 +213,7 @@ CLAIMS = (
             "not fewer completed than by each of five",
         ),
         partial(_judge_pairs, lambda gain, *_: greater(gain, -MARGIN)),
-        _published(*RIVALS),
+        partial(_published, RIVALS),
     ),
     Claim(
         "P0-1b",
@@ -243,7 +256,7 @@ CLAIMS = (
             "more completed than by Condensation, annealing and hybrid each",
         ),
         partial(_judge_pairs, lambda gain, *_: greater(gain, 0.0)),
-        _published(*OF_200),
+        partial(_published, OF_200),
     ),
     Claim(
         "P0-6",

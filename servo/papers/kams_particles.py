@@ -29,16 +29,18 @@ SEEDS = 32
 ENOUGH = 0.9
 """Share of the sequences that must be completed."""
 DRAWS = 2000
-"""Number of draws of the sequences behind an interval."""
+"""Number of bootstrap samples of the sequences behind an interval."""
 FEWER = 4.0
 """Least ratio that is 75 % fewer."""
 
 
 def _label(kind: str, count: int) -> str:
+    """Return the label of a tracker with a number of particles."""
     return f"{kind}-{count}-particles"
 
 
 def _jobs(effort: Effort) -> Sequence[Job]:
+    """Return the runs of each filter with each number of particles."""
     trackers = [
         contender(TUNED[k].kind, "paper", _label(k, n), **AS_PUBLISHED[k] | {"particles": n})
         for k in KINDS
@@ -48,13 +50,14 @@ def _jobs(effort: Effort) -> Sequence[Job]:
 
 
 def needed(shares: Array) -> Array:
-    """Return the number of particles that reaches `ENOUGH`, interpolated in its logarithm.
+    """Return the number of particles with which a share `ENOUGH` of sequences is completed,
+    interpolated in the logarithm of the number.
 
     Args:
-        shares: Shares of completed sequences (counts, n).
+        shares: Share of completed sequences for each of `COUNTS`, in n samples (counts, n).
 
     Returns:
-        Particles (n,); twice the largest count where they do not reach it.
+        Numbers of particles (n,); twice the largest of `COUNTS` if no share is large enough.
     """
     logs = np.log2([*COUNTS, 2 * COUNTS[-1]])
     grown = np.vstack([np.maximum.accumulate(shares), np.full(shares.shape[1], 1.0)])
@@ -67,6 +70,9 @@ def needed(shares: Array) -> Array:
 
 
 def _judge(rivals: Sequence[str], bound: float, evidence: Evidence) -> Verdict:
+    """Return the verdict on the numbers of particles that rivals need, divided by KAMS's: the claim
+    holds if all ratios are above the bound.
+    """
     completed = {
         k: np.array(
             [column(group(evidence.records, tracker=_label(k, n)), "completed") for n in COUNTS]
@@ -106,12 +112,15 @@ def _judge(rivals: Sequence[str], bound: float, evidence: Evidence) -> Verdict:
 
 
 def _interval(values: Array) -> Interval:
-    """Return the first value with the percentile interval of the others, the bootstrap draws."""
+    """Return an estimate with its 95 % interval, from values (1 + n,): the estimate and n bootstrap
+    samples of it.
+    """
     low, high = np.percentile(values[1:], [2.5, 97.5])
     return Interval(float(values[0]), float(low), float(high))
 
 
 def _claim(name: str, says: str, rivals: Sequence[str], bound: float) -> Claim:
+    """Return the claim that rivals need more than `bound` times as many particles as KAMS."""
     rule = Rule(
         f"particles with which {ENOUGH:.0%} of the sequences are completed, over KAMS's",
         f"the paper's presets with {', '.join(map(str, COUNTS))} particles",
@@ -126,19 +135,20 @@ def _claim(name: str, says: str, rivals: Sequence[str], bound: float) -> Claim:
 SEEDS_LAYERS = 20
 LEVEL_LAYERS = "b"
 WARM_UP = 5
-"""Number of first frames that do not count, since the cloud starts at the true place."""
+"""Number of first frames that do not count, because the particles start at the true state."""
 KAMS: kams.Config = published("kams").config
 
 
 def distances(seed: int, climb: int) -> Array:
-    """Return the mean distance of a particle from its nearest neighbour, over a sequence's frames.
+    """Run KAMS on a sequence, and return the mean distance of a particle from its nearest neighbour
+    in the image.
 
     Args:
-        seed: Draws the sequence and the particles.
-        climb: Most steps of mean shift in each layer; 0: the layers do not climb.
+        seed: Seed of the sequence and the particles.
+        climb: Most steps of mean shift (the climb) in each layer of annealing; 0: no climb.
 
     Returns:
-        Distances before and after the climb (2, layers) [px].
+        Mean distances before and after the climb of each layer (2, layers) [px].
     """
     sequence = clutter(LEVEL_LAYERS).build(seed)
     pictures = [p.image for p in sequence.source if p.image is not None]
@@ -150,7 +160,9 @@ def distances(seed: int, climb: int) -> Array:
     found: list[tuple[float, float]] = []
 
     def likelihood(image: LabelledImage, cloud: ParticleFilter) -> Array:
-        """Return KAMS's likelihood, and keep the distances around its climb."""
+        """Return KAMS's log-likelihood of each particle (n,), and note the distances before and
+        after the climb.
+        """
         before = _nearest(cloud)
         if climb:
             cloud.samples, _, _ = model.climb(
@@ -166,6 +178,7 @@ def distances(seed: int, climb: int) -> Array:
 
 
 def _nearest(cloud: ParticleFilter) -> float:
+    """Return the mean distance of the particles from their nearest neighbours [px]."""
     from scipy.spatial import KDTree  # takes a second
 
     at = cloud.samples[:, :2]
@@ -173,6 +186,7 @@ def _nearest(cloud: ParticleFilter) -> float:
 
 
 def _judge_layers(evidence: Evidence) -> Verdict:
+    """Run KAMS with and without the climb on some sequences, and return the verdict."""
     seeds = evidence.effort.seeds(SEEDS_LAYERS)
     climbing = np.array([distances(seed, CLIMB) for seed in seeds])
     still = np.array([distances(seed, 0) for seed in seeds])
@@ -180,12 +194,12 @@ def _judge_layers(evidence: Evidence) -> Verdict:
 
 
 def judged(before: Array, after: Array, still: Array) -> Verdict:
-    """Return the verdict on distances (sequences, layers) [px].
+    """Return the verdict on mean distances of particles from their nearest neighbours.
 
     Args:
-        before: Before the climb of each layer.
-        after: After it.
-        still: After the same layer of a run without climbing.
+        before: Distances before the climb of each layer (sequences, layers) [px].
+        after: Distances after the climb, likewise.
+        still: Distances after the same layers of runs without climb, likewise.
     """
     over_before = [ratio(a, b) for a, b in zip(after.T, before.T, strict=True)]
     over_still = [ratio(a, b) for a, b in zip(after.T, still.T, strict=True)]

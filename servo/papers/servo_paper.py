@@ -34,7 +34,7 @@ ESTIMATORS = (NONE, FILTER)
 LESS = 5.0
 """Least ratio of the errors without and with estimation; figure 10 of the paper shows more."""
 SLOW = 0.02
-"""The sign of the velocity is compared only above this true speed [m/s]."""
+"""Least true speed at which the sign of the velocity is compared [m/s]."""
 AGREE = 0.9
 """Least share of frames with the right sign."""
 BACK_PX = 4.0
@@ -43,13 +43,16 @@ BACK_PX = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """Conditions of a test in the closed loop: as the paper prints them, or ours."""
+    """Rate and law of a test in the closed loop: those of the paper, or servobench's own."""
 
     ending: str
     """Ending of the claims' names."""
     label: str
+    """Label that distinguishes the runs."""
     settings: str
+    """Rate and law in words, for rules."""
     changes: tuple[str, ...]
+    """Changes of a scenario."""
     after: dict[str, float]
     """Time from which the errors count [s], by scenario."""
     within: float
@@ -102,14 +105,16 @@ def loop_jobs(
 
 
 def _jobs(conditions: Conditions, scenario: str, effort: Effort) -> list[Job]:
-    """Return the runs without and with estimation in the conditions."""
+    """Return the runs of a scenario without and with estimation."""
     changes = (*conditions.changes, f"measure.after={conditions.after[scenario]}")
     laws = [(estimator, ()) for estimator in ESTIMATORS]
     return loop_jobs(scenario, laws, changes, conditions.label, FIRST, effort)
 
 
 def _table(records: list[Record]) -> list[list[str]]:
-    """Return the rows of all measures by estimator; the sign only for a car that reverses."""
+    """Return a table with a row for each estimator and its measures; the share of right signs is
+    given only for a car that reverses.
+    """
     runs = {e: group(records, estimator=e) for e in ESTIMATORS}
     reverses = records[0].subject == REVERSAL
     rows = [
@@ -127,6 +132,7 @@ def _table(records: list[Record]) -> list[list[str]]:
 
 
 def _judge_lag(evidence: Evidence) -> Verdict:
+    """Return the verdict on P1-4: the error is smaller with estimation."""
     records = evidence.records
     without, found = (column(group(records, estimator=e), "servo_rms_px") for e in ESTIMATORS)
     times = ratio(without, found)
@@ -142,6 +148,7 @@ def _judge_lag(evidence: Evidence) -> Verdict:
 
 
 def _judge_sign(evidence: Evidence) -> Verdict:
+    """Return the verdict on P1-5: the estimated velocity has the right sign."""
     runs = group(evidence.records, estimator=FILTER)
     share = mean_percent(_agreement(runs))
     first = runs[0]
@@ -166,19 +173,26 @@ def _judge_sign(evidence: Evidence) -> Verdict:
 
 
 def _agreement(runs: list[Record]) -> Array:
-    """Return the share of frames (n,) in which the velocity has the right sign."""
+    """Return for each run (n,) the share of frames, from 0 to 1, whose estimated velocity has the
+    right sign.
+    """
     return np.array([agreement(r.series[ESTIMATED], r.series[TRUE]) for r in runs])
 
 
 def agreement(estimated: Array, true: Array) -> float:
-    """Return the share of the frames with a fast target in which both velocities (frames,) [m/s]
-    have the same sign; the true one is nan in the first frame.
+    """Return the share, from 0 to 1, of the frames with a fast target in which estimated and true
+    velocity have the same sign.
+
+    Args:
+        estimated: Velocities (frames,) [m/s].
+        true: Velocities (frames,) [m/s]; nan in the first frame.
     """
     fast = np.abs(true) > SLOW
     return float(np.mean(np.sign(estimated)[fast] == np.sign(true)[fast]))
 
 
 def _judge_peak(within: float, evidence: Evidence) -> Verdict:
+    """Return the verdict on P1-6: after a reversal the error is small again within a time [s]."""
     runs = group(evidence.records, estimator=FILTER)
     away = mean_of(_away(runs))
     return Verdict(
@@ -194,12 +208,17 @@ def _judge_peak(within: float, evidence: Evidence) -> Verdict:
 
 
 def _away(runs: list[Record]) -> Array:
+    """Return the longest time [s] of each run (n,) with a large error; see `longest_away`."""
     return np.array([longest_away(r.series[TIME], r.series[ERROR]) for r in runs])
 
 
 def longest_away(time: Array, error: Array) -> float:
-    """Return the longest time in a row in which the error [px] is above `BACK_PX`, after it has
-    first been below [s].
+    """Return the longest uninterrupted time [s] in which the error is not below `BACK_PX`, after it
+    has been below once.
+
+    Args:
+        time: Times of the frames (n,) [s].
+        error: Distances from the goal (n,) [px].
     """
     settled = int(np.argmax(error < BACK_PX))
     longest = begin = 0.0
@@ -210,7 +229,7 @@ def longest_away(time: Array, error: Array) -> float:
 
 
 def _draw_error(records: list[Record], title: str) -> Figure:
-    """Draw the errors of the first run with each estimator."""
+    """Plot the errors [px] of the first run with each estimator over time [s]."""
     first = [group(records, estimator=estimator)[0] for estimator in ESTIMATORS]
     curves = {r.settings["estimator"]: (r.series[TIME], r.series[ERROR]) for r in first}
     return lines(f"{title} (seed {first[0].seed})", "time [s]", "distance [px]", curves)
@@ -220,7 +239,7 @@ MEAN = "95 % interval of the mean"
 
 
 def units(scenario: str, first: int = FIRST) -> str:
-    """Return the text of a rule's units: drawn runs of a scenario."""
+    """Return the text of a rule about its units: runs of a scenario with drawn settings."""
     return (
         f"{SEEDS} runs of {scenario} with drawn start, heading, speed and reversals, clear of "
         f"toys, seeds from {first} on"
@@ -228,6 +247,7 @@ def units(scenario: str, first: int = FIRST) -> str:
 
 
 def _three(conditions: Conditions) -> tuple[Claim, ...]:
+    """Return the claims P1-4, P1-5 and P1-6 with a rate and a law."""
     return (
         Claim(
             f"P1-4{conditions.ending}",

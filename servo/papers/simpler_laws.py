@@ -17,12 +17,14 @@ from tracking.statistics.verdicts import greater, not_worse
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """A law that is compared with the filter."""
+    """An estimator that is compared with the Kalman filter."""
 
     estimator: str
+    """Kind of the estimator."""
     settings: tuple[str, ...] = ()
+    """Changes of settings for the rival."""
     own: tuple[str, ...] = ()
-    """Settings of the filter in this comparison."""
+    """Changes of settings for the filter in this comparison."""
 
 
 DIFFERENCE = Rival("difference")
@@ -33,7 +35,7 @@ CONDITIONS = (
     ("a", "", "plain", ()),
     ("b", "; noise of 4 grey levels, exposure 0.5, 33 ms of tracker", "hard", HARD),
 )
-"""Ending of a claim's name, words for its rule, label of its runs, and changes of the scenario."""
+"""Ending of a claim's name, text for its rule, label of its runs, and changes of the scenario."""
 SMOOTHER = 1.5
 """Least ratio of control efforts that is called smoother."""
 CLOSER = 2.0
@@ -44,7 +46,7 @@ EFFORT = "effort_rms_mm_s"
 RMS = "servo_rms_px"
 WHAT = {EFFORT: "control effort", RMS: "error"}
 MORE = 1.1
-"""Least ratio that is called more."""
+"""Least ratio that is called larger."""
 EQUAL = 0.9
 """Least share of the filter's value that counts as equal: comparing with a rival that has less of
 both measures proves nothing."""
@@ -53,11 +55,11 @@ FRESH = 4000
 The gains are a pair whose measures were nearly alike on seeds 500 to 502, of loop gains 1 to 8 for
 the filter, and of 16 and 30 with loop gains 2, 3, 4, 6 for the integral."""
 Judge = Callable[[Sequence[Record], Sequence[Record]], Verdict]
-"""Returns the verdict on the filter's runs and a rival's, without table and figure."""
+"""Function that returns the verdict on runs of the filter and a rival, without table and figure."""
 
 
 def _judge(rival: Rival, judge: Judge, evidence: Evidence) -> Verdict:
-    """Judge the filter against a rival, with a table and a figure of both."""
+    """Return the verdict of `judge` on the filter and a rival, with a table and a figure."""
     runs = {e: group(evidence.records, estimator=e) for e in (FILTER, rival.estimator)}
     rows = [
         [e, mean(found, RMS, "px"), mean(found, EFFORT, "mm/s"), mean(found, "effort_rms_deg_s")]
@@ -72,7 +74,9 @@ def _judge(rival: Rival, judge: Judge, evidence: Evidence) -> Verdict:
 
 
 def _smoother(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
-    """Return whether the filter's commands are smoother at an equal error."""
+    """Return the verdict on the claim that the filter (`own`) has smoother commands than a rival
+    (`other`) at an equal error.
+    """
     times = ratio(column(other, EFFORT), column(own, EFFORT))
     worse = difference(own, other, RMS)
     return Verdict(
@@ -85,7 +89,7 @@ def _smoother(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
 
 
 def _closer(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
-    """Return whether the filter's error is smaller."""
+    """Return the verdict on the claim that the filter (`own`) has a smaller error than a rival."""
     times = ratio(column(other, RMS), column(own, RMS))
     rougher = ratio(column(own, EFFORT), column(other, EFFORT))
     return Verdict(
@@ -99,7 +103,9 @@ def _closer(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
 
 
 def _more(compared: str, equal: str, own: Sequence[Record], other: Sequence[Record]) -> Verdict:
-    """Return whether a rival has more of one measure and at least as much of another."""
+    """Return the verdict on the claim that a rival (`other`) has a larger value of a measure
+    (`compared`) than the filter (`own`), and at least an equal value of another (`equal`).
+    """
     times = ratio(column(other, compared), column(own, compared))
     kept = ratio(column(other, equal), column(own, equal))
     return Verdict(
@@ -123,7 +129,19 @@ def _claims(
     *,
     first: int = FIRST,
 ) -> list[Claim]:
-    """Return a claim about the filter and its rivals, in plain and in hard conditions."""
+    """Return a claim about the filter and a rival in plain conditions, and in hard ones.
+
+    Args:
+        number: Number of the claim, which is called P1-NUMBERa and P1-NUMBERb.
+        scenario: Name of the scenario.
+        rivals: The rival in plain and in hard conditions.
+        says: The claim, in one sentence.
+        measure: Measure of the rule.
+        margin: Bound of the rule.
+        holds: Condition of the rule.
+        judge: Returns the verdict.
+        first: First seed of the runs.
+    """
     found: list[Claim] = []
     for rival, (ending, more, label, changes) in zip(rivals, CONDITIONS, strict=True):
         laws = ((FILTER, rival.own), (rival.estimator, rival.settings))
@@ -140,7 +158,9 @@ def _claims(
 
 
 def _smooth(number: int, scenario: str) -> list[Claim]:
-    """Return the claim that the filter's commands are smoother than those of the difference."""
+    """Return the claim, in both conditions, that the filter's commands are smoother than those of
+    the raw difference.
+    """
     return _claims(
         number,
         scenario,
@@ -157,7 +177,9 @@ def _smooth(number: int, scenario: str) -> list[Claim]:
 def _at_equal(
     number: int, equal: str, compared: str, says: str, rivals: Sequence[Rival]
 ) -> list[Claim]:
-    """Return a claim about the filter and a rival at an equal measure, in both conditions."""
+    """Return a claim, in both conditions, on the filter and a rival whose measure `equal` is alike,
+    while the measure `compared` is larger for the rival.
+    """
     return _claims(
         number,
         REVERSAL,
