@@ -15,7 +15,7 @@ from servo.cli.options import Commands
 from servo.mistake import Mistake, Refused, unknown
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.study import record_file
-from servo.study.run import Failure, Job
+from servo.study.run import Failure, Job, Record
 from servo.study.store import Store
 from sim.camera import gl
 from sim.types import Camera, Pose
@@ -144,7 +144,11 @@ def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     ],
 )
 def test_a_column_has_the_type_of_its_values(values, kind):
-    assert record_file._type(values) == kind
+    records = [
+        Record(subject="mine", seed=0, settings={"x": value}, outcome="", success=True, measures={})
+        for value in values
+    ]
+    assert record_file.table_of([records])["x"].type == kind
 
 
 def test_the_commands_are_listed_as_they_stand():

@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured import measured_run
 from numpy.testing import assert_allclose, assert_array_equal
 
 from servo.controllers._pending_commands import PendingCommands
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
 from servo.loop.run_measures import summarise
 from servo.loop.settings import MeasureConfig
 from servo.mistake import Mistake

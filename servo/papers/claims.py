@@ -13,11 +13,9 @@ from servo.output.formats import Made
 from servo.papers import (
     estimator_study,
     kams_paper,
-    kams_particles,
     kernel_paper,
     law_paper,
     servo_paper,
-    simpler_laws,
     texture_paper,
 )
 from servo.papers.claim import WORDS, Claim, Rule, Verdict
@@ -28,11 +26,9 @@ from tracking.statistics.verdicts import Finding
 CLAIMS = (
     *sorted(
         kams_paper.CLAIMS
-        + kams_particles.CLAIMS
         + kernel_paper.CLAIMS
         + law_paper.CLAIMS
         + servo_paper.CLAIMS
-        + simpler_laws.CLAIMS
         + texture_paper.CLAIMS,
         key=lambda claim: claim.name,
     ),

@@ -5,7 +5,6 @@ corner: the principal point is 0.5 px larger here.
 """
 
 import re
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,6 +14,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, FiniteFloat, PositiveInt
 
 from servo.mistake import Mistake, as_mistake
+from servo.scenario.draws import leaves
 from servo.scenario.fill import validated
 from servo.scenario.toml import Table, is_number, is_table
 from sim.camera.camera import CameraConfig
@@ -316,7 +316,7 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
         Mistake: The file names an unknown lens, or several different ones.
     """
     named: dict[Model, str] = {}
-    for key, value in _leaves(document):
+    for key, value in leaves(document):
         word = _letters(key)
         letters = "" if value is None else _letters(value)
         if "fisheye" in word and letters in YES:
@@ -339,17 +339,6 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
     if name is not None and _letters(name) == NO_DISTORTION and any(values):
         raise Mistake(f"{place}: distortion_model = {name!r}, but distortion_coefficients has some")
     return "rational" if any(values[COEFFICIENTS["plumb_bob"] :]) else "plumb_bob"
-
-
-def _leaves(document: Table, above: str = "") -> Iterator[tuple[str, object]]:
-    """Yield the values of a table and of the tables inside it, each with its dotted key after
-    `above`.
-    """
-    for key, value in document.items():
-        if is_table(value):
-            yield from _leaves(value, f"{above}{key}.")
-        else:
-            yield f"{above}{key}", value
 
 
 def _letters(text: object) -> str:

@@ -5,7 +5,7 @@ runs the scenario as it is written; each other seed draws these settings anew, s
 even for a tracker without random numbers.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -131,7 +131,7 @@ def spelled(key: str, place: str) -> str:
     return ".".join(f'"{name}"' if "." in name else name for name in names)
 
 
-def flat(table: Mapping[str, object], place: str, ends: Iterable[str] = ()) -> Table:
+def flat(table: Mapping[str, object], place: str, ends: Collection[str] = ()) -> Table:
     """Return the values of nested tables by dotted keys such as "run.latency".
 
     Args:
@@ -143,7 +143,7 @@ def flat(table: Mapping[str, object], place: str, ends: Iterable[str] = ()) -> T
         Mistake: A key is given twice, also in different spellings, or has an empty name.
     """
     found: Table = {}
-    for key, value in _leaves(table, frozenset(ends)):
+    for key, value in leaves(table, ends):
         name = spelled(key, place)
         if name in found:
             raise Mistake(f"{place}: {name} is given twice")
@@ -151,10 +151,12 @@ def flat(table: Mapping[str, object], place: str, ends: Iterable[str] = ()) -> T
     return found
 
 
-def _leaves(table: Mapping[str, object], ends: frozenset[str]) -> Iterable[tuple[str, object]]:
-    """Yield dotted keys and values as `flat` returns them, which may have equal keys."""
+def leaves(table: Mapping[str, object], ends: Collection[str] = ()) -> Iterable[tuple[str, object]]:
+    """Yield dotted keys, some of which may be equal, and values of nested tables; a table with a
+    key from `ends` is a value, as an empty one is.
+    """
     for key, value in table.items():
-        if is_table(value) and value and ends.isdisjoint(value):
-            yield from ((f"{key}.{inner}", v) for inner, v in _leaves(value, ends))
+        if is_table(value) and value and value.keys().isdisjoint(ends):
+            yield from ((f"{key}.{inner}", v) for inner, v in leaves(value, ends))
         else:
             yield key, value

@@ -60,10 +60,8 @@ class Scenario(Setup):
     def settings(self) -> Table:
         """Return all settings of the run by table, defaults included."""
         found: Table = {name: dataclasses.asdict(getattr(self, name)) for name in SECTIONS}
-        for name in PLUGINS:
-            found[name] = _described(getattr(self, name))
-        for name in LISTS:
-            found[name] = [_described(item) for item in getattr(self, name)]
+        found |= {name: _described(getattr(self, name)) for name in PLUGINS}
+        found |= {name: [_described(item) for item in getattr(self, name)] for name in LISTS}
         return found
 
 

@@ -75,7 +75,7 @@ def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...
             raise Mistake(f"{at} = {given!r}: expected a list of values, or one of {forms}")
         if len(given) > MOST_VALUES:
             raise Mistake(f"{at} has {len(given):,} values; the limit is {MOST_VALUES:,}")
-        if len({repr(_plain(v)) for v in given}) < len(given):
+        if any(value in given[:place] for place, value in enumerate(given)):
             raise Mistake(f"{at} has the same value twice")
         axes.append(Axis(key, tuple(given)))
     return tuple(axes), tuple(draws)
@@ -111,21 +111,6 @@ def check_key(key: str, at: str) -> None:
     remedy = ELSEWHERE.get(key) or (ELSEWHERE[section] if section in ("expect", "sweep") else None)
     if remedy is not None:
         raise Mistake(f"{at}: {remedy}")
-
-
-def _plain(value: Value) -> Value:
-    """Return a value of TOML with all numbers as floats, so that 1 and 1.0 have the same `repr`."""
-    match value:
-        case bool():
-            return value
-        case int() | float():
-            return float(value) + 0.0  # -0.0 becomes 0.0
-        case list():
-            return [_plain(item) for item in value]
-        case dict():
-            return {key: _plain(value[key]) for key in sorted(value)}
-        case _:
-            return value
 
 
 def _span(law: str, numbers: tuple[Any, ...], at: str) -> list[float]:

@@ -7,12 +7,11 @@ from contextlib import ExitStack, suppress
 from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TypeVar
 
 import numpy as np
 
 from servo.mistake import Mistake
-from servo.study.run import Failure, Job, Record
+from servo.study.run import Done, Failure, Job, Record, Task, attempt
 from servo.study.store import Store
 
 MOST_RUNS = 100_000
@@ -21,8 +20,6 @@ TRIED = 5
 """Most different jobs that are run to estimate the time of all jobs."""
 TRYING = 15.0
 """Time after which no other job is begun for this estimate [s]."""
-Task = TypeVar("Task")
-Done = TypeVar("Done")
 
 
 class Workers(ExitStack):
@@ -64,7 +61,7 @@ class Workers(ExitStack):
             Refused: The processes cannot be started.
         """
         if self.scheduler is None and self.count == 1:
-            yield from _one_by_one(tasks, work)
+            yield from ((task, attempt(work, task)) for task in tasks)
             return
         from servo.study.cluster.tasks import carry_out
 
@@ -79,18 +76,6 @@ class Workers(ExitStack):
         from servo.study.cluster.local import local
 
         return self.enter_context(local(self.count))
-
-
-def _one_by_one(
-    tasks: Iterable[Task], work: Callable[[Task], Done]
-) -> Iterator[tuple[Task, Done | Failure]]:
-    for task in tasks:
-        try:
-            done = work(task)
-        except Exception as error:
-            yield task, Failure.of(error)
-        else:
-            yield task, done
 
 
 def execute(
@@ -135,19 +120,16 @@ def tried(jobs: Sequence[Job]) -> tuple[float, list[tuple[Job, Failure]]]:
     """
     some = jobs[:: -(-len(jobs) // TRIED)]
     spent: list[float] = []
-    failed: list[tuple[Job, Failure]] = []
-    before = time.monotonic()
     with TemporaryDirectory() as folder:
-        for job, end in _one_by_one([some[0], *some], partial(_run, folder=Path(folder))):
-            now = time.monotonic()
-            spent.append(now - before)
-            before = now
+        for job in [some[0], *some]:
+            begin = time.monotonic()
+            end = attempt(partial(_run, folder=Path(folder)), job)
+            spent.append(time.monotonic() - begin)
             if isinstance(end, Failure):
-                failed.append((job, end))
-                break
+                return float(np.mean(spent[1:] or spent)), [(job, end)]
             if sum(spent) > TRYING:
                 break
-    return float(np.mean(spent[1:] or spent)), failed
+    return float(np.mean(spent[1:] or spent)), []
 
 
 def complete(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ from servo.scenario.toml import Table
 from servo.study.bounds import MissedBound
 from tracking.files.json_text import as_json, number
 
+Task = TypeVar("Task")
+Done = TypeVar("Done")
 Series = NDArray[Any]
 """Numbers or flags (n,)."""
 Row = Mapping[str, Any]
@@ -155,7 +157,7 @@ class Record:
 
 
 def key_of(number: int) -> str:
-    """Return the name under which the run of this number in its study is stored: "000012"."""
+    """Return the name under which a study stores a run, such as "000012" for number 12."""
     return f"{number:06}"
 
 
@@ -197,3 +199,11 @@ class Failure:
     def reason(self) -> str:
         """Return the sentence about the error, or the last line of the traceback."""
         return self.mistake or self.error.strip().splitlines()[-1]
+
+
+def attempt(work: Callable[[Task], Done], task: Task) -> Done | Failure:
+    """Do a task; return its result, or the failure that an exception of `work` means."""
+    try:
+        return work(task)
+    except Exception as error:
+        return Failure.of(error)

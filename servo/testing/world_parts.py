@@ -84,12 +84,9 @@ def check_robot(robot: object) -> None:
         BrokenContract: It breaks its contract; the sentence says what to change.
     """
     design: Design = built("robot", config_of("robot", robot))
-    try:
-        model = _scene(robot=design)
-        machine = Robot(model, design)
-        data = mujoco.MjData(model)
-    except (ValueError, KeyError) as error:
-        raise BrokenContract(f"it cannot be put into the room: {error}") from error
+    model = _scene(robot=design)
+    machine = Robot(model, design)
+    data = mujoco.MjData(model)
     for home in design.homes:
         n = len(machine.names)
         require(len(home) == n, f"a home has {len(home)} joints; the robot has {n}")
@@ -143,15 +140,7 @@ def check_target(target: object) -> None:
     sized = min(a, b) >= SHORTEST_SIDE and max(a, b) <= LONGEST_SIDE
     limits = f"{SHORTEST_SIDE:g} to {LONGEST_SIDE:g}"
     require(sized, f"the outline is {a:g} x {b:g} m; its sides go from {limits}")
-    try:
-        model = _scene(target=found)
-    except (ValueError, KeyError) as error:
-        raise BrokenContract(f"it cannot be put into the room: {error}") from error
-    _check_moves(model)
-
-
-def _check_moves(model: Any) -> None:
-    """Check that all geoms of the target move with its body in an `MjModel` of the room."""
+    model = _scene(target=found)
     data = mujoco.MjData(model)
     body = model.body(TARGET)
     own = model.body_rootid[model.geom_bodyid] == body.id
@@ -167,11 +156,18 @@ def _check_moves(model: Any) -> None:
 
 
 def _scene(robot: Design | None = None, target: Target | None = None) -> Any:
-    """Return the `MjModel` of the room with a robot and a target, by default gantry and car."""
+    """Return the `MjModel` of the room with a robot and a target, by default gantry and car.
+
+    Raises:
+        BrokenContract: The model of the robot or the target cannot be added to the room.
+    """
     from sim.robots import gantry
     from sim.targets import car
 
     rng = np.random.default_rng(0)
     robot = robot or gantry.Config().build(rng)
     target = target or car.Config().build(rng)
-    return build_model(PHYSICS_RATE, CameraConfig(), robot, target)
+    try:
+        return build_model(PHYSICS_RATE, CameraConfig(), robot, target)
+    except (ValueError, KeyError) as error:
+        raise BrokenContract(f"its model cannot be added to the room: {error}") from error

@@ -15,7 +15,7 @@ from distributed.security import Security
 from distributed.system import MEMORY_LIMIT
 
 from servo.mistake import Mistake, Refused
-from servo.study.cluster.tasks import ONE_THREAD, Cluster, Patience, silence
+from servo.study.cluster.tasks import ONE_THREAD, Cluster, Patience, reason, silence
 
 LOOPBACK = "127.0.0.1"
 SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
@@ -101,7 +101,7 @@ def local(workers: int) -> Generator[Cluster]:
                     silence_logs=logging.CRITICAL,
                 )
         except (OSError, RuntimeError) as error:
-            raise Refused(f"the worker processes cannot be started: {_reason(error)}") from None
+            raise Refused(f"the worker processes cannot be started: {reason(error)}") from None
         with cluster, Client(cluster, set_as_default=False) as client:
             cluster.scale(workers)
             patience = Patience(LONGEST_START, NO_WORKER)
@@ -126,13 +126,6 @@ def replace_dead(cluster: LocalCluster, workers: int) -> None:
         cluster.workers.pop(name, None)
     if dead:
         cluster.scale(workers)
-
-
-def _reason(error: BaseException) -> str:
-    """Return the message of the first error in an exception's chain of causes."""
-    while error.__cause__ is not None:
-        error = error.__cause__
-    return (isinstance(error, OSError) and error.strerror) or str(error)
 
 
 def _track_resources() -> None:

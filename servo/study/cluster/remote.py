@@ -118,16 +118,8 @@ async def _reach(address: str, security: Security) -> Client:
     except Exception as error:  # anything may answer there
         with suppress(Exception):
             await client.close(CLOSING)
-        reason = said if isinstance(error, TimeoutError) else _reason(error)
-    raise Mistake(f"--scheduler {address}: no scheduler with workers answers there: {reason}")
-
-
-def _reason(error: BaseException) -> str:
-    """Return the message of the first error with a message in an exception's chain of causes."""
-    if not isinstance(error, OSError | ImportError):
-        return "the server there does not speak Dask's protocol"
-    words = str(error)
-    while (cause := error.__cause__) is not None:
-        error = cause
-        words = str(cause) or words
-    return words or type(error).__name__
+        if isinstance(error, OSError | ImportError) and not isinstance(error, TimeoutError):
+            said = tasks.reason(error)
+        elif not isinstance(error, TimeoutError):
+            said = "the server there does not speak Dask's protocol"
+    raise Mistake(f"--scheduler {address}: no scheduler with workers answers there: {said}")

@@ -9,14 +9,14 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import cv2
 import dask.config
 from distributed import Client, Future, KilledWorker, as_completed
 
 from servo.closing import closing
-from servo.study.run import ClusterLost, Failure
+from servo.study.run import ClusterLost, Done, Failure, Task, attempt
 from sim.files.notices import Notice
 
 DEATHS = 2
@@ -98,10 +98,6 @@ def silence() -> Generator[None]:
         yield
 
 
-Task = TypeVar("Task")
-Done = TypeVar("Done")
-
-
 def carry_out(
     cluster: Cluster, tasks: Iterable[Task], work: Callable[[Task], Done]
 ) -> Iterator[tuple[Task, Done | Failure]]:
@@ -120,7 +116,7 @@ def carry_out(
     """
     waiting = iter(tasks)
     session = uuid.uuid4().hex
-    under_way: dict[str, tuple[Task, Future[Done]]] = {}
+    under_way: dict[str, tuple[Task, Future[Done | Failure]]] = {}
     ended = as_completed(loop=cluster.client.loop)
 
     def top_up() -> None:
@@ -163,7 +159,7 @@ def _ready(ended: as_completed) -> list[Future[Any]]:
     return ended.next_batch(block=False)
 
 
-def _result(future: Future[Done], name: str) -> Done | Failure:
+def _result(future: Future[Done | Failure], name: str) -> Done | Failure:
     """Return the result of a task that has ended, or its failure.
 
     Raises:
@@ -182,10 +178,19 @@ def _result(future: Future[Done], name: str) -> Done | Failure:
     return Failure.of(error)
 
 
-def _work_alone(work: Callable[[Task], Done], task: Task) -> Done:
+def _work_alone(work: Callable[[Task], Done], task: Task) -> Done | Failure:
     """Do a task in a worker process with one thread and without repeated notices."""
     for name, value in ONE_THREAD.items():
         os.environ.setdefault(name, value)
     cv2.setNumThreads(1)
     warnings.simplefilter("ignore", Notice)  # the process that began the study has printed them
-    return work(task)
+    return attempt(work, task)
+
+
+def reason(error: BaseException) -> str:
+    """Return the message of the first error with a message in an exception's chain of causes."""
+    message = str(error)
+    while error.__cause__ is not None:
+        error = error.__cause__
+        message = str(error) or message
+    return message or type(error).__name__
