@@ -79,7 +79,7 @@ class StudyFile(Made):
     """The axis whose values are compared with each other."""
     expect: dict[str, Number]
     runs: int
-    table: Table
+    table: dict[str, Any]
     """The study's TOML table, including the changes of the command line."""
     scenarios: dict[str, dict[str, Any]]
     """Tables of the study's scenarios, by name."""
