@@ -167,8 +167,8 @@ def test_folders_of_sequences_and_presets_are_benched(monkeypatch, capfd, place)
 BAD = {
     "no suite": (
         ["magic"],
-        "there is no suite 'magic'; there is clutter, hard_clutter, similarity, texture, "
-        "camouflage, closed_loop, or give a folder or a .toml",
+        "there is no suite 'magic'; give clutter, hard_clutter, similarity, texture, "
+        "camouflage, closed_loop, a folder or a .toml file",
     ),
     "no tracker": (
         ["clutter", "--trackers", "kams:book"],
@@ -189,7 +189,7 @@ BAD = {
     ),
     "the same sequence twice": (
         ["twice.toml"],
-        "twice.toml: two sequences are called 'similarity', and results are kept by name: leave "
+        "twice.toml: two sequences are called 'similarity', and names must be unique: leave "
         "one out, rename its folder, or put it into another suite",
     ),
     "the same label twice": (
@@ -199,7 +199,7 @@ BAD = {
     ),
     "a label that is no text": (
         ["number.toml"],
-        "number.toml: trackers[0].label = 3: this should be a text",
+        "number.toml: trackers[0].label = 3: expected a text",
     ),
     "an empty folder": (
         ["empty"],

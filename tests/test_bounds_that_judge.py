@@ -15,8 +15,9 @@ def test_every_shipped_bound_can_be_kept_and_missed(name):
 
 
 SETTINGS = ("run.duration=12", "measure.after=2", "robot.kind=arm")
-ROUNDING = "rounding alone misses it; it should be above 1e-09"
-ANGLE = "no run misses it, as no angle is above 180 deg"
+ROUNDING = "rounding exceeds this bound; it should be above 1e-09"
+PERCENT = "no run misses this bound, because the measure is at most 100 %"
+ANGLE = "no run misses this bound, because no angle is above 180 deg"
 
 
 @pytest.mark.parametrize(
@@ -24,20 +25,20 @@ ANGLE = "no run misses it, as no angle is above 180 deg"
     [
         ("retreat_m", 0.0, ROUNDING),
         ("drawn.servo_rms_px", 0.0, ROUNDING),
-        ("lost_pct", -1.0, "every run misses it, as no measure is below 0"),
-        ("lost_pct", 100.0, "no run misses it"),
+        ("lost_pct", -1.0, "all runs miss this bound, because no measure is below 0"),
+        ("lost_pct", 100.0, PERCENT),
         ("retreat_m", 1e-15, ROUNDING),
         (
             "joint_range_peak_pct",
             100.0,
-            "it says nothing of a run, as a joint's range ends at 100 %",
+            PERCENT,
         ),
         ("servo_angle_peak_deg", 180.0, ANGLE),
         ("tilt_peak_deg", 200.0, ANGLE),
         ("end_rotation_deg", 180.0, ANGLE),
-        ("longest_off_s", 10.0, "no run misses it, as 10 s count of 12 s"),
-        ("settle_s", 11.98, "a run of 12 s misses it only where it never settles"),
-        ("settle_s", 16.0, "a run of 12 s misses it only where it never settles"),
+        ("longest_off_s", 10.0, "no run misses this bound, because only 10 s of the run count"),
+        ("settle_s", 11.98, "a run of 12 s misses this bound only if it never settles"),
+        ("settle_s", 16.0, "a run of 12 s misses this bound only if it never settles"),
     ],
 )
 def test_a_bound_that_judges_nothing_is_said(name, bound, why):
@@ -69,7 +70,7 @@ def test_others_are_not_doubted(name, bound):
 @pytest.mark.parametrize("name", ["joint_range_peak_pct", "joint_way_pct"])
 def test_a_free_camera_misses_no_bound_on_joints(name):
     free = load("still", ["robot.kind=free"])
-    why = "no run misses it, as the free camera has no joints with limits"
+    why = "no run misses this bound, because the free camera has no joints with limits"
     assert doubtful_bounds({name: 50.0}, free) == [f"expect.{name} = 50: {why}"]
 
 
@@ -84,8 +85,8 @@ def test_the_bounds_of_other_trackers_are_looked_at(tmp_path):
         "[expect.tracker.kams]\nlost_pct = 100\n[expect.tracker.'*'.drawn]\nage_ms = -1\n"
     )
     assert doubts_of(load(str(path))) == [
-        "expect.tracker.kams.lost_pct = 100: no run misses it",
-        "expect.tracker.*.drawn.age_ms = -1: every run misses it, as no measure is below 0",
+        "expect.tracker.kams.lost_pct = 100: no run misses this bound, because the measure is at most 100 %",
+        "expect.tracker.*.drawn.age_ms = -1: all runs miss this bound, because no measure is below 0",
     ]
 
 
@@ -97,8 +98,10 @@ def test_a_check_says_it(tmp_path, capsys, monkeypatch):
     with pytest.raises(SystemExit):
         main.main()
     said = " ".join(capsys.readouterr().err.split())
-    assert "mine: expect.retreat_m = 0: rounding alone misses it; it should be above 1e-09" in said
-    assert "mine: expect.lost_pct = 100: no run misses it" in said
+    assert (
+        "mine: expect.retreat_m = 0: rounding exceeds this bound; it should be above 1e-09" in said
+    )
+    assert "mine: expect.lost_pct = 100: no run misses this bound" in said
 
 
 def test_a_study_says_it_of_its_own_bounds(tmp_path, capsys, monkeypatch):
@@ -111,8 +114,10 @@ def test_a_study_says_it_of_its_own_bounds(tmp_path, capsys, monkeypatch):
     with pytest.raises(SystemExit):
         main.main()
     said = " ".join(capsys.readouterr().out.split())
-    assert said.count("expect.retreat_m = 0: rounding alone misses it") == 1
-    assert "expect.settle_s = 0.15: a run of 0.1 s misses it only where it never settles" in said
+    assert said.count("expect.retreat_m = 0: rounding exceeds this bound") == 1
+    assert (
+        "expect.settle_s = 0.15: a run of 0.1 s misses this bound only if it never settles" in said
+    )
     assert "servo_rms_px = 1" not in said
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from measured import measured_run
 
 from servo.cli import main
-from servo.loop.episode import measured_run
 from servo.loop.run_measures import Outcome
 from servo.scenario.load import load
 from sim.types import Frame

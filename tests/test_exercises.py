@@ -6,8 +6,8 @@ import shlex
 from pathlib import Path
 
 import pytest
+from measured import measured_run
 
-from servo.loop.episode import measured_run
 from servo.scenario.load import load
 
 PAGE = (Path(__file__).parents[1] / "servo" / "tutorials" / "exercises.md").read_text()

@@ -5,8 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from dark import Dark
+from measured import measured_run
 
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.scenario.load import load
 from servo.types import Mode

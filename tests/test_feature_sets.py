@@ -77,7 +77,7 @@ def centroid(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("estimator", ["kalman_cv", "kalman_ca", "jump", "error_kalman", "imm"])
 def test_every_estimator_takes_a_set_of_three(centroid, estimator):
-    from servo.loop.episode import measured_run
+    from measured import measured_run
 
     changes = [*CHANGES, f"estimator.kind={estimator}"]
     steps, report = measured_run(load("line", changes))
@@ -167,7 +167,7 @@ def test_a_law_that_feeds_forward_what_the_set_does_not_have_is_refused(centroid
     ],
 )
 def test_what_a_feature_set_cannot_do_is_a_sentence(name, changes, message):
-    from servo.loop.episode import measured_run
+    from measured import measured_run
 
     with pytest.raises(Mistake) as refused:
         measured_run(load(name, [*changes, "run.duration=0.2"]))
@@ -197,7 +197,7 @@ def test_every_scheme_follows_a_moving_tag_with_every_kind_of_filter(kind, estim
 
     `polar` does not: its matrix is ill-conditioned where the corners are around the middle.
     """
-    from servo.loop.episode import measured_run
+    from measured import measured_run
 
     changes = [
         f"features.kind={kind}",

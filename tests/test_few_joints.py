@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from measured import measured_run
 
 from servo.cli.run_command import remarks
 from servo.controllers._inverse import Inverse, servoed_by
 from servo.features.moments import Config as Moments
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
 from servo.loop.run_measures import Outcome
 from servo.scenario.load import load
 from sim.kinematics.workspace import movable_shares

@@ -207,8 +207,8 @@ def test_the_scenario_on_the_page_repeats_the_run_as_well(monkeypatch, tmp_path)
 
 def test_a_report_of_a_part_from_python_names_it(tmp_path):
     from elsewhere import MyConfig
+    from measured import measured_run
 
-    from servo.loop.episode import measured_run
     from servo.scenario.load import load
     from servo.study.run import Job
     from servo.study.scenario_run import LoadedScenario, record_of

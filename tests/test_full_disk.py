@@ -26,8 +26,8 @@ QUICK = "--set run.duration=2 --set tracker.kind=frozen --set estimator.kind=non
 
 
 FULL = (
-    "servobench: out: cannot write runs.sqlite: disk I/O error; what is there already is whole, and "
-    "the same command goes on from it\n"
+    "servobench: out: cannot write runs.sqlite: disk I/O error; the finished runs are stored; run "
+    "the same command again to continue\n"
 )
 
 

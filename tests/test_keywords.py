@@ -135,7 +135,7 @@ def test_a_setting_that_a_part_of_ones_own_lacks_is_refused(given, message):
         ({"qqqqqq": 1.0}, "there is no setting 'qqqqqq'"),
         (
             {"angle_deg": 3.0},
-            "angle_deg: this is goal.angle_deg, start.angle_deg, region.angle_deg; say which, as in "
+            "angle_deg may be goal.angle_deg, start.angle_deg, region.angle_deg; give one of them, as "
             "goal={'angle_deg': ...}",
         ),
         (

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 import pytest
+from measured import measured_run
 from servoing import OUTLINE
 
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
 from servo.scenario.load import load
 from servo.sight import shape_moments
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig

@@ -143,11 +143,11 @@ def call(monkeypatch, capfd, *arguments):
         ),
         (
             ["check", "line", "--seeds", "1000000000000"],
-            f"these are 1,000,000,000,000 runs; the limit is {workers.MOST_RUNS:,}",
+            f"this command would make 1,000,000,000,000 runs; the limit is {workers.MOST_RUNS:,}",
         ),
         (
             ["evaluate", "clutter", "--trackers", "kams", "--seeds", "1000000000000"],
-            f"these are 4,000,000,000,000 runs; the limit is {workers.MOST_RUNS:,}",
+            f"this command would make 4,000,000,000,000 runs; the limit is {workers.MOST_RUNS:,}",
         ),
         (
             ["evaluate", "closed_loop", "--trackers", "kams", "--seeds", "1000000000000"],

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from measured import measured_run
 
 from servo.cli import main
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
 from servo.loop.measure import COUNTED, MEASURES
 from servo.loop.run_measures import Outcome, summarise
 from servo.loop.settings import MeasureConfig

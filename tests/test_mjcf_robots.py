@@ -9,10 +9,11 @@ import mujoco
 import mujoco_menagerie
 import numpy as np
 import pytest
+from measured import measured_run
 from mujoco_menagerie._cache import SENTINEL, Cache
 from robot_files import built, mjcf_arm, tall_arm, urdf_arm, write_stl
 
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
 from servo.scenario.load import load
 from sim.camera.camera import CameraConfig, camera_of
 from sim.geometry import mount_pose

@@ -6,12 +6,12 @@ import sys
 
 import pytest
 import yaml
+from measured import measured_run
 
 import servo
 from servo import testing
 from servo.cli.main import PARTS
 from servo.cli.new_command import SECTIONS, new
-from servo.loop.episode import measured_run
 from servo.loop.run_measures import Outcome
 from servo.mistake import Mistake
 from servo.result import simulate

@@ -102,8 +102,7 @@ def test_setting_another_kind_clears_the_rest_of_its_table():
         ),
         (
             [f"run.{'a.' * 30}b=1"],
-            f"--set run.{'a.' * 30}b=1: tables and lists lie too deep in each other; the limit is "
-            "20",
+            f"--set run.{'a.' * 30}b=1: tables and lists are nested too deep; the limit is 20 levels",
         ),
         (["sweep=3"], "--set sweep=3: sweep should be a table, not 3"),
         (

@@ -12,7 +12,7 @@ from servo.cli import main, papers_command
 from servo.papers import (
     estimator_study,
     experiments,
-    kams_particles,
+    kams_paper,
     kernel_paper,
     law_paper,
     servo_paper,
@@ -264,7 +264,7 @@ def test_as_many_histograms_are_read_as_by_kams(tmp_path):
 
 def test_particles_needed_are_found_between_the_counts():
     shares = np.array([[0, 0.5, 0.8, 1.0, 0.9, 1.0], [0.9] * 6, [0, 0, 0, 0.5, 0.6, 0.8]]).T
-    assert kams_particles.needed(shares) == pytest.approx([50 * 2**0.5, 12, 800])
+    assert kams_paper.needed(shares) == pytest.approx([50 * 2**0.5, 12, 800])
 
 
 def test_kept_pictures_are_those_that_are_painted():

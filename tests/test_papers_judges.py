@@ -9,7 +9,7 @@ from servo.bench.world_run import CONTESTANT, LAST, PICTURE
 from servo.bench.world_run import ERROR as ERROR_SIZES
 from servo.loop.episode import run
 from servo.loop.run_measures import summarise
-from servo.papers import kams_particles, kernel_paper, texture_paper, tuning
+from servo.papers import kams_paper, kernel_paper, texture_paper, tuning
 from servo.papers.claim import Effort, Evidence
 from servo.papers.claims import CLAIMS
 from servo.papers.experiments import (
@@ -110,7 +110,7 @@ def surface(worse):
 def neighbours(worse):
     before = np.tile([9.0, 7, 5, 4, 3], (10, 1))
     by = worse.get("after", 1.0) * np.random.default_rng(4).uniform(0.7, 0.8, (10, 1))
-    return kams_particles.judged(before, by * before, before)
+    return kams_paper.judged(before, by * before, before)
 
 
 def likeness(worse):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from measured import measured_run
 from schemes import OUTLINE, pose_of, seen_in
 from scipy.linalg import expm
 from servoing import posture_of
@@ -9,7 +10,6 @@ from servoing import posture_of
 from servo.controllers import broyden, ibvs
 from servo.estimators import none
 from servo.features import decoupled, partitioned, weighted
-from servo.loop.episode import measured_run
 from servo.loop.run_measures import Outcome
 from servo.parts import Task
 from servo.scenario.load import load

@@ -167,7 +167,7 @@ def test_any_name_is_a_scenario_or_one_sentence(name):
 
 
 TOO_LARGE = "an integer is too large; the limit is 9223372036854775807"
-TOO_DEEP = f"tables and lists lie too deep in each other; the limit is {DEEPEST}"
+TOO_DEEP = f"tables and lists are nested too deep; the limit is {DEEPEST} levels"
 
 
 @pytest.mark.parametrize(

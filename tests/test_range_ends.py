@@ -3,10 +3,11 @@
 import mujoco
 import numpy as np
 import pytest
+from measured import measured_run
 from robot_files import urdf_arm
 
 from servo.cli.run_command import remarks
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
 from servo.loop.run_measures import Outcome
 from servo.scenario.load import load
 from sim.camera.camera import CameraConfig

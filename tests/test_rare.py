@@ -15,7 +15,7 @@ from servo.cli.options import Commands
 from servo.mistake import Mistake, Refused, unknown
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.study import record_file
-from servo.study.run import Failure, Job
+from servo.study.run import Failure, Job, Record
 from servo.study.store import Store
 from sim.camera import gl
 from sim.types import Camera, Pose
@@ -144,7 +144,11 @@ def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     ],
 )
 def test_a_column_has_the_type_of_its_values(values, kind):
-    assert record_file._type(values) == kind
+    records = [
+        Record(subject="mine", seed=0, settings={"x": value}, outcome="", success=True, measures={})
+        for value in values
+    ]
+    assert record_file.table_of([records])["x"].type == kind
 
 
 def test_the_commands_are_listed_as_they_stand():
@@ -160,7 +164,7 @@ def test_too_many_runs_of_one_command_are_refused():
     check_number(MOST_RUNS)
     with pytest.raises(Mistake) as refused:
         check_number(MOST_RUNS + 1)
-    assert str(refused.value) == "these are 100,001 runs; the limit is 100,000"
+    assert str(refused.value) == "this command would make 100,001 runs; the limit is 100,000"
 
 
 @pytest.mark.parametrize(
@@ -207,5 +211,7 @@ def test_a_scenario_of_a_study_is_a_file_only_by_its_ending(monkeypatch, tmp_pat
 def test_too_little_memory_ends_a_study_instead_of_failing_every_run(tmp_path, error):
     with pytest.raises(Refused) as told:
         Store(tmp_path).fail(Job(0, SimpleNamespace(name="mine"), 0), Failure.of(error))
-    assert str(told.value).startswith("there is too little memory, or too few processes are ")
-    assert str(told.value).endswith("the same command goes on from there")
+    assert str(told.value).startswith(f"{tmp_path}: there is too little memory, or too few ")
+    assert str(told.value).endswith(
+        "the finished runs are stored; run the same command again to continue"
+    )

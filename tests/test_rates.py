@@ -4,9 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from measured import measured_run
 
 from servo.cli import run_command
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
 from servo.scenario.load import load
 from sim.timing import Rates
 

@@ -58,7 +58,7 @@ def test_a_folder_of_something_else_is_refused(monkeypatch, capfd, place):
     (place / "out" / "study.json").unlink()
     assert call(monkeypatch, capfd, *BENCH, "-q") == (
         2,
-        "servobench: out: there is something in this folder, but no study.json of `servobench "
+        "servobench: out: this folder has files, but no study.json of `servobench "
         "evaluate`; choose another folder with --out\n",
     )
 

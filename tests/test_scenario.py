@@ -146,7 +146,7 @@ def test_bounds_on_what_is_not_measured_are_refused():
         "still: expect: there is no key 'servo_rms'; did you mean 'servo_rms_px'?"
     )
     assert mistake(check_expect, s.load("still", ["expect.settle_s=soon"])) == (
-        "still: expect.settle_s = 'soon': a bound is a finite number"
+        "still: expect.settle_s = 'soon': expected a finite number"
     )
     for bound, shown in {
         "[1]": "[1]",
@@ -159,14 +159,14 @@ def test_bounds_on_what_is_not_measured_are_refused():
         "10:00:00": "datetime.time(10, 0)",
     }.items():
         assert mistake(check_expect, s.load("still", [f"expect.settle_s={bound}"])) == (
-            f"still: expect.settle_s = {shown}: a bound is a finite number"
+            f"still: expect.settle_s = {shown}: expected a finite number"
         )
     for outcome in ("[1]", "{}", "3", "2020-01-01"):
         assert mistake(check_expect, s.load("still", [f"expect.outcome={outcome}"])).endswith(
-            ": one of CONVERGED, TIMED_OUT, TARGET_LOST, LIMIT_HIT, DIVERGED"
+            ": expected one of CONVERGED, TIMED_OUT, TARGET_LOST, LIMIT_HIT, DIVERGED"
         )
     assert mistake(check_expect, s.load("still", ["expect.outcome=FINE"])).startswith(
-        "still: expect.outcome = 'FINE': one of CONVERGED, TIMED_OUT"
+        "still: expect.outcome = 'FINE': expected one of CONVERGED, TIMED_OUT"
     )
 
 
@@ -233,8 +233,8 @@ def test_bounds_are_those_of_the_tracker_in_the_file_and_others_have_their_own(m
         (
             "expect.tracker.kams.settle_s=3",
             "--set expect.tracker.kams.settle_s=3: "
-            "expect.tracker.kams: this is the scenario's own tracker; its bounds stand in [expect] "
-            "itself",
+            "expect.tracker.kams: kams is the scenario's own tracker; write its bounds directly "
+            "into [expect]",
         ),
         (
             "expect.tracker.kam.settle_s=3",
@@ -288,7 +288,7 @@ def test_bounds_of_drawn_seeds_need_draws(mine):
     with pytest.raises(Mistake) as told:
         judged()
     assert str(told.value) == (
-        "mine.toml: expect.drawn is for seeds that draw, and there is no [vary]"
+        "mine.toml: expect.drawn is for runs with drawn settings, and there is no [vary]"
     )
 
 
@@ -326,11 +326,11 @@ def test_other_trackers_have_bounds_of_drawn_seeds_too(mine):
         ),
         (
             "expect.drawn.success_rate=2",
-            "mine: expect.drawn.success_rate = 2: a share is from 0 to 1",
+            "mine: expect.drawn.success_rate = 2: expected a share from 0 to 1",
         ),
         (
             "expect.drawn.settle_s=soon",
-            "mine: expect.drawn.settle_s = 'soon': a bound is a finite number",
+            "mine: expect.drawn.settle_s = 'soon': expected a finite number",
         ),
     ],
 )

@@ -111,7 +111,7 @@ def hangs_up(peer, kept):
     ("serve", "reason"),
     [
         (silent, "nothing answered within 2 s"),
-        (speaks_http, "what answers there does not speak Dask's protocol"),
+        (speaks_http, "the server there does not speak Dask's protocol"),
         (hangs_up, "[Errno 104] Connection reset by peer"),
     ],
 )
@@ -215,7 +215,7 @@ def test_more_workers_than_the_machine_holds_are_refused(monkeypatch, capfd, pla
     monkeypatch.setattr(processes, "CPU_COUNT", 2)
     sentence = (
         "servobench: --workers 100: this machine has 24.0 GB of memory and 2 cores, and a worker "
-        "takes 0.3 GB: the limit is 16, the best number 2\n"
+        "takes 0.3 GB: use at most 16 workers, best 2\n"
     )
     for words in ("sweep mine.toml", "evaluate clutter", "papers P0-2", "check still --seeds 100"):
         found = call(monkeypatch, capfd, *words.split(), "--workers", "100", "-q")

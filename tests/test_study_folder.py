@@ -247,7 +247,7 @@ def test_a_folder_of_the_first_format_is_refused_in_a_sentence(small, folder):
 def test_runs_without_their_description_are_refused(small, folder):
     (folder / "study.json").unlink()
     assert refused(small, folder) == (
-        f"{folder}: there is something in this folder, but no study.json of `servobench sweep`; "
+        f"{folder}: this folder has files, but no study.json of `servobench sweep`; "
         "choose another folder with --out"
     )
 
@@ -265,10 +265,7 @@ def test_a_damaged_description_is_refused(small, folder, text):
 def test_a_description_without_versions_is_refused(small, folder, versions):
     about = json.loads((folder / "study.json").read_text()) | {"versions": versions}
     (folder / "study.json").write_text(json.dumps(about))
-    other = (
-        "this was begun with servobench None, but 0.1.0 is installed: the numbers could not be "
-        "compared"
-    )
+    other = "these results are of servobench None, and 0.1.0 is installed now: numbers may differ"
     damaged = "this file is damaged, so the results beside it cannot be identified"
     assert (other if versions in ({}, {"mujoco": "4"}) else damaged) in refused(small, folder)
 
@@ -280,12 +277,12 @@ def test_another_study_other_versions_and_other_code_are_refused(small, folder):
     )
     versions = StudyFile.of(small, "me").versions
     assert refused(small, folder, versions=versions | {"mujoco": "9.9"}) == (
-        f"{folder}: this was begun with mujoco {versions['mujoco']}, but 9.9 is installed: "
-        "the numbers could not be compared; choose another folder with --out"
+        f"{folder}: these results are of mujoco {versions['mujoco']}, and 9.9 is installed now: "
+        "numbers may differ; choose another folder with --out"
     )
     assert refused(small, folder, versions=versions | {SOURCE: "0"}) == (
-        f"{folder}: this was begun with servobench source {versions[SOURCE]}, but 0 is "
-        "installed: the numbers could not be compared; choose another folder with --out"
+        f"{folder}: these results are of servobench source {versions[SOURCE]}, and 0 is "
+        "installed now: numbers may differ; choose another folder with --out"
     )
 
 
@@ -295,17 +292,15 @@ def test_a_row_of_a_worker_with_other_code_is_refused(small, folder):
     with opened(small, folder) as kept, pytest.raises(Mistake) as said:
         kept.add(job, replace(record, versions=record.versions | {SOURCE: "abc"}))
     assert str(said.value) == (
-        f"a worker has servobench source abc, but {record.versions[SOURCE]} is "
-        "installed here: the numbers could not be compared; install the same on every worker"
+        f"a worker has servobench source abc, and {record.versions[SOURCE]} is "
+        "installed here: numbers may differ; install the same version on every worker"
     )
 
 
 def test_a_folder_of_something_else_is_refused_and_left_alone(small, study_place):
     (study_place / "notes").mkdir()
     (study_place / "notes" / "thesis.txt").write_text("mine")
-    assert "there is something in this folder, but no study.json" in refused(
-        small, study_place / "notes"
-    )
+    assert "this folder has files, but no study.json" in refused(small, study_place / "notes")
     assert sorted(p.name for p in (study_place / "notes").iterdir()) == ["thesis.txt"]
 
 
@@ -337,7 +332,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_what_there_is(small, folder):
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert str(said.value).startswith(f"{folder}: cannot write run 000000: d")
     assert str(said.value).endswith(
-        "; what is there already is whole, and the same command goes on from it"
+        "; the finished runs are stored; run the same command again to continue"
     )
     with opened(small, folder) as kept:
         assert len(kept.done) == 4

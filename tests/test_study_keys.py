@@ -8,7 +8,7 @@ from servo.scenario.named_files import path_of
 from servo.study.parse import load
 
 STILL = "scenario = 'still'\n"
-ONE_LAW = "expected one law: linspace, geomspace, uniform, log_uniform, normal, choice"
+ONE_LAW = "expected one of linspace, geomspace, uniform, log_uniform, normal, choice"
 BAD = {
     "an empty law": (
         STILL + "axes.controller.gain = {}",
@@ -20,7 +20,7 @@ BAD = {
     ),
     "no choice": (
         STILL + "axes.controller.gain = { choice = [] }",
-        "axes.controller.gain.choice: this takes a list of values",
+        "axes.controller.gain.choice = []: expected a list of values",
     ),
     "too large a range": (
         STILL + "axes.start.x = { uniform = [-1e308, 1e308] }",
@@ -116,7 +116,7 @@ BAD = {
     ),
     "comparing what is drawn": (
         STILL + "compare = 'start.x'\naxes.start.x = { uniform = [1, 2] }",
-        "compare = 'start.x': this is drawn; compare the values of an axis",
+        "compare = 'start.x': this setting is drawn; expected an axis",
     ),
     "comparing a list": (
         STILL + "compare = []\naxes.run.latency = [1, 2]",
@@ -132,7 +132,7 @@ BAD = {
     ),
     "a bound of the scenario that is a list": (
         STILL + "set.expect.settle_s = [1]",
-        "where expect.settle_s = [1]: still: expect.settle_s = [1]: a bound is a finite number",
+        "where expect.settle_s = [1]: still: expect.settle_s = [1]: expected a finite number",
     ),
 }
 

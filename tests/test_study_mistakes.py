@@ -19,7 +19,8 @@ BAD = {
     "no scenario": ("", "scenario: a value is missing"),
     "empty axis": (
         STILL + "axes.run.latency = []",
-        "axes.run.latency = []: an axis is a list of values, or a law for them",
+        "axes.run.latency = []: expected a list of values, or one of linspace, geomspace, uniform, "
+        "log_uniform, normal, choice",
     ),
     "seeds as an axis": (
         STILL + "axes.run.seed = [1, 2]",
@@ -40,7 +41,7 @@ BAD = {
     ),
     "a section as a name": (
         STILL + "named.start.near = { start.x = 1.0 }",
-        "named.start: 'start' is a section; give the axis another name",
+        "named.start: 'start' is reserved for a setting or section; give the axis another name",
     ),
     "groups that are none": (
         STILL + "named.scheme = { a = 1 }",
@@ -56,11 +57,11 @@ BAD = {
     ),
     "too few numbers": (
         STILL + "axes.start.x = { uniform = [1.0] }",
-        "axes.start.x.uniform: this takes a list of 2",
+        "axes.start.x.uniform = [1.0]: expected a list of 2 numbers",
     ),
     "numbers turned": (
         STILL + "axes.start.x = { uniform = [2.0, 1.0] }",
-        "axes.start.x.uniform = [2.0, 1.0]: the first should be the smaller one",
+        "axes.start.x.uniform = [2.0, 1.0]: the first number should not be the larger one",
     ),
     "logarithm of zero": (
         STILL + "axes.start.scale = { log_uniform = [0.0, 1.0] }",

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
+from measured import measured_run
 from tutorial_pages import saved_files
 
-from servo.loop.episode import measured_run
 from servo.scenario.load import load
 
 PACKAGE = Path(__file__).parent / "data" / "switched"

@@ -4,8 +4,8 @@ The bounds of the scenarios are from above; here the retreat is held from both s
 """
 
 import pytest
+from measured import measured_run
 
-from servo.loop.episode import measured_run
 from servo.scenario.load import load
 
 RETREATS = {"turn_90_points": 0.43, "border_points": 0.67, "turn_150_points": 3.09}

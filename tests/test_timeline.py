@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured import measured_run
 from numpy.testing import assert_allclose, assert_array_equal
 
 from servo.controllers._pending_commands import PendingCommands
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
 from servo.loop.run_measures import summarise
 from servo.loop.settings import MeasureConfig
 from servo.mistake import Mistake
@@ -301,5 +302,7 @@ def test_a_latency_that_is_set_takes_the_place_of_a_file_s_in_another_unit(tmp_p
 
 @pytest.mark.parametrize("frames", [1, 2])  # also the default, where it is written
 def test_a_latency_in_frames_and_in_milliseconds_exclude_each_other(frames):
-    with pytest.raises(Mistake, match=r"run: latency_ms takes the place of latency; leave latency"):
+    with pytest.raises(
+        Mistake, match=r"run: latency and latency_ms give the same delay; leave one"
+    ):
         load("line", ["run.latency_ms=80", f"run.latency={frames}"])

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from measured import measured_run
 
 import servo
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from tracking import create
 from tracking.types import Region, State, Status

@@ -89,19 +89,19 @@ def test_what_is_set_is_not_drawn(change, left):
 @pytest.mark.parametrize(
     ("vary", "said"),
     [
-        (3, "mine.toml: vary should be a table of settings and laws, not 3"),
+        (3, "mine.toml: vary should be a table of settings and distributions, not 3"),
         (
             {"start": {"x": 3.0}},
-            "mine.toml: vary.start.x = 3.0: expected a law, such as { uniform = [-5, 5] }",
+            "mine.toml: vary.start.x = 3.0: expected a distribution, such as { uniform = [-5, 5] }",
         ),
         (
             {"start": {"x": {"evenly": [1, 2]}}},
             "mine.toml: vary.start.x.evenly = [1, 2]: expected "
-            "a law, such as { uniform = [-5, 5] }",
+            "a distribution, such as { uniform = [-5, 5] }",
         ),
         (
             {"start": {"x": {"uniform": [1, 2], "choice": [3]}}},
-            "mine.toml: vary.start.x = {'uniform': [1, 2], 'choice': [3]}: expected one law: uniform, "
+            "mine.toml: vary.start.x = {'uniform': [1, 2], 'choice': [3]}: expected one of uniform, "
             "log_uniform, normal, choice",
         ),
         (
@@ -116,11 +116,11 @@ def test_what_is_set_is_not_drawn(change, left):
         ),
         (
             {"tracker": {"kind": {"choice": ["kams"]}}},
-            "mine.toml: vary.tracker.kind: this is not drawn; draw a setting, such as start.x",
+            "mine.toml: vary.tracker.kind: this cannot be drawn; draw a setting, such as start.x",
         ),
         (
             {"run": {"seed": {"choice": [1]}}},
-            "mine.toml: vary.run.seed: this is not drawn; draw a setting, such as start.x",
+            "mine.toml: vary.run.seed: this cannot be drawn; draw a setting, such as start.x",
         ),
     ],
 )
@@ -137,5 +137,5 @@ def test_a_draw_of_the_seed_is_refused_where_the_seed_is_given_too(tmp_path, cha
     with pytest.raises(Mistake) as told:
         load(str(path), **change)
     assert str(told.value) == (
-        "mine.toml: vary.run.seed: this is not drawn; draw a setting, such as start.x"
+        "mine.toml: vary.run.seed: this cannot be drawn; draw a setting, such as start.x"
     )

@@ -7,12 +7,13 @@ import tomllib
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from measured import measured_run
 from robot_files import built, mjcf_arm, tall_arm, urdf_arm
 
 from servo.cli.main import app
 from servo.cli.robot_command import ASIDE, FEW, NO_BASE
 from servo.cli.run_command import remarks
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.output.room_view import RoomView
 from servo.scenario.load import load

@@ -260,7 +260,7 @@ def parsed(
         measures: Constants of the measures, for the first versions only: later versions have them
             among the settings, so that the hash covers them.
     """
-    table = toml.decode(text, name)
+    table: Settings = toml.decode(text, name)
     ranges = flat(table["ranges"], name)
     conditions = [
         Condition(
@@ -269,7 +269,7 @@ def parsed(
             flat(given.get("set", {}), name),
             {
                 key: (ends[0], ends[1])
-                for key, ends in (ranges | flat(given.get("ranges", {}), name)).items()
+                for key, ends in Settings(ranges | flat(given.get("ranges", {}), name)).items()
                 if ends  # [] takes a common range away
             },
             {

@@ -53,7 +53,7 @@ class WorldRun:
         No file is written into `folder`.
         """
         del folder
-        scenario = parse(self.table, job.settings[WORLD], self.benchmark)
+        scenario = parse(self.table, str(job.settings[WORLD]), self.benchmark)
         sheet = Sheet(scenario.frames)
         pictures: list[Image] = []
         run = Columns()
@@ -113,6 +113,6 @@ def jobs_of(
             for ms, settings in late:
                 table = benchmark.table_of(world, one.settings | settings)
                 subject = WorldRun(of, world.condition, table)
-                who = {CONTESTANT: one.name, WORLD: world.key, SLOW: ms}
+                who: Table = {CONTESTANT: one.name, WORLD: world.key, SLOW: ms}
                 found.append(Job(len(found), subject, world.seed, who))
     return found

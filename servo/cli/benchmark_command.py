@@ -274,7 +274,7 @@ def _verify(
             if isinstance(record, Failure):
                 raise Mistake(f"{job.settings[WORLD]}: {record.reason}")
             runs.append(compare_run(benchmark, row, errors, record))
-            ended(job.settings[WORLD])
+            ended(str(job.settings[WORLD]))
     every = {run.world for run in runs}
     differing = {run.world for run in runs if not run.agrees}
     rounded = {run.world for run in runs if run.agrees and not run.exactly} - differing

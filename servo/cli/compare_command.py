@@ -118,7 +118,7 @@ def study_of(
     Raises:
         Mistake: A scenario, a variant or a change is wrong.
     """
-    table = {
+    table: dict[str, object] = {
         "scenario": list(scenarios),
         "seeds": seeds,
         "named": {AXIS: dict(variants)},

@@ -1,7 +1,7 @@
-"""Settings of Sphinx for the documentation, whose sources are the manuals in their folders.
+"""Settings of Sphinx for the documentation, which is built from the manuals in the repository.
 
-The source folder is the repository, so that links and pictures between manuals work as they do in
-a checkout: `sphinx-build -c servo/docs . OUT`.
+Build it with `sphinx-build -c servo/docs . OUT`: the source folder is the repository, so that links
+and pictures between manuals work as they do in a checkout.
 """
 
 import sys

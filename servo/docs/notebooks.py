@@ -1,11 +1,11 @@
-"""Jupyter notebooks of the tutorials, with a cell for each block of code."""
+"""Converts tutorials in Markdown to Jupyter notebooks, with a cell for each block of code."""
 
 from __future__ import annotations
 
 import json
 import re
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```\n", re.MULTILINE | re.DOTALL)
 SAVED = re.compile(r"Save\s+as\s+`([\w./]+)`:\s*$")
 DRAWN = re.compile(r"^!\[.*?\]\(pictures/.*?\)\n", re.MULTILINE)
-"""Matches a picture that the code of the page draws."""
+"""Matches a picture of the page that running its code draws too."""
 LINK = re.compile(r"\[([^\]]*)\]\((?!http)[^)]*\)")
 """Matches a link to another page, which a notebook cannot follow."""
 MAGIC = {"python": "", "sh": "%%bash -e\n"}
@@ -23,7 +23,7 @@ SETUP = """import os
 import sys
 
 os.environ["PYTHON"] = sys.executable  # the commands below run with this kernel's Python"""
-"""First cell; a kernel may have neither the command nor its Python on PATH."""
+"""First cell: commands run with the kernel's Python, which may not be on PATH."""
 BEGIN = (
     "Run this in an empty folder; it needs servobench with the extra `notebook` (in a checkout: "
     "`pip install '.[notebook]'`) and the packages that it names."
@@ -31,16 +31,17 @@ BEGIN = (
 LONGEST = 1800
 """Longest time of a cell [s]; the longest cell of the tutorials trains for some minutes."""
 KERNEL = {"name": "python3", "display_name": "Python 3", "language": "python"}
+Cell = dict[str, object]
 
 
 def notebook(page: str) -> str:
     """Return the notebook (JSON, nbformat 4) of a page in Markdown.
 
-    A block after "Save as `FILE`:" becomes a cell that writes the file.
+    A block of code after "Save as `FILE`:" becomes a cell that writes the file.
     """
     title, _, rest = page.partition("\n\n")
     cells = list(_cells(f"{title}\n\n{BEGIN}\n\n{rest}"))
-    if any(cell["source"].startswith(MAGIC["sh"]) for cell in cells):
+    if any(str(cell["source"]).startswith(MAGIC["sh"]) for cell in cells):
         cells.insert(1, _code(SETUP))
     numbered = [cell | {"id": f"cell-{number}"} for number, cell in enumerate(cells)]
     whole = {
@@ -53,7 +54,7 @@ def notebook(page: str) -> str:
 
 
 def with_outputs(text: str) -> str:
-    """Run a notebook in an empty folder; return it with the outputs of its cells.
+    """Run a notebook (JSON) in an empty folder, and return its JSON with the outputs of its cells.
 
     Raises:
         nbclient.exceptions.CellExecutionError: A cell ended with an error.
@@ -68,8 +69,10 @@ def with_outputs(text: str) -> str:
     return nbformat.writes(whole)
 
 
-def _cells(page: str) -> Iterator[dict[str, Any]]:
-    """Yield the cells of a page; a block that is not run, such as a table of TOML, is text."""
+def _cells(page: str) -> Iterator[Cell]:
+    """Yield the notebook cells of a page in Markdown. Blocks of Python and shell become code cells;
+    other blocks, such as TOML, stay in text cells.
+    """
     pieces = BLOCK.split(page)
     *texts, end = pieces[0::3]
     shown = ""
@@ -93,11 +96,13 @@ def _cells(page: str) -> Iterator[dict[str, Any]]:
     yield _text(shown + end)
 
 
-def _text(text: str) -> dict[str, Any]:
+def _text(text: str) -> Cell:
+    """Return a cell of Markdown, without pictures that code draws and links to other pages."""
     source = LINK.sub(r"\1", DRAWN.sub("", text)).strip()
     return {"cell_type": "markdown", "metadata": {}, "source": source}
 
 
-def _code(source: str) -> dict[str, Any]:
-    cell = {"cell_type": "code", "metadata": {}, "source": source.rstrip("\n")}
+def _code(source: str) -> Cell:
+    """Return a cell of code that has not been run."""
+    cell: Cell = {"cell_type": "code", "metadata": {}, "source": source.rstrip("\n")}
     return cell | {"execution_count": None, "outputs": []}

@@ -1,4 +1,4 @@
-"""A Sphinx extension that generates pages from the code, so that they cannot be out of date."""
+"""A Sphinx extension that makes pages from the code: settings, measures, gallery and notebooks."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 logger = getLogger(__name__)
 PAGES = ["servo/docs/gallery", "servo/docs/measures", "servo/docs/settings"]
+"""Pages that are made anew in each build."""
 WIDTH = 240
 """Width of a picture in the gallery [px]."""
 SECONDS = 5
@@ -45,7 +46,7 @@ QUALITY = 55
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the generated pages with Sphinx; return the extension's properties."""
+    """Connect the extension to a Sphinx application; return properties that Sphinx asks for."""
     app.add_config_value("gallery_seconds", SECONDS, "", int)
     app.add_config_value("run_tutorials", False, "env", bool)
     app.connect("env-get-outdated", lambda *_: PAGES)  # the code may have changed
@@ -55,7 +56,13 @@ def setup(app: Sphinx) -> dict[str, bool]:
 
 
 def _complete(app: Sphinx, page: str, source: list[str]) -> None:
-    """Append the generated part of a page to its source, in place."""
+    """Append the part of a page that is made from the code to its source.
+
+    Args:
+        app: The Sphinx application.
+        page: Name of the page: its path in the repository, without ending.
+        source: A list with one item, the page in Markdown, which is replaced.
+    """
     if page == "servo/docs/settings":
         source[0] += _settings()
     if page == "servo/docs/measures":
@@ -74,6 +81,7 @@ def _complete(app: Sphinx, page: str, source: list[str]) -> None:
 
 
 def _settings() -> str:
+    """Return tables of all settings of a scenario in Markdown, by section and kind."""
     text = "\n## Sections\n"
     for name, config in SECTIONS.items():
         rows = settings_rows(name, form(config, described=True))
@@ -87,19 +95,25 @@ def _settings() -> str:
 
 
 def _settings_table(rows: list[tuple[str, str, str]]) -> str:
+    """Return a table in Markdown of settings: (name, default, meaning); "" without settings."""
     code = [(f"`{name}`", f"`{default}`" * bool(default), about) for name, default, about in rows]
     return _table(("setting", "default", "meaning"), code) if rows else ""
 
 
 def _table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
-    """Return a table in Markdown."""
+    """Return a table in Markdown with a header and rows of cells."""
     lines = [header, ["---"] * len(header), *rows]
     cells = [[" ".join(cell.replace("|", "\\|").split()) for cell in line] for line in lines]
     return "\n" + "".join(f"| {' | '.join(line)} |\n" for line in cells)
 
 
 def _gallery(folder: Path, seconds: float) -> str:
-    """Draw every scenario without a picture in the folder; return the gallery in Markdown."""
+    """Return a gallery of all scenarios and a table of all studies, in Markdown.
+
+    Args:
+        folder: Folder of the animations; those that are missing are rendered.
+        seconds: Simulated time that an animation shows [s].
+    """
     folder.mkdir(parents=True, exist_ok=True)
     text = '\n<div class="gallery">\n'
     for name in status_iterator(shipped(), "drawing scenarios... ", length=len(shipped())):
@@ -112,18 +126,19 @@ def _gallery(folder: Path, seconds: float) -> str:
             f'loading="lazy">'
             f"<figcaption><code>{name}</code> {about}</figcaption></figure>\n"
         )
-    rows = [
-        (
-            f"`{name}`",
-            sentence((resources.files("scenes") / "studies" / f"{name}.toml").read_text()),
-        )
-        for name in studies()
-    ]
+    scenes = resources.files("scenes") / "studies"
+    rows = [(f"`{name}`", sentence((scenes / f"{name}.toml").read_text())) for name in studies()]
     return text + "</div>\n\n## Studies\n" + _table(("study", "question"), rows)
 
 
 def _with_notebook(app: Sphinx, page: str, name: str) -> str:
-    """Write the notebook of a tutorial; return the page with a link to it below the title."""
+    """Write the notebook of a tutorial, and return the tutorial's page with a link to it.
+
+    Args:
+        app: The Sphinx application.
+        page: The tutorial in Markdown; the link is added below its title.
+        name: Name of the tutorial.
+    """
     folder = app.outdir / "notebooks"
     folder.mkdir(parents=True, exist_ok=True)
     text = notebook(page)
@@ -139,7 +154,13 @@ def _with_notebook(app: Sphinx, page: str, name: str) -> str:
 
 
 def _draw(name: str, picture: Path, seconds: float) -> None:
-    """Write an animation of a scenario's first seconds with goal and estimate drawn in."""
+    """Render a scenario, and write an animation (WebP) with the goal and the tracker's estimate.
+
+    Args:
+        name: Name of the scenario.
+        picture: Path of the animation.
+        seconds: Simulated time that the animation shows [s].
+    """
     film = cv2.Animation()
     frames: list[Image] = []
     with servo.Episode(servo.load(name, ["run.latency=0"])) as episode:
@@ -159,7 +180,9 @@ def _draw(name: str, picture: Path, seconds: float) -> None:
 
 
 def _finish(app: Sphinx, error: Exception | None) -> None:
-    """Write the pages of the benchmarks, and the page that redirects the root to the first page."""
+    """After a build without error, write the pages of the benchmarks, and an index.html that
+    redirects to the first page.
+    """
     if error is None and app.builder.format == "html":
         first = f"{app.config.root_doc}.html"
         page = f'<!doctype html><meta http-equiv="refresh" content="0; url={first}">\n'

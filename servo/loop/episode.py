@@ -14,7 +14,6 @@ from servo.goals.faced import Faced
 from servo.loop.inputs import check_type
 from servo.loop.loop import Loop
 from servo.loop.part_failures import Kept, Part, PartFailed
-from servo.loop.run_measures import Summary, summarise
 from servo.loop.settings import Setup, StartConfig, stream
 from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Schedule, Timeline, mean_twist
@@ -406,27 +405,3 @@ def run(scenario: Setup) -> Iterator[Step]:
     """Yield the steps of one run, from the first frame to the last."""
     with Episode(scenario) as episode:
         yield from episode
-
-
-def measured_run(
-    scenario: Setup,
-    each: Callable[[Step], None] | None = None,
-    kept: Kept | None = None,
-) -> tuple[list[Step], Summary]:
-    """Run a scenario to its end, and return its steps without pictures, and its measures.
-
-    Args:
-        scenario: Settings of the run.
-        each: Called with every step, which still has its picture; None: nothing is called.
-        kept: As for `Episode`.
-
-    Raises:
-        Mistake: As for `Episode`.
-    """
-    steps: list[Step] = []
-    with Episode(scenario, seen=each is not None, kept=kept) as episode:
-        for step in episode:
-            if each is not None:
-                each(step)
-            steps.append(step.light())
-    return steps, summarise(steps, scenario.measure, 1 / scenario.camera.rate)

@@ -1,4 +1,6 @@
-"""A claim of a paper with the rule of its verdict, the runs that test it, and its judge."""
+"""A claim of a paper, with the runs that test it, the rule of its verdict, and the function that
+judges the runs.
+"""
 
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -28,7 +30,7 @@ SHORT = ("run.duration=3.0", "measure.after=1.0")
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """The number of runs that test each claim."""
+    """Options that decide which runs test each claim."""
 
     quick: bool
     """True to run one seed of each claim, which no verdict uses, as a check of the code; runs of
@@ -39,7 +41,15 @@ class Effort:
     """First seed of every claim; None: the seed that its rule names."""
 
     def seeds(self, full: int, first: int = FRESH) -> range:
-        """Return `full` seeds from the first one on; if quick, only `QUICK`."""
+        """Return the seeds of a claim's runs.
+
+        Args:
+            full: Number of seeds.
+            first: First seed, unless these options have another one.
+
+        Returns:
+            Consecutive seeds; only `QUICK` in a quick run.
+        """
         if self.quick:
             return range(QUICK, QUICK + 1)
         begin = first if self.first is None else self.first
@@ -53,7 +63,7 @@ class Effort:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Runs of a claim, the input of its judge."""
+    """The results of a claim's runs, from which its verdict follows."""
 
     records: list[Record]
     """Records of the runs in the order of the jobs."""
@@ -63,7 +73,7 @@ class Evidence:
 
     @property
     def trackers(self) -> dict[str, list[Record]]:
-        """The records by tracker, in the order of the jobs."""
+        """Return the records by label of the tracker, in the order of the jobs."""
         found: dict[str, list[Record]] = {}
         for record in self.records:
             found.setdefault(record.settings[TRACKER], []).append(record)
@@ -72,19 +82,23 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Rule of a verdict, fixed before any run."""
+    """The rule of a verdict in words, fixed before the first run."""
 
     measure: str
+    """What is measured."""
     settings: str
+    """Settings of the compared methods."""
     units: str
     """Number and kind of the independent units."""
     margin: str
+    """Bound of the effect."""
     test: str
+    """Statistical test or interval."""
     holds: str
     """Condition under which the claim holds."""
 
     def on(self, first: int) -> "Rule":
-        """Return the rule with another first seed in the text of its units."""
+        """Return the rule for runs from another first seed, which its text on units names."""
         return replace(self, units=SEED.sub(str(first), self.units))
 
 
@@ -94,7 +108,7 @@ class Verdict:
 
     finding: Finding
     effect: Interval
-    """Value that is compared with the bound, with its 95 % interval."""
+    """Value that is compared with the rule's bound, with its 95 % interval."""
     unit: str
     """Unit of the effect."""
     count: int
@@ -108,19 +122,21 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A claim with the runs and the judge of its verdict."""
+    """A claim of a paper, and how it is tested."""
 
     name: str
+    """Short name, such as "P1-2"."""
     says: str
     """The paper's statement, in one sentence."""
     rule: Rule
     judge: Callable[[Evidence], Verdict]
+    """Returns the verdict on the results of the runs."""
     jobs: Callable[[Effort], Sequence[Job]] = lambda _: ()
-    """Returns the runs; none for a judge that computes without records."""
+    """Returns the runs; none for a claim that `judge` tests by itself."""
 
 
 def every(findings: Iterable[Finding]) -> Finding:
-    """Return the finding about a claim that holds only if all its parts hold."""
+    """Return the finding about a claim with several parts, which holds only if all of them hold."""
     found = list(findings)
     if Finding.DOES_NOT_HOLD in found:
         return Finding.DOES_NOT_HOLD

@@ -1,4 +1,6 @@
-"""All claims, the report of their verdicts, and the verdicts of the last full run."""
+"""The list of all claims, the file papers.json of their verdicts, and the verdicts of the last full
+run, with which those of a new run are compared.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +13,9 @@ from servo.output.formats import Made
 from servo.papers import (
     estimator_study,
     kams_paper,
-    kams_particles,
     kernel_paper,
     law_paper,
     servo_paper,
-    simpler_laws,
     texture_paper,
 )
 from servo.papers.claim import WORDS, Claim, Rule, Verdict
@@ -26,11 +26,9 @@ from tracking.statistics.verdicts import Finding
 CLAIMS = (
     *sorted(
         kams_paper.CLAIMS
-        + kams_particles.CLAIMS
         + kernel_paper.CLAIMS
         + law_paper.CLAIMS
         + servo_paper.CLAIMS
-        + simpler_laws.CLAIMS
         + texture_paper.CLAIMS,
         key=lambda claim: claim.name,
     ),
@@ -46,7 +44,7 @@ TITLES = ("claim", "rule", "effect", "95 % interval", "units", "verdict", "figur
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A claim with its rule and its verdict, as stored."""
+    """A claim with its rule and its verdict, as papers.json has them."""
 
     says: str
     rule: Rule
@@ -62,11 +60,11 @@ class Judged:
     table: list[list[str]]
     """Rows of cells; the first row has the titles."""
     figures: list[str]
-    """Paths relative to the folder."""
+    """Paths of figures, relative to the folder of papers.json."""
 
     @staticmethod
     def of(claim: Claim, verdict: Verdict) -> Judged:
-        """Return the stored form of a claim and its verdict."""
+        """Return a claim and its verdict as they are written to papers.json."""
         return Judged(
             claim.says,
             claim.rule,
@@ -82,7 +80,7 @@ class Judged:
         )
 
     def row(self, name: str) -> str:
-        """Return the claim's line in a Markdown table under `TITLES`."""
+        """Return the claim's line in a Markdown table with the columns `TITLES`."""
         effect, low, high = (
             "-" if value is None else f"{value:.3g}" for value in (self.effect, self.low, self.high)
         )
@@ -100,7 +98,7 @@ class Judged:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PapersReport(Made):
-    """Verdicts and other results of `servobench papers`, as the file papers.json has them."""
+    """The file papers.json: the verdicts of `servobench papers`."""
 
     FILE: ClassVar[str] = "papers.json"
     KIND: ClassVar[str] = "papers"
@@ -112,13 +110,15 @@ class PapersReport(Made):
 
 
 BY_CONSTRUCTION = frozenset({"P0-3", "P1-4a", "P1-4b", "P1-5a", "P1-5b", "P1-6a", "P1-6b", "P2-3b"})
-"""Claims that hold for nearly any tested method."""
+"""Names of claims that hold for nearly any tested method."""
 WITHOUT_POWER = frozenset({"P0-4", "P0-7", "P0-8"})
-"""Claims whose number of units is too small for a narrow interval."""
+"""Names of claims whose number of units is too small for a narrow interval."""
 
 
 def marked(name: str, finding: str) -> str:
-    """Return a finding, marked if the claim's design and not the runs decided it."""
+    """Return the text of a claim's finding, with a note if the design of the test, and not the
+    results, decided it.
+    """
     if finding == WORDS[Finding.HOLDS] and name in BY_CONSTRUCTION:
         return f"{finding} (by construction)"
     if finding == WORDS[Finding.UNDECIDED] and name in WITHOUT_POWER:
@@ -131,17 +131,17 @@ Found = dict[str, tuple[str, str]]
 
 
 def found_in(verdicts: dict[str, Verdict]) -> Found:
-    """Return the findings and effects of verdicts in the format of verdicts.json."""
+    """Return texts of finding and effect of each verdict, by name of the claim."""
     return {name: (WORDS[v.finding], words(v.effect, v.unit)) for name, v in verdicts.items()}
 
 
 def known() -> Found:
-    """Return the findings of the last full run of this version."""
+    """Return texts of finding and effect of each claim in the last full run (verdicts.json)."""
     return json.loads((resources.files("servo.papers") / VERDICTS).read_text())
 
 
 def broken(found: Found, before: Found) -> list[str]:
-    """Return a sentence for each claim whose finding has changed."""
+    """Return a sentence for each claim whose finding differs from the one before."""
     return [
         f"{name}: {', '.join(new)}; it was: {', '.join(before[name])}"
         for name, new in found.items()

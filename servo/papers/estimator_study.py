@@ -1,4 +1,4 @@
-"""Comparison of all estimators of the target's motion: four motions, at 30 and at 5 Hz."""
+"""Compares all estimators of the target's motion in closed loops: four motions, at 30 and 5 Hz."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ TESTED = tuple(name for name in ESTIMATORS.names() if name != "integral")
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A motion at a rate, with a measure and its bounds."""
+    """A motion of the target at a frame rate, with the measure of the error and its bounds."""
 
     motion: str
     rate: str
@@ -47,7 +47,7 @@ class Case:
 
     @property
     def title(self) -> str:
-        """Motion and measure, such as "sine rms"."""
+        """Return motion and measure as text, such as "sine rms"."""
         return f"{self.motion} {'peak' if self.measure == PEAK else 'rms'}"
 
 
@@ -65,6 +65,7 @@ CASES = (
 
 
 def _jobs(effort: Effort) -> Sequence[Job]:
+    """Return a run for each case, estimator and seed."""
     return [
         loop_job(
             case.scenario,
@@ -81,10 +82,11 @@ def _jobs(effort: Effort) -> Sequence[Job]:
 
 
 Scores = dict[str, list[Interval]]
-"""A mean with its interval for each case, by estimator."""
+"""Mean errors [px] with intervals in the order of `CASES`, by estimator."""
 
 
 def _judge(evidence: Evidence) -> Verdict:
+    """Return the verdict: the claim holds if all bounds of all cases are kept."""
     found: Scores = {
         estimator: [_score(evidence.records, estimator, case) for case in CASES]
         for estimator in TESTED
@@ -105,12 +107,13 @@ def _judge(evidence: Evidence) -> Verdict:
 
 
 def _score(records: list[Record], estimator: str, case: Case) -> Interval:
+    """Return the mean error [px] of an estimator in a case, over its seeds."""
     runs = group(records, estimator=estimator, rate=case.rate, motion=case.motion)
     return mean_of(column(runs, case.measure))
 
 
 def _missed(found: Scores, i: int, case: Case) -> list[str]:
-    """Return the texts of the missed bounds of a case."""
+    """Return a text for each missed bound of a case, whose index in `CASES` is `i`."""
     values = {name: intervals[i].value for name, intervals in found.items()}
     values[BEST] = min(value for name, value in values.items() if name != IDEAL)
     return [
@@ -121,7 +124,9 @@ def _missed(found: Scores, i: int, case: Case) -> list[str]:
 
 
 def _table(found: Scores) -> list[list[str]]:
-    """Return a row for each rate and estimator; the bounds follow the rows of their rate."""
+    """Return a table of the mean errors [px]: a row for each rate and estimator, and below the rows
+    of a rate its bounds.
+    """
     rows = [["px", "rate", *(c.title for c in CASES if c.rate == FAST)]]
     for rate in AT:
         chosen = [i for i, c in enumerate(CASES) if c.rate == rate]
@@ -140,7 +145,7 @@ def _short(i: Interval) -> str:
 
 
 def _draw(found: Scores) -> Figure:
-    """Draw a panel for each rate: errors of the estimators by motion, with the bounds."""
+    """Plot the mean errors [px] of all estimators with bounds by motion, in a panel a rate."""
     figure, both = panels(2, width=9.0)
     for ax, rate in zip(both, AT, strict=True):
         chosen = [i for i, c in enumerate(CASES) if c.rate == rate]

@@ -1,4 +1,4 @@
-"""Jobs of the claims: trackers on painted sequences, and scenarios in the closed loop."""
+"""The runs that test claims: trackers on painted sequences, and scenarios in the closed loop."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -6,7 +6,6 @@ from functools import cache, lru_cache
 from importlib import resources
 from math import cos, radians, sin
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -36,7 +35,14 @@ from tracking.trackers import KINDS as TRACKERS
 def contender(
     kind: str, preset: str | None = None, label: str | None = None, **settings: float | str
 ) -> Contender:
-    """Return a tracker with changed settings; its default label is KIND or KIND-PRESET."""
+    """Return a tracker with changed settings.
+
+    Args:
+        kind: Kind of the tracker.
+        preset: Name of a preset that gives the settings that are not changed.
+        label: Name of the tracker in tables; None: KIND or KIND-PRESET.
+        **settings: Changed settings.
+    """
     config = TRACKERS.config(kind, preset, **settings)
     return Contender(label or (kind if preset is None else f"{kind}-{preset}"), config)
 
@@ -46,11 +52,13 @@ class CachedPainting(Generated):
     """A painted sequence that caches its pictures, since painting takes longer than tracking."""
 
     def build(self, seed: int) -> Painting:
+        """Return the sequence of a seed; all trackers that follow it share its pictures."""
         return _painted(self.kind, self.config, seed)
 
 
 @lru_cache(maxsize=1)
-def _painted(kind: str, config: Any, seed: int) -> Painting:
+def _painted(kind: str, config: object, seed: int) -> Painting:
+    """Return a painted sequence whose pictures are cached until another sequence is painted."""
     sequence = Generated(kind, config).build(seed)
     source = sequence.source
     assert isinstance(source, PaintedSource)
@@ -58,7 +66,7 @@ def _painted(kind: str, config: Any, seed: int) -> Painting:
 
 
 def generated(kind: str, **settings: float | str) -> Generated:
-    """Return a family of painted sequences with changed settings."""
+    """Return the painted sequences of a kind with changed settings, one for each seed."""
     return CachedPainting(kind, GENERATORS.config(kind, **settings))
 
 
@@ -81,7 +89,12 @@ def sequence_jobs(
 
 
 def states_found(folder: Path, run: Record) -> Array:
-    """Return the states (frames, 4) of a run's track: x, y [px], theta [rad], scale."""
+    """Return the states (frames, 4) that a tracker found in a run: x, y [px], theta [rad], scale.
+
+    Args:
+        folder: Folder of the study, with the tracks of its runs.
+        run: Record of the run.
+    """
     track = f"{run.settings[TRACKER]}/{run.settings['family']}-{run.seed}.csv"
     return read(folder / TRACKS / track).states
 
@@ -116,14 +129,15 @@ REGISTERED = {
     "motion.frequency = { uniform = [0.17, 0.21] }",
     "circle": f"{AROUND}, motion.frequency = {{ uniform = [0.12, 0.16] }}",
 }
-"""`[vary]` of the scenarios when the verdicts were registered; the scenario files may change."""
+"""The tables [vary] of the scenarios when the rules were fixed; the scenarios' files may change."""
 
 
 @cache  # several claims are tested on the same draws
 def varied(scenario: str, seed: int) -> tuple[str, ...]:
-    """Return the drawn settings of a run: the start of the camera; heading, speed and place of the
-    car, and the distance that it drives before it reverses, which is also the phase of its
-    reversals. A draw that lets the car drive through a toy on the table is drawn again.
+    """Return drawn settings of a run as changes, such as "start.x=4.2000".
+
+    Drawn are the camera's start, and the car's heading, speed, start and distance between
+    reversals. If the car would drive through a toy on the table, all are drawn again.
     """
     rng = np.random.default_rng([seed, *b"vary"])
     while True:
@@ -133,12 +147,12 @@ def varied(scenario: str, seed: int) -> tuple[str, ...]:
 
 
 def registered(scenario: str) -> str:
-    """Return the change that gives a scenario its registered `[vary]`."""
+    """Return the change of settings that gives a scenario its table [vary] in `REGISTERED`."""
     return f"vary={{ {REGISTERED[scenario]} }}"
 
 
 def is_clear(scenario: Scenario) -> bool:
-    """Return True if the car of a scenario touches no toy of the room."""
+    """Return whether the car of a scenario passes all toys on the table without contact."""
     places, radii = _toys()
     motion = scenario.motion.build(stream(scenario.run.seed, "motion"))
     for time in np.arange(0.0, scenario.run.duration, INTERVAL):
@@ -152,7 +166,7 @@ def is_clear(scenario: Scenario) -> bool:
 
 @cache
 def _toys() -> tuple[Array, Array]:
-    """Return positions (n, 3) and bounding radii (n,) of the toys [m]."""
+    """Return positions (n, 3) in the room's frame and bounding radii (n,) of the toys [m]."""
     with resources.as_file(resources.files("scenes")) as folder:
         room = mujoco.MjSpec.from_file(str(folder / "room.xml"))
     names = [geom.name for geom in room.geoms if geom.classname.name == "toy"]
@@ -162,6 +176,7 @@ def _toys() -> tuple[Array, Array]:
 
 
 def _drawn(scenario: str, rng: np.random.Generator) -> tuple[str, ...]:
+    """Draw settings of a run as `varied` does, without looking at the toys."""
     x, y, angle = rng.uniform((-30, -20, -20), (30, 20, 20)).tolist()
     heading, speed, length = rng.uniform((-180, 0.07, 0.5), (180, 0.12, 0.8)).tolist()
     drawn = {
@@ -181,7 +196,9 @@ def _drawn(scenario: str, rng: np.random.Generator) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class EstimatedLoop:
-    """A scenario in the closed loop, whose record has the target's motion over time."""
+    """A scenario in the closed loop, with series of the target's estimated and true motion in its
+    record.
+    """
 
     name: str
     """Name of the scenario."""
@@ -189,11 +206,13 @@ class EstimatedLoop:
     """Changes of the scenario, as with --set."""
 
     def describe(self) -> dict[str, object]:
-        """Return the scenario and its changes for the study's file."""
+        """Return the scenario and its changes, which decide the results."""
         return {"scenario": self.name, "changes": list(self.changes)}
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the scenario; return its record with time [s], error [px] and velocities [m/s]."""
+        """Run the scenario, and return its record with series of time [s], error [px], and
+        estimated and true velocity of the feature `ALONG` [m/s].
+        """
         scenario = scenarios.load(self.name, self.changes, job.seed)
         steps = [step.light() for step in run(scenario)]
         along = steps[0].scene.features.names.index(ALONG)
@@ -209,7 +228,15 @@ class EstimatedLoop:
 def loop_job(
     scenario: str, estimator: str, seed: int, changes: Sequence[str], **settings: str
 ) -> Job:
-    """Return the job of a scenario with an estimator; `settings` are labels that distinguish it."""
+    """Return the run of a scenario with an estimator.
+
+    Args:
+        scenario: Name of the scenario.
+        estimator: Kind of the estimator.
+        seed: Seed of the run.
+        changes: Changes of settings, such as "camera.rate=5.0".
+        **settings: Labels that distinguish this run from others of the same scenario and estimator.
+    """
     name = "-".join([*settings.values(), scenario, estimator, str(seed)]).replace(" ", "")
     changes = (registered(scenario), f"estimator.kind={estimator}", *changes)
     subject = EstimatedLoop(scenario, changes)

@@ -46,11 +46,13 @@ FAILS = 50.0
 
 
 def _jobs(effort: Effort) -> Sequence[Job]:
+    """Return the runs of the four trackers, with published and tuned settings."""
     trackers = [of(kind) for of in (published, tuned) for kind in KINDS]
     return sequence_jobs(trackers, [SIMILARITY], effort.seeds(SEEDS))
 
 
 def _table(runs: dict[str, list[Record]]) -> list[list[str]]:
+    """Return a table with a row for each tracker: errors, completed sequences, and times [ms]."""
     rows = [
         [
             label,
@@ -68,8 +70,8 @@ def _table(runs: dict[str, list[Record]]) -> list[list[str]]:
 
 
 def _angle_where_both_complete(found: list[Record], ours: list[Record]) -> str:
-    """Return the text of the mean angle errors of a tracker and the combination on the sequences
-    that both complete, since the angle of a lost target is arbitrary.
+    """Return a text of the mean angle errors [deg] of a tracker and of the combination (`ours`) on
+    the sequences that both complete: the angle of a lost target is arbitrary.
     """
     both = (column(found, "completed") > 0) & (column(ours, "completed") > 0)
     theirs, own = (column(r, "angle_rmse_deg")[both] for r in (found, ours))
@@ -79,6 +81,7 @@ def _angle_where_both_complete(found: list[Record], ours: list[Record]) -> str:
 
 
 def _judge_best(evidence: Evidence) -> Verdict:
+    """Return the verdict on P1-1: the combination has the smallest angle errors."""
     runs = evidence.trackers
     gains = {o: difference(runs[o], runs[OURS], "angle_rmse_deg") for o in (WHOLE, FEW, ALONE)}
     nearest = min(gains.values(), key=lambda gain: gain.value)
@@ -105,19 +108,22 @@ def _judge_best(evidence: Evidence) -> Verdict:
 
 
 def _angle_errors(evidence: Evidence, label: str) -> Array:
-    """Return the errors of a tracker's angle (frames,) on the first sequence [deg]."""
+    """Return the absolute angle errors (frames,) of a tracker on the first sequence [deg]."""
     found, true = _states(evidence, evidence.trackers[label][0])
     return np.degrees(np.abs(np.angle(np.exp(1j * (found[:, 2] - true[:, 2])))))
 
 
 def _states(evidence: Evidence, run: Record) -> tuple[Array, Array]:
-    """Return the states that a tracker found, and the true ones (frames, 4)."""
+    """Return the states that a tracker found in a run, and the true states, each (frames, 4): x, y
+    [px], theta [rad], scale.
+    """
     true = SIMILARITY.build(run.seed).states
     assert true is not None
     return states_found(evidence.folder, run), true
 
 
 def _judge_pair(evidence: Evidence) -> Verdict:
+    """Return the verdict on P1-2: 75 particles with SSD are as good as 500 without."""
     runs = evidence.trackers
     ours = runs[OURS]
     whole = runs[WHOLE]
@@ -146,11 +152,13 @@ def _judge_pair(evidence: Evidence) -> Verdict:
 
 
 def _draw_angles(runs: dict[str, list[Record]]) -> Figure:
+    """Plot the angle RMSE [deg] of each tracker on each sequence."""
     errors = {label: column(found, "angle_rmse_deg") for label, found in runs.items()}
     return dots("angle RMSE", "angle RMSE [deg]", errors, "y")
 
 
 def _judge_alone(evidence: Evidence) -> Verdict:
+    """Return the verdict on P1-7: kernels alone lose the target at the occlusion."""
     runs = evidence.trackers
     gain = completed_more(runs[OURS], runs[ALONE])
     until = {o: column(runs[o], "frames_until_loss") for o in (OURS, WHOLE, FEW, ALONE)}
@@ -176,6 +184,7 @@ def _judge_alone(evidence: Evidence) -> Verdict:
 
 
 def _judge_few(evidence: Evidence) -> Verdict:
+    """Return the verdict on P1-8: 75 particles alone have larger angle errors than 500."""
     runs = evidence.trackers
     more = difference(runs[FEW], runs[WHOLE], "angle_rmse_deg")
     return Verdict(
@@ -190,6 +199,7 @@ def _judge_few(evidence: Evidence) -> Verdict:
 
 
 def _judge_blurred(evidence: Evidence) -> Verdict:
+    """Return the verdict on P1-9: the size found shrinks while motion blurs the target."""
     runs = evidence.trackers
     sizes = {o: np.array([_size(evidence, r) for r in found]) for o, found in runs.items()}
     change = {o: sizes[o][:, 0] - sizes[o][:, 1] for o in (OURS, WHOLE, ALONE)}
@@ -208,7 +218,9 @@ def _judge_blurred(evidence: Evidence) -> Verdict:
 
 
 def _size(evidence: Evidence, run: Record) -> tuple[float, float]:
-    """Return ln of the found over the true size where motion blurs, and before that [%]."""
+    """Return the mean of 100 ln(found size / true size) [%] in the blurred frames of a run, and in
+    the frames before them.
+    """
     found, true = _states(evidence, run)
     off = 100 * np.log(found[:, 3] / true[:, 3])
     fast = slice(*(round(share * len(off)) for share in FAST))
@@ -227,8 +239,8 @@ MODELS = {ONE: contender("kernel_pf", "paper"), NINE: contender("mk_pf", "paper"
 
 
 def surfaces(seed: int) -> dict[str, Array]:
-    """Return distances (angles, shifts) around the true state in the first picture of a sequence,
-    by number of kernels.
+    """Return histogram distances, from 0 to 1, at states around the true one in the first picture
+    of a sequence: (`TURNED_DEG`, `MOVED_PX`), by number of kernels.
     """
     sequence = SIMILARITY.build(seed)
     image = next(iter(sequence.source)).image
@@ -245,12 +257,17 @@ def surfaces(seed: int) -> dict[str, Array]:
 
 
 def _judge_surface(evidence: Evidence) -> Verdict:
+    """Compute the distances on some sequences, and return the verdict on P1-3."""
     found = [surfaces(seed) for seed in evidence.effort.seeds(SEEDS_SURFACE)]
     return judged({name: np.array([one[name] for one in found]) for name in MODELS})
 
 
 def judged(found: dict[str, Array]) -> Verdict:
-    """Return the verdict on surfaces (sequences, angles, shifts), by number of kernels."""
+    """Return the verdict on P1-3: the distance rises faster with rotation for nine kernels.
+
+    Args:
+        found: Histogram distances (sequences, angles, shifts), by number of kernels.
+    """
     slopes = {name: _slopes(surface) for name, surface in found.items()}
     times = ratio(slopes[NINE], slopes[ONE])
     return Verdict(
@@ -264,13 +281,16 @@ def judged(found: dict[str, Array]) -> Verdict:
 
 
 def _slopes(surface: Array) -> Array:
-    """Return the mean rise (n,) of the distance to `AT_DEG` on both sides [1/deg], unshifted."""
+    """Return the mean slope of the distance between 0 and `AT_DEG` on both sides (n,) [1/deg], from
+    distances (n, angles, shifts).
+    """
     along = surface[:, :, len(MOVED_PX) // 2]
     sides = [int(np.argmin(np.abs(TURNED_DEG - a))) for a in (-AT_DEG, AT_DEG)]
     return (along[:, sides].mean(axis=1) - along[:, len(TURNED_DEG) // 2]) / AT_DEG
 
 
 def _draw_surface(means: dict[str, Array]) -> Figure:
+    """Plot mean distances (angles, shifts), by number of kernels, as maps and as two sections."""
     figure, (*maps, turned, moved) = panels(2, 2, 9.0)
     for ax, (name, surface), colour in zip(maps, means.items(), COLOURS, strict=False):
         shown = ax.contourf(MOVED_PX, TURNED_DEG, surface, np.linspace(0, 1, 21), cmap="viridis")

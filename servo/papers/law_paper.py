@@ -1,4 +1,4 @@
-"""Claims of papers on visual-servoing schemes, tested in sealed worlds of the benchmark servo-v1.
+"""Claims of papers on visual-servoing schemes, tested in fresh worlds of the benchmark servo-v1.
 
 F. Chaumette, Potential problems of stability and convergence in image-based and position-based
 visual servoing, 1998. N. R. Gans, P. I. Corke, S. A. Hutchinson, Performance tests of partitioned
@@ -39,7 +39,9 @@ CENTRED = "pose cMo"
 
 
 def _jobs(condition: str, laws: Sequence[str], effort: Effort) -> Sequence[Job]:
-    """Return the runs of the laws in sealed worlds, whose public value is the first seed."""
+    """Return the runs of some laws in worlds of one of the benchmark's conditions; the worlds are
+    drawn from the first seed.
+    """
     benchmark = load(BENCHMARK)
     first = FRESH if effort.first is None else effort.first
     band = Band("sealed", str(effort.seeds(1)[0] if effort.quick else first), "papers")
@@ -53,18 +55,20 @@ def _jobs(condition: str, laws: Sequence[str], effort: Effort) -> Sequence[Job]:
 
 
 def _arrived(records: Sequence[Record]) -> Array:
-    """Return 1 for each world that was reached, else 0 (n,)."""
+    """Return 1 for each run (n,) whose camera arrived at its goal, else 0."""
     benchmark = load(BENCHMARK)
     return np.array([world_score(benchmark, record).area for record in records])
 
 
 def _left(records: Sequence[Record]) -> Array:
-    """Return 1 for each world in which a corner left the picture, else 0 (n,)."""
+    """Return 1 for each run (n,) in which a corner of the target left the picture, else 0."""
     return (column(records, "out_of_view_pct") > 0).astype(float)
 
 
 def _retreat(evidence: Evidence) -> Verdict:
-    """Judge the retreat of image points, less that of polar coordinates."""
+    """Return the verdict on the camera's retreat [m] with image points, less that with polar
+    coordinates.
+    """
     runs = _runs(evidence, (POINTS, POLAR))
     found = {law: mean_of(column(of, "retreat_m")) for law, of in runs.items()}
     own, other = (column(of, "retreat_m") for of in runs.values())
@@ -79,7 +83,15 @@ def _compared(
     laws: Sequence[str],
     evidence: Evidence,
 ) -> Verdict:
-    """Judge the share of worlds of the first law less that of the second."""
+    """Return the verdict on the difference of two shares of worlds, first law less second.
+
+    Args:
+        share: Function that returns 1 or 0 for each run (n,).
+        judge: Function that returns the finding on the difference [%].
+        about: Name of the share in text and figure.
+        laws: Names of the two laws.
+        evidence: Results of the runs.
+    """
     runs = _runs(evidence, laws)
     flags = {law: share(of) for law, of in runs.items()}
     gap = difference_of_shares(*flags.values())
@@ -89,6 +101,7 @@ def _compared(
 
 
 def _runs(evidence: Evidence, laws: Sequence[str]) -> dict[str, list[Record]]:
+    """Return the records of some laws, by name of the law."""
     return {law: group(evidence.records, **{CONTESTANT: law}) for law in laws}
 
 
@@ -100,6 +113,16 @@ def _verdict(
     found: dict[str, Interval],
     runs: dict[str, list[Record]],
 ) -> Verdict:
+    """Return a verdict with a table and a figure of two laws.
+
+    Args:
+        finding: The finding.
+        effect: Difference of the measure, with its interval.
+        unit: Unit of the effect.
+        measure: Name of the measure, with its unit.
+        found: Mean of the measure, by law.
+        runs: Records, by law.
+    """
     rows = [
         [
             law,
@@ -116,7 +139,7 @@ def _verdict(
         unit,
         effect.units,
         f"{measure}: {', '.join(f'{law} {words(of)}' for law, of in found.items())}",
-        [["law", "arrived", "left the picture", "retreat", "way"], *rows],
+        [["law", "arrived", "left the picture", "retreat", "camera path"], *rows],
         intervals(f"worlds of {BENCHMARK}", measure, found),
     )
 
@@ -135,6 +158,9 @@ def _claim(
     laws: Sequence[str],
     judge: Callable[[Evidence], Verdict],
 ) -> Claim:
+    """Return a claim about two laws in worlds of a condition of servo-v1; the texts are those of
+    `Claim` and `Rule`.
+    """
     rule = Rule(
         measure, SETTINGS, UNITS.format(condition), margin, "95 % interval over worlds", holds
     )

@@ -1,4 +1,4 @@
-"""Summaries of a claim's runs: means, differences and ratios of groups, in words and figures."""
+"""Summaries of a claim's runs: means, differences and ratios with 95 % intervals, and figures."""
 
 from collections.abc import Mapping, Sequence
 from typing import Literal
@@ -21,27 +21,27 @@ Logarithmic = Literal["x", "y"] | None
 
 
 def group(records: Sequence[Record], **settings: object) -> list[Record]:
-    """Return the records with these settings."""
+    """Return the records whose settings have these values, such as tracker="kams-published"."""
     return [r for r in records if all(r.settings[k] == value for k, value in settings.items())]
 
 
 def column(records: Sequence[Record], measure: str) -> Array:
-    """Return a measure of each record (n,); nan where it does not apply."""
+    """Return a measure of each record (n,), in the measure's unit; nan without a value."""
     return np.array([r.measures[measure] for r in records])
 
 
 def done(records: Sequence[Record]) -> str:
-    """Return the number of completed sequences, such as "3 of 4"."""
+    """Return the number of sequences on which the target was never lost as text: "3 of 4"."""
     return f"{int(column(records, 'completed').sum())} of {len(records)}"
 
 
 def reads(records: Sequence[Record]) -> str:
-    """Return the mean number of histograms read a frame."""
+    """Return the mean number of histograms that a tracker computes for a frame, as text."""
     return f"{column(records, 'evaluations').mean():.0f}"
 
 
 def difference(first: Sequence[Record], second: Sequence[Record], measure: str) -> Interval:
-    """Return the mean of paired differences of a measure, first less second."""
+    """Return the mean difference of a measure, first less second, over runs of the same order."""
     return mean_of(column(first, measure) - column(second, measure))
 
 
@@ -51,7 +51,9 @@ def completed(records: Sequence[Record]) -> Interval:
 
 
 def completed_more(first: Sequence[Record], second: Sequence[Record]) -> Interval:
-    """Return the difference of completed shares, first less second, on the same sequences [%]."""
+    """Return the difference of the shares of sequences on which the target was never lost, first
+    less second, on the same sequences [%].
+    """
     return in_percent(difference_of_shares(column(first, "completed"), column(second, "completed")))
 
 
@@ -61,13 +63,13 @@ def mean_percent(shares: Array) -> Interval:
 
 
 def ratio(first: Array, second: Array) -> Interval:
-    """Return the geometric mean of paired ratios, first over second (n,)."""
+    """Return the geometric mean of the ratios of paired values (n,), first over second."""
     log = mean_of(np.log(first / second))
     return Interval(*np.exp([log.value, log.low, log.high]).tolist())
 
 
 def words(interval: Interval, unit: str = "") -> str:
-    """Return a text such as "2.1 px (1.9 to 2.4)", or "2.1 px" without an interval."""
+    """Return a mean as text: "2.1 px (1.9 to 2.4)", or "2.1 px" if the interval is unknown."""
     value = f"{interval.value:.3g} {unit}".rstrip()
     if not interval.known:
         return value
@@ -75,12 +77,12 @@ def words(interval: Interval, unit: str = "") -> str:
 
 
 def mean(records: Sequence[Record], measure: str, unit: str = "") -> str:
-    """Return the text of the mean of a measure with its interval."""
+    """Return the mean of a measure over records as text, with its interval and a unit."""
     return words(mean_of(column(records, measure)), unit)
 
 
 def panels(rows: int, columns: int = 1, width: float = 7.0) -> tuple[Figure, list[Axes]]:
-    """Return a figure of the given width [inch] and its plain axes, row by row."""
+    """Return a figure of a width [inch] and its axes, row by row from the top."""
     return figures.panels(width, 0.8 + 2.3 * rows, rows, columns)
 
 
@@ -94,7 +96,17 @@ def lines(
     marker: str = "",
     logarithmic: Logarithmic = None,
 ) -> Figure:
-    """Return a figure of lines, by label, from 0 up to the given top."""
+    """Plot curves as lines.
+
+    Args:
+        title: Title of the figure.
+        x: Label of the x axis.
+        y: Label of the y axis.
+        curves: x and y values of each curve, by label.
+        top: Upper end of the y axis, which then begins at 0; None: automatic.
+        marker: Marker of the points, as in Matplotlib.
+        logarithmic: The axis with a logarithmic scale.
+    """
     figure, (axes,) = panels(1)
     for (label, curve), colour in zip(curves.items(), COLOURS, strict=False):
         axes.plot(*curve, color=colour, lw=1.2, marker=marker, label=label)
@@ -109,7 +121,7 @@ def lines(
 def dots(
     title: str, y: str, groups: Mapping[str, Array], logarithmic: Logarithmic = None
 ) -> Figure:
-    """Return a figure with a column of dots for each group, one dot a sequence."""
+    """Plot the values (n,) of each group as a column of dots above its label, one a sequence."""
     figure, (axes,) = panels(1, width=9.0)
     for i, values in enumerate(groups.values()):
         aside = np.linspace(-0.2, 0.2, len(values))
@@ -121,7 +133,7 @@ def dots(
 
 
 def intervals(title: str, x: str, groups: Mapping[str, Interval]) -> Figure:
-    """Return a figure with a row for each interval, by label."""
+    """Plot means with 95 % intervals, each in a row with its label."""
     figure, (axes,) = figures.panels(7.0, 1.0 + ROW_HEIGHT * len(groups))
     values, ends = bars(list(groups.values()))
     axes.errorbar(values, range(len(groups)), xerr=ends, fmt="o", capsize=3, color=COLOURS[1])
@@ -132,13 +144,14 @@ def intervals(title: str, x: str, groups: Mapping[str, Interval]) -> Figure:
 
 
 def bars(found: Sequence[Interval]) -> tuple[Array, Array]:
-    """Return values (n,) and the lengths of their error bars (2, n)."""
+    """Return the values of intervals (n,), and the lengths of error bars below and above (2, n)."""
     values = np.array([i.value for i in found])
     ends = np.array([(i.low, i.high) for i in found]).T
     return values, np.abs(ends - values)
 
 
 def _scale(axes: Axes, logarithmic: Logarithmic) -> None:
+    """Make an axis logarithmic, with plain numbers as labels."""
     if logarithmic is not None:
         axes.set(**{f"{logarithmic}scale": "log"})
         figures.plain_logarithm(axes.xaxis if logarithmic == "x" else axes.yaxis)

@@ -4,6 +4,7 @@ and texture against one of them alone.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -34,17 +35,19 @@ TRUTH = "at the truth"
 
 
 def _one_size(tracker: Contender) -> Contender:
-    """Return mean shift without its search for the size."""
+    """Return mean shift without its search for the target's size."""
     return Contender(f"{tracker.label}-one-size", replace(tracker.config, scale=False))
 
 
 def _jobs(effort: Effort) -> Sequence[Job]:
+    """Return the runs of filter and mean shift, with published and tuned settings."""
     pairs = [(of(FILTER), of(SHIFT)) for of in (published, tuned)]
     trackers = [c for ours, shift in pairs for c in (ours, shift, _one_size(shift))]
     return sequence_jobs(trackers, [TEXTURE], effort.seeds(SEEDS))
 
 
 def _judge_rmse(evidence: Evidence) -> Verdict:
+    """Return the verdict on P2-1: the filter's RMSE of the centre is smaller than mean shift's."""
     runs = evidence.trackers
     rmse = {label: column(found, "rmse_px") for label, found in runs.items()}
     times = {
@@ -76,10 +79,12 @@ def _judge_rmse(evidence: Evidence) -> Verdict:
 
 
 def _jobs_likeness(effort: Effort) -> Sequence[Job]:
+    """Return the runs of the filter with its published settings."""
     return sequence_jobs([published(FILTER)], [TEXTURE], effort.seeds(SEEDS))
 
 
 def _judge_likeness(evidence: Evidence) -> Verdict:
+    """Compute the coefficients along the filter's tracks, and return the verdict on P2-2."""
     found = [
         coefficients(published(FILTER), run.seed, states_found(evidence.folder, run))
         for run in evidence.records
@@ -88,15 +93,17 @@ def _judge_likeness(evidence: Evidence) -> Verdict:
 
 
 def coefficients(tracker: Contender, seed: int, track: Array) -> dict[str, Array]:
-    """Return Bhattacharyya coefficients with the target in the first picture.
+    """Return Bhattacharyya coefficients between the target's histogram in the first picture and
+    histograms in the other pictures of a sequence.
 
     Args:
-        tracker: The tracker with the histogram.
+        tracker: The tracker whose histogram is used.
         seed: Seed of the `texture` sequence.
-        track: States that the tracker found (frames, 4).
+        track: States that the tracker found (frames, 4): x, y [px], theta [rad], scale.
 
     Returns:
-        Coefficients (frames - 1,) at the track, at the truth and beside it, by place.
+        Coefficients (frames - 1,), from 0 to 1, at the track, at the true state and beside it, by
+        name of the place.
     """
     sequence = TEXTURE.build(seed)
     pictures = [p.image for p in sequence.source if p.image is not None]
@@ -117,12 +124,16 @@ def coefficients(tracker: Contender, seed: int, track: Array) -> dict[str, Array
 
 
 def _logarithmic(states: Array) -> Array:
-    """Return x, y, theta, ln scale of x, y, theta, scale (n, 4)."""
+    """Return states (n, 4) of x, y, theta, ln scale from states of x, y, theta, scale."""
     return np.column_stack([states[:, :3], np.log(states[:, 3])])
 
 
 def judged(rho: dict[str, Array]) -> Verdict:
-    """Return the verdict on coefficients (sequences, frames) by place."""
+    """Return the verdict on P2-2: the coefficient at the filter's estimate stays high.
+
+    Args:
+        rho: Bhattacharyya coefficients (sequences, frames) by name of the place.
+    """
     shares = {
         place: mean_percent(np.mean(values >= ALIKE * rho[TRUTH], axis=1))
         for place, values in rho.items()
@@ -166,6 +177,7 @@ JOINT_AND_PARTS = (
 
 
 def _judge_camouflage(evidence: Evidence) -> Verdict:
+    """Return the verdict on P2-3: colour and texture together follow what neither follows alone."""
     runs = evidence.trackers
     rmse = {label: column(found, "rmse_px") for label, found in runs.items()}
     times = {label: ratio(rmse[label], rmse[JOINT]) for label in (TEXTURE_ALONE, COLOUR_ALONE)}
@@ -193,10 +205,13 @@ def _judge_camouflage(evidence: Evidence) -> Verdict:
     )
 
 
-def _camouflage(name: str, says: str, entry: Generated, target: str) -> Claim:
-    def jobs(effort: Effort) -> Sequence[Job]:
-        return sequence_jobs(JOINT_AND_PARTS, [entry], effort.seeds(SEEDS_CAMOUFLAGE))
+def _jobs_camouflage(entry: Generated, effort: Effort) -> Sequence[Job]:
+    """Return the runs of the filter with both histograms, and with each of them alone."""
+    return sequence_jobs(JOINT_AND_PARTS, [entry], effort.seeds(SEEDS_CAMOUFLAGE))
 
+
+def _camouflage(name: str, says: str, entry: Generated, target: str) -> Claim:
+    """Return the claim P2-3 about sequences with a camouflaged target, which two texts describe."""
     return Claim(
         name,
         f"colour and texture together follow what neither follows alone: {says}",
@@ -210,7 +225,7 @@ def _camouflage(name: str, says: str, entry: Generated, target: str) -> Claim:
             f"both ratios above 1, and colour completes less than {LOSES:g} %",
         ),
         _judge_camouflage,
-        jobs,
+        partial(_jobs_camouflage, entry),
     )
 
 

@@ -1,6 +1,7 @@
-"""Each tracker's best settings, from grids of equal size on painted sequences of seeds below 1000.
+"""Finds each tracker's best settings on a grid, on painted sequences with seeds below 1000.
 
-`servobench papers tuning-clutter` and the like run them; tuning.json keeps their result.
+All grids have equal size. `servobench papers tuning-clutter` and the like run them; tuning.json has
+their results.
 """
 
 from collections.abc import Sequence
@@ -31,35 +32,44 @@ CONSTANT_VELOCITY = {"velocity_memory": 0.5}
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """Sequences on which trackers are compared, and the measure that tunes them."""
+    """Sequences on which trackers are tuned, and the measure that is optimised."""
 
     entries: tuple[Generated, ...]
+    """Kinds of the sequences."""
     seeds: int
+    """Number of sequences of each kind."""
     measure: str
+    """Name of the measure."""
     sign: int
-    """1 if more is better, else -1."""
+    """1 if larger values are better, else -1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tuned:
-    """A tracker with fixed settings and a grid of others."""
+    """A tracker with fixed settings and a grid of settings that are tried."""
 
     family: str
+    """Name of the sequences in `FAMILIES`."""
     kind: str
+    """Kind of the tracker."""
     fixed: Settings
+    """Settings of all tries, beside those of the paper's preset."""
     grid: tuple[Settings, ...]
+    """Settings of each try."""
 
     def contender(self, name: str, settings: Settings, ending: str) -> Contender:
-        """Return the tracker with some settings, called NAME-ENDING."""
+        """Return the tracker with some more settings and the label NAME-ENDING."""
         return contender(self.kind, "paper", f"{name}-{ending}", **self.fixed | settings)
 
 
 def _scaled(kind: str) -> tuple[Settings, ...]:
+    """Return a grid in which all noises of a kind's defaults are multiplied by each factor."""
     own = TRACKERS.config(kind)
     return tuple({n: round(k * getattr(own, n), 4) for n in NOISE} for k in FACTORS)
 
 
 def _over(name: str, values: Sequence[float | str], **others: float | str) -> tuple[Settings, ...]:
+    """Return a grid of a setting's values, each with the same other settings."""
     return tuple({name: value, **others} for value in values)
 
 
@@ -95,21 +105,23 @@ TUNED = {
     "texture_ms": Tuned("texture", "texture_ms", {"scale": True}, tuple(
         s for rest in RESTS for s in _over("density", (16, 24, 32), rest=rest))),
 }  # fmt: skip
-"""Particles of the clutter's filters: with about 1200 histograms a frame each, as KAMS with 50.
-Mean shift has no noise, and the octal kernel neither: of them other settings are tried."""
+"""The tuned trackers by name. In clutter each filter has as many particles as need about 1200
+histograms a frame, as KAMS needs with 50. Mean shift and the octal kernel (sok) have no noise, so
+other settings of theirs are tried."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningFile(Document):
-    """tuning.json: the score of every setting that was tried, by tracker."""
+    """The file tuning.json: the scores of all settings that were tried."""
 
     FILE: ClassVar[str] = "tuning.json"
     KIND: ClassVar[str] = "tuning"
 
     scores: dict[str, list[tuple[dict[str, float | str], float]]]
+    """Settings with the mean of the family's measure, by tracker."""
 
     def best(self, name: str) -> Settings:
-        """Return the settings with the best score; the first of those that are equal."""
+        """Return the settings of a tracker with the best score; the first of equal ones."""
         sign = FAMILIES[TUNED[name].family].sign
         settings = max(self.scores[name], key=lambda one: sign * one[1])[0]
         return {k: type(TUNED[name].grid[0][k])(v) for k, v in settings.items()}
@@ -117,13 +129,13 @@ class TuningFile(Document):
 
 @cache
 def stored() -> TuningFile:
-    """Return the stored scores of all grids."""
+    """Return the scores of all grids in servobench's own tuning.json."""
     with resources.as_file(resources.files("servo.papers") / TuningFile.FILE) as path:
         return TuningFile.read(path)
 
 
 def published(name: str) -> Contender:
-    """Return a tracker with the settings of its paper."""
+    """Return a tracker of `TUNED` with the settings of its paper, labelled NAME-published."""
     return contender(TUNED[name].kind, "paper", f"{name}-published", **AS_PUBLISHED.get(name, {}))
 
 
@@ -139,26 +151,32 @@ AS_PUBLISHED: dict[str, Settings] = {
 
 
 def tuned(name: str) -> Contender:
-    """Return a tracker with its own best settings."""
+    """Return a tracker of `TUNED` with its best settings in tuning.json, labelled NAME-tuned."""
     return TUNED[name].contender(name, stored().best(name), "tuned")
 
 
 def _tried(name: str) -> list[Contender]:
+    """Return a tracker with each setting of its grid, labelled NAME-try0 and so on."""
     one = TUNED[name]
     return [one.contender(name, s, f"try{i}") for i, s in enumerate(one.grid)]
 
 
 def _members(family: str) -> list[str]:
+    """Return the names of the trackers that are tuned on a family of sequences."""
     return [name for name, one in TUNED.items() if one.family == family]
 
 
 def _jobs(family: str, effort: Effort) -> Sequence[Job]:
+    """Return the runs of all grids of a family."""
     tried = [c for name in _members(family) for c in _tried(name)]
     of = FAMILIES[family]
     return sequence_jobs(tried, of.entries, effort.seeds(of.seeds, 0))
 
 
 def _judge(family: str, evidence: Evidence) -> Verdict:
+    """Write tuning.json with the scores of a family's grids into the study's folder, and return a
+    verdict with their table.
+    """
     measure = FAMILIES[family].measure
     scores: dict[str, list[tuple[Settings, float]]] = {}
     rows = [["tracker", "settings", measure, ""]]
@@ -192,4 +210,5 @@ TUNING = tuple(
     )
     for name, family in FAMILIES.items()
 )
-"""Not among the claims: each runs where it is named, and writes a tuning.json to put here."""
+"""The runs of the grids, as claims without a verdict that are run only if they are named. Each
+writes a tuning.json, which then replaces the one in this folder."""

@@ -1,1 +1,1 @@
-"""Scenario files: TOML read, overridden, checked, and filled into frozen values."""
+"""Scenario files: TOML is read, changed by --set, checked, and made into frozen dataclasses."""

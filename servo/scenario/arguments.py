@@ -1,8 +1,10 @@
-"""Checks of the arguments of callers in Python; each error is one sentence."""
+"""Checks of arguments of servo's Python functions; each mistake of the caller is one sentence.
+
+`given` is the argument as the caller passed it, and `what` its name in the sentence.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -10,33 +12,34 @@ from servo.mistake import Mistake, unknown
 from sim.types import Array
 
 
-def name(given: Any, what: str) -> str:
-    """Return the name or the file of a scenario, a study or a folder.
+def name(given: object, what: str) -> str:
+    """Return the name or path of a scenario, a study or a folder as text; `what` is its kind.
 
     Raises:
-        Mistake: `given` is neither a text nor a path.
+        Mistake: `given` is neither a text nor a `Path`.
     """
     if not isinstance(given, str | Path):
         raise Mistake(f"a {what} is given by its name or its file, not by {type(given).__name__}")
     return str(given)
 
 
-def texts(given: Any) -> tuple[str, ...]:
-    """Return changes of settings as for --set.
+def texts(given: object) -> tuple[str, ...]:
+    """Return a list of changes of settings, such as ["run.duration=5"], as a tuple.
 
     Raises:
         Mistake: `given` is not a list of texts.
     """
-    single = isinstance(given, str | Mapping) or not isinstance(given, Iterable)
-    found: tuple[Any, ...] = () if single else tuple(given)
-    if single or not all(isinstance(item, str) for item in found):
-        such = given if isinstance(given, str) else "run.duration=5"
-        raise Mistake(f"{given!r}: expected a list of changes, such as [{such!r}]")
-    return found
+    if isinstance(given, Iterable) and not isinstance(given, str | Mapping):
+        found: tuple[object, ...] = tuple(given)
+        changes = tuple(item for item in found if isinstance(item, str))
+        if len(changes) == len(found):
+            return changes
+    such = given if isinstance(given, str) else "run.duration=5"
+    raise Mistake(f"{given!r}: expected a list of changes, such as [{such!r}]")
 
 
-def whole(given: Any, what: str, least: int) -> int:
-    """Return a whole number, of Python or NumPy.
+def whole(given: object, what: str, least: int) -> int:
+    """Return a whole number of Python or NumPy as an `int`.
 
     Raises:
         Mistake: `given` is not a whole number, or is below `least`.
@@ -46,14 +49,14 @@ def whole(given: Any, what: str, least: int) -> int:
     return int(given)
 
 
-def numbers(given: Any, what: str, count: int) -> Array:
-    """Return finite numbers (count,).
+def numbers(given: object, what: str, count: int) -> Array:
+    """Return `count` finite numbers as an array (count,).
 
     Raises:
         Mistake: `given` has another shape, or a value that is not finite.
     """
     try:
-        found = np.asarray(given, float)
+        found = np.array(given, dtype=float)
     except (TypeError, ValueError):
         found = np.empty(0)
     if found.shape != (count,) or not np.isfinite(found).all():
@@ -61,23 +64,25 @@ def numbers(given: Any, what: str, count: int) -> Array:
     return found
 
 
-def one_of(given: Any, what: str, known: Sequence[Any]) -> None:
-    """Refuse a choice that is unknown.
+def one_of(given: object, what: str, known: Sequence[object]) -> None:
+    """Check that a choice is one of the known ones.
 
     Raises:
-        Mistake: `given` is not among `known`.
+        Mistake: `given` is not among `known`; the sentence names the nearest one.
     """
     if given not in known:
         raise Mistake(unknown(str(given), [str(k) for k in known], what))
 
 
-def each_once(given: Any, what: str, known: Sequence[str]) -> list[int]:
-    """Return the positions of the chosen ones among all.
+def each_once(given: object, what: str, known: Sequence[str]) -> list[int]:
+    """Return the indices in `known` of a list of choices.
 
     Raises:
         Mistake: `given` is empty or not a list, or an item is unknown or chosen twice.
     """
-    chosen = [] if isinstance(given, str) or not isinstance(given, Iterable) else list(given)
+    chosen: list[str] = []
+    if isinstance(given, Iterable) and not isinstance(given, str):
+        chosen += given
     if not chosen or any(chosen.count(item) > 1 for item in chosen):
         some = ", ".join(known)
         raise Mistake(f"{what} = {given!r}: expected a list of some of {some}, each once")

@@ -1,35 +1,31 @@
-"""A camera's calibration file, as ROS (camera_info) or OpenCV (FileStorage, YAML or XML) write it.
+"""Reads a camera's calibration file, as ROS (camera_info) and OpenCV (FileStorage) write them.
 
-Both start pixel coordinates at the middle of the first pixel, and we at its corner: 0.5 px more.
+Both place the origin of pixel coordinates at the middle of the first pixel, and servobench at its
+corner: the principal point is 0.5 px larger here.
 """
 
 import re
-from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import cv2
 import numpy as np
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    Field,
-    FiniteFloat,
-    PositiveInt,
-)
+from pydantic import BaseModel, BeforeValidator, Field, FiniteFloat, PositiveInt
 
 from servo.mistake import Mistake, as_mistake
+from servo.scenario.draws import leaves
 from servo.scenario.fill import validated
-from servo.scenario.toml import Table, is_number
+from servo.scenario.toml import Table, is_number, is_table
 from sim.camera.camera import CameraConfig
 from sim.camera.distortion import COEFFICIENTS, Model
 from sim.files import reading
 from sim.types import Camera
 
 LARGEST_FILE = 20_000
-"""Largest file [bytes]; a calibration has about a thousand."""
+"""Largest file that is read [bytes]; a calibration has about a thousand."""
 GIVES = ("fovy_deg", "fx", "fy", "cx", "cy", "distortion", "coefficients")
-"""Settings that a calibration gives, or replaces."""
+"""Settings of [camera] that a calibration gives or replaces."""
 MODELS: dict[str, Model] = {
     "plumb_bob": "plumb_bob",
     "radtan": "plumb_bob",
@@ -42,15 +38,15 @@ MODELS: dict[str, Model] = {
     "kannala_brandt4": "fisheye",
     "kannala_brandt8": "fisheye",
 }
-"""Our distortion by the names of ROS, Kalibr, OKVIS and ORB-SLAM, where the formula is the same."""
+"""Distortion models of servobench by their names in ROS, Kalibr, OKVIS and ORB-SLAM."""
 ROS_NAMES = {own: name for name, own in reversed(MODELS.items())}
-"""ROS's name of a distortion; the first one where there are two."""
+"""ROS's name of each distortion model."""
 LENSES: dict[str, Model] = {name.replace("_", ""): model for name, model in MODELS.items()}
-"""The same by the letters of their names."""
+"""Distortion models by these names without underscores, as `_letters` returns them."""
 MIDDLE = 0.5
-"""Place of the first pixel's middle: zero in ROS and OpenCV [px]."""
+"""Coordinates of the first pixel's middle here [px]; they are zero in ROS and OpenCV."""
 OPENCV = ("%YAML", "<?xml")
-"""The beginning of OpenCV's files."""
+"""Beginnings of the files that OpenCV writes."""
 KEYS = {
     "imagewidth": "image_width",
     "width": "image_width",
@@ -61,34 +57,35 @@ KEYS = {
     "distortioncoefficients": "distortion_coefficients",
     "d": "distortion_coefficients",
 }
-"""The keys by their letters; a message of ROS, printed, has the short ones."""
+"""Names of the keys by their spellings, as `_letters` returns them; printed messages of ROS have
+the short ones."""
 LENS = re.compile(
     r"model|fisheye|lens|mirror|(^|\.)xi$|(camera|distortion|projection)\.?type$|"
     r"^(distortion|projection)$"
 )
-"""Letters of the keys whose value names a lens, and so is known or refused."""
+"""Matches keys whose value names a lens: an unknown value is then an error."""
 WIDE = re.compile("fish|equidist|kannala|omnidir")
-"""Letters of values that name a lens whatever their key is, but for names of cameras and files."""
+"""Matches values that name a lens under any key, except under those that match `NAMES`."""
 NAMES = re.compile("name|title|serial|file|path|id$")
-"""Letters of the keys of such names."""
+"""Matches keys of the names of cameras and files."""
 NO_DISTORTION = "none"
 UNSAID = ("", NO_DISTORTION, "pinhole", "perspective", "0", "false", "no")
-"""Letters of values that leave open which distortion there is."""
+"""Values that do not tell which distortion the lens has."""
 YES = ("1", "true", "yes")
-"""Letters of the values of a key such as fisheye_model, which is a question."""
+"""Values of a key such as fisheye_model that mean that the lens is a fisheye."""
 ROI = ("x_offset", "y_offset", "width", "height")
 
 
 def _data(value: object) -> object:
-    """Return the numbers of a matrix, which may be a table with `data`."""
-    return value.get("data") if isinstance(value, dict) else value
+    """Return the numbers of a matrix, which the file has as a list or as a table with `data`."""
+    return value.get("data") if is_table(value) else value
 
 
 Numbers = Annotated[list[FiniteFloat], Field(min_length=1), BeforeValidator(_data)]
 
 
 class Calibration(BaseModel):
-    """The keys of a calibration that are read, with their types and ranges."""
+    """The keys of a calibration file that are read, with their types and ranges."""
 
     image_width: PositiveInt
     image_height: PositiveInt
@@ -99,36 +96,64 @@ class Calibration(BaseModel):
     roi: dict[str, int] = Field(default_factory=dict[str, int])
 
 
-def calibrated(camera: Any, place: str) -> Any:
-    """Return the table [camera] with the settings of its calibration file in its place.
+@dataclass(frozen=True, slots=True)
+class Intrinsics:
+    """Settings of [camera] that a calibration file gives."""
+
+    width: int
+    """Image width [px]."""
+    height: int
+    """Image height [px]."""
+    fx: float
+    """Focal lengths fx, fy and principal point cx, cy [px], measured from the image's corner."""
+    fy: float
+    cx: float
+    cy: float
+    distortion: Model
+    coefficients: list[float]
+    """Coefficients of the distortion, in OpenCV's order."""
+
+
+def calibrated(camera: object, place: str) -> object:
+    """Replace the key `calibration` of a table [camera] by the settings in the file that it names.
+
+    Args:
+        camera: The table; anything that has no `calibration` is returned as it is.
+        place: The table's place, for messages.
+
+    Returns:
+        A new table, with the focal lengths and the principal point scaled to the table's width.
 
     Raises:
-        Mistake: The file is no calibration or has another shape of image, or the table gives the
-            lens as well.
+        Mistake: The file is no calibration, its image has another aspect ratio than the table's,
+            or the table also has a setting that the file gives.
     """
-    if not isinstance(camera, dict) or not isinstance(camera.get("calibration"), str):
+    if not is_table(camera) or not isinstance(camera.get("calibration"), str):
         return camera
     for key in GIVES:
         if key in camera:
             raise Mistake(f"{place}: {key} and calibration both give the lens; leave one out")
-    path = Path(camera["calibration"])
+    path = Path(str(camera["calibration"]))
     found = _read(path)
-    own = found.pop("size")
-    size = [camera.get(key, given) for key, given in zip(("width", "height"), own, strict=True)]
-    if all(map(is_number, size)):
-        if size[0] * own[1] != size[1] * own[0]:
+    width = camera.get("width", found.width)
+    height = camera.get("height", found.height)
+    if is_number(width) and is_number(height):
+        if width * found.height != height * found.width:
             raise Mistake(
-                f"{place}: {size[0]} x {size[1]} px has not the shape of the {own[0]} x {own[1]} "
-                f"px of {path}"
+                f"{place}: {width} x {height} px has not the shape of the {found.width} x "
+                f"{found.height} px of {path}"
             )
-        found |= {key: found[key] * size[0] / own[0] for key in ("fx", "fy", "cx", "cy")}
+        scaled = {
+            key: getattr(found, key) * width / found.width for key in ("fx", "fy", "cx", "cy")
+        }
+        found = replace(found, **scaled)
     kept = {key: value for key, value in camera.items() if key != "calibration"}
-    return kept | {"width": size[0], "height": size[1]} | found
+    return kept | asdict(found) | {"width": width, "height": height}
 
 
 def camera_info(camera: Camera) -> dict[str, Any]:
-    """Return the fields of ROS's message sensor_msgs/CameraInfo for a camera, but for its header
-    and region of interest.
+    """Return the fields of ROS's message sensor_msgs/CameraInfo for a camera, without its header
+    and its region of interest.
     """
     lens = camera.distortion
     cx, cy = camera.cx - MIDDLE, camera.cy - MIDDLE
@@ -146,12 +171,16 @@ def camera_info(camera: Camera) -> dict[str, Any]:
 
 
 def camera_of_info(info: Any, topic: str) -> Camera:
-    """Return the camera of ROS's message sensor_msgs/CameraInfo.
+    """Return the camera that a ROS message sensor_msgs/CameraInfo describes.
+
+    Args:
+        info: The message.
+        topic: Its topic, for error messages.
 
     Raises:
-        Mistake: The message is wrong, as for `settings_of`.
+        Mistake: A field is wrong, or the lens is not simulated (see `intrinsics_of`).
     """
-    document = {
+    document: Table = {
         "image_width": info.width,
         "image_height": info.height,
         "camera_matrix": list(info.k),
@@ -161,16 +190,18 @@ def camera_of_info(info: Any, topic: str) -> Camera:
         "binning_x": info.binning_x,
         "binning_y": info.binning_y,
     }
-    found = settings_of(document, topic)
-    width, height = found.pop("size")
-    lens = CameraConfig(
-        distortion=found.pop("distortion"), coefficients=tuple(found.pop("coefficients"))
-    ).lens
-    return Camera(width=width, height=height, distortion=lens, **found)
+    found = intrinsics_of(document, topic)
+    config = CameraConfig(distortion=found.distortion, coefficients=tuple(found.coefficients))
+    size = (found.width, found.height)
+    return Camera(found.fx, found.fy, found.cx, found.cy, *size, distortion=config.lens)
 
 
-def _read(path: Path) -> Table:
-    """Return the size (width, height) of a calibration's image, and its settings for it."""
+def _read(path: Path) -> Intrinsics:
+    """Read a calibration file of ROS or OpenCV.
+
+    Raises:
+        Mistake: The file is no calibration, or a key in it is wrong.
+    """
     with as_mistake():
         text = reading.text(path, "calibration", LARGEST_FILE)
     pairs = _of_opencv(text, path) if text.startswith(OPENCV) else _of_yaml(text, path)
@@ -182,23 +213,23 @@ def _read(path: Path) -> Table:
         document[key] = value
     if document.keys().isdisjoint(KEYS.values()):
         raise Mistake(f"{path}: this is no calibration: it should have camera_matrix")
-    return settings_of(document, str(path))
+    return intrinsics_of(document, str(path))
 
 
-def settings_of(document: Table, place: str) -> Table:
-    """Return the size (width, height) of a calibration's image, and its settings for it.
+def intrinsics_of(document: Table, place: str) -> Intrinsics:
+    """Check the keys and values of a calibration file, and convert them to settings of [camera].
 
     Args:
-        document: The keys of the file, and their values.
-        place: Its file or topic, for messages.
+        document: Values by key, named as in files of ROS's camera_calibration.
+        place: The file or the topic, for messages.
 
     Raises:
-        Mistake: A key is missing or wrong, the calibration is of a part of the picture, or of a
-            lens that is not simulated.
+        Mistake: A key is missing or wrong, the region of interest is not the whole picture, or the
+            lens is not simulated.
     """
     given = validated(Calibration, document, f"{place}: ")
-    size = [given.image_width, given.image_height]
-    if [given.roi.get(key, 0) for key in ROI] not in ([0, 0, 0, 0], [0, 0, *size]):
+    size = (given.image_width, given.image_height)
+    if tuple(given.roi.get(key, 0) for key in ROI) not in ((0, 0, 0, 0), (0, 0, *size)):
         raise Mistake(f"{place}: roi = {given.roi} should be the whole picture")
     K, values = given.camera_matrix, given.distortion_coefficients
     if len(K) != 9 or K[1] or K[3] or K[6:] != [0.0, 0.0, 1.0] or min(K[0], K[4]) <= 0:
@@ -214,15 +245,18 @@ def settings_of(document: Table, place: str) -> Table:
             f"{place}: distortion_coefficients has {len(values)} numbers; {model} has {count}"
         )
     values = [*values, *[0.0] * count][:count]
-    found = {"size": size, "fx": K[0], "fy": K[4], "cx": K[2] + MIDDLE, "cy": K[5] + MIDDLE}
-    return found | {"distortion": model, "coefficients": values}
+    return Intrinsics(*size, K[0], K[4], K[2] + MIDDLE, K[5] + MIDDLE, model, values)
 
 
-def _of_yaml(text: str, path: Path) -> list[tuple[Any, Any]]:
-    """Return the keys and values of a file of ROS, whose documents may be several or empty."""
+def _of_yaml(text: str, path: Path) -> list[tuple[object, object]]:
+    """Return the keys and values of a YAML file of ROS, which may have several documents.
+
+    Raises:
+        Mistake: The text is not YAML; the message names the file `path`.
+    """
     import yaml  # few scenarios need it
 
-    pairs: list[tuple[Any, Any]] = []
+    pairs: list[tuple[object, object]] = []
     try:
         for node in yaml.compose_all(text, yaml.SafeLoader):
             if isinstance(node, yaml.MappingNode):
@@ -235,8 +269,12 @@ def _of_yaml(text: str, path: Path) -> list[tuple[Any, Any]]:
     return pairs
 
 
-def _of_opencv(text: str, path: Path) -> list[tuple[str, Any]]:
-    """Return the keys and values of a file of OpenCV."""
+def _of_opencv(text: str, path: Path) -> list[tuple[str, object]]:
+    """Return the keys and values of a file that OpenCV's FileStorage wrote, in YAML or XML.
+
+    Raises:
+        Mistake: OpenCV cannot read the text; the message names the file `path`.
+    """
     try:
         file = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         root = file.root()
@@ -246,8 +284,10 @@ def _of_opencv(text: str, path: Path) -> list[tuple[str, Any]]:
         raise Mistake(f"{path}: this is no file that OpenCV wrote, or it is damaged") from None
 
 
-def _value(node: cv2.FileNode) -> Any:
-    """Return what a node has: a number, a text, a list, a table, or the numbers of a matrix."""
+def _value(node: cv2.FileNode) -> object:
+    """Return the value of a node: a number, a text, a list, a table, or a list of a matrix's
+    numbers.
+    """
     if node.isInt():
         return int(node.real())
     if node.isReal():
@@ -264,9 +304,19 @@ def _value(node: cv2.FileNode) -> Any:
 
 
 def _model(document: Table, place: str, values: list[float]) -> Model:
-    """Return the distortion that the file names; else that of the number of its coefficients."""
+    """Return the distortion model that a calibration file names, or the one that the number of its
+    coefficients implies.
+
+    Args:
+        document: Keys and values of the file.
+        place: The file or the topic, for messages.
+        values: The distortion's coefficients.
+
+    Raises:
+        Mistake: The file names an unknown lens, or several different ones.
+    """
     named: dict[Model, str] = {}
-    for key, value in _leaves(document):
+    for key, value in leaves(document):
         word = _letters(key)
         letters = "" if value is None else _letters(value)
         if "fisheye" in word and letters in YES:
@@ -291,15 +341,6 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
     return "rational" if any(values[COEFFICIENTS["plumb_bob"] :]) else "plumb_bob"
 
 
-def _leaves(document: Table, above: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the keys and values of a file and of the tables in it, whose keys have dots."""
-    for key, value in document.items():
-        if isinstance(value, dict):
-            yield from _leaves(value, f"{above}{key}.")
-        else:
-            yield f"{above}{key}", value
-
-
 def _letters(text: object) -> str:
-    """Return a word without capitals, underscores and hyphens, in which spellings differ."""
+    """Return a word in lower case, with only its letters, digits and dots, as spellings differ."""
     return re.sub("[^a-z0-9.]", "", str(text).lower())

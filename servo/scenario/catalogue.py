@@ -1,4 +1,4 @@
-"""The choices by name: kinds of a scenario's parts, shipped scenarios and studies.
+"""The kinds of each component of a scenario, and the names of the shipped scenarios and studies.
 
 This file is quick to import, for `servobench list`.
 """
@@ -19,25 +19,24 @@ PLUGINS = {
     "estimator": (estimators.KINDS, "kalman_cv"),
     "controller": (controllers.KINDS, "ibvs"),
 }
-"""Tables with a `kind`: their kinds, and the default."""
+"""Tables of a scenario with a `kind`: the kinds there are, and the default."""
 LISTS = {"disturbances": disturbances.KINDS}
-"""Lists of such tables."""
+"""Lists of tables with a `kind`: the kinds there are."""
 
 
 def shipped() -> list[str]:
-    """Return the names of the scenarios in the package, sorted."""
+    """Return the sorted names of the scenarios that are part of servobench."""
     return _names(resources.files("scenes"))
 
 
 def studies() -> list[str]:
-    """Return the names of the studies in the package, sorted."""
+    """Return the sorted names of the studies that are part of servobench."""
     return _names(resources.files("scenes") / "studies")
 
 
 def sentence(text: str) -> str:
-    """Return the comment in the second line of a scenario or a study, or an empty text.
-
-    Directives to editors, "#:schema ...", do not count as lines.
+    """Return the comment in the second line of a scenario's or study's text, which says in a
+    sentence what the file is for; "" if there is none. Lines such as "#:schema ..." do not count.
     """
     lines = [line for line in text.splitlines() if not line.startswith("#:")]
     second = [*lines, "", ""][1]
@@ -45,6 +44,7 @@ def sentence(text: str) -> str:
 
 
 def _names(folder: Traversable) -> list[str]:
+    """Return the sorted names, without ending, of the TOML files in a folder."""
     return sorted(
         f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")
     )

@@ -1,11 +1,11 @@
-"""Settings that are drawn for each seed.
+"""Settings that are drawn at random for each seed, from a scenario's table [vary].
 
-A scenario's `[vary]` table names settings and the law that each is drawn from. Seed 0 is the
-scenario as it is written; each other seed is another run of the same experiment, also for a tracker
-without random numbers.
+[vary] gives the distribution of some settings, such as `start.x = { uniform = [-5, 5] }`. Seed 0
+runs the scenario as it is written; each other seed draws these settings anew, so that runs differ
+even for a tracker without random numbers.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,38 +13,42 @@ import numpy as np
 
 from servo.loop.settings import stream
 from servo.mistake import Mistake
-from servo.scenario.toml import Table, is_number, names_of
+from servo.scenario.toml import Table, is_number, is_table, names_of
 
-Value = Any
+Value = object
 """Value of a setting, in the types of TOML."""
 LAWS: dict[str, int | None] = {"uniform": 2, "log_uniform": 2, "normal": 2, "choice": None}
-"""Laws of random values, and how many numbers each takes; None: any number."""
+"""Distributions, and the number of values that describe each; None: any number."""
 LARGEST_NUMBER = 1e100
-"""Largest number in a law: sums and ratios of two such numbers are finite."""
+"""Largest number in a distribution: sums and ratios of two such numbers are finite."""
 AS_WRITTEN = 0
-"""The seed for which a scenario's own draws are left out."""
+"""The seed that runs a scenario as it is written, without drawn settings."""
 GROUND = "ground.kind"
-"""A kind that is drawn: it names a picture, not a part with settings of its own."""
+"""The only `kind` that can be drawn: it names a picture, not a component with its own settings."""
 FIXED = ("run.seed", "expect", "vary", "sweep", "measure")
-"""Settings that a scenario does not draw."""
+"""Settings and tables that cannot be drawn."""
 
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """A setting that is drawn for each seed: the same value in all runs of that seed."""
+    """A setting with the distribution that its value is drawn from, once for each seed."""
 
     key: str
+    """Name of the setting, such as "start.x"."""
     law: str
     """uniform, log_uniform, normal or choice."""
-    numbers: tuple[Value, ...]
+    numbers: tuple[Any, ...]
+    """Ends of the range, mean and standard deviation, or the choices."""
 
     @property
     def ends(self) -> tuple[Value, ...]:
-        """Return the values to check: the ends of a range, a mean, or all choices."""
+        """Return the values that are checked before a run: both ends of the range, the mean, or all
+        choices.
+        """
         return self.numbers[:1] if self.law == "normal" else self.numbers
 
     def value(self, seed: int) -> Value:
-        """Return the value for a seed."""
+        """Return the value that is drawn for a seed; the same seed gives the same value."""
         rng = stream(seed, f"draw {self.key}")
         match self.law:
             case "uniform":
@@ -57,46 +61,49 @@ class Draw:
                 return self.numbers[int(rng.integers(len(self.numbers)))]
 
 
-def draws_of(table: Any, place: str) -> tuple[Draw, ...]:
-    """Return the draws of a scenario, from its `[vary]` table.
+def draws_of(table: object, place: str) -> tuple[Draw, ...]:
+    """Return the drawn settings of a scenario from its table [vary].
 
     Raises:
-        Mistake: A setting or a law is wrong; the message begins with `place`.
+        Mistake: A setting or a distribution is wrong; the message begins with `place`.
     """
-    if not isinstance(table, dict):
-        raise Mistake(f"{place} should be a table of settings and laws, not {table!r}")
+    if not is_table(table):
+        raise Mistake(f"{place} should be a table of settings and distributions, not {table!r}")
     found = list[Draw]()
     for key, given in flat(table, place, LAWS).items():
         at = f"{place}.{key}"
-        if given == {}:  # all of it was set
+        if given == {}:  # --set fixed each setting in it
             continue
         if (key.endswith(".kind") and key != GROUND) or any(
             key == f or key.startswith(f"{f}.") for f in FIXED
         ):
-            raise Mistake(f"{at}: this is not drawn; draw a setting, such as start.x")
-        if not isinstance(given, dict):
-            raise Mistake(f"{at} = {given!r}: expected a law, such as {{ uniform = [-5, 5] }}")
+            raise Mistake(f"{at}: this cannot be drawn; draw a setting, such as start.x")
+        if not is_table(given):
+            raise Mistake(
+                f"{at} = {given!r}: expected a distribution, such as {{ uniform = [-5, 5] }}"
+            )
         found.append(Draw(key, *law_of(given, at, LAWS)))
     return tuple(found)
 
 
 def law_of(given: Table, at: str, counts: Mapping[str, int | None]) -> tuple[str, tuple[Any, ...]]:
-    """Return law and numbers of a table such as { uniform = [0, 1] }.
+    """Return name and values of the distribution in a table such as { uniform = [0, 1] }.
 
     Args:
         given: The table.
-        at: Its place, for messages.
-        counts: The laws that may stand there, and how many numbers each takes; None: any number.
+        at: The table's place, for messages.
+        counts: Number of values of each distribution that is allowed; None: any number.
 
     Raises:
-        Mistake: The law is not among `counts`, or its numbers are wrong.
+        Mistake: The distribution is not among `counts`, or its values are wrong.
     """
     if len(given) != 1 or not given.keys() <= counts.keys():
-        raise Mistake(f"{at} = {given!r}: expected one law: {', '.join(counts)}")
+        raise Mistake(f"{at} = {given!r}: expected one of {', '.join(counts)}")
     law, numbers = next(iter(given.items()))
     count = counts[law]
     if not isinstance(numbers, list) or not numbers or len(numbers) != (count or len(numbers)):
-        raise Mistake(f"{at}.{law}: this takes a list of {count or 'values'}")
+        what = f"{count} numbers" if count else "values"
+        raise Mistake(f"{at}.{law} = {numbers!r}: expected a list of {what}")
     if law == "choice":
         return law, tuple(numbers)
     if not all(is_number(n) for n in numbers):
@@ -106,17 +113,17 @@ def law_of(given: Table, at: str, counts: Mapping[str, int | None]) -> tuple[str
     if law in ("geomspace", "log_uniform") and min(numbers[:2]) <= 0:
         raise Mistake(f"{at}.{law} = {numbers!r}: these should be above 0")
     if law in ("uniform", "log_uniform") and numbers[0] > numbers[1]:
-        raise Mistake(f"{at}.{law} = {numbers!r}: the first should be the smaller one")
+        raise Mistake(f"{at}.{law} = {numbers!r}: the first number should not be the larger one")
     if law == "normal" and numbers[1] < 0:
-        raise Mistake(f"{at}.{law} = {numbers!r}: a standard deviation is not below 0")
+        raise Mistake(f"{at}.{law} = {numbers!r}: a standard deviation should not be below 0")
     return law, tuple(numbers)
 
 
 def spelled(key: str, place: str) -> str:
-    """Return a dotted key without the spaces around its names.
+    """Return a dotted key such as "run . latency" without spaces, as "run.latency".
 
     Raises:
-        Mistake: One of its names is empty; the message begins with `place`.
+        Mistake: A name between the dots is empty; the message begins with `place`.
     """
     names = names_of(key)
     if not all(names):
@@ -124,15 +131,19 @@ def spelled(key: str, place: str) -> str:
     return ".".join(f'"{name}"' if "." in name else name for name in names)
 
 
-def flat(table: Mapping[str, Any], place: str, ends: Iterable[str] = ()) -> Table:
-    """Return the values of nested tables by dotted keys; an empty table, or one with a key from
-    `ends`, is a value.
+def flat(table: Mapping[str, object], place: str, ends: Collection[str] = ()) -> Table:
+    """Return the values of nested tables by dotted keys such as "run.latency".
+
+    Args:
+        table: The outer table.
+        place: The table's place, for messages.
+        ends: Keys, such as "uniform": a table that has one of them is a value, as an empty one is.
 
     Raises:
         Mistake: A key is given twice, also in different spellings, or has an empty name.
     """
     found: Table = {}
-    for key, value in _leaves(table, frozenset(ends)):
+    for key, value in leaves(table, ends):
         name = spelled(key, place)
         if name in found:
             raise Mistake(f"{place}: {name} is given twice")
@@ -140,9 +151,12 @@ def flat(table: Mapping[str, Any], place: str, ends: Iterable[str] = ()) -> Tabl
     return found
 
 
-def _leaves(table: Mapping[str, Any], ends: frozenset[str]) -> Iterable[tuple[str, Any]]:
+def leaves(table: Mapping[str, object], ends: Collection[str] = ()) -> Iterable[tuple[str, object]]:
+    """Yield dotted keys, some of which may be equal, and values of nested tables; a table with a
+    key from `ends` is a value, as an empty one is.
+    """
     for key, value in table.items():
-        if isinstance(value, dict) and value and ends.isdisjoint(value):
-            yield from ((f"{key}.{inner}", v) for inner, v in _leaves(value, ends))
+        if is_table(value) and value and value.keys().isdisjoint(ends):
+            yield from ((f"{key}.{inner}", v) for inner, v in leaves(value, ends))
         else:
             yield key, value

@@ -1,17 +1,17 @@
-"""Conversion of tables to frozen dataclasses of settings; each error is one sentence."""
+"""Converts tables of TOML to frozen dataclasses of settings; each error is one sentence."""
 
 import functools
 import itertools
 from dataclasses import fields, is_dataclass, replace
 from datetime import date, time
 from enum import Enum
-from typing import Annotated, Any, TypeVar, cast, get_type_hints
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, create_model
 from pydantic_core import ErrorDetails
 
 from servo.mistake import Mistake, unknown
-from servo.scenario.toml import Table
+from servo.scenario.toml import is_table
 from sim.installed import Trusted
 from sim.kinds import Kinds, UnknownKind, checked, field_docs, kind_of, not_from_file
 
@@ -26,29 +26,30 @@ MESSAGES = {
     "model_type": "this should be a table of settings",
     "dict_type": "this should be a table",
 }
-"""Sentences in place of those of pydantic that name types of Python."""
+"""Sentences that replace pydantic's, which name types of Python."""
 
 
 class WrongSetting(Mistake):
-    """A mistake in a table of settings; the sentence names the setting, but not its file."""
+    """A mistake in a table of settings: the sentence names the setting, and not the file."""
 
     def __init__(self, sentence: str, setting: str = "") -> None:
         super().__init__(sentence)
         self.setting = setting
-        """Such as "disturbances[0].start"."""
+        """The setting, such as "disturbances[0].start"."""
 
 
 @functools.cache  # building one takes longer than a hundred uses
 def form(config: type[Any], *, described: bool = False) -> type[BaseModel]:
-    """Return the pydantic model that checks tables of a dataclass of settings.
+    """Return the pydantic model that checks tables for a dataclass of settings.
 
     Args:
         config: The dataclass; its instance without arguments has the defaults.
-        described: Describe each setting by the docstring under it, for the JSON Schema; finding
+        described: Whether the model has the docstring of each setting, for a JSON Schema; finding
             the docstrings takes longer than loading a scenario.
 
     Raises:
-        UnknownKind: The type of a setting cannot be used, such as one that is not imported.
+        UnknownKind: The annotation of a setting cannot be evaluated, or is no type that pydantic
+            knows.
     """
     try:
         return _form_of(config(), described)
@@ -59,6 +60,7 @@ def form(config: type[Any], *, described: bool = False) -> type[BaseModel]:
 
 
 def _form_of(settings: Any, described: bool) -> type[BaseModel]:
+    """Return the pydantic model of a dataclass, given its instance with the defaults."""
     config = type(settings)
     hints = get_type_hints(config, include_extras=True)
     docs = field_docs(config) if described else {}
@@ -80,9 +82,9 @@ def fill(config: type[Config], table: object, place: str, begin: Config | None =
 
     Args:
         config: The dataclass.
-        table: As TOML has it.
-        place: The table's place, with which messages begin.
-        begin: The settings that the table leaves open; None: the defaults.
+        table: The settings, as read from TOML.
+        place: The table's place, which begins messages.
+        begin: Gives the settings that the table leaves out; None: the defaults.
 
     Raises:
         WrongSetting: A key is unknown, or a value has the wrong type or is out of range.
@@ -94,18 +96,18 @@ def fill(config: type[Config], table: object, place: str, begin: Config | None =
 
 
 def validated(model: type[Model], table: object, prefix: str) -> Model:
-    """Return a table as an instance of a pydantic model.
+    """Check a table with a pydantic model, and return the model's instance.
 
     Args:
-        model: Names the keys of the table, and their types and ranges.
-        table: As TOML has it.
-        prefix: Stands before each key in messages: "run." or "mine.toml: ".
+        model: Has the keys of the table with their types and ranges.
+        table: The table, as read from TOML.
+        prefix: Text before each key in messages, such as "run." or "mine.toml: ".
 
     Raises:
         WrongSetting: A key is unknown, or a value has the wrong type or is out of range.
     """
     place = prefix.rstrip(".: ")
-    if not isinstance(table, dict):
+    if not is_table(table):
         raise WrongSetting(f"{place} should be a table of settings, not {_shown(table)!r}", place)
     try:
         return model.model_validate(table)
@@ -113,8 +115,8 @@ def validated(model: type[Model], table: object, prefix: str) -> Model:
         raise _wrong(_nearest(error.errors()), prefix, model) from None
 
 
-def _values(value: Any) -> Any:
-    """Return a value of TOML in the types that settings have: tuples for lists, plain texts."""
+def _values(value: object) -> object:
+    """Convert a value of TOML to the types of settings: lists to tuples, dates to texts."""
     match value:
         case dict():
             return {key: _values(item) for key, item in value.items()}
@@ -126,14 +128,19 @@ def _values(value: Any) -> Any:
             return value
 
 
-def _shown(value: Any) -> Any:
-    """Return a value as it stands in a table, for messages."""
+def _shown(value: object) -> object:
+    """Return a value with lists in place of tuples, as TOML writes them."""
     return [_shown(item) for item in value] if isinstance(value, tuple) else value
 
 
 def _changed(begin: Any, given: BaseModel, place: str) -> Any:
-    """Return settings with the changes of a table and of the tables inside it."""
-    changes: dict[str, Any] = {}
+    """Return a copy of a dataclass with the settings that are set in a pydantic model, also in
+    dataclasses inside it.
+
+    Raises:
+        WrongSetting: The dataclass refuses a combination of values; `place` begins the message.
+    """
+    changes: dict[str, object] = {}
     for name in given.model_fields_set:
         value = getattr(given, name)
         if isinstance(value, BaseModel):
@@ -146,8 +153,8 @@ def _changed(begin: Any, given: BaseModel, place: str) -> Any:
 
 
 def _nearest(errors: list[ErrorDetails]) -> ErrorDetails:
-    """Return the first error, unknown keys before others; of a value with several forms, the one
-    that went furthest.
+    """Return the error that helps the user most: an unknown key, else the first error. Of a value
+    that several types allow, it is the error of the type that matched the largest part.
     """
     errors = sorted(errors, key=lambda error: error["type"] != "extra_forbidden")
     first = errors[0]["loc"]
@@ -157,14 +164,14 @@ def _nearest(errors: list[ErrorDetails]) -> ErrorDetails:
 
 
 def _is_place(part: int | str) -> bool:
-    """Return whether part of an error's place is a key or an index, not the name of one of several
-    forms such as "str" or "tuple[int, int]".
+    """Return whether a part of pydantic's location of an error is a key or an index, and not one of
+    the allowed types such as "str" or "tuple[int, int]".
     """
     return isinstance(part, int) or (part.isidentifier() and part not in FORMS)
 
 
 def _wrong(error: ErrorDetails, prefix: str, model: type[BaseModel]) -> WrongSetting:
-    """Return an error of pydantic as a sentence, with the place of the value."""
+    """Return an error of pydantic as a sentence with the setting's name after a prefix."""
     key, *inside = error["loc"]
     if error["type"] == "extra_forbidden" and not inside:
         sentence = unknown(str(key), model.model_fields)
@@ -178,21 +185,22 @@ def _wrong(error: ErrorDetails, prefix: str, model: type[BaseModel]) -> WrongSet
 def fill_plugin(
     kinds: Kinds[Config], table: object, place: str, default: str = "", own: Config | None = None
 ) -> Config:
-    """Return the `Config` of the kind that a table names, with the other settings of the table.
+    """Return the `Config` of the kind that a table names, with the table's settings.
 
     Args:
-        kinds: All kinds of this part.
-        table: As TOML has it; a `preset` in it gives the settings that it leaves open.
-        place: The table's place, with which messages begin.
-        default: The kind of a table that names none.
-        own: A part that was given from Python; its kind is not imported again.
+        kinds: All kinds of this component.
+        table: The table, as read from TOML; its `preset` gives the settings that it leaves out.
+        place: The table's place, which begins messages.
+        default: The kind of a table without `kind`.
+        own: A `Config` that was given from Python, for a table that names its kind.
 
     Raises:
-        WrongSetting: As for `fill`, or the kind or preset is unknown.
+        WrongSetting: The kind, the preset or a key is unknown, or a value has the wrong type or is
+            out of range.
     """
-    if not isinstance(table, dict):
+    if not is_table(table):
         raise WrongSetting(f"{place} should be a table with a kind, not {table!r}", place)
-    given = dict(cast(Table, table))
+    given = dict(table)
     kind = given.pop("kind", default)
     if own is not None and kind != kind_of(own):
         own = None
@@ -218,7 +226,7 @@ def fill_plugin(
     for key in not_from_file(config):
         if key in given and not isinstance(given[key], Trusted):
             raise WrongSetting(
-                f"{place}.{key}: a file may not name a command to start: give it with --set, or "
+                f"{place}.{key}: a file may not name a command to start; give it with --set or "
                 "from Python",
                 f"{place}.{key}",
             )

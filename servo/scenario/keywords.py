@@ -1,4 +1,4 @@
-"""Settings given from Python as keywords, such as gain=1.5, beside texts such as "start.x=-40"."""
+"""Changes of a scenario's settings: keywords of Python, such as gain=1.5, and texts of --set."""
 
 import dataclasses
 import re
@@ -8,30 +8,31 @@ from typing import Any, NamedTuple
 from servo.mistake import Mistake, unknown
 from servo.scenario.arguments import texts
 from servo.scenario.catalogue import PLUGINS
-from servo.scenario.toml import assignment, names_of, plain
+from servo.scenario.toml import assignment, is_table, names_of, plain
 from sim import kinds
 
 
 class Change(NamedTuple):
-    """A setting that is changed."""
+    """A setting and its new value."""
 
     key: str
-    """Such as "controller.gain"."""
-    value: Any
+    """The setting, such as "controller.gain"."""
+    value: object
     place: str
-    """Where it was given, for messages."""
+    """The option or keyword that gives the value, for messages."""
 
 
 def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
-    """Return the place that gave settings their values.
+    """Return the option, keyword or file that gave some settings their values, for a message.
 
     Args:
-        changes: In their order.
-        file: The place of settings without a change.
-        *settings: Such as "run.duration" and "disturbances[0].start".
+        changes: All changes, in the order in which they are made.
+        file: The file, which is returned if no change concerns the settings.
+        *settings: Settings, such as "run.duration" and "disturbances[0].start".
 
     Returns:
-        The place of the last change of one of them, of a table around it or of a value in it.
+        The place of the last change of one of the settings, of a table that has it, or of a value
+        inside it.
     """
     for change in reversed(changes):
         changed = ".".join([*names_of(change.key), ""])
@@ -43,34 +44,36 @@ def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
 
 
 def of_texts(items: Sequence[str]) -> list[Change]:
-    """Return the changes of --set.
+    """Return changes that are given as texts, such as "start.x=-40", as for --set.
 
     Raises:
-        Mistake: An item does not have the form key=value.
+        Mistake: A text does not have the form key=value.
     """
     return [Change(*assignment(item), f"--set {item}") for item in texts(items)]
 
 
 def of_keywords(
-    given: Mapping[str, Any], tables: Sequence[str], known: Sequence[str] = ()
+    given: Mapping[str, object], tables: Sequence[str], known: Sequence[str] = ()
 ) -> Iterator[Change]:
-    """Return the changes of keywords: a table (camera={"noise": 3}), a kind (tracker="kams"), a
-    setting by its whole name (**{"start.x": 5}), or by its own where no other has that (gain=1.5).
+    """Yield the changes that keywords make.
+
+    A keyword is a table (camera={"noise": 3}), a kind (tracker="kams"), a setting with its table
+    (**{"start.x": 5}), or a setting whose name is unique (gain=1.5).
 
     Args:
-        given: The keywords.
-        tables: The tables of a scenario.
-        known: All settings of the scenario, such as "start.x".
+        given: Values by keyword.
+        tables: The names of a scenario's tables.
+        known: The names of all settings, such as "start.x".
 
     Raises:
-        Mistake: There is no such setting, or there are several.
+        Mistake: There is no such setting, or its name is not unique.
     """
     for name, raw in given.items():
         value = plain(raw)
         place = f"{name}={value!r}"
         if name in PLUGINS and isinstance(value, str):
             yield Change(f"{name}.kind", value, place)
-        elif name in tables and isinstance(value, dict) and value:
+        elif name in tables and is_table(value) and value:
             of_kind = sorted(value.items(), key=lambda item: item[0] != "kind")
             yield from (Change(f"{name}.{key}", v, place) for key, v in of_kind)
         elif name in tables or "." in name:
@@ -80,7 +83,11 @@ def of_keywords(
 
 
 def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
-    """Return the setting of this name, with its table."""
+    """Return the setting of a name such as "gain" with its table, as "controller.gain".
+
+    Raises:
+        Mistake: No setting in `known` has this name, or several have.
+    """
     found = [key for key in known if key.rpartition(".")[2] == name]
     if not found:
         names = dict.fromkeys([*tables, *(key.rpartition(".")[2] for key in known)])
@@ -89,15 +96,16 @@ def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
     if len(found) > 1:
         table, _, key = found[0].rpartition(".")
         choices = ", ".join(found)
-        raise Mistake(f"{name}: this is {choices}; say which, as in {table}={{'{key}': ...}}")
+        raise Mistake(f"{name} may be {choices}; give one of them, as {table}={{'{key}': ...}}")
     return found[0]
 
 
-def own_parts(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the `Config` of each keyword that is a part, not a name or a table.
+def own_parts(given: Mapping[str, object]) -> dict[str, Any]:
+    """Return the `Config` of each keyword that gives a component as an object of Python, such as
+    tracker=MyTracker, by keyword; keywords with a text or a table are left out.
 
     Raises:
-        Mistake: A part is neither a `Config` nor anything that its folder can adapt.
+        Mistake: An object is neither a `Config` nor can be wrapped as one.
     """
     return {
         key: _own_part(key, value)
@@ -106,7 +114,8 @@ def own_parts(given: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _own_part(key: str, value: Any) -> Any:
+def _own_part(key: str, value: object) -> object:
+    """Return the `Config` of a component for a scenario's table `key`, wrapped if necessary."""
     is_config = dataclasses.is_dataclass(value) and callable(getattr(value, "build", None))
     if is_config and not isinstance(value, type):
         return value

@@ -1,4 +1,4 @@
-"""Scenarios from TOML files, as frozen values; each error names its place."""
+"""Loads scenarios from TOML files as frozen values; each error names the file or the option."""
 
 import copy
 import dataclasses
@@ -19,75 +19,78 @@ from servo.scenario.fill import WrongSetting, fill, fill_plugin
 from servo.scenario.keywords import Change
 from servo.scenario.named_files import read
 from servo.scenario.tables import KEYS, SECTIONS, SETTABLE, TABLES, config_of, section_of
-from servo.scenario.toml import Table, put, with_settings
+from servo.scenario.toml import Table, is_table, put, with_settings
 from sim import kinds
 from sim.installed import Trusted
 from sim.timing import Rates
 
-NO_PARTS: Mapping[str, Any] = {}
+NO_PARTS: Mapping[str, object] = {}
 MOST_FRAMES = 360_000
-"""An hour at 100 Hz: with 6 kB a frame, kept to the end, 2 GB."""
+"""Most frames of a run, as in an hour at 100 Hz: with 6 kB a frame, kept to the end, 2 GB."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scenario(Setup):
-    """A setup that was read from a file, and its bounds."""
+    """A scenario: all settings of a run, and the bounds that its measures should keep."""
 
     table: Table = field(repr=False)
-    """The TOML table it was parsed from, overrides and the camera's calibration included."""
+    """The scenario's TOML table, with all changes and the settings of the calibration file."""
     expect: dict[str, float | str]
-    """Bounds on measures by name, and `outcome`, that its tracker has to keep with this seed."""
+    """Upper bounds on measures by name, and the expected `outcome`, for its tracker and seed."""
     bounds: Expected
-    """The bounds of all trackers."""
+    """The bounds for all trackers."""
     drawn: Table = field(default_factory=dict)
     """The settings that were drawn for this seed, and their values."""
     success_rate: float | None = None
-    """The share of drawn seeds that have to end as expected; None: each of them."""
+    """Least share of drawn seeds that end as expected; None: all of them."""
 
     @property
     def unjudged(self) -> str:
-        """Return a sentence if the bounds are made for another tracker; else an empty text."""
+        """Return a sentence if a run has no verdict because the bounds are for another tracker;
+        else "".
+        """
         return self.bounds.unjudged(kinds.kind_of(self.tracker)) if not self.expect else ""
 
     @property
     def rates_changed(self) -> dict[str, float]:
-        """Return the rates [Hz] that differ from those asked for, by setting."""
+        """Return the rates that a run uses [Hz] where they differ from the settings, by setting."""
         asked = self.world.physics_rate, self.world.drive_rate, self.camera.rate
         return Rates.of(*asked).changed(*asked)
 
     def settings(self) -> Table:
-        """Return every value the run uses, the defaults included."""
-        plain = {name: dataclasses.asdict(getattr(self, name)) for name in SECTIONS}
-        chosen = {name: _described(getattr(self, name)) for name in PLUGINS}
-        listed = {name: [_described(item) for item in getattr(self, name)] for name in LISTS}
-        return plain | chosen | listed
+        """Return all settings of the run by table, defaults included."""
+        found: Table = {name: dataclasses.asdict(getattr(self, name)) for name in SECTIONS}
+        found |= {name: _described(getattr(self, name)) for name in PLUGINS}
+        found |= {name: [_described(item) for item in getattr(self, name)] for name in LISTS}
+        return found
 
 
-def _described(config: Any) -> Table:
-    """Return the kind of a `Config` and its settings."""
-    value: Any = config
-    settings = dataclasses.asdict(config) if dataclasses.is_dataclass(value) else vars(config)
-    # The kind comes first, and is the part's own even if it has a field of this name.
+def _described(config: object) -> Table:
+    """Return the settings of a component's `Config`, a dataclass or not, with its `kind` first."""
+    if dataclasses.is_dataclass(config) and not isinstance(config, type):
+        settings: Table = dataclasses.asdict(config)
+    else:
+        settings = vars(config)
+    # The kind is the component's own even if it has a field of this name.
     return {"kind": ""} | settings | {"kind": kinds.kind_of(config)}
 
 
 def load(
-    name: str | Path, overrides: Sequence[str] = (), seed: int | None = None, **settings: Any
+    name: str | Path, overrides: Sequence[str] = (), seed: int | None = None, **settings: object
 ) -> Scenario:
-    """Return a scenario by its shipped name or by the path of a TOML file.
+    """Load a scenario by its shipped name or from a TOML file.
 
     >>> load("still", ["run.duration=2"], gain=1.5).frames
     60
 
     Args:
-        name: Such as "reversal" or "mine/slow.toml".
-        overrides: Such as "tracker.kind=frozen" (the command line's --set); the last one of a key
-            holds.
+        name: Name or path, such as "reversal" or "mine/slow.toml".
+        overrides: Changes of settings, such as "tracker.kind=frozen", as for --set of the command
+            line; of several changes of one setting the last one counts.
         seed: Replaces run.seed.
-        **settings: More changes: gain=1.5, tracker="kams", camera={"noise": 3.0}. Also parts of
-            one's own, such as tracker=MyTracker: an instance of a `Config`, or a class of one; of a
-            tracker also a class or an object that `tracking.wrap` takes. Overrides and other
-            keywords reach the settings of such a part.
+        **settings: More changes, such as gain=1.5, tracker="kams" or camera={"noise": 3.0}; also a
+            component of yours, such as tracker=MyTracker: a `Config` (instance or class), or a
+            tracker that `tracking.wrap` accepts. Its settings can be changed in the same call.
 
     Raises:
         Mistake: The user's mistake, in one sentence.
@@ -111,14 +114,18 @@ def load(
 
 
 SAME_TIME = {"run.latency": "run.latency_ms", "run.latency_ms": "run.latency"}
-"""Settings that take each other's place."""
+"""Settings of one quantity in two units: a change of one removes the other."""
 
 
 def _changed(file: Table, changes: Sequence[Change]) -> Table:
-    """Return a copy of a scenario's table with changes."""
+    """Return a copy of a scenario's table, as read from its file, with changes.
+
+    Raises:
+        Mistake: A value is not one of TOML, or a setting is inside a value that is not a table.
+    """
     table = copy.deepcopy(file)
     for change in changes:
-        if change.key in SAME_TIME:  # the file may have it in the other unit
+        if change.key in SAME_TIME:
             toml.drop(table, SAME_TIME[change.key])
     for change in changes:
         toml.check({change.key: change.value}, change.place)
@@ -126,17 +133,17 @@ def _changed(file: Table, changes: Sequence[Change]) -> Table:
     return table
 
 
-def _names_of_settings(table: Table, own: Mapping[str, Any]) -> list[str]:
+def _names_of_settings(table: Table, own: Mapping[str, object]) -> list[str]:
     """Return the names of all settings of a scenario, such as "start.x".
 
     Args:
-        table: The scenario's table, not checked yet: a table whose kind is wrong has no names.
-        own: Parts that are given from Python, by table.
+        table: The scenario's table, not checked yet; settings of an unknown kind are left out.
+        own: Components that are given as objects of Python, by table.
     """
     found = list[str]()
     for section in (*SECTIONS, *PLUGINS):
         given = table.get(section)
-        kind = given.get("kind") if isinstance(given, dict) else None
+        kind = given.get("kind") if is_table(given) else None
         kind = kind if isinstance(kind, str) else None
         part = own.get(section)
         is_own = part is not None and kind == kinds.kind_of(part)
@@ -154,20 +161,21 @@ def parse(
     place: str,
     written: Table | None = None,
     changes: Sequence[Change] = (),
-    own: Mapping[str, Any] = NO_PARTS,
+    own: Mapping[str, object] = NO_PARTS,
 ) -> Scenario:
-    """Return the scenario of a TOML table.
+    """Check a scenario's TOML table, draw its settings for its seed, and return the scenario.
 
     Args:
-        table: With all changes.
-        name: Of the scenario.
-        place: Its file, for messages.
-        written: The table as it stands in its file, whose tracker the bounds are made for.
-        changes: The changes, in their order: messages name the one that set a wrong value.
-        own: Parts that are given from Python, by table; it names their kinds.
+        table: The table, with all changes.
+        name: The scenario's name.
+        place: The scenario's file, for messages.
+        written: The table without changes, whose tracker the bounds in [expect] are for; None: the
+            same table.
+        changes: The changes in their order; messages name the one that set a wrong value.
+        own: Components that are given as objects of Python, by table.
 
     Raises:
-        Mistake: The user's mistake, in one sentence.
+        Mistake: A table, a setting or a bound is wrong.
     """
     toml.check(table, place)
 
@@ -177,7 +185,7 @@ def parse(
     for key in table:
         if key not in KEYS:
             raise Mistake(f"{where(key)}: {unknown(key, KEYS)}")
-    if not isinstance(table.get("sweep", {}), dict):
+    if not is_table(table.get("sweep", {})):
         raise Mistake(f"{where('sweep')}: sweep should be a table, not {table['sweep']!r}")
     if "camera" in table:
         table = table | {"camera": calibrated(table["camera"], f"{where('camera')}: camera")}
@@ -194,7 +202,7 @@ def parse(
             values |= {key: _filled(key, fixed, own) for key in changed}
         _check_latency(fixed.get("run", {}))
     except WrongSetting as error:
-        # What a calibration gives is wrong where the calibration is named.
+        # The settings of a calibration file have the place of the option that names the file.
         named = ("camera.calibration",) if section_of(error.setting) == "camera" else ()
         sentence = f"{where(error.setting, *named)}: {error}"
         raise Mistake(sentence) from error.__cause__
@@ -205,7 +213,7 @@ def parse(
     if kind != bounds.own:
         made = {f"expect.{name}": bound for name, bound in bounds.made_for(kind).items()}
         table = with_settings(table | {"expect": {}}, made, place)
-    expect = bounds.of(kind, drawn=bool(drawn))
+    expect: dict[str, Any] = bounds.of(kind, drawn=bool(drawn))
     rate = expect.pop(SUCCESS_RATE, None)
     return Scenario(
         name=name,
@@ -219,21 +227,28 @@ def parse(
 
 
 def _check_drawn(file: Table, place: str) -> None:
-    """Refuse bounds of drawn seeds in a file without draws.
+    """Check that a scenario with a table [expect.drawn] has a table [vary].
 
     Raises:
-        Mistake: The file has such bounds.
+        Mistake: The scenario's table `file` has [expect.drawn] only.
     """
     expect = file.get("expect", {})
-    if isinstance(expect, dict) and expect.get("drawn") and not file.get("vary"):
-        raise Mistake(f"{place}: expect.drawn is for seeds that draw, and there is no [vary]")
+    if is_table(expect) and expect.get("drawn") and not file.get("vary"):
+        raise Mistake(
+            f"{place}: expect.drawn is for runs with drawn settings, and there is no [vary]"
+        )
 
 
-def _filled(key: str, table: Table, own: Mapping[str, Any]) -> Any:
-    """Return the value of one of a scenario's tables.
+def _filled(key: str, table: Table, own: Mapping[str, object]) -> Any:
+    """Return the dataclass of the settings in a table of a scenario; of a list of tables, a tuple.
+
+    Args:
+        key: Name of the table, such as "camera".
+        table: The scenario's table.
+        own: Components that are given as objects of Python, by table.
 
     Raises:
-        WrongSetting: Something in it is wrong.
+        WrongSetting: A setting in the table is unknown or has a wrong value.
     """
     if key in SECTIONS:
         return fill(SECTIONS[key], table.get(key, {}), key)
@@ -246,11 +261,17 @@ def _filled(key: str, table: Table, own: Mapping[str, Any]) -> Any:
     return tuple(fill_plugin(LISTS[key], item, f"{key}[{i}]") for i, item in enumerate(items))
 
 
-def _drawn(draws: Sequence[Draw], table: Table, seed: int, own: Mapping[str, Any]) -> Table:
-    """Return the settings that a seed draws; each end of a law must be valid.
+def _drawn(draws: Sequence[Draw], table: Table, seed: int, own: Mapping[str, object]) -> Table:
+    """Check the ends of each distribution, and return the drawn settings of a seed.
+
+    Args:
+        draws: Settings and their distributions.
+        table: The scenario's table.
+        seed: The seed; `AS_WRITTEN` draws no settings.
+        own: Components that are given as objects of Python, by table.
 
     Raises:
-        WrongSetting: A drawn setting is unknown, or an end of its law is out of range.
+        WrongSetting: A setting is unknown, or an end of its distribution is out of range.
     """
     for draw in draws:
         at = f"vary.{draw.key}"
@@ -265,18 +286,22 @@ def _drawn(draws: Sequence[Draw], table: Table, seed: int, own: Mapping[str, Any
     return {} if seed == AS_WRITTEN else {draw.key: draw.value(seed) for draw in draws}
 
 
-def _check_latency(run: Table) -> None:
-    """Refuse a latency that is written in frames and in milliseconds."""
-    if "latency" in run and run.get("latency_ms") is not None:
-        sentence = "run: latency_ms takes the place of latency; leave latency out"
+def _check_latency(run: object) -> None:
+    """Check that a table [run] does not give the latency both in frames and in milliseconds.
+
+    Raises:
+        WrongSetting: It does.
+    """
+    if is_table(run) and "latency" in run and run.get("latency_ms") is not None:
+        sentence = "run: latency and latency_ms give the same delay; leave one of them out"
         raise WrongSetting(sentence, "run.latency")
 
 
 def _check_frames(run: RunConfig, rate: float, place: str) -> None:
-    """Refuse a run whose steps would not fit into memory, which are kept until its end.
+    """Check that the steps of a run, which are kept until its end, fit into memory.
 
     Raises:
-        Mistake: It has too many frames at this rate [Hz].
+        Mistake: The run has too many frames at a rate [Hz]; `place` begins the message.
     """
     frames = run.duration * rate
     if frames > MOST_FRAMES:

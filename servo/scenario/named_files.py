@@ -1,7 +1,6 @@
-"""The files of scenarios: their own, and those that a scenario, a study or a part names, with their
-digests.
+"""Finds the files of scenarios and studies, and the files that their settings name, with digests.
 
-A setting names a file where its type is `sim.ranges.File`.
+A setting names a file if its type is `sim.ranges.File`.
 """
 
 import functools
@@ -25,16 +24,19 @@ from sim.installed import Trusted
 from sim.ranges import NamesFile
 
 MISSING = "missing"
+"""Digest of a file that cannot be read."""
 DIGITS = 12
 """Digits of a digest: 48 bits do not collide by chance among the files of a study."""
 AROUND = {"vary": 1, "set": 1, "axes": 1, "named": 3}
-"""Tables of dotted settings, and how many keys lead to the settings in them."""
+"""Tables whose keys are settings of other tables, and the number of keys before each setting."""
 
 
 def read(name: str) -> tuple[Table, str]:
-    """Return the TOML table of a scenario, not checked yet, and its file's name for messages.
+    """Read a scenario's file, and return its table, not checked yet, and the file's name.
 
-    Files that it names are looked for beside it first, then from the working directory.
+    Args:
+        name: Name of a shipped scenario, or path of a TOML file; names of files in it are looked up
+            beside it first, then in the working directory.
 
     Raises:
         Mistake: There is no such file, or its text is not TOML.
@@ -45,10 +47,14 @@ def read(name: str) -> tuple[Table, str]:
 
 
 def path_of(name: str, what: str = "scenario") -> Path:
-    """Return the file of a scenario or of a study, by its shipped name or by its path.
+    """Return the path of a scenario's or study's file.
+
+    Args:
+        name: Name of a shipped file, or a path that ends in .toml, which need not exist.
+        what: "scenario" or "study".
 
     Raises:
-        Mistake: There is no such name.
+        Mistake: There is no shipped file of this name.
     """
     path = Path(name)
     if path.suffix == ".toml":
@@ -62,9 +68,8 @@ def path_of(name: str, what: str = "scenario") -> Path:
 
 @functools.cache
 def file_settings(config: type[Any]) -> frozenset[str]:
-    """Return the settings of a dataclass that name one or several files.
-
-    The set is empty if the types of the dataclass cannot be evaluated, which parsing reports.
+    """Return the names of the settings in a dataclass whose values are names of files; no names if
+    the dataclass has annotations that cannot be evaluated.
     """
     with suppress(Exception):
         hints = get_type_hints(config, include_extras=True)
@@ -72,20 +77,22 @@ def file_settings(config: type[Any]) -> frozenset[str]:
     return frozenset()
 
 
-def _names_file(hint: Any) -> bool:
-    """Return whether a type is `File`, or has it inside, as in `File | None`."""
+def _names_file(hint: object) -> bool:
+    """Return whether a type is `File` or contains it, as `File | None` does."""
     marks = getattr(hint, "__metadata__", ())
     return any(isinstance(m, NamesFile) for m in marks) or any(map(_names_file, get_args(hint)))
 
 
 def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
-    """Return the table of a scenario or a study in a folder, with the whole path of each file that
-    lies in this folder; other names count from the working directory.
+    """Return the table of a scenario or study with absolute paths of the files beside it.
+
+    Names of files that are not in the folder stay as they are, as do texts of the command line:
+    both are relative to the working directory.
 
     Args:
-        table: As in its file; texts of the command line are not changed.
-        folder: Where that file lies.
-        *bases: The scenarios of a study, whose kinds its settings belong to.
+        table: The table, as read from its file.
+        folder: The folder of that file.
+        *bases: Tables of the study's scenarios, which name the kinds of its settings.
     """
 
     def whole(name: str) -> str:
@@ -104,7 +111,7 @@ def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
 
 
 def named_in(*tables: Table) -> list[str]:
-    """Return the files that the tables of a study and its scenarios name."""
+    """Return the names of the files in some tables, those of a study and its scenarios."""
     found: list[str] = []
 
     def note(name: str) -> str:
@@ -116,17 +123,18 @@ def named_in(*tables: Table) -> list[str]:
     return found
 
 
-def named_by(config: Any) -> list[str]:
-    """Return the files that the settings of a part name."""
+def named_by(config: object) -> list[str]:
+    """Return the names of the files in the settings of a component's `Config`."""
     values = [getattr(config, name) for name in sorted(file_settings(type(config)))]
     each = (value if isinstance(value, tuple) else [value] for value in values)
     return [name for names in each for name in names if isinstance(name, str)]
 
 
 def digests(names: Iterable[str]) -> dict[str, str]:
-    """Return the digest of each file and of the files it refers to, by its name.
+    """Return the digest of each file, with the files that it refers to, by name.
 
-    Shipped files, which are named without a path, belong to our source and are left out.
+    Names of files that cannot be read are left out, such as those of shipped files, which have no
+    path.
     """
     found = {name: digest_of(name) for name in names}
     own = {name: digest for name, digest in found.items() if digest != MISSING}
@@ -136,7 +144,9 @@ def digests(names: Iterable[str]) -> dict[str, str]:
 
 
 def digest_of(name: str) -> str:
-    """Return the digest of a file and of the files it refers to; MISSING if it cannot be read."""
+    """Return the digest of a file and of the files that it refers to, such as a model's meshes, or
+    `MISSING` if one cannot be read.
+    """
     path = Path(name)
     try:
         files = sorted(files_behind(path)) if path.is_file() else []
@@ -148,15 +158,22 @@ def digest_of(name: str) -> str:
 
 @functools.lru_cache(maxsize=1024)
 def _digest(path: Path, changed: int, size: int) -> str:
-    """Return the digest of a file that has this size and was changed then [ns]."""
+    """Return the SHA-256 digest of a file, cached until its time of change [ns] or its size
+    [bytes] differs.
+    """
     del changed, size
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _changed(table: Table, tables: Iterable[Table], change: Callable[[str], str]) -> Table:
-    """Return a table in which the names of files are changed; which settings name files depends on
-    the kinds in all the tables.
+    """Return a table in which each name of a file is replaced by `change` of it.
+
+    Args:
+        table: The table.
+        tables: Tables that name the kinds of components, on which it depends which settings name
+            files.
+        change: Returns the new name.
     """
     kinds = defaultdict[str, set[str]](set)
 
@@ -176,8 +193,8 @@ def _changed(table: Table, tables: Iterable[Table], change: Callable[[str], str]
 
 
 def _visited(value: Any, visit: Callable[[str, str, str], str], *keys: str) -> Any:
-    """Return a table in which each text is replaced by what `visit` gives for its section, its
-    setting and itself.
+    """Return a value of TOML in which each text is replaced by `visit` of its table, its setting
+    and itself; `keys` are those that lead to the value.
     """
     match value:
         case dict():

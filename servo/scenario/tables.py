@@ -1,4 +1,4 @@
-"""The tables of a scenario's file, and the dataclasses of their settings."""
+"""The tables of a scenario's file, and the dataclass of the settings in each."""
 
 from contextlib import suppress
 from typing import Any
@@ -34,29 +34,29 @@ SECTIONS: dict[str, type[Any]] = {
     "clutter": ClutterConfig,
     "light": LightConfig,
 }
-"""Tables without a `kind`."""
+"""Tables without a `kind`, and their dataclasses."""
 TABLES = (*SECTIONS, *PLUGINS, *LISTS)
-"""The tables of settings."""
+"""Names of all tables with settings of a run."""
 SETTABLE = (*TABLES, "vary", "expect")
-"""The tables that a keyword may set."""
+"""Names of the tables that keywords of Python may change."""
 KEYS = (*SETTABLE, "sweep")
-"""All keys of a scenario's file."""
+"""Names of all tables in a scenario's file."""
 
 
 def section_of(setting: str) -> str:
-    """Return the table of a setting such as "start.x"."""
+    """Return the table of a setting: "start" for "start.x"."""
     return setting.partition(".")[0]
 
 
 def config_of(section: str, kind: str | None = None) -> type[Any] | None:
-    """Return the dataclass of a table's settings.
+    """Return the dataclass of the settings in a table of a scenario.
 
     Args:
-        section: The table, or the list of such tables.
-        kind: Its kind; None: the default one.
+        section: Name of the table, or of a list of tables such as "disturbances".
+        kind: Kind of the component that the table describes; None: the default kind.
 
     Returns:
-        The class; None if the table is unknown, or its kind cannot be used, which parsing reports.
+        The class; None if there is no such table, or if its kind is unknown or cannot be imported.
     """
     if section in SECTIONS:
         return SECTIONS[section]

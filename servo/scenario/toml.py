@@ -1,25 +1,29 @@
-"""TOML texts as tables, which are checked and changed by dotted paths such as "tracker.kind"."""
+"""TOML texts as tables, in which settings are changed by paths such as "tracker.kind"."""
 
 import copy
 import math
 import re
 import tomllib
+from os import PathLike, fspath
 from pathlib import Path
-from typing import Any
+from typing import TypeGuard
+
+import numpy as np
 
 from servo.mistake import Mistake, as_mistake
 from servo.scenario.catalogue import LISTS, PLUGINS
 from sim.files import reading
 from sim.installed import Trusted
 
-Table = dict[str, Any]
+Table = dict[str, object]
+"""A table of TOML, or the whole of a TOML file."""
 LARGEST_FILE = 1_000_000
-"""Largest file [bytes]; a scenario has a few thousand."""
+"""Largest file that is read [bytes]; a scenario has a few thousand."""
 DEEPEST = 20
-"""Most tables and lists inside each other."""
+"""Deepest nesting of tables and lists."""
 INTEGERS = range(-(1 << 63), 1 << 63)
 """The integers that TOML has."""
-TOO_DEEP = f"tables and lists lie too deep in each other; the limit is {DEEPEST}"
+TOO_DEEP = f"tables and lists are nested too deep; the limit is {DEEPEST} levels"
 TOO_LARGE = f"an integer is too large; the limit is {INTEGERS[-1]}"
 
 
@@ -27,21 +31,21 @@ def read(path: Path, what: str) -> str:
     """Return the text of a file.
 
     Args:
-        path: Where it is.
+        path: The file.
         what: Kind of the file in messages, such as "scenario".
 
     Raises:
-        Mistake: It cannot be read, is not a regular file, is not UTF-8 text, or is too large.
+        Mistake: The file cannot be read, is not a regular file, is not UTF-8 text, or is too large.
     """
     with as_mistake():
         return reading.text(path, what, LARGEST_FILE)
 
 
 def decode(text: str, place: str) -> Table:
-    """Return the table of a TOML text; place names it in messages.
+    """Parse a TOML text; `place`, such as the name of its file, begins the messages.
 
     Raises:
-        Mistake: The text is not TOML, or as for `check`.
+        Mistake: The text is not TOML, or has an invalid value (see `check`).
     """
     try:
         table = tomllib.loads(text)
@@ -51,12 +55,17 @@ def decode(text: str, place: str) -> Table:
     return table
 
 
-def check(value: Any, place: str, depth: int = 0) -> None:
-    """Refuse a value that cannot be quoted in a message or written as JSON.
+def check(value: object, place: str, depth: int = 0) -> None:
+    """Check that a value of TOML, tables and lists included, can be quoted and written as JSON.
+
+    Args:
+        value: The value.
+        place: Where it stands, for messages.
+        depth: Number of tables and lists around it.
 
     Raises:
-        Mistake: An integer has more than 64 bits, a text is not Unicode, or tables and lists lie
-            too deep in each other.
+        Mistake: An integer has more than 64 bits, a text is not Unicode, or tables and lists are
+            nested too deep.
     """
     if depth > DEEPEST:
         raise Mistake(f"{place}: {TOO_DEEP}")
@@ -76,13 +85,18 @@ def check(value: Any, place: str, depth: int = 0) -> None:
             pass
 
 
-def is_number(value: Any) -> bool:
-    """Return whether a value is a finite number, which true and false are not."""
+def is_table(value: object) -> TypeGuard[Table]:
+    """Return whether a value of TOML is a table."""
+    return isinstance(value, dict)
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Return whether a value of TOML is a finite number (not true or false)."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def names_of(path: str) -> list[str]:
-    """Return the names in a dotted path; one in quotes may have dots itself.
+    """Return the names in a dotted path; a name in quotes may contain dots.
 
     >>> names_of('expect.tracker."my.kind"')
     ['expect', 'tracker', 'my.kind']
@@ -91,8 +105,8 @@ def names_of(path: str) -> list[str]:
     return [name.strip().replace("\0", ".") for name in hidden.split(".")]
 
 
-def assignment(item: str) -> tuple[str, Any]:
-    """Return path and value of one "a.b=value"; a value that is not TOML is a text.
+def assignment(item: str) -> tuple[str, object]:
+    """Split "a.b=value", as given to --set, into path and value, which is a text if it is not TOML.
 
     >>> assignment("tracker.kind=frozen")
     ('tracker.kind', 'frozen')
@@ -110,20 +124,28 @@ def assignment(item: str) -> tuple[str, Any]:
     return path.strip(), value
 
 
-def put(table: Table, path: str, value: Any, place: str) -> None:
-    """Set the value at a path such as "tracker.kind"; another `kind` clears its table first.
+def put(table: Table, path: str, value: object, place: str) -> None:
+    """Set a value in a scenario's table, in place, and remove the setting's draw in [vary].
+
+    Args:
+        table: The scenario's table.
+        path: The setting, such as "tracker.kind"; a new `kind` clears the other settings of its
+            table.
+        value: The new value.
+        place: Where the change was given; it begins messages.
 
     Raises:
-        Mistake: The path leads through a value that is not a table; `place` begins the message.
+        Mistake: The path goes through a value that is not a table.
     """
     *above, name = keys = names_of(path)
     if len(keys) > DEEPEST:
         raise Mistake(f"{place}: {TOO_DEEP}")
-    at: Any = table
+    at: Table | list[object] = table
     for key in above:
-        at = _inside(at, key, [] if at is table and key in LISTS else {})
-        if not isinstance(at, dict | list):
+        inner = _inside(at, key, [] if at is table and key in LISTS else {})
+        if not isinstance(inner, dict | list):
             raise Mistake(f"{place}: '{path}' leads through '{key}', which is not a table")
+        at = inner
     _forget(table, keys)
     if isinstance(at, list):  # a number of start.pose, but no whole disturbance
         if not name.isdecimal() or isinstance(_inside(at, name, None), dict | None):
@@ -138,7 +160,7 @@ def put(table: Table, path: str, value: Any, place: str) -> None:
 
 
 def with_settings(table: Table, settings: Table, place: str) -> Table:
-    """Return a copy of a table with settings at their paths, as by `put`."""
+    """Return a copy of a scenario's table in which settings are changed, by path, as by `put`."""
     changed = copy.deepcopy(table)
     for key, value in settings.items():
         put(changed, key, value, place)
@@ -146,31 +168,34 @@ def with_settings(table: Table, settings: Table, place: str) -> Table:
 
 
 def drop(table: Table, path: str) -> None:
-    """Remove a setting such as "run.latency" and its draw from a table."""
+    """Remove a setting such as "run.latency", and its draw in [vary], from a scenario's table."""
     section, name = names_of(path)
     at = table.get(section)
-    if isinstance(at, dict):
+    if is_table(at):
         at.pop(name, None)
     _forget(table, [section, name])
 
 
 def _forget(table: Table, keys: list[str]) -> None:
-    """Remove the draw of a setting that is set now."""
+    """Remove the draw of a setting, given by the names in its path, from [vary], in place."""
     at = table.get("vary")
     for key in keys[:-1]:
-        at = at.get(key) if isinstance(at, dict) else None
-    if isinstance(at, dict):
+        at = at.get(key) if is_table(at) else None
+    if is_table(at):
         at.pop(keys[-1], None)
 
 
-def _inside(at: Any, key: str, usual: Any) -> Any:
-    """Return the value under a key; if it is missing, `usual` in a table and None in a list."""
+def _inside(at: Table | list[object], key: str, usual: object) -> object:
+    """Return the value under a key of a table, which is set to `usual` if it is missing, or the
+    item of a list at an index such as "0", else None.
+    """
     if isinstance(at, dict):
         return at.setdefault(key, usual)
     return at[int(key)] if key in map(str, range(len(at))) else None
 
 
-def _value(text: str) -> Any:
+def _value(text: str) -> object:
+    """Parse a value of the command line; one that is not TOML is returned as text."""
     try:
         parsed = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):  # not TOML, or too deep
@@ -178,9 +203,11 @@ def _value(text: str) -> Any:
     return plain(parsed["value"] if len(parsed) == 1 else text)
 
 
-def plain(value: Any) -> Any:
-    """Return a value of the command line, of Python or of NumPy in the types of TOML, its texts
-    trusted.
+def plain(value: object) -> object:
+    """Convert a value of Python or NumPy to the types of TOML.
+
+    Texts become `Trusted`: the user wrote them on the command line or in Python, so they may name
+    modules to import and programs to start, which texts of a file may not.
     """
     match value:
         case str():
@@ -189,9 +216,9 @@ def plain(value: Any) -> Any:
             return {key: plain(item) for key, item in value.items()}
         case list() | tuple():
             return [plain(item) for item in value]
-        case _ if hasattr(value, "tolist"):
-            return plain(value.tolist())
-        case _ if hasattr(value, "__fspath__"):
-            return Trusted(value)
+        case _ if hasattr(value, "tolist"):  # of NumPy
+            return plain(np.asarray(value).tolist())
+        case PathLike():
+            return Trusted(fspath(value))
         case _:
             return value

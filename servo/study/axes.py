@@ -1,4 +1,4 @@
-"""Axes and draws of a study, as values and from TOML."""
+"""The axes of a study: settings with lists of values; and its drawn settings, as in a scenario."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,19 +10,19 @@ from servo.mistake import Mistake
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import LAWS, Draw, Value, flat, law_of
 from servo.scenario.tables import SECTIONS
-from servo.scenario.toml import Table
+from servo.scenario.toml import Table, is_table
 from tracking.trackers import general_kinds
 
 SCENARIO = "scenario"
-"""Key of the axis of scenarios; the keys of all others are settings."""
-Named = dict[str, dict[str, dict[str, Value]]]
-"""Groups of settings, by the name of their axis and their own."""
+"""Name of the axis of scenarios; all other axes have the name of a setting or of [named]."""
+Named = dict[str, dict[str, Table]]
+"""Groups of settings by the name of their axis and their own name: the study's table [named]."""
 SPANS = {"linspace": np.linspace, "geomspace": np.geomspace}
-"""Axes that are given as [first, last, count]."""
+"""Functions that make an axis of [first, last, count]."""
 COUNTS = {**dict.fromkeys(SPANS, 3), **LAWS}
-"""How many numbers each law of an axis takes; None: any number."""
+"""Number of values in each form of an axis or a distribution; None: any number."""
 ENDS = frozenset(COUNTS)
-"""A table with one of these keys is a value, not a table of settings."""
+"""Keys of tables that are values of an axis, and not tables of settings."""
 ELSEWHERE = {
     SCENARIO: "list these under `scenario` instead",
     "run.seed": "list these under `seeds` instead, or count them with --seeds",
@@ -30,31 +30,37 @@ ELSEWHERE = {
     "expect": "bounds change nothing in a run; those of the study are under `expect`",
     "sweep": "a study changes the settings of runs only",
 }
-"""Keys that cannot be axes, and what to do instead."""
+"""Keys that cannot be axes, and what the user should write instead."""
 ALL = "*"
+"""Value of an axis of kinds: all kinds that there are."""
 MOST_VALUES = 10_000
+"""Most values of an axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """A setting and the values that it takes in turn."""
+    """A setting and the values that it has in the runs of a study."""
 
     key: str
+    """Name of the setting, or of the axis in [named]."""
     values: tuple[Value, ...]
 
 
 def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...]]:
-    """Return axes and draws from a table: a list is an axis, `{ uniform = [a, b] }` is a draw.
+    """Return the axes and the drawn settings in a study's table [axes].
+
+    A list of values, `{ linspace = [first, last, count] }` or "*" makes an axis; a distribution
+    such as `{ uniform = [a, b] }` makes a drawn setting.
 
     Raises:
-        Mistake: Something is wrong in the table; `place` names its file.
+        Mistake: A setting or its values are wrong; the message begins with `place`.
     """
     axes: list[Axis] = []
     draws: list[Draw] = []
     for key, given in flat(table, f"{place}: axes", ENDS).items():
         at = f"{place}: axes.{key}"
         check_key(key, at)
-        if isinstance(given, dict):
+        if is_table(given):
             law, numbers = law_of(given, at, COUNTS)
             if law in LAWS:
                 draws.append(Draw(key, law, numbers))
@@ -65,26 +71,29 @@ def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...
         elif given == ALL and key.removesuffix(".kind") in PLUGINS and key.endswith(".kind"):
             given = PLUGINS[key.removesuffix(".kind")][0].names()
         if not isinstance(given, list) or not given:
-            raise Mistake(f"{at} = {given!r}: an axis is a list of values, or a law for them")
+            forms = ", ".join(COUNTS)
+            raise Mistake(f"{at} = {given!r}: expected a list of values, or one of {forms}")
         if len(given) > MOST_VALUES:
             raise Mistake(f"{at} has {len(given):,} values; the limit is {MOST_VALUES:,}")
-        if len({repr(_plain(v)) for v in given}) < len(given):
+        if any(value in given[:place] for place, value in enumerate(given)):
             raise Mistake(f"{at} has the same value twice")
         axes.append(Axis(key, tuple(given)))
     return tuple(axes), tuple(draws)
 
 
 def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:
-    """Return the axes whose values are named groups of settings.
+    """Return the groups of settings in a study's table [named], checked and by dotted keys.
 
     Raises:
-        Mistake: Something is wrong in the table; `place` names its file.
+        Mistake: The name of an axis or a setting is wrong; the message begins with `place`.
     """
     found: Named = {}
     for axis, groups in table.items():
         at = f"{place}: named.{axis}"
         if axis in (*SECTIONS, *PLUGINS, *LISTS, SCENARIO, "seed"):
-            raise Mistake(f"{at}: '{axis}' is a section; give the axis another name")
+            raise Mistake(
+                f"{at}: '{axis}' is reserved for a setting or section; give the axis another name"
+            )
         found[axis] = {name: flat(group, f"{at}.{name}") for name, group in groups.items()}
         for name, group in found[axis].items():
             for key in group:
@@ -93,10 +102,10 @@ def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:
 
 
 def check_key(key: str, at: str) -> None:
-    """Refuse a key that can neither vary nor be set for all runs; `at` names its place.
+    """Check that a study can vary a setting, or set it for all runs; `at` begins the message.
 
     Raises:
-        Mistake: The message says where its values belong.
+        Mistake: It cannot; the message says what to write instead.
     """
     section = key.split(".")[0]
     remedy = ELSEWHERE.get(key) or (ELSEWHERE[section] if section in ("expect", "sweep") else None)
@@ -104,22 +113,8 @@ def check_key(key: str, at: str) -> None:
         raise Mistake(f"{at}: {remedy}")
 
 
-def _plain(value: Value) -> Value:
-    """Return a value with all numbers as floats, so that 1 and 1.0 are equal as text."""
-    match value:
-        case bool():
-            return value
-        case int() | float():
-            return float(value) + 0.0  # -0.0 becomes 0.0
-        case list():
-            return [_plain(item) for item in value]
-        case dict():
-            return {key: _plain(value[key]) for key in sorted(value)}
-        case _:
-            return value
-
-
 def _span(law: str, numbers: tuple[Any, ...], at: str) -> list[float]:
+    """Return the values of an axis "linspace" or "geomspace" from (first, last, count)."""
     count = numbers[2]
     if not isinstance(count, int) or not 1 <= count <= MOST_VALUES:
         raise Mistake(f"{at}.{law}: the count should be a whole number from 1 to {MOST_VALUES:,}")
@@ -127,14 +122,14 @@ def _span(law: str, numbers: tuple[Any, ...], at: str) -> list[float]:
 
 
 def check_apart(keys: Mapping[str, str], place: str) -> None:
-    """Refuse a key inside a table that another key sets as a whole.
+    """Check that a study does not set a whole table and also a setting in it.
 
     Args:
-        keys: The place of each key in the study, by key.
-        place: The study's file.
+        keys: Place of each setting in the study, by dotted key.
+        place: The study's file, which begins the message.
 
     Raises:
-        Mistake: There are such keys.
+        Mistake: It does.
     """
     for key, at in keys.items():
         names = key.split(".")

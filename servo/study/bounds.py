@@ -1,4 +1,4 @@
-"""Bounds that runs must keep. A value that is missing or infinite misses every upper bound."""
+"""Bounds on the measures of runs; a value that is missing or infinite misses every upper bound."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,25 +13,26 @@ from servo.mistake import Mistake, unknown
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.expected import ANY, DRAWN, SUCCESS_RATE, tracker_of
 from servo.scenario.load import Scenario
-from servo.scenario.toml import is_number
+from servo.scenario.toml import Table, is_number
 from sim.kinds import kind_of
 from tracking.files.json_text import number
 
 ROUNDING = 1e-9
-"""A value below this is rounding, in the unit of any measure."""
+"""Largest effect of rounding on a measure, in the measure's unit."""
 UNDECIDED = "No verdict: some drawn seeds may end otherwise (expect.drawn.success_rate)."
 
 
 @dataclass(frozen=True, slots=True)
 class MissedBound:
-    """A bound that a run did not keep."""
+    """A bound that a run did not keep; as text, a sentence."""
 
     name: str
+    """Name of the measure, or "outcome"."""
     found: float | str | None
-    """None where there is no finite value."""
+    """The run's value; None if it is not finite."""
     bound: float | str
     drawn: bool = False
-    """The bound is one of [expect.drawn]."""
+    """Whether the bound is in [expect.drawn]."""
 
     def __str__(self) -> str:
         found = "not finite" if self.found is None else self.found
@@ -41,12 +42,17 @@ class MissedBound:
 
 
 def unjudged(scenario: Scenario, success: bool) -> str:
-    """Return a sentence where a run has no verdict of its own; else nothing."""
+    """Return a sentence that says why a run has no verdict, or "".
+
+    Args:
+        scenario: The scenario of the run.
+        success: Whether the run ended with the expected outcome.
+    """
     return scenario.unjudged if success or scenario.success_rate is None else UNDECIDED
 
 
 def is_kept(value: float | None, bound: float) -> bool:
-    """Return whether a value keeps an upper bound; a missing or infinite one does not."""
+    """Return whether a measured value is finite and at most an upper bound."""
     return value is not None and np.isfinite(value) and value <= bound
 
 
@@ -54,16 +60,16 @@ def missed_bounds(
     outcome: str,
     measures: Mapping[str, float | None],
     expect: Mapping[str, float | str],
-    as_written: Mapping[str, float | str] | None = None,
+    as_written: Mapping[str, object] | None = None,
 ) -> tuple[MissedBound, ...]:
     """Return the bounds that a run does not keep.
 
     Args:
         outcome: Name of the run's outcome.
-        measures: Its measures by name.
+        measures: The run's measures by name.
         expect: Upper bounds by measure, and the expected `outcome`.
-        as_written: Bounds of the scenario as its file has it, without drawn settings; by default
-            those of `expect`.
+        as_written: The same without [expect.drawn], from which the others are told apart; None:
+            `expect`.
     """
     found: list[MissedBound] = []
     written = expect if as_written is None else as_written
@@ -79,10 +85,11 @@ def missed_bounds(
 
 
 def missed_lines(missed: Sequence[MissedBound], measures: Mapping[str, float | None]) -> list[str]:
-    """Return a sentence for each missed bound, but one for all that a run was too short for.
+    """Return a sentence for each missed bound, and a single one for all measures that have no value
+    because the run was too short.
 
     Args:
-        missed: The bounds.
+        missed: The missed bounds.
         measures: All measures of the run by name.
     """
     is_short = all((value := measures.get(name)) is None or np.isnan(value) for name in COUNTED)
@@ -99,23 +106,26 @@ def missed_lines(missed: Sequence[MissedBound], measures: Mapping[str, float | N
 
 @dataclass(frozen=True, slots=True)
 class DrawnShare:
-    """How many drawn seeds of a scenario ended as expected."""
+    """Number of runs with drawn settings that ended as expected; as text, a sentence."""
 
     scenario: str
+    """Name of the scenario."""
     ended: int
+    """Number of runs that ended with the expected outcome."""
     seeds: int
+    """Number of runs."""
     success_rate: float
-    """The least share."""
+    """Least share of runs that should end so, from 0 to 1."""
 
     @property
     def missed(self) -> bool:
-        """Whether too few ended so."""
+        """Return whether fewer than `least` runs ended as expected."""
         return self.ended < self.least
 
     @property
     def least(self) -> int:
-        """How many have to end as expected, rounded down: of ten, or of one alone, one may end
-        otherwise where nine tenths have to.
+        """Return the least number of runs that should end as expected, rounded down: with a success
+        rate of 0.9, nine of ten runs and none of one.
         """
         return int(self.success_rate * self.seeds)
 
@@ -128,7 +138,12 @@ class DrawnShare:
 
     @staticmethod
     def of(runs: Sequence[tuple[Scenario, bool]]) -> "DrawnShare | None":
-        """Return the share of a scenario's runs, each with its success; None if none is counted."""
+        """Count the runs of one scenario; None if it has no `expect.drawn.success_rate`.
+
+        Args:
+            runs: The scenario of each run, and whether the run ended as expected; only runs with
+                drawn settings count.
+        """
         counted = [(s, success) for s, success in runs if s.success_rate is not None]
         if not counted:
             return None
@@ -138,8 +153,8 @@ class DrawnShare:
 
 
 def doubts_of(scenario: Scenario) -> list[str]:
-    """Return a sentence for each bound of a scenario, for any tracker, that every run misses, or
-    none.
+    """Return a sentence for each bound of a scenario, for any tracker, that all runs miss, or that
+    no run can miss.
     """
     found = doubtful_bounds(scenario.bounds.expect, scenario)
     for kind, bounds in scenario.bounds.others.items():
@@ -147,20 +162,18 @@ def doubts_of(scenario: Scenario) -> list[str]:
     return found
 
 
-def doubtful_bounds(
-    bounds: Mapping[str, float | str], setup: Setup, place: str = "expect"
-) -> list[str]:
-    """Return a sentence for each bound that every run misses, or none.
+def doubtful_bounds(bounds: Mapping[str, object], setup: Setup, place: str = "expect") -> list[str]:
+    """Return a sentence for each bound that all runs miss, or that no run can miss.
 
     Args:
         bounds: Upper bounds by measure, and the expected `outcome`.
-        setup: Of the run.
-        place: Their table.
+        setup: Settings of the runs.
+        place: Name of the bounds' table, for the sentences.
     """
     found = list[str]()
     for key, bound in bounds.items():
         name = key.removeprefix(DRAWN)
-        if isinstance(bound, str) or name not in MEASURES:
+        if not is_number(bound) or name not in MEASURES:
             continue
         if why := _doubt(name, bound, setup):
             found.append(f"{place}.{key} = {bound:g}: {why}")
@@ -168,41 +181,44 @@ def doubtful_bounds(
 
 
 def _doubt(name: str, bound: float, setup: Setup) -> str:
-    """Return why an upper bound on a measure says nothing of a run; else nothing."""
+    """Return why all runs miss an upper bound, or none can; "" if some may.
+
+    Args:
+        name: The measure.
+        bound: The upper bound, in the measure's unit.
+        setup: Settings of the runs.
+    """
     measure = MEASURES[name]
     if bound < 0:
-        return "every run misses it, as no measure is below 0"
+        return "all runs miss this bound, because no measure is below 0"
     if measure.of_joints and kind_of(setup.robot) == "free":
-        return "no run misses it, as the free camera has no joints with limits"
+        return "no run misses this bound, because the free camera has no joints with limits"
     if bound < ROUNDING and not (measure.share or measure.exact):
-        return f"rounding alone misses it; it should be above {ROUNDING:g}"
-    if bound >= 100 and measure.share:
-        return "no run misses it"
-    if bound >= 100 and name == "joint_range_peak_pct":
-        return "it says nothing of a run, as a joint's range ends at 100 %"
+        return f"rounding exceeds this bound; it should be above {ROUNDING:g}"
+    if bound >= 100 and (measure.share or name == "joint_range_peak_pct"):
+        return "no run misses this bound, because the measure is at most 100 %"
     if bound >= 180 and measure.unit == "deg":
-        return "no run misses it, as no angle is above 180 deg"
+        return "no run misses this bound, because no angle is above 180 deg"
     rate = setup.camera.rate
     times = np.arange(setup.frames) / rate
     counted = np.count_nonzero(times >= setup.measure.after - ROUNDING) / rate
     if bound >= counted > 0 and name == "longest_off_s":
-        return f"no run misses it, as {counted:g} s count of {setup.run.duration:g} s"
+        return f"no run misses this bound, because only {counted:g} s of the run count"
     if bound >= times[-1] and name == "settle_s":
-        return f"a run of {setup.run.duration:g} s misses it only where it never settles"
+        return f"a run of {setup.run.duration:g} s misses this bound only if it never settles"
     return ""
 
 
 def missed_by_cells(
-    cells: Iterable[tuple[Mapping[str, Any], Sequence[Mapping[str, Any]]]],
+    cells: Iterable[tuple[Mapping[str, object], Sequence[Mapping[str, Any]]]],
     expect: Mapping[str, float],
 ) -> list[str]:
-    """Return a sentence for each bound that a cell misses.
+    """Return a sentence for each bound that the runs with one combination of axis values miss.
 
-    An upper bound is on the mean over all runs of the cell, which is infinite if one run has no
-    finite value.
+    An upper bound is on the mean over these runs; it is missed if a run has no finite value.
 
     Args:
-        cells: Axis values of each cell, and the rows of its runs.
+        cells: The axis values, and the rows of the runs with these values.
         expect: Upper bounds by measure, and the least `success_rate`.
     """
     sentences: list[str] = []
@@ -214,29 +230,22 @@ def missed_by_cells(
                 if rate < bound:
                     sentences.append(f"{where}: {name} is {rate:.3g}, expected at least {bound:g}")
                 continue
-            finite = [value for row in rows if (value := _finite(row.get(name))) is not None]
-            without = len(rows) - len(finite)
-            mean = float(np.mean(finite)) if finite and not without else None
-            if is_kept(mean, bound):
-                continue
-            found = (
-                f"is {mean:.3g}"
-                if mean is not None
-                else f"has no finite value in {without} of {len(rows)} runs"
-            )
-            sentences.append(f"{where}: {name} {found}, expected at most {bound:g}")
+            found = np.array([row.get(name) for row in rows], dtype=float)  # None becomes nan
+            without = np.count_nonzero(~np.isfinite(found))
+            if without:
+                text = f"has no finite value in {without} of {len(rows)} runs"
+            else:
+                text = f"is {found.mean():.3g}"
+            if without or found.mean() > bound:
+                sentences.append(f"{where}: {name} {text}, expected at most {bound:g}")
     return sentences
 
 
-def _finite(value: float | None) -> float | None:
-    return None if value is None else number(value)
-
-
 def check_expect(scenario: Scenario) -> None:
-    """Refuse bounds on things that do not exist, before hours of running.
+    """Check the names and values of a scenario's bounds for all trackers.
 
     Raises:
-        Mistake: An unknown measure or outcome, or a bound that is no number.
+        Mistake: A tracker, a measure or an outcome is unknown, or a bound is not a finite number.
     """
     place = f"{scenario.name}: expect"
     known = PLUGINS["tracker"][0].names()
@@ -248,17 +257,19 @@ def check_expect(scenario: Scenario) -> None:
     _check_bounds(scenario.bounds.expect | made, place)
 
 
-def _check_bounds(expect: dict[str, Any], place: str) -> None:
+def _check_bounds(expect: Table, place: str) -> None:
+    """Check the names and values of the bounds in a table; errors are as for `check_expect`."""
     for key, bound in expect.items():
         name = key.removeprefix(DRAWN)
         if key == f"{DRAWN}{SUCCESS_RATE}":
             if not is_number(bound) or not 0 <= bound <= 1:
-                raise Mistake(f"{place}.{key} = {bound!r}: a share is from 0 to 1")
+                raise Mistake(f"{place}.{key} = {bound!r}: expected a share from 0 to 1")
         elif name == "outcome":
             if not isinstance(bound, str) or bound not in Outcome.__members__:
-                raise Mistake(f"{place}.{key} = {bound!r}: one of {', '.join(Outcome.__members__)}")
+                names = ", ".join(Outcome.__members__)
+                raise Mistake(f"{place}.{key} = {bound!r}: expected one of {names}")
         elif name not in MEASURES:
             at = place if key == name else f"{place}.{DRAWN[:-1]}"
             raise Mistake(f"{at}: {unknown(name, (*MEASURES, 'outcome'))}")
         elif not is_number(bound):
-            raise Mistake(f"{place}.{key} = {bound!r}: a bound is a finite number")
+            raise Mistake(f"{place}.{key} = {bound!r}: expected a finite number")

@@ -1,4 +1,4 @@
-"""The executor: does jobs in this process, on workers of this machine, or on a cluster."""
+"""Executes jobs in this process, in worker processes of this machine, or on a Dask cluster."""
 
 import ctypes
 import time
@@ -7,36 +7,33 @@ from contextlib import ExitStack, suppress
 from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TypeVar
 
 import numpy as np
 
 from servo.mistake import Mistake
-from servo.study.run import Failure, Job, Record
+from servo.study.run import Done, Failure, Job, Record, Task, attempt
 from servo.study.store import Store
 
 MOST_RUNS = 100_000
 """Most runs of one command that keeps their records in memory."""
 TRIED = 5
-"""Most different jobs that are tried to reckon how long all take."""
+"""Most different jobs that are run to estimate the time of all jobs."""
 TRYING = 15.0
-"""Longest time of that, but for the last of them [s]."""
-Task = TypeVar("Task")
-Done = TypeVar("Done")
+"""Time after which no other job is begun for this estimate [s]."""
 
 
 class Workers(ExitStack):
-    """Processes that do jobs, started with the first task; used in a `with`."""
+    """Context manager of worker processes, which are started with the first task."""
 
     def __init__(self, count: int = 1, scheduler: str | None = None) -> None:
-        """Check what the workers need.
+        """Check the number of workers or the cluster's address; no process is started yet.
 
         Args:
-            count: Number of processes on this machine; 1: work in this process.
-            scheduler: Address of a running cluster, which is used instead.
+            count: Number of processes on this machine; 1: tasks are done in this process.
+            scheduler: Address of the scheduler of a running Dask cluster, which is used instead.
 
         Raises:
-            Mistake: The machine cannot run so many, or the address is wrong.
+            Mistake: The machine cannot run so many processes, or the address is wrong.
         """
         super().__init__()
         self.count = count
@@ -53,14 +50,18 @@ class Workers(ExitStack):
     def do(
         self, tasks: Iterable[Task], work: Callable[[Task], Done]
     ) -> Iterator[tuple[Task, Done | Failure]]:
-        """Do tasks; yields each as it ends.
+        """Do tasks in parallel; yield each as it ends, with its result or the error that it raised.
+
+        Args:
+            tasks: Arguments of `work`, in the order in which they begin.
+            work: Function of one task; it and the tasks are sent to other processes.
 
         Raises:
-            ClusterLost: The workers are gone.
+            ClusterLost: The cluster has stopped working.
             Refused: The processes cannot be started.
         """
         if self.scheduler is None and self.count == 1:
-            yield from _one_by_one(tasks, work)
+            yield from ((task, attempt(work, task)) for task in tasks)
             return
         from servo.study.cluster.tasks import carry_out
 
@@ -77,78 +78,70 @@ class Workers(ExitStack):
         return self.enter_context(local(self.count))
 
 
-def _one_by_one(
-    tasks: Iterable[Task], work: Callable[[Task], Done]
-) -> Iterator[tuple[Task, Done | Failure]]:
-    for task in tasks:
-        try:
-            done = work(task)
-        except Exception as error:
-            yield task, Failure.of(error)
-        else:
-            yield task, done
-
-
 def execute(
     jobs: Iterable[Job], workers: Workers, folder: Path = Path()
 ) -> Iterator[tuple[Job, Record | Failure]]:
-    """Do jobs; yields each with its record as it ends.
+    """Run jobs; yield each as it ends, with its record or the reason of its failure.
 
     Args:
-        jobs: In the order in which they begin.
-        workers: Where they are done.
-        folder: Where they may write files of their own.
+        jobs: The jobs, in the order in which they begin.
+        workers: The processes that run them.
+        folder: Folder into which jobs may write files of their own.
 
     Raises:
-        ClusterLost: The workers are gone.
+        ClusterLost: The cluster has stopped working.
         Refused: The processes cannot be started.
     """
     return workers.do(jobs, partial(_run, folder=folder))
 
 
 def _run(job: Job, folder: Path) -> Record:
+    """Run a job and free its memory; the job may write files into the folder."""
     record = job.run(folder)
     give_back_memory()
     return record
 
 
 def give_back_memory() -> None:
-    """Return freed memory to the system, which glibc keeps in pieces: about a megabyte a run."""
-    with suppress(AttributeError, OSError):  # another C library
+    """Return this process's freed memory to the system; glibc would keep about 1 MB a run."""
+    with suppress(AttributeError, OSError):  # of a C library without malloc_trim
         ctypes.CDLL(None).malloc_trim(0)
 
 
 def tried(jobs: Sequence[Job]) -> tuple[float, list[tuple[Job, Failure]]]:
-    """Do a few of some jobs, at least one, in this process, and keep nothing.
+    """Run a few jobs in this process to measure their time; their records are dropped.
+
+    Args:
+        jobs: All jobs, at least one, of which up to `TRIED` are run.
 
     Returns:
-        How long one took [s], mean, and those that failed. Before others, the first one counts
-        only if it took all the time: it compiles the hot loops.
+        Mean time of a job [s], and the jobs that failed with their reasons. The very first run
+        compiles code, so its time counts only if no other job was run.
     """
     some = jobs[:: -(-len(jobs) // TRIED)]
     spent: list[float] = []
-    failed: list[tuple[Job, Failure]] = []
-    before = time.monotonic()
     with TemporaryDirectory() as folder:
-        for job, end in _one_by_one([some[0], *some], partial(_run, folder=Path(folder))):
-            now = time.monotonic()
-            spent.append(now - before)
-            before = now
+        for job in [some[0], *some]:
+            begin = time.monotonic()
+            end = attempt(partial(_run, folder=Path(folder)), job)
+            spent.append(time.monotonic() - begin)
             if isinstance(end, Failure):
-                failed.append((job, end))
-                break
+                return float(np.mean(spent[1:] or spent)), [(job, end)]
             if sum(spent) > TRYING:
                 break
-    return float(np.mean(spent[1:] or spent)), failed
+    return float(np.mean(spent[1:] or spent)), []
 
 
 def complete(
     jobs: Iterable[Job], store: Store, workers: Workers
 ) -> Iterator[tuple[Job, Record | Failure]]:
-    """Do the jobs that have no record in a store, and keep each as it ends.
+    """Run the jobs that have no record in a study's folder, and store each record or failure there.
+
+    Yields:
+        Each job as it ends, with its record or the reason of its failure.
 
     Raises:
-        ClusterLost: The workers are gone.
+        ClusterLost: The cluster has stopped working.
         Refused: The disk is full, or the processes cannot be started.
     """
     missing = (job for job in jobs if job.key not in store.done)
@@ -161,10 +154,10 @@ def complete(
 
 
 def check_number(runs: int) -> None:
-    """Refuse more runs than the limit.
+    """Check that the records of a number of runs fit into memory.
 
     Raises:
-        Mistake: There are too many.
+        Mistake: There are more than `MOST_RUNS`.
     """
     if runs > MOST_RUNS:
-        raise Mistake(f"these are {runs:,} runs; the limit is {MOST_RUNS:,}")
+        raise Mistake(f"this command would make {runs:,} runs; the limit is {MOST_RUNS:,}")

@@ -1,6 +1,4 @@
-"""A study from a TOML file or from the [sweep] table of a scenario; every message about a mistake
-names its place.
-"""
+"""Loads studies from TOML files, or from the table [sweep] of a scenario's file."""
 
 import itertools
 from collections.abc import Sequence
@@ -20,7 +18,7 @@ from servo.scenario.expected import SUCCESS_RATE
 from servo.scenario.fill import STRICT, validated
 from servo.scenario.load import parse as parse_scenario
 from servo.scenario.named_files import digests, found_beside, named_in, path_of, read
-from servo.scenario.toml import Table, assignment
+from servo.scenario.toml import Table, assignment, is_table
 from servo.study.axes import (
     ENDS,
     MOST_VALUES,
@@ -40,16 +38,14 @@ ALL = "*"
 MOST_RUNS = 1_000_000
 """Most runs of a study."""
 MOST_CHECKED = 2000
-"""Most cells that are parsed before any is run, so that a wrong setting is found at once."""
+"""Most combinations of axis values that are checked before the first run."""
 TRACKERS = "trackers"
-"""Axis of the trackers that a command gives."""
+"""Name of the axis of the trackers that a command line gives."""
 COUNTABLE = 10**15
-"""Larger numbers of runs are not written out."""
+"""Numbers of runs above this are rounded in messages."""
 Seed = Annotated[int, Ge(0)]
-
-
 SEEDS = 3
-"""Number of seeds of a study that names none."""
+"""Number of seeds of a study that does not give them."""
 
 
 class StudyTable(BaseModel):
@@ -61,14 +57,15 @@ class StudyTable(BaseModel):
     set: Table = {}
     """Settings of all runs."""
     named: dict[str, Annotated[dict[str, Table], MinLen(1)]] = {}
-    """Groups of settings by the name of their axis and their own."""
+    """Axes whose values are groups of settings: settings by name of the axis and of the group."""
     axes: Table = {}
+    """Axes and drawn settings: values or a distribution by setting."""
     seeds: Annotated[int, Ge(1), Le(MOST_RUNS)] | Annotated[list[Seed], MinLen(1)] = SEEDS
-    """How many seeds from 0 on, or a list of them."""
+    """Number of seeds, counted from 0, or a list of seeds."""
     compare: str | None = None
     """The axis whose values are compared."""
     expect: dict[str, float] = {}
-    """Bounds that every cell must keep."""
+    """Bounds on the means of measures for each combination of axis values."""
 
 
 def load(
@@ -77,46 +74,49 @@ def load(
     seeds: int | None = None,
     trackers: dict[str, dict[str, Value]] | None = None,
 ) -> Study:
-    """A study by its shipped name or by the path of a TOML file.
+    """Load a study by its shipped name or from a TOML file.
 
     Args:
-        name: Of the study.
-        changes: Settings of all runs, as for --set.
-        seeds: Replaces the seeds of the file by 0, 1, ... up to this number.
-        trackers: Settings of trackers by their names, which replace the axis `tracker.kind`.
+        name: Name of the study, or path of its file.
+        changes: Settings of all runs, such as "run.duration=5", as for --set.
+        seeds: Number of seeds, counted from 0, in place of the file's; None: the file's.
+        trackers: Settings of trackers by label, which are compared in place of all axes of the
+            file; None: the file's axes.
 
     Raises:
-        Mistake: The user's mistake, in one sentence.
+        Mistake: The file or a change is wrong, in one sentence.
     """
     path = path_of(name, "study")
     table, place = read(str(path))
     if "sweep" in table:
-        if not isinstance(table["sweep"], dict):
-            raise Mistake(f"{place}: sweep should be a table, not {table['sweep']!r}")
-        table = {"scenario": str(path)} | table["sweep"]
+        sweep = table["sweep"]
+        if not is_table(sweep):
+            raise Mistake(f"{place}: sweep should be a table, not {sweep!r}")
+        table = sweep
+        table.setdefault("scenario", str(path))
     if seeds is not None:
         if seeds > MOST_RUNS:
             raise Mistake(f"--seeds {seeds}: the limit is {MOST_RUNS:,}")
         table["seeds"] = seeds
     if trackers is not None:
-        table = table | {"axes": {}, "named": {TRACKERS: trackers}, "compare": TRACKERS}
+        table |= {"axes": {}, "named": {TRACKERS: trackers}, "compare": TRACKERS}
     title = sentence(path.read_text(encoding="utf-8-sig"))
     return parsed(table, changes, path, place, title)
 
 
 def parsed(table: Table, changes: Sequence[str], path: Path, place: str, title: str) -> Study:
-    """Return the study of a table with the keys of `StudyTable`.
+    """Check the table of a study, whose keys are those of `StudyTable`, and return the study.
 
     Args:
-        table: As in a TOML file.
-        changes: Settings of all runs, as for --set.
-        path: The file, or the one in which the table would be: files beside it count as named
-            from there, and its stem is the study's name.
-        place: Names the table in messages.
-        title: The study's sentence.
+        table: The table, as read from TOML.
+        changes: Settings of all runs, such as "run.duration=5", as for --set.
+        path: The study's file, which need not exist: its stem is the study's name, and names of
+            files in the table are looked up beside it first.
+        place: The table's place, which begins messages.
+        title: A sentence that describes the study.
 
     Raises:
-        Mistake: The user's mistake, in one sentence.
+        Mistake: The table or a change is wrong, in one sentence.
     """
     bases = _bases(validated(StudyTable, table, f"{place}: ").scenario, path, place)
     table = found_beside(table, path.parent, *(base.table for base in bases))
@@ -152,10 +152,16 @@ def parsed(table: Table, changes: Sequence[str], path: Path, place: str, title: 
 
 
 def _changed(file: StudyTable, named: Named, changes: Sequence[str], place: str) -> Table:
-    """Return the settings of all runs by key: those of the file's [set], and the command line's.
+    """Return the settings of all runs by dotted key.
+
+    Args:
+        file: The study's table, with settings in [set].
+        named: Groups of settings of the study.
+        changes: More settings, as for --set, which replace those of the file.
+        place: The study's file, which begins messages.
 
     Raises:
-        Mistake: A setting is varied as well, or cannot be set for all runs.
+        Mistake: A setting is also varied by an axis, or cannot be set for all runs.
     """
     changed = flat(file.set, f"{place}: set")
     places = {key: f"set.{key}" for key in changed}
@@ -179,21 +185,33 @@ def _changed(file: StudyTable, named: Named, changes: Sequence[str], place: str)
 
 
 def _compared(study: Study, asked: str | None, place: str) -> Study:
-    """Return a study with the axis that is compared; by default tracker.kind."""
+    """Return a copy of a study with the axis that is compared.
+
+    Args:
+        study: The study.
+        asked: Name of the axis; None: tracker.kind if it is an axis, else none.
+        place: The study's file, which begins messages.
+
+    Raises:
+        Mistake: The study has no axis of this name.
+    """
     keys = study.keys
     if asked is None:
         return replace(study, compare="tracker.kind" if "tracker.kind" in keys else None)
     if asked in [draw.key for draw in study.draws]:
-        raise Mistake(f"{place}: compare = {asked!r}: this is drawn; compare the values of an axis")
+        raise Mistake(f"{place}: compare = {asked!r}: this setting is drawn; expected an axis")
     if not keys:
-        raise Mistake(f"{place}: compare = {asked!r}: this should be the name of an axis")
+        raise Mistake(f"{place}: compare = {asked!r}: this study has no axis to compare")
     check_known([asked], keys, f"{place}: compare", "axis")
     return replace(study, compare=asked)
 
 
 def _check(study: Study, place: str) -> None:
-    """Parse the first MOST_VALUES samples and the first MOST_CHECKED cells, so that a wrong setting
-    is reported before hours of running.
+    """Check the settings of the first runs of a study, so that a mistake is found before hours of
+    running: each value of each axis, and the first `MOST_CHECKED` combinations.
+
+    Raises:
+        Mistake: A setting is wrong; the message begins with `place` and the run's axis values.
     """
     cells = itertools.islice(replace(study, seeds=study.seeds[:1]).jobs(), MOST_CHECKED)
     for job in itertools.chain(itertools.islice(study.samples(), MOST_VALUES), cells):
@@ -213,7 +231,11 @@ def _check(study: Study, place: str) -> None:
 
 
 def _check_base(base: StudiedScenario, place: str) -> None:
-    """Refuse a scenario that is wrong even without the study's changes."""
+    """Check a scenario without the study's changes.
+
+    Raises:
+        Mistake: A setting of the scenario is wrong; the message begins with the study's `place`.
+    """
     try:
         check_expect(parse_scenario(base.table, base.name, base.place))
     except Mistake as error:
@@ -221,7 +243,16 @@ def _check_base(base: StudiedScenario, place: str) -> None:
 
 
 def _bases(given: str | list[str], path: Path, place: str) -> tuple[StudiedScenario, ...]:
-    """Return the scenarios of a study, each file once."""
+    """Return the scenarios of a study.
+
+    Args:
+        given: Names or paths, or "*" for all shipped scenarios.
+        path: The study's file, beside which paths are looked up first.
+        place: The study's file as messages name it.
+
+    Raises:
+        Mistake: There is no such scenario, or one is listed twice.
+    """
     names = shipped() if given == ALL else [given] if isinstance(given, str) else given
     bases: dict[Path, StudiedScenario] = {}
     for name in names:
@@ -239,7 +270,7 @@ def _bases(given: str | list[str], path: Path, place: str) -> tuple[StudiedScena
 
 
 def _seeds(given: int | list[int], place: str) -> tuple[int, ...]:
-    """Return the seeds of a study, which are counted or listed."""
+    """Return the seeds of a study from their number, counted from 0, or from a list of them."""
     seeds = list(range(given)) if isinstance(given, int) else given
     if len(set(seeds)) < len(seeds):
         raise Mistake(f"{place}: seeds has the same value twice")
@@ -247,7 +278,7 @@ def _seeds(given: int | list[int], place: str) -> tuple[int, ...]:
 
 
 def _expect(bounds: dict[str, float], place: str) -> dict[str, float]:
-    """Return bounds on measures and on the share of runs that succeed."""
+    """Check the names of a study's bounds and the range of the success rate; return the bounds."""
     check_known(bounds, (SUCCESS_RATE, *MEASURES), f"{place}: expect")
     if not 0 <= bounds.get(SUCCESS_RATE, 1.0) <= 1:
         raise Mistake(f"{place}: expect.{SUCCESS_RATE} should be a share from 0 to 1")

@@ -1,4 +1,4 @@
-"""A study as a value: scenarios, axes, draws and seeds, and the jobs that result from them."""
+"""A study as a value: scenarios, axes, drawn settings and seeds, from which its runs follow."""
 
 import itertools
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from servo.study.scenario_run import StudiedScenario
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """A parsed study."""
+    """A study: scenarios that are run with all combinations of axis values, for several seeds."""
 
     name: str
     title: str
@@ -23,43 +23,47 @@ class Study:
     table: Table
     """The table that was read, including the changes of the command line."""
     bases: tuple[StudiedScenario, ...]
-    """The scenarios, each with what all runs of the study have in common."""
+    """The scenarios, with the settings of all runs."""
     axes: tuple[Axis, ...]
+    """All axes except that of scenarios."""
     draws: tuple[Draw, ...]
+    """Settings that are drawn for each seed."""
     seeds: tuple[int, ...]
     compare: str | None
     """The axis whose values are compared with each other."""
     expect: dict[str, float]
-    """Bounds that every cell must keep."""
+    """Bounds on the means of measures for each combination of axis values."""
     files: dict[str, str]
-    """Digests of the files that it names, by path."""
+    """Digests of the files that the settings name, by path."""
 
     @property
     def every_axis(self) -> tuple[Axis, ...]:
-        """All axes; if there are several scenarios, they are the first axis."""
+        """Return all axes; the first is that of scenarios if there are several scenarios."""
         several = Axis(SCENARIO, tuple(b.name for b in self.bases))
         return (several, *self.axes) if len(self.bases) > 1 else self.axes
 
     @property
     def keys(self) -> list[str]:
-        """The settings that the axes vary."""
+        """Return the names of all axes, such as "tracker.kind"."""
         return [axis.key for axis in self.every_axis]
 
     @property
     def size(self) -> int:
-        """Number of runs."""
+        """Return the number of runs."""
         cells = int(np.prod([len(a.values) for a in self.every_axis], dtype=object))
         return cells * len(self.seeds)
 
     def cells(self) -> Iterator[tuple[StudiedScenario, dict[str, Value]]]:
-        """Every combination of axis values."""
+        """Yield every combination of axis values, by name of the axis, with its scenario."""
         for base in self.bases:
             named = {SCENARIO: base.name} if len(self.bases) > 1 else {}
             for values in itertools.product(*(a.values for a in self.axes)):
                 yield base, named | dict(zip((a.key for a in self.axes), values, strict=True))
 
     def jobs(self) -> Iterator[Job]:
-        """All jobs in their order: cell by cell, seed by seed."""
+        """Yield all runs in their order: all seeds of the first combination of axis values, then
+        those of the next.
+        """
         numbers = itertools.count()
         for base, cell in self.cells():
             for seed in self.seeds:
@@ -67,8 +71,8 @@ class Study:
                 yield self._job(next(numbers), base, seed, settings)
 
     def samples(self) -> Iterator[Job]:
-        """A few extra jobs for checking: each value of an axis and each end of a draw occurs in one
-        of them, with the first values of all other axes and draws.
+        """Yield runs for checking only: each value of each axis and each end of a distribution
+        occurs in one of them, with the first values of all other axes and distributions.
         """
         varied = {a.key: a.values for a in self.axes} | {d.key: d.ends for d in self.draws}
         first = {key: values[0] for key, values in varied.items()}
@@ -82,5 +86,8 @@ class Study:
     def _job(
         self, number: int, base: StudiedScenario, seed: int, settings: dict[str, Value]
     ) -> Job:
+        """Return a run of a scenario with its place in the study, seed, and values of axes and
+        drawn settings.
+        """
         command = base.command(seed, settings)
         return Job(number, base, seed, settings, command, pictured=seed == self.seeds[0])

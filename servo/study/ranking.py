@@ -1,7 +1,7 @@
-"""The ranking of trackers on sequences: means with intervals, and tests against the best one.
+"""The ranking of trackers on sequences: means with 95 % intervals, and tests against the best one.
 
-The unit is the sequence: seeds on one recording are averaged first. A painted sequence is drawn by
-its seed, so that each seed is a sequence of its own.
+The independent unit is the sequence: the results of several seeds on one recording are averaged
+first. A painted sequence is drawn from its seed, so each seed counts as another sequence.
 """
 
 from collections.abc import Sequence
@@ -19,6 +19,7 @@ from tracking.statistics.comparisons import Interval, McNemar, cells, mean_of, p
 DECIDES = "frames_until_loss"
 """Measure compared in McNemar's test, as in the KAMS paper: the longer track is a success."""
 RANKS = "auc"
+"""Measure whose mean orders the trackers."""
 SHOWN = {
     "AUC": "auc",
     "late": "auc_late_3",
@@ -45,14 +46,16 @@ UNIT = "sequence"
 
 @dataclass(frozen=True, slots=True)
 class Rank:
-    """The results of one tracker over all runs."""
+    """The results of one tracker over all of its runs."""
 
     tracker: str
+    """Label of the tracker."""
     runs: int
+    """Number of runs."""
     means: dict[str, Interval]
     """Means over sequences by measure; measures without a value are left out."""
     families: dict[str, float | None]
-    """Mean success by sequence name; None if it could not be measured."""
+    """Mean area under the success curve by name of the sequence; None if it has no value."""
     against_best: McNemar | None
     """McNemar's test of this tracker against the best one; None for the best."""
     p: float
@@ -61,12 +64,14 @@ class Rank:
 
     @property
     def units(self) -> int:
-        """Number of sequences."""
+        """Return the number of sequences over which the ranking's mean is taken."""
         return self.means[RANKS].units if RANKS in self.means else 0
 
 
 def ranked(records: Sequence[Record]) -> list[Rank]:
-    """Rank the trackers of some records, the best one first."""
+    """Return the results of each tracker, ordered by mean area under the success curve, the best
+    first.
+    """
     by_label: dict[str, list[Record]] = {}
     for record in records:
         by_label.setdefault(record.settings[TRACKER], []).append(record)
@@ -86,9 +91,12 @@ def ranked(records: Sequence[Record]) -> list[Rank]:
 
 
 def compare(first: Sequence[Record], second: Sequence[Record], measure: str = DECIDES) -> McNemar:
-    """Compare two trackers by McNemar's test on the sequences of both.
+    """Compare two trackers by McNemar's test on the sequences that both have followed.
 
-    The higher mean of the measure over the seeds of a sequence is a success.
+    Args:
+        first: Runs of the first tracker.
+        second: Runs of the second tracker.
+        measure: Name of the measure; on each sequence the tracker with the higher mean wins.
     """
     a = _scores(first, measure)
     b = _scores(second, measure)
@@ -97,12 +105,16 @@ def compare(first: Sequence[Record], second: Sequence[Record], measure: str = DE
 
 
 def values(records: Sequence[Record], measure: str) -> Array:
-    """Return a measure of each sequence (n,): its mean over the seeds that have it."""
+    """Return the mean of a measure on each sequence (n,), in the measure's unit, over the seeds
+    with a finite value; sequences without one are left out.
+    """
     return np.array(list(_scores(records, measure).values()), dtype=float)
 
 
 def table_csv(ranks: Sequence[Rank]) -> str:
-    """Return the ranking as CSV."""
+    """Return the ranking as a CSV text with a line for each tracker: runs, means with the ends of
+    their 95 % intervals, and the test against the best.
+    """
     names = [m.name for m in MEASURES]
     head = [TRACKER, "runs", "unit", *titles(names), "z_against_best", "p_holm"]
     lines = [
@@ -120,7 +132,9 @@ def table_csv(ranks: Sequence[Rank]) -> str:
 
 
 def _scores(records: Sequence[Record], measure: str) -> dict[tuple[str, int], float]:
-    """Mean of a measure by sequence, and by seed where the seed draws the sequence."""
+    """Return the mean of a measure by name of the sequence, and by seed if the sequence is painted;
+    the seed of recordings is 0.
+    """
     found: dict[tuple[str, int], list[float]] = {}
     for r in records:
         value = r.measures.get(measure, np.nan)
@@ -130,11 +144,13 @@ def _scores(records: Sequence[Record], measure: str) -> dict[tuple[str, int], fl
 
 
 def _mean(records: Sequence[Record]) -> float:
+    """Return the mean area under the success curve over sequences; -inf if no run has a value."""
     found = values(records, RANKS)
     return float(found.mean()) if len(found) else -np.inf
 
 
 def _means(records: Sequence[Record]) -> dict[str, Interval]:
+    """Return the mean of each measure over sequences, by name of the measure."""
     found = {m.name: (values(records, m.name), m.most) for m in MEASURES}
     return {
         name: mean_of(scores, least=0.0, most=most)
@@ -144,6 +160,7 @@ def _means(records: Sequence[Record]) -> dict[str, Interval]:
 
 
 def _families(records: Sequence[Record]) -> dict[str, float | None]:
+    """Return the mean area under the success curve by name of the sequence; None without value."""
     names = dict.fromkeys(r.settings["family"] for r in records)
     means = {name: _mean([r for r in records if r.settings["family"] == name]) for name in names}
     return {name: mean if np.isfinite(mean) else None for name, mean in means.items()}

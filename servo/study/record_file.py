@@ -1,4 +1,4 @@
-"""Records of runs: as texts and bytes for the store, and as tables for users."""
+"""Converts records of runs to texts and bytes for the database, and to tables for users."""
 
 import io
 import json
@@ -11,13 +11,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from servo.scenario.toml import Table
 from servo.study.bounds import MissedBound
 from servo.study.run import SCENARIO, Record, Row, version_columns
 from tracking.files.json_text import as_json
 
 RUN = "run"
 MISSED = pa.list_(pa.struct([(name, pa.string()) for name in ("name", "found", "bound")]))
-"""Numbers are texts here, because a bound on the outcome is a word."""
+"""Type of the column of missed bounds; numbers are texts, as the bound on the outcome is."""
 
 
 def stored(record: Record) -> tuple[str, bytes, bytes | None]:
@@ -30,7 +31,9 @@ def stored(record: Record) -> tuple[str, bytes, bytes | None]:
 
 
 def record_of(text: str, series: bytes | None, sheet: bytes | None) -> Record:
-    """Return the record that `stored` made these of; without series where there is None."""
+    """Return the record whose JSON, NPZ file and JPEG `stored` returned; a series or contact sheet
+    that is None is left out.
+    """
     found = json.loads(text)
     measures = found["measures"].items()
     found["measures"] = {k: np.nan if v is None else float(v) for k, v in measures}
@@ -41,7 +44,9 @@ def record_of(text: str, series: bytes | None, sheet: bytes | None) -> Record:
 
 
 def series_table(records: Sequence[Record]) -> pa.Table:
-    """Return the series of records as lists, and their contact sheets; a row for each run."""
+    """Return a table with a row for each run: its number, its values over time as lists, and its
+    contact sheet as JPEG.
+    """
     names = dict.fromkeys(name for record in records for name in record.series)
     lists = {name: pa.array([record.series.get(name) for record in records]) for name in names}
     sheets = pa.array([record.sheet for record in records], pa.binary())
@@ -49,13 +54,14 @@ def series_table(records: Sequence[Record]) -> pa.Table:
 
 
 def table_of(batches: Iterable[Sequence[Record]]) -> pa.Table:
-    """Return a row for each record, as users have them; settings of mixed types are texts.
+    """Return the table of a study's results, with a row for each run: settings, outcome, measures
+    and versions. A setting whose values have several types is a column of texts.
 
     Args:
-        batches: Records in the order of the study, at least one; they are read batch by batch,
-            because a hundred thousand records take more memory than their table.
+        batches: Records in the order of the study, at least one, in batches: a hundred thousand
+            records at once would take much more memory than their table.
     """
-    settings: list[dict[str, Any]] = []
+    settings: list[Table] = []
     tables: list[pa.Table] = []
     for records in batches:
         settings += [record.settings for record in records]
@@ -71,7 +77,7 @@ def table_of(batches: Iterable[Sequence[Record]]) -> pa.Table:
 
 
 def _types(record: Record) -> dict[str, pa.DataType]:
-    """Return the types of a record's short columns, without its settings."""
+    """Return the types of the columns of results, without the columns of settings."""
     return {
         RUN: pa.int64(),
         record.subject_is: pa.string(),
@@ -86,7 +92,7 @@ def _types(record: Record) -> dict[str, pa.DataType]:
 
 
 class _Columns(dict[str, Sequence[Any]]):
-    """The columns of a table, read when they are first used."""
+    """The columns of a table by name, each converted to a sequence when it is first used."""
 
     def __init__(self, table: pa.Table) -> None:
         super().__init__()
@@ -101,10 +107,11 @@ class _Columns(dict[str, Sequence[Any]]):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TableRow(Mapping[str, Any]):
-    """A row of a table; a hundred thousand of them need no more memory than the columns."""
+    """A row of a table: values by name of the column, which all rows share to save memory."""
 
     columns: _Columns
     place: int
+    """Index of the row."""
 
     def __getitem__(self, name: str) -> Any:
         value = self.columns[name][self.place]
@@ -118,7 +125,7 @@ class TableRow(Mapping[str, Any]):
 
 
 def rows_of(table: pa.Table) -> list[Row]:
-    """Return the rows of a table."""
+    """Return the rows of a table of results, as mappings from column to value; nan becomes None."""
     columns = _Columns(table)
     return [TableRow(columns, place) for place in range(table.num_rows)]
 
@@ -130,11 +137,13 @@ def parquet(table: pa.Table) -> bytes:
     return sink.getvalue().to_pybytes()
 
 
-def _cell(value: Any, kind: pa.DataType) -> Any:
+def _cell(value: object, kind: pa.DataType) -> object:
+    """Return a value for a column of a type: as text for a column of texts."""
     return value if kind != pa.string() or value is None else str(value)
 
 
-def _type(values: Iterable[Any]) -> pa.DataType:
+def _type(values: Iterable[object]) -> pa.DataType:
+    """Return the type of a column: bool, int, float, or text for mixed types."""
     kinds = {type(v) for v in values}
     if kinds == {bool}:
         return pa.bool_()

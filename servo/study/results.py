@@ -1,8 +1,8 @@
-"""The results of a study: its units, cells with intervals, and paired comparisons.
+"""The results of a study: means with 95 % intervals, and paired comparisons.
 
-A unit is what could have been otherwise, over which intervals are taken. Over several scenarios it
-is the scenario; else the seed, which decides the draws in all cells. Seeds that draw nothing, so
-that all runs of a cell are alike, are one observation.
+A cell is one combination of axis values. A unit is an independent observation: a scenario if the
+study has several, else a seed, which has the same drawn settings in all cells. If seeds change
+nothing, all runs of a cell together are one observation.
 """
 
 from collections.abc import Collection, Iterable, Sequence
@@ -13,6 +13,7 @@ import numpy as np
 
 from servo.loop.measure import COUNTED, MEASURES, TIMED
 from servo.scenario.expected import SUCCESS_RATE
+from servo.scenario.toml import Table
 from servo.study.plan import Study
 from servo.study.run import SCENARIO, Row
 from servo.study.scenario_run import MEASURED, RECORDED, TRACK_MS
@@ -31,35 +32,37 @@ from tracking.statistics.comparisons import (
 SUCCESS = "success"
 UNTIMED = tuple(name for name, measure in MEASURES.items() if not measure.timed)
 SHOWN = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", TRACK_MS)
-"""Measures of a table in which nothing differs."""
+"""Measures that a table shows if no measure differs between the cells."""
 MOST_MOVED = 5
+"""Most measures in a table."""
 LEAST_MOVED = 0.05
-"""Least difference between cells, over the largest mean."""
+"""Least difference between cells that a table shows, as a share of the largest mean."""
 ALIKE = 0.98
-"""Correlation over the cells from which on a second measure says the same."""
+"""Least correlation over the cells at which a table shows only one of two measures."""
 COMPARED = ("first", "second", "unit", "wins", "losses", "ties", "z", "p", "p_holm")
-_Held = dict[Any, dict[tuple[Any, ...], bool]]
-"""Whether runs succeeded, by unit and by what else distinguishes them."""
+_Held = dict[Any, dict[tuple[object, ...], bool]]
+"""Success of runs by unit, and by scenario, other axes' values and seed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Units:
-    """Rows of a study by their unit."""
+    """The rows of a study's runs, grouped by unit."""
 
     name: str
-    """scenario, draw, seed, or run where all is one observation."""
+    """Kind of the units: scenario, draw (a seed with drawn settings), seed, or run (all runs are
+    one observation)."""
     rows: dict[Any, list[Row]]
+    """Rows by unit."""
 
     @staticmethod
     def of(rows: Sequence[Row], keys: Collection[str], drawn: bool, apart: str = "") -> "Units":
-        """Return the units of rows.
+        """Group the rows of a study's runs by unit.
 
         Args:
-            rows: Runs of one study.
-            keys: Its axes.
-            drawn: Whether its seeds draw settings.
-            apart: An axis whose values are compared: where this is the scenario, scenarios are no
-                units.
+            rows: Rows of runs.
+            keys: Names of the study's axes.
+            drawn: Whether the study has drawn settings.
+            apart: Axis whose values are compared; if it is "scenario", scenarios are no units.
         """
         if apart != SCENARIO and len({row.get(SCENARIO) for row in rows}) > 1:
             return Units("scenario", _by(rows, [SCENARIO]))
@@ -68,7 +71,10 @@ class Units:
         return Units("run", {(): list(rows)} if rows else {})
 
     def mean(self, name: str) -> Interval | None:
-        """Return the mean over the units of a measure's mean in each; None if no run has it."""
+        """Return the mean of a measure over the units, with its 95 % interval; None without values.
+
+        The value of a unit is the mean over its runs. Shares are in percent.
+        """
         scores = [found.mean() for rows in self.rows.values() if len(found := values(rows, name))]
         if not scores:
             return None
@@ -80,19 +86,22 @@ class Units:
 
 
 def values(rows: Iterable[Row], name: str) -> Array:
-    """Return the finite values (n,) of a measure."""
+    """Return the finite values (n,) of a measure in some rows, in the measure's unit."""
     found = np.array([r[name] for r in rows if r.get(name) is not None], dtype=float)
     return found[np.isfinite(found)]
 
 
 def uncounted(rows: Sequence[Row]) -> str:
-    """Return a sentence where there are runs and none lasts until its errors count."""
+    """Return a sentence if all runs end before the time `measure.after`, from which on errors
+    count; else "".
+    """
     if not rows or any(len(values(rows, name)) for name in COUNTED):
         return ""
     return "No run reaches measure.after: what counts from there on has no value."
 
 
 def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
+    """Group rows by the tuple of their values in some columns."""
     found: dict[Any, list[Row]] = {}
     for row in rows:
         found.setdefault(tuple(row.get(key) for key in keys), []).append(row)
@@ -100,33 +109,36 @@ def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
 
 
 def _varies(rows: Sequence[Row], keys: Collection[str]) -> bool:
-    """Return whether two seeds of a cell differ in anything but time."""
+    """Return whether two seeds of a cell differ in outcome or in a measure other than times."""
     cells = _by(rows, [SCENARIO, *keys]).values()
     return any(len(_by(cell, ["outcome", *UNTIMED])) > 1 for cell in cells)
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """The runs with one combination of axis values."""
+    """Means over the runs with one combination of axis values."""
 
-    settings: dict[str, Any]
+    settings: Table
+    """Axis values by name of the axis."""
     runs: int
+    """Number of runs."""
     unit: str
-    """Kind of the units over which its intervals are."""
+    """Kind of the units over which intervals are taken (`Units.name`)."""
     success: Interval | None
+    """Share of runs that succeed, from 0 to 1."""
     means: dict[str, Interval]
     """Means of the measures over the runs in which they are finite; others are left out."""
     finite: dict[str, int]
     """Number of those runs by measure."""
 
     @staticmethod
-    def of(settings: dict[str, Any], rows: Sequence[Row], *, drawn: bool) -> "Cell":
-        """Return the counts and means of runs (at least one) with the same values on all axes.
+    def of(settings: Table, rows: Sequence[Row], *, drawn: bool) -> "Cell":
+        """Return the means over runs with one combination of axis values.
 
         Args:
-            settings: These values by setting.
-            rows: The runs.
-            drawn: Whether each seed draws settings: intervals are then over seeds.
+            settings: Axis values by name of the axis.
+            rows: The runs' rows, at least one.
+            drawn: Whether the study has drawn settings; intervals are then over seeds.
         """
         units = Units.of(rows, settings, drawn)
         found = {name: units.mean(name) for name in MEASURED}
@@ -137,40 +149,45 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """Two values of the compared axis, over units with runs that are otherwise the same."""
+    """Comparison of two values of an axis, over pairs of runs that differ in nothing else."""
 
-    first: Any
-    second: Any
+    first: object
+    second: object
     unit: str
+    """Kind of the units that are counted (`Units.name`)."""
     test: McNemar
-    """Counts units in which the first, the second, neither succeeded more often."""
+    """Numbers of units in which the first, the second, or neither value succeeded more often."""
     p_holm: float
     """The exact p value, corrected for the number of comparisons (Holm)."""
 
     @property
-    def cells(self) -> list[Any]:
-        """Its values, as `COMPARED` names them."""
+    def cells(self) -> list[object]:
+        """Return the values of a table's row whose titles are `COMPARED`."""
         t = self.test
         return [self.first, self.second, self.unit, t.wins, t.losses, t.ties, t.z, t.p, self.p_holm]
 
 
-def grouped(keys: Sequence[str], rows: Iterable[Row]) -> list[tuple[dict[str, Any], list[Row]]]:
-    """Return the rows grouped by the values of axes, in the order of the rows."""
+def grouped(keys: Sequence[str], rows: Iterable[Row]) -> list[tuple[Table, list[Row]]]:
+    """Group rows by their values in the columns `keys`, such as axes.
+
+    Returns:
+        The values by column, and the rows that have them, in the order of the rows.
+    """
     groups = _by(rows, keys)
     return [(dict(zip(keys, at, strict=True)), group) for at, group in groups.items()]
 
 
 def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
-    """Return the cells that have runs, in the order of the study."""
+    """Return the means for each combination of axis values that has runs, in the study's order."""
     drawn = bool(study.draws)
     return [Cell.of(settings, group, drawn=drawn) for settings, group in grouped(study.keys, rows)]
 
 
 def moved(cells: Sequence[Cell]) -> list[str]:
-    """Return the measures that differ most between the cells, at most `MOST_MOVED`.
+    """Return the names of up to `MOST_MOVED` measures that differ most between the cells.
 
-    A difference counts against the intervals of the means, and has to be a part of the largest
-    mean. A measure that goes with an earlier one is left out, as a peak with its rms.
+    Differences are relative to the intervals of the means; small ones do not count. Of measures
+    that are strongly correlated, such as rms and peak of one error, only the first is returned.
     """
     scores: dict[str, float] = {}
     values: dict[str, Array] = {}
@@ -197,10 +214,16 @@ def moved(cells: Sequence[Cell]) -> list[str]:
 def comparisons(
     key: str | None, axes: Sequence[str], rows: Sequence[Row], *, drawn: bool = False
 ) -> list[Compared]:
-    """McNemar's test on success for every pair of values of the axis `key`, with Holm's correction.
+    """Compare every pair of values of an axis by McNemar's test on success, with Holm's correction.
 
-    The two are compared in each unit, over the runs that are otherwise the same in both: same
-    scenario, seed, and other axes. `drawn`: whether the seeds draw settings.
+    Two values are compared in each unit over pairs of runs of the same scenario, seed and values of
+    the other axes.
+
+    Args:
+        key: Name of the compared axis; None: no comparisons.
+        axes: Names of all axes.
+        rows: Rows of the study's runs.
+        drawn: Whether the study has drawn settings.
     """
     if key is None:
         return []
@@ -217,7 +240,7 @@ def comparisons(
 
 
 def cells_csv(study: Study, found: Sequence[Cell]) -> str:
-    """Return the cells as CSV.
+    """Return the cells of a study as a CSV text with a line for each.
 
     Columns are the axes, runs, unit, success rate and means with 95 % intervals, and the number of
     runs in which each measure is finite.
@@ -243,6 +266,7 @@ def _rate(held: _Held) -> float:
 
 
 def _mcnemar(first: _Held, second: _Held) -> McNemar:
+    """Compare success rates in each unit over the runs that two values of an axis both have."""
     rates: list[tuple[float, float]] = []
     for unit in first.keys() & second.keys():
         both = first[unit].keys() & second[unit].keys()

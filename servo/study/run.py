@@ -1,84 +1,95 @@
-"""A run of a study: its job beforehand; afterwards its record, or the reason why it has none."""
+"""A run as values: a `Job` before it, and a `Record` or a `Failure` after it."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from servo.mistake import FULL, Mistake
 from servo.output.versions import versions
-from servo.scenario.draws import Value
+from servo.scenario.toml import Table
 from servo.study.bounds import MissedBound
 from tracking.files.json_text import as_json, number
 
+Task = TypeVar("Task")
+Done = TypeVar("Done")
+Series = NDArray[Any]
+"""Numbers or flags (n,)."""
 Row = Mapping[str, Any]
-"""The cells of a record by column."""
+"""A run's row in a table of results: values by column."""
 SCENARIO = "scenario"
 SEQUENCE = "sequence"
 VERSION = "version_"
+"""Prefix of the columns of versions."""
 NO_THREAD = "can't start new thread"
-"""Python's words where there is no memory for the stack of a thread."""
+"""Part of Python's message if there is no memory for a thread's stack."""
 TOO_LITTLE = "there is too little memory, or too few processes are allowed (ulimit -a)"
 
 
 class Subject(Protocol):
-    """What a job runs."""
+    """What a job runs: a scenario, or a tracker on a sequence."""
 
     @property
     def name(self) -> str:
-        """Its name in tables."""
+        """Return the name of the scenario or the sequence in tables."""
         ...
 
-    def describe(self) -> dict[str, Any]:
-        """Return what decides the numbers, in the types of JSON."""
+    def describe(self) -> dict[str, object]:
+        """Return all settings that decide the results, in types of JSON."""
         ...
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run a job of this subject; it may write files of its own into the study's folder."""
+        """Run a job of this subject and return its record.
+
+        Args:
+            job: Has the seed and the values of axes.
+            folder: The study's folder, into which files such as tracks may be written.
+        """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One run, with all that a worker needs; it is sent between processes."""
+    """One run that is to be done; it is sent to worker processes."""
 
     number: int
     """Place in its study, from 0."""
     subject: Subject
+    """The scenario, or the tracker and its sequence."""
     seed: int
-    settings: dict[str, Value] = field(default_factory=dict[str, Value])
-    """What distinguishes it from the others: values of axes and draws, by key."""
+    settings: Table = field(default_factory=dict[str, object])
+    """Values of the study's axes and drawn settings in this run, by name."""
     command: str = ""
-    """Repeats this run alone."""
+    """Command line that repeats this run alone."""
     pictured: bool = False
-    """Whether its contact sheet is kept."""
+    """Whether a contact sheet of the run is made."""
     name: str = ""
-    """Name of its file, where other jobs than those of one plan share the folder."""
+    """Unique name in the study's folder, for jobs without a number in a plan."""
 
     @property
     def key(self) -> str:
-        """Name of its file."""
+        """Return the name under which the record is stored, unique in the study's folder."""
         return self.name or key_of(self.number)
 
-    def describe(self) -> dict[str, Any]:
-        """Return what decides its record, versions apart, in the types of JSON."""
+    def describe(self) -> dict[str, object]:
+        """Return all settings that decide the record, without versions, in types of JSON."""
         return {"subject": self.subject.describe(), "seed": self.seed, "settings": self.settings}
 
     @property
     def digest(self) -> str:
-        """Digest of what decides its record, versions apart."""
+        """Return the SHA-256 digest of all settings that decide the record, without versions."""
         return hashlib.sha256(json.dumps(as_json(self.describe())).encode()).hexdigest()
 
     def run(self, folder: Path) -> Record:
-        """Run it; `folder` is that of its study.
+        """Run this job and return its record; files such as tracks go into the study's folder.
 
         Raises:
             Mistake: A setting is not valid.
@@ -88,44 +99,46 @@ class Job:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
-    """A finished run of a scenario in the closed loop, or of a tracker on a sequence."""
+    """The results of a finished run of a scenario, or of a tracker on a sequence."""
 
     number: int = 0
     """Place in its study, from 0."""
     subject: str
     """Name of the scenario or the sequence."""
     subject_is: str = SCENARIO
+    """SCENARIO or SEQUENCE."""
     seed: int
     settings: dict[str, Any] = field(default_factory=dict[str, Any])
-    """What distinguishes the run from others of its study: values of axes and draws by key."""
+    """Values of the study's axes and drawn settings in this run, by name."""
     command: str = ""
-    """Repeats the run alone."""
+    """Command line that repeats this run alone."""
     outcome: str
     """Name of the outcome."""
     limits: tuple[str, ...] = ()
-    """The joints whose limits were hit, where this is the outcome; not in a row."""
+    """Names of the joints at their limits, if the outcome is LIMIT_HIT."""
     off: tuple[str, ...] = ()
-    """What was too far from the goal in the end, where time ran out; not in a row."""
+    """Errors that were too large at the end, such as "angle 27 deg", if it is TIMED_OUT."""
     success: bool
     """Whether it ended as expected."""
     measures: dict[str, float]
-    """Values by name; nan or infinite where there is no value."""
+    """Measures by name; nan or infinite without a value."""
     missed: tuple[MissedBound, ...] = ()
+    """Bounds that the run did not keep."""
     repeats: bool = True
-    """Whether a repetition gives the same numbers, by the scenario's settings: a user's part that
-    draws random numbers of its own is not noticed, but `servo.testing` finds it."""
+    """Whether a repetition should give the same numbers, judged from the settings only
+    (`servo.testing` finds components that do not repeat)."""
     versions: dict[str, str] = field(default_factory=versions)
-    """Those that decide the numbers."""
-    series: dict[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
+    """Versions of the packages that decide the numbers, by name."""
+    series: dict[str, Series] = field(default_factory=dict[str, Series])
     """Values over time, or curves, by name."""
     sheet: bytes | None = None
-    """A contact sheet as JPEG."""
+    """A contact sheet of the run's pictures as JPEG."""
     seconds: float = np.nan
-    """Wall-clock time; nan in a record that was read from a file."""
+    """Wall-clock time of the run [s]; nan in a record that was read from a file."""
 
     @property
     def row(self) -> Row:
-        """The short columns of its row; a measure without a finite value is None."""
+        """Return the run's row in a table of results; a measure without a finite value is None."""
         return {
             "run": self.number,
             self.subject_is: self.subject,
@@ -144,12 +157,12 @@ class Record:
 
 
 def key_of(number: int) -> str:
-    """Name of the file of a run by its place in its study."""
+    """Return the name under which a study stores a run, such as "000012" for number 12."""
     return f"{number:06}"
 
 
 def version_columns(found: Mapping[str, str]) -> dict[str, str]:
-    """Versions by the name of their column."""
+    """Return versions by column in place of package, such as "version_numpy" for "numpy"."""
     return {f"{VERSION}{n.replace('-', '_').replace(' ', '_')}": v for n, v in found.items()}
 
 
@@ -158,23 +171,23 @@ def _text(value: float | str | None) -> str | None:
 
 
 class ClusterLost(RuntimeError):
-    """A cluster that has stopped working; the message names it and the reason."""
+    """A Dask cluster has stopped working; the message names the cluster and the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Why a job has no record."""
+    """The error that ended a job without a record."""
 
     error: str
     """The traceback."""
     mistake: str = ""
-    """The sentence, where it is the user's mistake or the machine's lack of room."""
+    """A sentence, if the error is a mistake of the user, or a full disk or memory."""
     full: bool = False
-    """Whether the machine has no more room: the other jobs would fail as well."""
+    """Whether disk or memory is full, so that all other jobs would fail too."""
 
     @staticmethod
     def of(error: BaseException) -> Failure:
-        """Describe an error that a job raised."""
+        """Return the failure that an exception of a job means."""
         trace = "".join(traceback.format_exception(error))
         if isinstance(error, OSError) and error.errno in FULL:
             return Failure(trace, f"{error.filename}: {error.strerror}", full=True)
@@ -184,5 +197,13 @@ class Failure:
 
     @property
     def reason(self) -> str:
-        """The sentence, or the last line of the traceback."""
+        """Return the sentence about the error, or the last line of the traceback."""
         return self.mistake or self.error.strip().splitlines()[-1]
+
+
+def attempt(work: Callable[[Task], Done], task: Task) -> Done | Failure:
+    """Do a task; return its result, or the failure that an exception of `work` means."""
+    try:
+        return work(task)
+    except Exception as error:
+        return Failure.of(error)

@@ -1,12 +1,13 @@
-"""The report of a run: its record with all settings, for the page about it."""
+"""The file report.json of a run: its results and all settings, the data of its report page."""
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from servo.loop.measure import MEASURES
 from servo.loop.step import Scene
 from servo.output.formats import Made, Number
 from servo.scenario.load import Scenario
+from servo.scenario.toml import Table, is_table
 from servo.study.bounds import MissedBound, unjudged
 from servo.study.run import Record
 from sim.outline import Outline
@@ -35,35 +36,42 @@ class RunReport(Made):
     features: dict[str, str]
     """Units of the features by name."""
     feed_forward: list[str]
-    """Features for which the target's motion is drawn."""
-    settings: dict[str, Any]
+    """Features for which the report plots the target's motion."""
+    settings: Table
     """All settings of the run, including defaults and the target's rectangle."""
-    table: dict[str, Any]
+    table: Table
     """The scenario's TOML table, including changes."""
     limits: list[str] = field(default_factory=list[str])
-    """The joints whose limits were hit, where this is the outcome."""
+    """Names of the joints at their limits, if the outcome is LIMIT_HIT."""
     off: list[str] = field(default_factory=list[str])
-    """What was too far from the goal in the end, where time ran out, such as "angle 27 deg"."""
+    """Errors that were too large at the end, such as "angle 27 deg", if it is TIMED_OUT."""
     repeats: bool = True
     """Whether the same command gives the same numbers."""
     rates: dict[str, Number] = field(default_factory=dict)
-    """Rates that the run used [Hz], where the camera's rate left those asked for no whole steps."""
+    """Rates that the run used [Hz] where they differ from the settings, by setting."""
     outline_centre: list[Number] = field(default_factory=list[Number])
-    """The centre of the target's reference rectangle in the target's frame, along whose x and y its
-    sides lie: x, y, z [m]."""
+    """Centre of the target's reference rectangle in the target's frame: x, y, z [m]."""
     unjudged: str = ""
-    """Why there is no verdict: the bounds are made for another tracker, or for many seeds."""
+    """Why the run has no verdict: the bounds are for another tracker, or for many seeds."""
     uncertain: str = ""
-    """What the tracker saw, but stated too uncertainly to be servoed."""
+    """A sentence about estimates that were too uncertain to be used for servoing."""
 
     @staticmethod
     def of(record: Record, scenario: Scenario, scene: Scene, uncertain: str = "") -> "RunReport":
-        """The report of a run, with a sentence about what was uncertain."""
+        """Return the report of a run.
+
+        Args:
+            record: Results of the run.
+            scenario: The scenario that was run.
+            scene: Target and features of the run.
+            uncertain: A sentence about estimates that were too uncertain to be used.
+        """
         why = unjudged(scenario, record.success)
         settings = scenario.settings()
-        if "outline" in settings["target"]:  # by default it is measured on the model
+        target = settings["target"]
+        if is_table(target) and "outline" in target:  # by default it is measured on the model
             sides = Outline(scene.outline)
-            settings["target"] |= {"outline": (sides.length, sides.width, sides.height)}
+            target["outline"] = (sides.length, sides.width, sides.height)
         return RunReport(
             command=record.command,
             versions=record.versions,

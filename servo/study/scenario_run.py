@@ -1,4 +1,4 @@
-"""Runs of scenarios in the closed loop: their subjects, and their records."""
+"""Runs scenarios in the closed loop as jobs of a study, and makes the records of the runs."""
 
 import copy
 import functools
@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import tomli_w
-from numpy.typing import NDArray
 
 from servo.loop.columns import Columns
 from servo.loop.episode import Episode
@@ -28,74 +27,82 @@ from servo.scenario.named_files import digest_of
 from servo.scenario.toml import Table, assignment, put
 from servo.study.axes import SCENARIO, Named
 from servo.study.bounds import check_expect, missed_bounds, unjudged
-from servo.study.run import Job, Record
+from servo.study.run import Job, Record, Series
 from sim.kinds import UnknownKind
+from sim.types import Image
 from tracking.drawing.contact_sheet import page, tile
 from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture
 
 TILES = 8
+"""Pictures of a contact sheet."""
 JPEG_QUALITY = 80
 CAMERA = tuple(f"camera_{axis}_m" for axis in "xyz")
-"""The camera's place in the target's frame: x along the nose, y to its right, z into the table."""
+"""Series of the camera's position in the target's frame [m]: x ahead, y to the right, z down."""
 CORNERS = tuple(f"corner{i}_{axis}_px" for i in range(4) for axis in "uv")
-"""Projected corners of the target's reference rectangle."""
+"""Series of the true image corners of the target's reference rectangle [px]."""
 TRACK = 1
-"""Place of the tracker's time among those of a step."""
+"""Index of the tracker's time among the times of a step."""
 TRACK_MS = "track_ms"
 RECORDED = MEASURES | {
     TRACK_MS: Measure(TRACK_MS, "ms", "the tracker's time for a picture, median", timed=True)
 }
-"""The measures of a record, by name: those of a run's steps, and the time of the tracker alone."""
+"""The measures of a record, by name: those of a run, and the time of the tracker alone."""
 MEASURED = tuple(RECORDED)
 TIMES = tuple(name for name, measure in RECORDED.items() if measure.timed)
-"""Measured times, which differ when a run is repeated."""
+"""Names of measured times, which differ when a run is repeated."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoadedScenario:
-    """A subject: a scenario as it was loaded, with its seed."""
+    """A scenario that is run as it was loaded, with the seed in its settings."""
 
     scenario: Scenario
 
     @property
     def name(self) -> str:
-        """Name of the scenario."""
+        """Return the name of the scenario."""
         return self.scenario.name
 
-    def describe(self) -> dict[str, Any]:
-        """The scenario's table."""
+    def describe(self) -> Table:
+        """Return the scenario's name and table, which decide the results."""
         return {"scenario": self.name, "table": self.scenario.table}
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the scenario."""
+        """Run the scenario for a job, and return the record; no file is written."""
         return _performed(job, self.scenario, {})
 
 
 @dataclass(frozen=True, slots=True)
 class StudiedScenario:
-    """A subject: a scenario that a study changes, parsed where it is run."""
+    """A scenario of a study, which is changed and parsed anew for each run."""
 
     name: str
     """Shipped name, or path of a TOML file."""
     table: Table
+    """The scenario's table, without changes."""
     place: str
-    """Its file, for messages."""
+    """The scenario's file, for messages."""
     study: str = ""
     """The study's file, for messages."""
-    changes: dict[str, Value] = field(default_factory=dict[str, Value])
-    """Settings that all runs of the study have in common."""
-    named: Named = field(default_factory=dict[str, dict[str, dict[str, Value]]])
-    """Groups of settings that values of axes name, by axis and name."""
+    changes: Table = field(default_factory=dict[str, object])
+    """Settings of all runs of the study, by dotted key."""
+    named: Named = field(default_factory=dict[str, dict[str, Table]])
+    """Groups of settings by axis and name."""
     files: dict[str, str] = field(default_factory=dict[str, str])
     """Digests of the files that the study names, by path."""
 
-    def describe(self) -> dict[str, Any]:
-        """The scenario's table, and what the study changes in it."""
+    def describe(self) -> Table:
+        """Return the scenario's name and table, and the settings of all runs of the study."""
         return {"scenario": self.name, "table": self.table, "changes": self.changes}
 
-    def table_of(self, seed: int, settings: dict[str, Value]) -> Table:
-        """The scenario's table with all changes of one run."""
+    def table_of(self, seed: int, settings: Table) -> Table:
+        """Return the scenario's table with all changes of one run.
+
+        Args:
+            seed: The run's seed.
+            settings: Values of the study's axes and drawn settings, by name.
+        """
         table = copy.deepcopy(self.table)
         table.pop("sweep", None)
         for key, value in _ordered(self.changes | self._own(settings)).items():
@@ -103,34 +110,35 @@ class StudiedScenario:
         put(table, "run.seed", seed, self.study)
         return table
 
-    def parsed(self, seed: int, settings: dict[str, Value]) -> Scenario:
-        """The scenario of one run.
+    def parsed(self, seed: int, settings: Table) -> Scenario:
+        """Return the scenario of one run; the arguments are those of `table_of`.
 
         Raises:
-            Mistake: A setting is not valid.
+            Mistake: A setting or a bound is not valid.
         """
         scenario = scenarios.parse(self.table_of(seed, settings), self.name, self.place, self.table)
         check_expect(scenario)
         return scenario
 
-    def command(self, seed: int, settings: dict[str, Value]) -> str:
-        """The command that repeats one run alone."""
+    def command(self, seed: int, settings: Table) -> str:
+        """Return the command line that repeats one run alone; arguments are as for `table_of`."""
         changes = _ordered(self.changes | self._own(settings))
         return command_line(
             "run", self.name, seed=seed, set=[f"{k}={_toml(v)}" for k, v in changes.items()]
         )
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the scenario of a job; it was right where the study began.
+        """Run the scenario with the settings of a job, and return the record; no file is written.
 
         Raises:
-            Mistake: This machine lacks a package, or a file differs.
+            Mistake: A package that the scenario needs is missing on this machine, or a file has
+                changed since the study began.
         """
         for path, digest in self.files.items():
             if digest_of(path) != digest:
                 raise Mistake(
-                    f"on {platform.node()}, the file {path} is not the one that the study began "
-                    "with"
+                    f"on {platform.node()}, the file {path} is missing or differs from the one at "
+                    "the start of the study; copy it there"
                 )
         try:
             scenario = self.parsed(job.seed, job.settings)
@@ -140,9 +148,11 @@ class StudiedScenario:
             raise Mistake(f"the worker on {platform.node()} lacks a package: {error}") from error
         return _performed(job, scenario, _kept(frozenset(self.files.items())))
 
-    def _own(self, settings: dict[str, Value]) -> dict[str, Value]:
-        """The settings of one run, those of named groups one by one."""
-        found: dict[str, Value] = {}
+    def _own(self, settings: Table) -> Table:
+        """Return the settings of one run by dotted key, with the settings of each named group in
+        place of the group's name.
+        """
+        found: Table = {}
         for key, value in settings.items():
             if key != SCENARIO:
                 found |= self.named[key][str(value)] if key in self.named else {key: value}
@@ -156,13 +166,13 @@ def record_of(
     seconds: float = np.nan,
     sheet: bytes | None = None,
 ) -> Record:
-    """Return the record of a run from its steps.
+    """Return the record of a run.
 
     Args:
-        job: What was run.
-        scenario: As it was run.
-        steps: All of them, or their columns; they need no pictures.
-        seconds: Wall-clock time.
+        job: The job of the run.
+        scenario: The scenario that was run.
+        steps: All steps of the run, or their columns; pictures are not used.
+        seconds: Wall-clock time of the run [s].
         sheet: The run's contact sheet as JPEG.
     """
     run = Columns.of(steps)
@@ -192,38 +202,43 @@ def record_of(
 
 
 class Sheet:
-    """A contact sheet of some pictures of a run, evenly spaced."""
+    """A contact sheet: one picture with `TILES` evenly spaced pictures of a run of some frames."""
 
     def __init__(self, frames: int) -> None:
         self._shown = set(np.linspace(0, frames - 1, TILES).astype(int))
-        self._tiles: list[Any] = []
+        self._tiles: list[Image] = []
 
     def add(self, step: Step) -> None:
-        """Take a step with its picture, which is shown if it is one of these."""
+        """Draw the picture of a step, with the true corners and the estimate, into the sheet if it
+        is one of the evenly spaced ones.
+        """
         if step.frame.index in self._shown:
             picture = Picture(f"{step.frame.time:.1f} s", step.frame.time, step.frame.image)
             outline = step.estimate.outline(step.region)
             self._tiles.append(tile(picture, step.truth.corners, outline))
 
     def jpeg(self) -> bytes:
-        """Return the sheet of what was added."""
+        """Return the contact sheet of the pictures so far as JPEG."""
         return encoded(page(self._tiles), JPEG_QUALITY)
 
 
 Kept = dict[str, tuple[Any, Any]]
-"""Robot and target of a run, which the next one uses again; see `Episode`."""
+"""Robot and target of a run, which the next run of this process uses again (see `Episode`)."""
 
 
 @functools.lru_cache(maxsize=1)
 def _kept(files: frozenset[tuple[str, str]]) -> Kept:
-    """Return those of this process's last run of a study, given the digests of its files. To build
-    a target from a mesh takes 65 ms, three times as long as everything else before a run.
+    """Return a dictionary in which `Episode` keeps robot and target for the next run, an empty one
+    when the digests of the study's files change.
+
+    To build a target from a mesh takes 65 ms, three times as long as everything else before a run.
     """
-    del files  # others begin anew
+    del files
     return {}
 
 
 def _performed(job: Job, scenario: Scenario, kept: Kept) -> Record:
+    """Run a scenario, and return the record of the job."""
     began = time.perf_counter()
     sheet = Sheet(scenario.frames) if job.pictured else None
     run = Columns()
@@ -236,22 +251,24 @@ def _performed(job: Job, scenario: Scenario, kept: Kept) -> Record:
     return record_of(job, scenario, run, time.perf_counter() - began, jpeg)
 
 
-def _ordered(settings: dict[str, Value]) -> dict[str, Value]:
-    """Settings with kinds and presets first: a change of kind clears the kind's other settings."""
+def _ordered(settings: Table) -> Table:
+    """Return settings with kinds first: a change of kind clears the other settings of its table."""
     return dict(sorted(settings.items(), key=lambda item: not item[0].endswith(".kind")))
 
 
 def _toml(value: Value) -> str:
-    """A value as TOML in one line; a text that --set would read as itself stays without quotes."""
+    """Return a value as TOML in one line; a text is quoted only if --set would misread it."""
     if isinstance(value, str) and assignment(f"key={value}") == ("key", value):
         return value
-    # Inside two lists everything is written as a value, never as a table of its own.
+    # Inside two lists a table is written inline, and not under a header of its own.
     lines = tomli_w.dumps({"key": [[value]]}).strip().split("\n")
     return " ".join(line.strip() for line in lines).removeprefix("key = [ [ ")[: -len(", ], ]")]
 
 
-def _series(run: Columns) -> dict[str, NDArray[Any]]:
-    """Values over time, in the precision of the files."""
+def _series(run: Columns) -> dict[str, Series]:
+    """Return the values over time of a run by name, in single precision, and whether the tracker
+    was on the target.
+    """
     corners = run["corners"].reshape(len(run), len(CORNERS))
     columns = {
         **dict(zip((*CAMERA, *CORNERS), np.hstack([run["camera"], corners]).T, strict=True)),

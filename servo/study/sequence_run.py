@@ -1,4 +1,4 @@
-"""Runs of trackers on sequences with a truth: their subjects, and their records."""
+"""Runs trackers on sequences with known truth as jobs, and makes the records of the runs."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from servo.closing import closing
 from servo.scenario.named_files import DIGITS, digest_of, digests, named_by
+from servo.scenario.toml import Table
 from servo.study.run import SEQUENCE, Job, Record
 from sim.kinds import kind_of
 from tracking.evaluation.track import Track, follow
@@ -27,76 +28,87 @@ from tracking.sequences.truth import Format
 TRACKS = "tracks"
 TRACKER = "tracker"
 SUCCESS_CURVE = "success_curve"
-"""Share of frames above each overlap threshold."""
+"""Series of a record: share of frames above each overlap threshold."""
 PRECISION_CURVE = "precision_curve"
-"""Share of frames within each error threshold."""
+"""Series of a record: share of frames within each error threshold."""
 LONGEST_LABEL = 60
+"""Most characters of a tracker's label."""
 NAMING = ("level", "colours")
-"""Settings of painted sequences that are part of their names."""
+"""Settings of painted sequences whose values are part of the sequence's name."""
 
 
 @dataclass(frozen=True, slots=True)
 class Contender:
-    """A tracker with its settings and its name in tables."""
+    """A tracker that is run on sequences, with its settings and its label in tables."""
 
     label: str
     config: Any
-    """Its `Config`."""
+    """The tracker's `Config`."""
 
     def __post_init__(self) -> None:
-        """Refuse a label that cannot be the name of a folder, in which tracks are stored."""
+        """Check the label, which names the folder of the tracker's tracks.
+
+        Raises:
+            ValueError: The label cannot be the name of a folder.
+        """
         label = self.label
         plain_name = label.isprintable() and not set(label) & {"/", "\\"} and label == label.strip()
         if not plain_name or not 0 < len(label) <= LONGEST_LABEL or label[0] == ".":
             raise ValueError(
-                f"'{label}' names a folder: 1 to {LONGEST_LABEL} characters without / and \\, "
-                "no dot in front"
+                f"'{label}' cannot name a folder: expected 1 to {LONGEST_LABEL} characters without "
+                "/ and \\, and no dot in front"
             )
 
-    def describe(self) -> dict[str, Any]:
-        """Kind and settings, and the digests of model files where it has some."""
-        found = {"kind": kind_of(self.config), "settings": as_json(self.config)}
-        return found | {"files": files} if (files := digests(named_by(self.config))) else found
+    def describe(self) -> Table:
+        """Return kind and settings of the tracker, and the digests of its model files if it has
+        some.
+        """
+        found: Table = {"kind": kind_of(self.config), "settings": as_json(self.config)}
+        if files := digests(named_by(self.config)):
+            found["files"] = files
+        return found
 
 
 @dataclass(frozen=True, slots=True)
 class Generated:
-    """A painted sequence."""
+    """A kind of painted sequences with its settings; each seed gives another sequence."""
 
     kind: str
     config: Any
+    """The sequence's `Config`."""
 
     @property
     def name(self) -> str:
-        """The kind, with the level or the colours if there are several."""
+        """Return the kind, followed by the level or the colours if the kind has such a setting."""
         found = [str(getattr(self.config, key)) for key in NAMING if hasattr(self.config, key)]
         return "-".join([self.kind, *found])
 
-    def describe(self) -> dict[str, Any]:
-        """Kind and settings."""
+    def describe(self) -> Table:
+        """Return kind and settings of the painted sequence."""
         return {"kind": self.kind, "settings": as_json(self.config)}
 
     def build(self, seed: int) -> Sequence:
-        """Paint it."""
+        """Return the sequence of a seed, whose pictures are painted when they are read."""
         return self.config.build(np.random.default_rng([seed, *self.kind.encode()]))
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """One sequence of a folder."""
+    """A recorded sequence of pictures with a file of its truth, in a folder of sequences."""
 
     folder: Path
     name: str
+    """Name of the sequence, which may be that of a folder inside."""
     truth_format: Format = Format.AUTO
     content: str = ""
-    """Digest of its pictures and its truth."""
+    """Digest of the pictures and the truth."""
 
     @staticmethod
     def all_in(folder: Path, form: Format = Format.AUTO) -> list[Recorded]:
-        """Return the sequences of a folder.
+        """Return the sequences in a folder whose truth files have a format.
 
         Raises:
-            ValueError: As for `read_all`.
+            ValueError: There is no sequence, or a picture or truth cannot be read.
         """
         found = list[Recorded]()
         for sequence in read_all(folder, RATE, form):
@@ -107,8 +119,8 @@ class Recorded:
             found.append(Recorded(folder, sequence.name, form, content.hexdigest()[:DIGITS]))
         return found
 
-    def describe(self) -> dict[str, Any]:
-        """Where it is, and what is in it."""
+    def describe(self) -> Table:
+        """Return folder, name, truth format, and digest of the content."""
         return {
             "folder": str(self.folder.resolve()),
             "name": self.name,
@@ -117,37 +129,38 @@ class Recorded:
         }
 
     def build(self, seed: int) -> Sequence:
-        """Read it."""
+        """Return the sequence, whose pictures are read when used; the seed has no effect."""
         found = read_all(self.folder, RATE, self.truth_format)
         return next(s for s in found if s.name == self.name)
 
 
 Entry = Generated | Recorded
-"""A sequence of a suite; all seeds of one name are averaged together."""
+"""A sequence of a suite; results of all seeds of one name are averaged."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrackedSequence:
-    """A subject: a sequence that a tracker follows."""
+    """A tracker and a sequence that it should follow."""
 
     contender: Contender
     entry: Entry
 
     @property
     def name(self) -> str:
-        """Name of the sequence, the same for all seeds."""
+        """Return the name of the sequence, which is the same for all seeds."""
         return self.entry.name
 
-    def describe(self) -> dict[str, Any]:
-        """Tracker and sequence."""
+    def describe(self) -> Table:
+        """Return kind and settings of the tracker and of the sequence."""
         return {"tracker": self.contender.describe(), "sequence": self.entry.describe()}
 
     def track_path(self, folder: Path, seed: int) -> Path:
-        """The file of a track in a study's folder."""
+        """Return the path of the CSV file with the estimates of a seed in a study's folder."""
         return folder / TRACKS / self.contender.label / f"{self.name}-{seed}.csv"
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Follow the sequence; the track is written into the folder.
+        """Let the tracker follow the sequence of a job, and return the record; the estimates are
+        written to `track_path` in the folder.
 
         Raises:
             OSError: The track cannot be written.

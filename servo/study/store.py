@@ -1,7 +1,7 @@
-"""The folder of a study, in which finished runs stay when a process is killed.
+"""The folder of a study, which keeps all finished runs even if the process is killed.
 
 `study.json` describes the study. `runs.sqlite` has a row for each finished run, which is written to
-the disk before the next one begins. At the end the rows are exported as `results.parquet` and
+the disk before the next run begins. At the end the rows are exported to `results.parquet` and
 `series.parquet`, for other programs. One process writes at a time; others may read meanwhile.
 """
 
@@ -23,6 +23,7 @@ from filelock import FileLock, Timeout
 from servo.mistake import Mistake, Refused, unwritable
 from servo.output.formats import Document, Made, Number, OtherFormat
 from servo.output.versions import versions
+from servo.scenario.toml import Table
 from servo.study.plan import Study
 from servo.study.record_file import parquet, record_of, series_table, stored, table_of
 from servo.study.run import Failure, Job, Record
@@ -31,7 +32,7 @@ from tracking.files.json_text import as_json
 
 RUNS = "runs.sqlite"
 BESIDE = ("", "-wal", "-shm", "-journal")
-"""Endings of the files that SQLite writes."""
+"""Endings of the files that SQLite writes for a database."""
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS runs (
     key TEXT PRIMARY KEY,
@@ -42,37 +43,37 @@ CREATE TABLE IF NOT EXISTS runs (
     checksum INTEGER
 )
 """
-"""Rows have the key and the digest of the job, the record as `record_file.stored` returns it, and
-a checksum of all this, because SQLite has none.
+"""A row has the key and the digest of a job, the record as `record_file.stored` returns it, and a
+checksum of the other columns, because SQLite has none.
 """
 FAILURES = "failures"
 RESULTS = "results.parquet"
 SERIES = "series.parquet"
 LOCK = ".lock"
 BATCH = 1000
-"""Records that are in memory at the same time when tables are made."""
+"""Most records that are in memory at once when tables are made."""
 MOST_FAILURES = 40
-"""Most failures with a file of their own."""
+"""Most files of failures in a folder."""
 DECIDE = ("table", "axes", "draws", "seeds", "scenarios", "files")
-"""Keys of study.json that must not differ between the sessions of one study."""
-GOES_ON = "the same command goes on from there"
+"""Keys of study.json that must be the same whenever a study is continued."""
+GOES_ON = "the finished runs are stored; run the same command again to continue"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyFile(Made):
-    """study.json: all that defines a study."""
+    """The file study.json, which describes a study and the command that began it."""
 
     FILE: ClassVar[str] = "study.json"
     KIND: ClassVar[str] = "study"
     FORMAT: ClassVar[int] = 2
 
     holds: str = "sweep"
-    """The command whose results are in the folder."""
+    """Name of the command whose results are in the folder."""
     name: str
     title: str
-    axes: dict[str, list[Any]]
-    draws: dict[str, dict[str, list[Any]]]
-    """The law of each drawn setting, and its numbers."""
+    axes: dict[str, list[object]]
+    draws: dict[str, dict[str, list[object]]]
+    """The distribution of each drawn setting, and its values."""
     seeds: list[int]
     compare: str | None
     """The axis whose values are compared with each other."""
@@ -81,13 +82,13 @@ class StudyFile(Made):
     table: dict[str, Any]
     """The study's TOML table, including the changes of the command line."""
     scenarios: dict[str, dict[str, Any]]
-    """Tables of the scenarios that the study changes, by name."""
+    """Tables of the study's scenarios, by name."""
     files: dict[str, str] = field(default_factory=dict[str, str])
     """Digests of the files that these tables name, by path."""
 
     @staticmethod
     def of(study: Study, command: str) -> StudyFile:
-        """Return the file of a study that a command line starts."""
+        """Return the file study.json of a study; `command` is the command line that begins it."""
         return StudyFile(
             command=command,
             versions=versions(),
@@ -107,39 +108,40 @@ class StudyFile(Made):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FailureFile(Document):
-    """failures/NUMBER.json: a run that ended in an error; it stays when the run is tried again and
-    finishes, because something in it does not repeat itself then.
+    """The file failures/NUMBER.json of a run that ended with an error.
+
+    The file is kept even if a later try of the run succeeds: it shows that the run does not repeat.
     """
 
     KIND: ClassVar[str] = "failure"
 
     run: int
-    settings: dict[str, Any]
+    settings: Table
     command: str
-    """The command that repeats this run alone."""
+    """Command line that repeats this run alone."""
     error: str
     """The traceback."""
 
     @staticmethod
     def of(job: Job, error: str) -> FailureFile:
-        """Return the file of a failed run."""
+        """Return the file of a failed job; `error` is the traceback."""
         settings = job.settings | {"seed": job.seed}
         return FailureFile(run=job.number, settings=settings, command=job.command, error=error)
 
 
 @contextmanager
 def opened(folder: Path, described: StudyFile) -> Generator[Store]:
-    """Yield the store in a folder, which is made if it is missing, and is locked in the block.
+    """Open the folder of a study for writing, and lock it until the end of the block.
 
-    Nothing is written into a folder that belongs to something else.
+    The folder is made if it is missing; nothing is written into one with other files.
 
     Args:
         folder: The study's folder.
-        described: The study, as this session begins it.
+        described: The study that this process begins or continues.
 
     Raises:
-        Mistake: The folder cannot be written or holds something else, results of other versions
-            are in it, or another process is writing into it.
+        Mistake: The folder cannot be written, has other files or results of another study or of
+            other versions, or another process is writing into it.
     """
     try:
         if folder.is_dir():
@@ -162,19 +164,19 @@ def opened(folder: Path, described: StudyFile) -> Generator[Store]:
             database = _writable(folder / RUNS)
         with closing(database):
             yield Store(folder, database)
-            # A reader at work may prevent this; the next session does it then.
+            # Put all rows into one file; another process that is reading may prevent this.
             with suppress(sqlite3.Error):
-                database.execute("PRAGMA journal_mode = DELETE")  # all is in one file now
+                database.execute("PRAGMA journal_mode = DELETE")
     finally:
         lock.release()
 
 
 def _writable(path: Path) -> sqlite3.Connection:
-    """Open the database of a study, which is made if it is not there.
+    """Open the database of a study for writing; it is made if it is missing.
 
     Raises:
-        OSError: There is a link or something else that is no file.
-        sqlite3.Error: It cannot be written.
+        OSError: The path is a link or no regular file.
+        sqlite3.Error: The database cannot be written.
     """
     for ending in BESIDE:
         file = path.with_name(path.name + ending)
@@ -183,7 +185,7 @@ def _writable(path: Path) -> sqlite3.Connection:
     database = sqlite3.connect(path, isolation_level=None)
     database.text_factory = _text
     try:
-        with suppress(sqlite3.OperationalError):  # file systems of networks cannot do this
+        with suppress(sqlite3.OperationalError):  # not possible on network file systems
             database.execute("PRAGMA journal_mode = WAL")
         database.execute("PRAGMA synchronous = FULL")
         database.execute(SCHEMA)
@@ -194,12 +196,16 @@ def _writable(path: Path) -> sqlite3.Connection:
 
 
 def _readable(path: Path) -> sqlite3.Connection:
-    """Open the database of a study to read it; another process may be writing into it."""
+    """Open the database of a study for reading; another process may be writing into it.
+
+    Raises:
+        sqlite3.Error: The database cannot be read.
+    """
     place = f"{path.absolute().as_uri()}?mode=ro"
     database = sqlite3.connect(place, uri=True)
     try:
         database.execute("SELECT 1 FROM runs")
-    except sqlite3.OperationalError:  # in a folder that is read-only, as that of an archive
+    except sqlite3.OperationalError:  # the folder is read-only
         database.close()
         database = sqlite3.connect(f"{place}&immutable=1", uri=True)
     database.text_factory = _text
@@ -207,30 +213,27 @@ def _readable(path: Path) -> sqlite3.Connection:
 
 
 def _text(raw: bytes) -> str:
-    """Return a text of the database; bytes that are damaged do not fit its checksum any more."""
+    """Decode a text of the database; bytes that are no text are replaced, as the row is damaged."""
     return raw.decode(errors="replace")
 
 
 @contextmanager
 def on_disk(folder: Path, action: str) -> Generator[None]:
-    """Turn an error of the disk or of the database in the block into a sentence.
+    """Turn errors of the disk or the database in the block into exceptions with one sentence.
 
     Args:
-        folder: The folder of the study.
-        action: What the block does there, such as "write run 000000".
+        folder: The study's folder.
+        action: Action of the block, for the sentence, such as "write run 000000".
 
     Raises:
         Mistake: The database is damaged.
-        Refused: The disk is full, or refuses for another reason.
+        Refused: The disk is full, or the system refuses the action for another reason.
     """
     try:
         yield
     except (OSError, sqlite3.OperationalError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or error
-        raise Refused(
-            f"{folder}: cannot {action}: {reason}; what is there already is whole, and the same "
-            "command goes on from it"
-        ) from None
+        raise Refused(f"{folder}: cannot {action}: {reason}; {GOES_ON}") from None
     except sqlite3.DatabaseError as error:
         raise Mistake(
             f"{folder / RUNS}: this file is damaged ({error}); choose another folder with --out"
@@ -238,13 +241,21 @@ def on_disk(folder: Path, action: str) -> Generator[None]:
 
 
 def _described(folder: Path, holds: str) -> StudyFile | None:
-    """Return the description that the first session wrote into a folder; None in a new folder."""
+    """Read study.json in a folder; None if the folder is new.
+
+    Args:
+        folder: The study's folder.
+        holds: Name of the command whose results it should have, for messages.
+
+    Raises:
+        Mistake: The folder has other files, or study.json is damaged.
+    """
     path = folder / StudyFile.FILE
     if not path.exists():
         if any(not _of_the_beginning(there) for there in folder.iterdir()):
             raise Mistake(
-                f"{folder}: there is something in this folder, but no {path.name} of `servobench "
-                f"{holds}`; choose another folder with --out"
+                f"{folder}: this folder has files, but no {path.name} of `servobench {holds}`; "
+                "choose another folder with --out"
             )
         return None
     try:
@@ -259,11 +270,17 @@ def _described(folder: Path, holds: str) -> StudyFile | None:
 
 
 def _of_the_beginning(path: Path) -> bool:
-    """Return whether a first session that was killed early may have left this."""
+    """Return whether a file may be from a process that was killed before it wrote study.json."""
     return path.name in (LOCK, atomic.ASIDE.format(StudyFile.FILE))
 
 
 def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
+    """Check that a folder, whose study.json is `before`, has results of the same study, command and
+    versions as `now`.
+
+    Raises:
+        Mistake: It has not.
+    """
     if before.holds != now.holds:
         raise Mistake(
             f"{folder}: this folder holds results of another command; choose another folder with "
@@ -278,30 +295,32 @@ def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
     for name, version in now.versions.items():
         if before.versions.get(name) != version:
             raise Mistake(
-                f"{folder}: this was begun with {name} {before.versions.get(name)}, but {version} "
-                "is installed: the numbers could not be compared; choose another folder with --out"
+                f"{folder}: these results are of {name} {before.versions.get(name)}, and {version} "
+                "is installed now: numbers may differ; choose another folder with --out"
             )
 
 
 class Store:
-    """A study's folder, for one writer or for readers."""
+    """The records in a study's folder."""
 
     def __init__(self, folder: Path, database: sqlite3.Connection | None = None) -> None:
-        """Name the folder; without a `database` to write to, the store can only be read."""
+        """Use a study's folder; without an open `database` the store is for reading only."""
         self.folder = folder
         self.done: set[str] = set()
         """Keys of the jobs that have a record."""
         self.damaged: list[str] = []
-        """Keys of rows that are not as they were written, or of another job; they are done again.
-        """
+        """Keys of rows that are damaged or belong to another job; these jobs are run again."""
         self._database = database
 
     def find(self, jobs: Iterable[Job] | None = None) -> None:
-        """Look for the records of jobs, or for all; their keys are in `done` then.
+        """Find the records of some jobs and check them; sets `done` and `damaged`.
+
+        Args:
+            jobs: The jobs; None: all that have a record.
 
         Raises:
             Mistake: The database is damaged.
-            Refused: It cannot be read.
+            Refused: The database cannot be read.
         """
         self.done = set()
         self.damaged = []
@@ -321,11 +340,11 @@ class Store:
                     self.damaged.append(key)
 
     def read(self, keys: Iterable[str], *, long: bool = False) -> Iterator[Record]:
-        """Yield the records of jobs that have one.
+        """Yield records of finished jobs.
 
         Args:
-            keys: Of the jobs.
-            long: Whether the records have their series and contact sheets.
+            keys: Keys of the jobs, which are in `done`.
+            long: Whether the records include series and contact sheets.
 
         Raises:
             Refused: The database cannot be read.
@@ -339,7 +358,8 @@ class Store:
                 yield record_of(*found.fetchone())
 
     def records(self, jobs: Iterable[Job]) -> list[Record]:
-        """Return the records of the jobs that have one, with their series, in their order.
+        """Return the records of the finished ones among some jobs, in the order of the jobs, with
+        series and contact sheets.
 
         Raises:
             Refused: The database cannot be read.
@@ -347,7 +367,8 @@ class Store:
         return list(self.read([job.key for job in jobs if job.key in self.done], long=True))
 
     def table(self) -> pa.Table:
-        """Return the rows of all records, at least one, in the order of the study.
+        """Return the table of results with a row for each record, in the order of the study; there
+        must be one record or more.
 
         Raises:
             Refused: The database cannot be read.
@@ -360,18 +381,18 @@ class Store:
             yield list(self.read(keys[first : first + BATCH], long=long))
 
     def add(self, job: Job, record: Record) -> None:
-        """Keep the record of a job.
+        """Store the record of a job, which is then in `done`.
 
         Raises:
-            Mistake: The worker has other versions.
+            Mistake: The worker that ran the job has other versions of some packages.
             Refused: The disk is full, or the database cannot be written.
         """
         for name, here in versions().items():
             there = record.versions.get(name)
             if there != here:
                 raise Mistake(
-                    f"a worker has {name} {there}, but {here} is installed here: the numbers could "
-                    "not be compared; install the same on every worker"
+                    f"a worker has {name} {there}, and {here} is installed here: numbers may "
+                    "differ; install the same version on every worker"
                 )
         row = [job.key, job.digest, *stored(record)]
         with self._opened(f"write run {job.key}") as database:
@@ -384,38 +405,39 @@ class Store:
                     self.done.add(job.key)
 
     def forget(self, job: Job) -> None:
-        """Let a job be done again; its new record replaces the old one."""
+        """Remove a job from `done`, so that it is run again and its record is replaced."""
         self.done.remove(job.key)
 
     def fail(self, job: Job, failure: Failure) -> None:
-        """Keep why a job failed, unless many have; the next session does it again.
+        """Write the file of a failed job, up to `MOST_FAILURES` files; the job is run again when
+        the study is continued.
 
         Raises:
-            Refused: As for `add`.
+            Refused: The disk is full, or memory was full in the job.
         """
         if failure.full:
-            raise Refused(f"{failure.reason}; what is in {self.folder} is whole; {GOES_ON}")
+            raise Refused(f"{self.folder}: {failure.reason}; {GOES_ON}")
         path = self.failure_path(job)
         if path.exists() or sum(1 for _ in path.parent.glob("*")) < MOST_FAILURES:
             self.write(f"{FAILURES}/{path.name}", FailureFile.of(job, failure.error).text())
 
     def write(self, name: str, content: bytes | str) -> Path:
-        """Write another file of the study, and return its path.
+        """Write a file, such as a table or a report, into the study's folder; return its path.
 
         Raises:
-            Refused: As for `add`.
+            Refused: The disk is full, or the file cannot be written.
         """
         with on_disk(self.folder, f"write {name}"):
             return atomic.write(self.folder, name, content)
 
     def export(self, table: pa.Table) -> list[Path]:
-        """Write the runs as Parquet, for other programs, and return the paths of the files.
+        """Write results and series of all runs as Parquet files; return the paths of the files.
 
         Args:
-            table: All rows, as `table` returns them; the series are added in a file of their own.
+            table: The results, as `table` returns them; series are read from the database.
 
         Raises:
-            Refused: As for `add`.
+            Refused: The disk is full, or a file cannot be written.
         """
         with (
             on_disk(self.folder, f"write {SERIES}"),
@@ -431,12 +453,14 @@ class Store:
         return [self.write(RESULTS, parquet(table)), self.folder / SERIES]
 
     def failure_path(self, job: Job) -> Path:
-        """Return the path of the file that says why a job failed."""
+        """Return the path of the file with the error of a failed job."""
         return self.folder / FAILURES / f"{job.key}.json"
 
     @contextmanager
     def _opened(self, action: str = f"read {RUNS}") -> Generator[sqlite3.Connection]:
-        """Yield the database; `action` and errors are those of `on_disk`."""
+        """Yield the database, opened for reading if need be; errors of the block are turned into
+        those of `on_disk`, whose `action` this is.
+        """
         with on_disk(self.folder, action):
             if self._database is not None:
                 yield self._database
@@ -445,6 +469,6 @@ class Store:
                 yield database
 
 
-def _checksum(row: Sequence[Any]) -> int:
-    """Return a checksum of values of a row, whatever types a damaged one has."""
+def _checksum(row: Sequence[object]) -> int:
+    """Return the CRC-32 of the values of a database row, of any types."""
     return zlib.crc32(repr(row).encode())

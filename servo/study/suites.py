@@ -1,4 +1,4 @@
-"""Sequences and trackers of a bench: a named suite, a folder of sequences, or a TOML file."""
+"""Suites: sequences on which trackers are compared, by name, from a folder or from a TOML file."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -34,12 +34,13 @@ class SuiteTable(BaseModel):
 
     model_config = STRICT
     sequences: Annotated[list[Table], MinLen(1)]
-    """Each with a path, or with a kind and its settings."""
+    """Recorded sequences with a `path`, or painted ones with a `kind` and its settings."""
     trackers: list[Table] = []
+    """Trackers with a `kind`, its settings, and a `label` for tables."""
 
 
 class RecordedTable(BaseModel):
-    """Recorded sequences in a suite's file."""
+    """The keys of recorded sequences in a suite's file."""
 
     model_config = STRICT
     path: str
@@ -48,13 +49,13 @@ class RecordedTable(BaseModel):
 
 
 def suite(name: str) -> tuple[list[Entry], list[Contender]]:
-    """Return the sequences of a suite, and the trackers that its TOML file may list.
+    """Return the sequences of a suite, and the trackers that its TOML file lists, if any.
 
     Args:
-        name: A name, a folder or a TOML file.
+        name: Name of a suite, or path of a folder of sequences or of a TOML file.
 
     Raises:
-        Mistake: There is no such suite, or it is wrong.
+        Mistake: There is no such suite, or its file or a sequence is wrong.
     """
     if name in SUITES:
         return [_entry(table, name) for table in SUITES[name]], []
@@ -63,17 +64,18 @@ def suite(name: str) -> tuple[list[Entry], list[Contender]]:
         return _of_toml(path)
     if not is_folder(path):
         there = ", ".join([*SUITES, CLOSED_LOOP])
-        raise Mistake(f"there is no suite '{name}'; there is {there}, or give a folder or a .toml")
+        raise Mistake(f"there is no suite '{name}'; give {there}, a folder or a .toml file")
     return list(_recorded(path)), []
 
 
 def contenders(text: str | None) -> list[Contender]:
-    """Return trackers by "kind" or "kind:preset", separated by commas; None: all trackers.
+    """Return the trackers that a text lists, separated by commas; None: all general trackers.
 
-    A kind of another package may be "package:kind", and a class to import "module:Name".
+    A tracker is "kind", "kind:preset", "package:kind" for a kind of another package, or
+    "module:Name" for a class to import.
 
     Raises:
-        Mistake: There is no such tracker or preset.
+        Mistake: There is no such tracker or preset, or one is listed twice.
     """
     words = general_kinds() if text is None else [w.strip() for w in text.split(",")]
     chosen = [TRACKERS.named(word) for word in words]
@@ -81,7 +83,9 @@ def contenders(text: str | None) -> list[Contender]:
 
 
 def tracker_tables(text: str) -> dict[str, Table]:
-    """Return tables of settings of trackers by label; `text` and errors are as for `contenders`."""
+    """Return settings such as {"tracker.kind": "kams"} of listed trackers by label; the text and
+    the errors are as for `contenders`.
+    """
     labels = [one.label for one in contenders(text)]
     words = [word.strip() for word in text.split(",")]
     return {
@@ -91,11 +95,16 @@ def tracker_tables(text: str) -> dict[str, Table]:
 
 
 def _contender(table: Mapping[str, object], place: str) -> Contender:
+    """Return the tracker of a table with `kind`, settings and `label`; `place` begins messages.
+
+    Raises:
+        Mistake: The kind, a setting or the label is wrong.
+    """
     kind = table.get("kind")
     preset = table.get("preset")
     label = table.get("label", f"{kind}-{preset}" if preset else str(kind))
     if not isinstance(label, str):
-        raise Mistake(f"{place}.label = {label!r}: this should be a text")
+        raise Mistake(f"{place}.label = {label!r}: expected a text")
     config = fill_plugin(TRACKERS, {k: v for k, v in table.items() if k != "label"}, place)
     try:
         return Contender(label, config)
@@ -104,15 +113,26 @@ def _contender(table: Mapping[str, object], place: str) -> Contender:
 
 
 def _entry(table: Table, place: str) -> Generated:
+    """Return the painted sequences of a table with `kind` and settings; `place` begins messages."""
     return Generated(str(table["kind"]), fill_plugin(GENERATORS, table, place))
 
 
 def _recorded(folder: Path, form: Format = Format.AUTO) -> Sequence[Recorded]:
+    """Return the recorded sequences in a folder.
+
+    Raises:
+        Mistake: There is no sequence, or one cannot be read.
+    """
     with as_mistake():
         return Recorded.all_in(folder, form)
 
 
 def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
+    """Read the sequences and trackers in a suite's TOML file.
+
+    Raises:
+        Mistake: The file cannot be read, or a table in it is wrong.
+    """
     file = validated(SuiteTable, toml.decode(toml.read(path, "suite"), path.name), f"{path.name}: ")
     entries: list[Entry] = []
     for i, item in enumerate(file.sequences):
@@ -120,15 +140,19 @@ def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
     double = _double(entry.name for entry in entries)
     if double is not None:
         raise Mistake(
-            f"{path.name}: two sequences are called '{double}', and results are kept by name: "
-            "leave one out, rename its folder, or put it into another suite"
+            f"{path.name}: two sequences are called '{double}', and names must be unique: leave "
+            "one out, rename its folder, or put it into another suite"
         )
     chosen = [_contender(t, f"{path.name}: trackers[{i}]") for i, t in enumerate(file.trackers)]
     return entries, _all_different(chosen, path.name)
 
 
 def _all_different(chosen: list[Contender], place: str) -> list[Contender]:
-    """Return trackers, whose labels should be different."""
+    """Check that trackers have different labels, and return the trackers.
+
+    Raises:
+        Mistake: Two trackers have the same label; the message begins with `place`.
+    """
     double = _double(one.label for one in chosen)
     if double is not None:
         raise Mistake(
@@ -139,17 +163,20 @@ def _all_different(chosen: list[Contender], place: str) -> list[Contender]:
 
 
 def _double(names: Iterable[str]) -> str | None:
-    """Return a name that occurs twice; None where all are different."""
+    """Return the first name that occurs more than once, or None."""
     return next((name for name, count in Counter(names).items() if count > 1), None)
 
 
 def _entries(item: Table, beside: Path, place: str) -> Sequence[Entry]:
-    """Return the sequences of an item of [[sequences]].
+    """Return the sequences of one table [[sequences]] in a suite's file.
 
     Args:
-        item: As TOML has it.
-        beside: The folder of the suite's file, which paths are relative to.
-        place: The item's place, for messages.
+        item: The table, as read from TOML.
+        beside: Folder of the suite's file, to which paths are relative.
+        place: The table's place, which begins messages.
+
+    Raises:
+        Mistake: The table has neither or both of `path` and `kind`, or a setting is wrong.
     """
     if ("path" in item) == ("kind" in item):
         raise Mistake(f"{place} should have either a path or a kind")

@@ -1,12 +1,12 @@
-"""Functions that check whether a component of yours keeps its contract.
+"""Functions that check whether a component of yours, such as a tracker, works in servobench.
 
     from servo.testing import check_tracker
 
     def test_my_tracker():
         check_tracker(Config)
 
-Each takes a `Config` (class or instance), the name of a kind such as "kalman_cv", or "module:Name",
-and raises `BrokenContract` with a sentence that says what to change.
+Each function takes a `Config` (class or instance), the name of a kind such as "kalman_cv", or
+"module:Name", and raises `BrokenContract` with a sentence that says what to change.
 """
 
 from servo.contracts import BrokenContract

@@ -1,4 +1,4 @@
-"""The component under test, and the tests that all components share."""
+"""Builds the component that a check was given, and has the checks that all components share."""
 
 import dataclasses
 import functools
@@ -13,16 +13,16 @@ from sim.installed import Trusted
 from sim.kinds import UnknownKind
 
 REGISTRIES = {place: registry for place, (registry, _) in PLUGINS.items()} | LISTS
-"""The registry of each component's kinds, by its place in a scenario."""
+"""The kinds of each component, by the component's table in a scenario."""
 DRAWS = "the second time; draw random numbers from the generator given to build(rng) only"
 REMEMBERS = "a second start did not forget the first; reset in start all that a run changes"
 
 
 def contract(check: Callable[..., None]) -> Callable[..., None]:
-    """Wrap a check so that an exception of the component itself raises `BrokenContract`."""
+    """Decorate a check: an exception that the tested component raises becomes `BrokenContract`."""
 
     @functools.wraps(check)
-    def checked(*part: Any, **more: Any) -> None:
+    def checked(*part: object, **more: object) -> None:
         try:
             check(*part, **more)
         except BrokenContract:
@@ -33,11 +33,11 @@ def contract(check: Callable[..., None]) -> Callable[..., None]:
     return checked
 
 
-def config_of(place: str, part: Any) -> Any:
+def config_of(place: str, part: object) -> Any:
     """Return the `Config` instance of the component that a check was given.
 
     Args:
-        place: The component's place in a scenario, such as "tracker".
+        place: The component's table in a scenario, such as "tracker".
         part: Its `Config` (class or instance), the name of its kind, or "module:Name".
 
     Raises:
@@ -54,13 +54,14 @@ def config_of(place: str, part: Any) -> Any:
         raise BrokenContract(str(error)) from error
 
 
-def built(place: str, config: Any, given: Any = None) -> Any:
-    """Return the component that a `Config` builds, with its calls checked.
+def built(place: str, config: Any, given: object = None) -> Any:
+    """Build a component, and return it in a wrapper that checks the results of its methods.
 
     Args:
-        place: The component's place in a scenario, such as "tracker".
-        config: Its `Config`.
-        given: The argument of `build`; None: a random generator with a fixed seed.
+        place: The component's table in a scenario, such as "tracker".
+        config: The component's `Config`.
+        given: Argument of the `Config`'s method `build`; None: a random generator with a fixed
+            seed.
 
     Raises:
         BrokenContract: The component lacks a method, or has the wrong type.
@@ -70,15 +71,15 @@ def built(place: str, config: Any, given: Any = None) -> Any:
     return found if place in ("robot", "target") else guarded(found, place)
 
 
-def check_repetition(place: str, config: Any, use: Callable[[Any], Any], what: str) -> None:
+def check_repetition(place: str, config: object, use: Callable[[Any], Any], what: str) -> None:
     """Check that a component gives the same results when it is built again, and when it is started
     again for a second run.
 
     Args:
-        place: The component's place in a scenario, such as "tracker".
-        config: Its `Config`.
-        use: Starts the component and returns its results.
-        what: Beginning of the sentence, such as "the same pictures gave other states".
+        place: The component's table in a scenario, such as "tracker".
+        config: The component's `Config`.
+        use: Function that starts the component and returns its results.
+        what: Beginning of the message, such as "the same pictures gave other states".
 
     Raises:
         BrokenContract: The results differ.

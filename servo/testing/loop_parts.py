@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from servo.features.moments import Config as MomentsConfig
 from servo.parts import Controller, Estimator, FeatureSet, Task
 from servo.testing._examples import CAMERA, DOWN, OUTLINE, posture, seen_from
 from servo.testing._subject import built, check_repetition, config_of, contract
-from servo.types import DOF, OwnMotion, Sight
+from servo.types import DOF, OwnMotion
 from sim.channels import Channel, needs_of
 from sim.geometry import exp_se3
 from sim.types import Array, Pose
@@ -28,11 +27,11 @@ DT = 0.1
 
 
 @contract
-def check_features(features: Any) -> None:
-    """Check that a feature set keeps the contract of `servo.parts.FeatureSet`.
+def check_features(features: object) -> None:
+    """Check that a feature set has all that `servo.parts.FeatureSet` requires.
 
-    The interaction matrix is compared with finite differences of the features, unless these are
-    made of pixels.
+    The interaction matrix is compared with finite differences of the features, except for features
+    that are computed from the picture's pixels.
 
     Args:
         features: A `Config` (class or instance), the name of a kind, or "module:Name".
@@ -51,12 +50,14 @@ def check_features(features: Any) -> None:
         _check_matrix(found, tilted @ Pose.planar(x, y, heading), pixels=pixels)
 
 
-def _sight(target: Pose, camera: Pose = DOWN, *, pixels: bool = False) -> Sight:
-    return seen_from(camera, target, pixels=pixels)
-
-
 def _check_matrix(features: FeatureSet, target: Pose, *, pixels: bool) -> None:
-    sight = _sight(target, pixels=pixels)
+    """Check the values of features for a target's pose T_room_target, and compare the interaction
+    matrix with finite differences.
+
+    Raises:
+        BrokenContract: Values do not repeat, an error is not zero, or the matrix is wrong.
+    """
+    sight = seen_from(DOWN, target, pixels=pixels)
     values = features.values(sight)
     require(
         np.array_equal(values, features.values(sight), equal_nan=True),
@@ -72,7 +73,8 @@ def _check_matrix(features: FeatureSet, target: Pose, *, pixels: bool) -> None:
     found: list[Array] = []
     for twist in STEP * np.eye(6):
         after, before = (
-            features.values(_sight(target, DOWN @ exp_se3(sign * twist))) for sign in (1, -1)
+            features.values(seen_from(DOWN @ exp_se3(sign * twist), target, pixels=False))
+            for sign in (1, -1)
         )
         found.append(features.error(after, before) / (2 * STEP))
     wrong = np.abs(matrix - np.column_stack(found))
@@ -85,8 +87,8 @@ def _check_matrix(features: FeatureSet, target: Pose, *, pixels: bool) -> None:
 
 
 @contract
-def check_estimator(estimator: Any) -> None:
-    """Check that an estimator keeps the contract of `servo.parts.Estimator`: numbers of the right
+def check_estimator(estimator: object) -> None:
+    """Check that an estimator works as `servo.parts.Estimator` requires: numbers of the right
     shape, the same results for the same errors, and no memory of an earlier run.
 
     Args:
@@ -103,26 +105,29 @@ def check_estimator(estimator: Any) -> None:
 
 
 def _estimates(estimator: Estimator) -> Array:
+    """Return an estimator's predictions for a fixed sequence of k noisy errors with gaps: error and
+    motion of each of 20 frames in turn (40, k).
+    """
     features = MomentsConfig().build(OUTLINE)
     k = len(features.names)
     rng = np.random.default_rng(1)
     estimator.start(features)
     rest = OwnMotion(np.zeros(k), np.zeros((0, k)))
-    estimator.skip(rest, DT)  # before any update
+    estimator.skip(rest, DT)  # a loop may do so before the first update
     found: list[Array] = []
     for i in range(20):
         hidden = 12 <= i < 15
         error = 0.01 * i + rng.normal(0, 1e-4, k)
-        error[-1] = np.nan if i < 2 or i == 8 else error[-1]  # this feature was not measured
+        error[-1] = np.nan if i < 2 or i == 8 else error[-1]  # nan: not measured
         prediction = estimator.skip(rest, DT) if hidden else estimator.update(error, rest, DT)
         found += [prediction.error, prediction.motion]
     return np.array(found)
 
 
 @contract
-def check_controller(controller: Any) -> None:
-    """Check that a controller keeps the contract of `servo.parts.Controller`: valid twists, the
-    same results for the same sights, and no memory of an earlier run.
+def check_controller(controller: object) -> None:
+    """Check that a controller works as `servo.parts.Controller` requires: valid twists, the same
+    results for the same views of the target, and no memory of an earlier run.
 
     Args:
         controller: A `Config` (class or instance), the name of a kind, or "module:Name".
@@ -140,11 +145,20 @@ def check_controller(controller: Any) -> None:
 
 
 def _twists(latency: int, pixels: bool, controller: Controller) -> Array:
+    """Return a controller's camera twists (n, 6) [m/s, rad/s] for a fixed sequence of views of the
+    target, some of which are missing.
+
+    Args:
+        latency: Delay of the commands [frames].
+        pixels: Whether the views have pictures.
+        controller: The controller.
+    """
     features = MomentsConfig().build(OUTLINE)
     estimator = built("estimator", NoEstimate())
     estimator.start(features)
-    goal = _sight(Pose.planar(0.0, 0.0, 0.0), pixels=pixels)
-    seen = replace(_sight(Pose.planar(0.05, 0.02, 0.3), pixels=pixels), goal=goal)
+    seen = seen_from(DOWN, Pose.planar(0.05, 0.02, 0.3), pixels=pixels)
+    goal = seen_from(DOWN, Pose.planar(0.0, 0.0, 0.0), pixels=pixels)
+    seen = replace(seen, goal=goal)
     controller.start(Task(goal, features, estimator, CAMERA, OUTLINE, latency))
     twists: list[Array] = []
     for sight in (None, seen, None, seen, *[None] * 30, seen):

@@ -1,8 +1,7 @@
-"""Check of trackers."""
+"""Checks whether a tracker works as servobench needs it."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -18,44 +17,54 @@ ODD = {"black": ((120, 160, 3), 0), "white": ((120, 160, 3), 255), "tiny": ((7, 
 
 @dataclass(frozen=True, slots=True)
 class _Subject:
-    config: Any
+    """The tested tracker: its `Config`, and the appearance (H, W, 3) of a target that it follows;
+    None: any target.
+    """
+
+    config: object
     picture: Image | None
 
     def film(self, count: int, gone_after: int | None = None) -> Iterator[Frame]:
+        """Yield frames with the target, which may disappear at a frame; see `_examples.film`."""
         return film(count, gone_after, self.picture)
 
     def begun(self, first: Frame, tracker: Tracker | None = None) -> Tracker:
+        """Start a tracker, a new one if none is given, on the first frame; return the tracker."""
         begun: Tracker = tracker or built("tracker", self.config)
         begun.start(first, region_of(self.picture), FIRST)
         return begun
 
     def track(self, frames: Iterable[Frame], tracker: Tracker | None = None) -> Iterator[Estimate]:
+        """Start a tracker on the first of some frames, and yield its estimates for the others."""
         remaining = iter(frames)
         tracker = self.begun(next(remaining), tracker)
         for frame in remaining:
             yield tracker.update(frame, np.zeros(4))
 
     def states(self, tracker: Tracker) -> list[State]:
+        """Return the states that a tracker finds in five frames after its start."""
         return [estimate.state for estimate in self.track(self.film(6), tracker)]
 
 
 @contract
-def check_tracker(tracker: Any, picture: Image | None = None) -> None:
-    """Check that a tracker keeps the contract of `tracking.types.Tracker`: valid estimates, the
-    same results for the same pictures, loss of a target that is gone, no exceptions for unusual
+def check_tracker(tracker: object, picture: Image | None = None) -> None:
+    """Check that a tracker works as `tracking.types.Tracker` requires: valid estimates, the same
+    results for the same pictures, loss of a target that is gone, no exceptions for unusual
     pictures.
 
     Args:
         tracker: A `Config` (class or instance), the name of a kind, "module:Name", or a class that
             `tracking.wrap` accepts.
-        picture: Appearance of the target (H, W, 3), for a tracker of certain targets only.
+        picture: Appearance of the target (H, W, 3), BGR, for a tracker that follows only some kind
+            of target.
 
     Raises:
         BrokenContract: It breaks its contract; the sentence says what to change.
     """
     subject = _Subject(config_of("tracker", tracker), picture)
     _check_pictures_are_kept(subject)
-    _check_repetition(subject)
+    same = "the same pictures gave other states"
+    check_repetition("tracker", subject.config, subject.states, same)
     _check_buffer(subject)
     _check_odd_pictures(subject)
     _check_loss(subject)
@@ -63,6 +72,7 @@ def check_tracker(tracker: Any, picture: Image | None = None) -> None:
 
 
 def _check_pictures_are_kept(subject: _Subject) -> None:
+    """Check that a tracker does not change the pictures that it is given."""
     try:
         list(subject.track(subject.film(6)))
     except ValueError as error:
@@ -71,14 +81,9 @@ def _check_pictures_are_kept(subject: _Subject) -> None:
         raise
 
 
-def _check_repetition(subject: _Subject) -> None:
-    same = "the same pictures gave other states"
-    check_repetition("tracker", subject.config, subject.states, same)
-
-
 def _check_buffer(subject: _Subject) -> None:
-    """Check that a tracker keeps copies: cameras and decoders write the next picture into the same
-    array.
+    """Check that a tracker copies what it keeps of a picture: cameras and decoders write the next
+    picture into the same array.
     """
 
     def reused() -> Iterator[Frame]:
@@ -99,6 +104,7 @@ def _check_buffer(subject: _Subject) -> None:
 
 
 def _check_odd_pictures(subject: _Subject) -> None:
+    """Check that a tracker raises no exception for black, white and tiny pictures."""
     for name, (size, level) in ODD.items():
         tracker = subject.begun(next(subject.film(1)))
         for k in range(1, 4):
@@ -114,15 +120,17 @@ def _check_odd_pictures(subject: _Subject) -> None:
 
 
 def _check_loss(subject: _Subject) -> None:
+    """Check that a tracker is no longer LOCKED two seconds after its target has disappeared."""
     *_, last = subject.track(subject.film(30, gone_after=8))
     require(
         last.status is not Status.LOCKED,
-        "the status is LOCKED two seconds after the target "
-        "has gone; a robot would follow nothing: report UNSURE or LOST",
+        "the status is LOCKED two seconds after the target has disappeared; a robot would go on "
+        "moving: report UNSURE or LOST",
     )
 
 
 def _check_refusal(subject: _Subject) -> None:
+    """Check that a tracker refuses a region without area with a ValueError."""
     tracker = built("tracker", subject.config)
     try:
         tracker.start(next(subject.film(1)), Region(0.0, 20.0), FIRST)

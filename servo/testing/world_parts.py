@@ -1,4 +1,4 @@
-"""Checks of robots, targets, motions and disturbances."""
+"""Checks whether robots, targets, motions and disturbances work as servobench needs them."""
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
@@ -23,7 +23,7 @@ TIMES = (-0.1, 0.0, 0.4, 1.0, 2.5, 10.0)
 SOON = 1e-3
 """Time between two compared positions of a target [s]."""
 NEAR = 0.01
-"""Largest path of a target in that time [m]: farther would be a jump, faster than 10 m/s."""
+"""Largest distance that a target may move in that time [m], at 10 m/s."""
 STEP = 1e-6
 """Step of the finite differences of a Jacobian [rad or m]."""
 LONGEST_SIDE = 2.0
@@ -33,9 +33,12 @@ SHORTEST_SIDE = 1e-3
 
 
 @contract
-def check_motion(motion: Any) -> None:
-    """Check that a motion keeps the contract of `sim.stage.Motion`: valid poses without jumps, and
-    the same motion for the same random numbers.
+def check_motion(motion: object) -> None:
+    """Check that a motion of the target works as `sim.stage.Motion` requires: valid poses without
+    jumps, and the same motion for the same random numbers.
+
+    Args:
+        motion: A `Config` (class or instance), the name of a kind, or "module:Name".
 
     Example:
         >>> check_motion("line")
@@ -54,9 +57,12 @@ def check_motion(motion: Any) -> None:
 
 
 @contract
-def check_disturbance(disturbance: Any) -> None:
-    """Check that a disturbance keeps the contract of `sim.stage.Disturbance`: valid effects, none
+def check_disturbance(disturbance: object) -> None:
+    """Check that a disturbance works as `sim.stage.Disturbance` requires: valid effects, and none
     before time 0.
+
+    Args:
+        disturbance: A `Config` (class or instance), the name of a kind, or "module:Name".
 
     Raises:
         BrokenContract: It breaks its contract; the sentence says what to change.
@@ -67,20 +73,20 @@ def check_disturbance(disturbance: Any) -> None:
 
 
 @contract
-def check_robot(robot: Any) -> None:
-    """Check that a robot keeps the contract of `sim.kinematics.robot.Design`: it fits into the
-    room, and its Jacobian agrees with finite differences of its camera pose.
+def check_robot(robot: object) -> None:
+    """Check that a robot works as `sim.kinematics.robot.Design` requires: its model can be added to
+    the room, and its Jacobian agrees with finite differences of its camera pose.
+
+    Args:
+        robot: A `Config` (class or instance), the name of a kind, or "module:Name".
 
     Raises:
         BrokenContract: It breaks its contract; the sentence says what to change.
     """
     design: Design = built("robot", config_of("robot", robot))
-    try:
-        model = _scene(robot=design)
-        machine = Robot(model, design)
-        data = mujoco.MjData(model)
-    except (ValueError, KeyError) as error:
-        raise BrokenContract(f"it cannot be put into the room: {error}") from error
+    model = _scene(robot=design)
+    machine = Robot(model, design)
+    data = mujoco.MjData(model)
     for home in design.homes:
         n = len(machine.names)
         require(len(home) == n, f"a home has {len(home)} joints; the robot has {n}")
@@ -88,27 +94,36 @@ def check_robot(robot: Any) -> None:
 
 
 def _check_jacobian(machine: Robot, data: Any, home: Array) -> None:
-    def eye(q: Array) -> Pose:
+    """Compare a robot's Jacobian at joint positions `home` (n,) [rad or m] with finite differences
+    of its camera pose; `data` is an `MjData`, which is changed.
+    """
+
+    def camera_at(q: Array) -> Pose:
+        """Move the joints to positions (n,), and return T_base_camera."""
         for name, value in zip(machine.names, q.tolist(), strict=True):
             data.joint(f"robot/{name}").qpos[:] = value
         machine.refresh(data)
         return machine.posture(data, np.zeros(6)).T_base_camera
 
     found = [
-        log_se3(eye(home - d).inverse() @ eye(home + d)) / (2 * STEP)
+        log_se3(camera_at(home - d).inverse() @ camera_at(home + d)) / (2 * STEP)
         for d in STEP * np.eye(len(home))
     ]
-    eye(home)
+    camera_at(home)
     wrong = float(np.abs(machine.jacobian(data) - np.column_stack(found)).max())
     require(
-        wrong < 1e-5, f"its Jacobian differs by {wrong:.3g} from how the joints move the camera"
+        wrong < 1e-5,
+        f"its Jacobian differs by {wrong:.3g} from finite differences of the camera pose",
     )
 
 
 @contract
-def check_target(target: Any) -> None:
-    """Check that a target keeps the contract of `sim.models.target.Target`: it fits into the room,
-    moves as one rigid body, and has a valid reference rectangle.
+def check_target(target: object) -> None:
+    """Check that a target works as `sim.models.target.Target` requires: its model can be added to
+    the room, moves as one rigid body, and has a valid reference rectangle.
+
+    Args:
+        target: A `Config` (class or instance), the name of a kind, or "module:Name".
 
     Raises:
         BrokenContract: It breaks its contract; the sentence says what to change.
@@ -125,31 +140,34 @@ def check_target(target: Any) -> None:
     sized = min(a, b) >= SHORTEST_SIDE and max(a, b) <= LONGEST_SIDE
     limits = f"{SHORTEST_SIDE:g} to {LONGEST_SIDE:g}"
     require(sized, f"the outline is {a:g} x {b:g} m; its sides go from {limits}")
-    try:
-        model = _scene(target=found)
-    except (ValueError, KeyError) as error:
-        raise BrokenContract(f"it cannot be put into the room: {error}") from error
-    _check_moves(model)
-
-
-def _check_moves(model: Any) -> None:
+    model = _scene(target=found)
     data = mujoco.MjData(model)
     body = model.body(TARGET)
     own = model.body_rootid[model.geom_bodyid] == body.id
-    require(own.any(), "its model has no geoms, so there is nothing to see")
+    require(own.any(), "its model has no geoms, so that no picture would show it")
     mujoco.mj_kinematics(model, data)
     before = data.geom_xpos[own].copy()
     data.mocap_pos[body.mocapid[0]] = (0.1, 0.2, 0.0)
     mujoco.mj_kinematics(model, data)
     moved = np.allclose(data.geom_xpos[own] - before, (0.1, 0.2, 0.0), atol=1e-9)
-    require(moved, "some of its geoms stay behind when the target moves; it may have no joints")
+    require(
+        moved, "some of its geoms stay behind when the target moves; remove joints of its model"
+    )
 
 
 def _scene(robot: Design | None = None, target: Target | None = None) -> Any:
+    """Return the `MjModel` of the room with a robot and a target, by default gantry and car.
+
+    Raises:
+        BrokenContract: The model of the robot or the target cannot be added to the room.
+    """
     from sim.robots import gantry
     from sim.targets import car
 
     rng = np.random.default_rng(0)
     robot = robot or gantry.Config().build(rng)
     target = target or car.Config().build(rng)
-    return build_model(PHYSICS_RATE, CameraConfig(), robot, target)
+    try:
+        return build_model(PHYSICS_RATE, CameraConfig(), robot, target)
+    except (ValueError, KeyError) as error:
+        raise BrokenContract(f"its model cannot be added to the room: {error}") from error

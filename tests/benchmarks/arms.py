@@ -8,8 +8,9 @@ import sys
 from math import atan2, degrees
 
 import numpy as np
+from measured import measured_run
 
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.scenario.load import load
 from sim.kinematics.inverse_kinematics import reach

@@ -12,10 +12,10 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+from measured import measured_run
 
 from servo.cli.identify_command import estimated
 from servo.identify.log import read
-from servo.loop.episode import measured_run
 from servo.scenario.load import load
 
 sys.path.append(str(Path(__file__).parents[1] / "tools"))

@@ -31,7 +31,7 @@ def _listed() -> dict[str, str]:
 LISTED = _listed()
 MACHINE = re.compile(
     r"this machine has [0-9.]+ GB of memory and \d+ cores, and a worker takes "
-    r"[0-9.]+ GB: the limit is \d+, the best number \d+"
+    r"[0-9.]+ GB: use at most \d+ workers, best \d+"
 )
 
 

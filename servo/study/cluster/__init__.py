@@ -1,4 +1,4 @@
-"""Work distributed over processes with Dask, on this machine or on an existing cluster."""
+"""Runs tasks in worker processes with Dask, on this machine or on an existing cluster."""
 
 from importlib import import_module
 

@@ -15,17 +15,19 @@ from distributed.security import Security
 from distributed.system import MEMORY_LIMIT
 
 from servo.mistake import Mistake, Refused
-from servo.study.cluster.tasks import ONE_THREAD, Cluster, Patience, silence
+from servo.study.cluster.tasks import ONE_THREAD, Cluster, Patience, reason, silence
 
 LOOPBACK = "127.0.0.1"
 SILENT = {"DASK_LOGGING__DISTRIBUTED": "critical"}
-"""Environment of a worker: no log, because errors are returned with the task."""
+"""Environment variables of a worker, without logs: errors are returned with the task."""
 WORKER_BYTES = 300e6
 """Peak memory of a worker that renders [bytes]."""
 WORKERS_A_CORE = 8
+"""Most workers for each processor core."""
 FILES = 32
+"""Open files of the process that controls the workers."""
 FILES_A_WORKER = 16
-"""Open files of a client, and additional ones for each worker."""
+"""Additional open files for each worker."""
 WARNINGS = "PYTHONWARNINGS"
 LONGEST_START = 60.0
 """Longest time without any worker [s]; one starts in 2 s, in 10 s on a busy machine."""
@@ -36,10 +38,10 @@ NO_WORKER = (
 
 
 def check_workers(workers: int) -> None:
-    """Refuse more worker processes than this machine can run.
+    """Check that this machine can run a number of worker processes.
 
     Raises:
-        Mistake: There are too many.
+        Mistake: It has too little memory or too few processor cores for them.
         Refused: The limit of open files is too low.
     """
     by_memory = max(1, int(MEMORY_LIMIT / WORKER_BYTES))
@@ -47,14 +49,18 @@ def check_workers(workers: int) -> None:
     if workers > most:
         raise Mistake(
             f"--workers {workers}: this machine has {MEMORY_LIMIT / 1e9:.1f} GB of memory and "
-            f"{CPU_COUNT} cores, and a worker takes {WORKER_BYTES / 1e9:.1f} GB: the limit is "
-            f"{most}, the best number {min(by_memory, CPU_COUNT)}"
+            f"{CPU_COUNT} cores, and a worker takes {WORKER_BYTES / 1e9:.1f} GB: use at most "
+            f"{most} workers, best {min(by_memory, CPU_COUNT)}"
         )
     _allow_files(FILES + FILES_A_WORKER * workers)
 
 
 def _allow_files(needed: int) -> None:
-    """Allow this process and its children to open this many files."""
+    """Raise the limit of open files of this process and its children to a number.
+
+    Raises:
+        Refused: The system does not allow so many.
+    """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft == resource.RLIM_INFINITY or soft >= needed:
         return
@@ -68,10 +74,12 @@ def _allow_files(needed: int) -> None:
 
 @contextmanager
 def local(workers: int) -> Generator[Cluster]:
-    """A cluster of worker processes that other machines cannot reach.
+    """Start a cluster of worker processes on this machine, which end with the block.
+
+    Other machines cannot connect to it.
 
     Raises:
-        Mistake: There are too many workers.
+        Mistake: The machine cannot run so many workers.
         Refused: The processes cannot be started.
     """
     check_workers(workers)
@@ -93,7 +101,7 @@ def local(workers: int) -> Generator[Cluster]:
                     silence_logs=logging.CRITICAL,
                 )
         except (OSError, RuntimeError) as error:
-            raise Refused(f"the worker processes cannot be started: {_reason(error)}") from None
+            raise Refused(f"the worker processes cannot be started: {reason(error)}") from None
         with cluster, Client(cluster, set_as_default=False) as client:
             cluster.scale(workers)
             patience = Patience(LONGEST_START, NO_WORKER)
@@ -106,7 +114,12 @@ def local(workers: int) -> Generator[Cluster]:
 
 
 def replace_dead(cluster: LocalCluster, workers: int) -> None:
-    """Start new workers for those that died before they could work; Dask restarts all others."""
+    """Start new workers in place of those that died during their start; Dask restarts all others.
+
+    Args:
+        cluster: The cluster.
+        workers: Number of workers that it should have.
+    """
     nannies = list(cluster.workers.items())
     dead = [name for name, nanny in nannies if nanny.status in (Status.closed, Status.failed)]
     for name in dead:
@@ -115,17 +128,9 @@ def replace_dead(cluster: LocalCluster, workers: int) -> None:
         cluster.scale(workers)
 
 
-def _reason(error: BaseException) -> str:
-    """The reason of the first error in a chain of causes."""
-    while error.__cause__ is not None:
-        error = error.__cause__
-    return (isinstance(error, OSError) and error.strerror) or str(error)
-
-
 def _track_resources() -> None:
-    """Start Python's resource tracker without output, and let it ignore SIGHUP.
-
-    It already ignores Ctrl-C and TERM.
+    """Start multiprocessing's resource tracker without warnings on stderr, and let it ignore SIGHUP
+    as it ignores Ctrl-C and TERM.
     """
     before = os.environ.get(WARNINGS)
     os.environ[WARNINGS] = "ignore:resource_tracker"
@@ -140,10 +145,11 @@ def _track_resources() -> None:
 
 @contextmanager
 def _deaf_children() -> Generator[None]:
-    """Start processes and threads that ignore Ctrl-C; here, it takes effect after the block.
+    """Let processes and threads that start in the block ignore Ctrl-C; in this process it takes
+    effect after the block.
 
-    A terminal sends it to all processes, and a child that is still importing would print a
-    traceback. The block has no effect outside of the main thread.
+    A terminal sends Ctrl-C to all processes, and a child that is still importing would print a
+    traceback. Outside of the main thread the block has no effect.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

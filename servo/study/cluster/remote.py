@@ -1,4 +1,4 @@
-"""An existing cluster: a connection to its scheduler, made within one deadline."""
+"""Connects to the scheduler of an existing Dask cluster, within a limited time."""
 
 import asyncio
 from collections.abc import Generator
@@ -18,16 +18,16 @@ PLAIN = "tcp"
 ENCRYPTED = "tls"
 TLS_FILES = ("tls_ca_file", "tls_client_cert", "tls_client_key")
 CONNECTING = 0.75
-"""Share of the deadline after which Dask stops trying to connect and reports the reason."""
+"""Share of the allowed time after which Dask gives up connecting and reports the reason."""
 CLOSING = 2.0
 """Longest wait for closing the connection to a scheduler that does not answer [s]."""
 
 
 def check_address(text: str) -> str:
-    """A scheduler's address in Dask's form.
+    """Return the address of a scheduler as Dask writes it, such as "tcp://host:8786".
 
     Raises:
-        Mistake: The text is not an address.
+        Mistake: The text is not HOST:PORT, with tcp:// or tls:// in front or without.
     """
     try:
         parts = urlsplit(text if "://" in text else f"{PLAIN}://{text}")
@@ -44,11 +44,11 @@ def check_address(text: str) -> str:
 
 @contextmanager
 def remote(text: str) -> Generator[Cluster]:
-    """A cluster with a running scheduler.
+    """Connect to the cluster whose scheduler has an address, until the end of the block.
 
     Raises:
         Mistake: There is no scheduler at the address, or it has no workers.
-        ClusterLost: Its workers run several tasks at once.
+        ClusterLost: A worker has several threads.
     """
     address = check_address(text)
     with silence():
@@ -71,10 +71,10 @@ def remote(text: str) -> Generator[Cluster]:
 
 
 def security_of(address: str) -> Security:
-    """The user's TLS settings of Dask, which must be sufficient for an address.
+    """Return Dask's TLS settings of the user for connecting to an address.
 
     Raises:
-        Mistake: They are not, or cannot be used.
+        Mistake: The settings cannot be used, or lack certificates that a tls:// address needs.
     """
     names: list[str] = []
     try:
@@ -96,7 +96,11 @@ def security_of(address: str) -> Security:
 
 
 async def _reach(address: str, security: Security) -> Client:
-    """Connect and wait for a worker, within one deadline."""
+    """Connect to a scheduler, wait for its first worker, and return the client.
+
+    Raises:
+        Mistake: No scheduler with workers answers within `tasks.PATIENCE` seconds.
+    """
     client: Any = Client(
         address,
         security=security,
@@ -114,16 +118,8 @@ async def _reach(address: str, security: Security) -> Client:
     except Exception as error:  # anything may answer there
         with suppress(Exception):
             await client.close(CLOSING)
-        reason = said if isinstance(error, TimeoutError) else _reason(error)
-    raise Mistake(f"--scheduler {address}: no scheduler with workers answers there: {reason}")
-
-
-def _reason(error: BaseException) -> str:
-    """The message of the deepest cause that has one."""
-    if not isinstance(error, OSError | ImportError):
-        return "what answers there does not speak Dask's protocol"
-    words = str(error)
-    while (cause := error.__cause__) is not None:
-        error = cause
-        words = str(cause) or words
-    return words or type(error).__name__
+        if isinstance(error, OSError | ImportError) and not isinstance(error, TimeoutError):
+            said = tasks.reason(error)
+        elif not isinstance(error, TimeoutError):
+            said = "the server there does not speak Dask's protocol"
+    raise Mistake(f"--scheduler {address}: no scheduler with workers answers there: {said}")

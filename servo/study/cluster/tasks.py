@@ -1,4 +1,4 @@
-"""A local or external cluster: a client, and tasks that are each done once, even if workers die."""
+"""Runs tasks on a local or external Dask cluster, each of them once, even if workers die."""
 
 import logging
 import os
@@ -9,18 +9,18 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import cv2
 import dask.config
 from distributed import Client, Future, KilledWorker, as_completed
 
 from servo.closing import closing
-from servo.study.run import ClusterLost, Failure
+from servo.study.run import ClusterLost, Done, Failure, Task, attempt
 from sim.files.notices import Notice
 
 DEATHS = 2
-"""Most workers that may die at a task; after one more, the task has failed."""
+"""Number of workers that may die during one task before the next death makes the task fail."""
 PATIENCE = 20.0
 """Longest wait for a scheduler or its workers [s]."""
 TICK = 0.5
@@ -29,7 +29,7 @@ SETTINGS = {
     "distributed.scheduler.allowed-failures": DEATHS,
     "distributed.comm.timeouts.connect": PATIENCE,
     "distributed.worker.daemon": True,
-    # These logs are not used, and they grow over thousands of runs.
+    # Dask's own logs are not used, and they grow over thousands of runs.
     "distributed.worker.profile.enabled": False,
     "distributed.admin.log-length": 100,
     "distributed.admin.low-level-log-length": 100,
@@ -37,25 +37,25 @@ SETTINGS = {
     "distributed.admin.system-monitor.gil.enabled": False,
 }
 ONE_THREAD = {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-"""Environment of a worker: one thread each, because the workers share the processors."""
+"""Environment variables of a worker, which give each one thread: workers share the processors."""
 LOGGERS = ("distributed", "distributed.client", "tornado", "asyncio")
 
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """A running cluster."""
+    """A running Dask cluster."""
 
     client: Client
     name: str
-    """Name for messages."""
+    """Name of the cluster in messages."""
     watch: Callable[[int], None]
-    """Called every `TICK` with the number of workers; raises ClusterLost if none come."""
+    """Is called every `TICK` with the number of workers; raises ClusterLost if no worker comes."""
 
     def workers(self) -> int:
-        """Number of workers now.
+        """Return the present number of workers.
 
         Raises:
-            ClusterLost: A worker runs several tasks at once.
+            ClusterLost: A worker has several threads.
         """
         threads: Any = self.client.nthreads()  # a coroutine only in asynchronous clients
         if max(threads.values(), default=1) > 1:
@@ -68,20 +68,21 @@ class Cluster:
 
 @dataclass(slots=True)
 class Patience:
-    """Watch of the number of workers, which ends the session after too long a time without any."""
+    """A timer that raises ClusterLost after too long a time without workers."""
 
     longest: float
     """Longest time without any worker [s]."""
     sentence: str
-    """Why there may be none."""
+    """Message of the exception."""
     without: float = 0.0
-    """Time without any worker [s], counted in ticks; it stops when the client is paused."""
+    """Time without any worker [s], counted in ticks, so that it stops while this process is
+    suspended."""
 
     def __call__(self, there: int) -> None:
-        """Take the number of workers, a `TICK` after the last time.
+        """Count one `TICK` with this number of workers.
 
         Raises:
-            ClusterLost: No worker has been there for too long.
+            ClusterLost: There has been no worker for `longest` seconds.
         """
         self.without = 0.0 if there else self.without + TICK
         if self.without >= self.longest:
@@ -90,30 +91,32 @@ class Patience:
 
 @contextmanager
 def silence() -> Generator[None]:
-    """Use our settings of Dask, and keep its loggers off stderr, within the block."""
+    """Use `SETTINGS` of Dask within the block, and turn its log messages on stderr off."""
     for name in LOGGERS:  # Dask silences its loggers only until a cluster closes
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with dask.config.set(SETTINGS):
         yield
 
 
-Task = TypeVar("Task")
-Done = TypeVar("Done")
-
-
 def carry_out(
     cluster: Cluster, tasks: Iterable[Task], work: Callable[[Task], Done]
 ) -> Iterator[tuple[Task, Done | Failure]]:
-    """Do tasks, as many at once as there are workers; yields each task when it ends.
+    """Do tasks, one at a time on each worker; yield each task when it ends, with its result or the
+    error that it raised.
 
-    The task of a worker that dies is done by another worker.
+    If a worker dies, another worker does its task again.
+
+    Args:
+        cluster: The cluster.
+        tasks: Arguments of `work`, in the order in which they begin.
+        work: Function of one task.
 
     Raises:
         ClusterLost: The scheduler has stopped, or has had no workers for a long time.
     """
     waiting = iter(tasks)
     session = uuid.uuid4().hex
-    under_way: dict[str, tuple[Task, Future[Any]]] = {}
+    under_way: dict[str, tuple[Task, Future[Done | Failure]]] = {}
     ended = as_completed(loop=cluster.client.loop)
 
     def top_up() -> None:
@@ -148,7 +151,7 @@ def carry_out(
 
 
 def _ready(ended: as_completed) -> list[Future[Any]]:
-    """The tasks that have ended, after waiting for one for at most a `TICK`."""
+    """Wait for at most a `TICK` until a task ends; return all tasks that have ended."""
     until = time.monotonic() + TICK
     while not ended.has_ready() and time.monotonic() < until:
         with ended.thread_condition:
@@ -156,10 +159,15 @@ def _ready(ended: as_completed) -> list[Future[Any]]:
     return ended.next_batch(block=False)
 
 
-def _result(future: Future[Any], name: str) -> Any:
+def _result(future: Future[Done | Failure], name: str) -> Done | Failure:
+    """Return the result of a task that has ended, or its failure.
+
+    Raises:
+        ClusterLost: The task was cancelled with its cluster, whose name this is.
+    """
     if future.status == "finished":
         return future.result()
-    if future.status != "error":  # "cancelled", but not by us
+    if future.status != "error":
         raise ClusterLost(f"{name} is gone")
     error: Any = future.exception()
     if isinstance(error, KilledWorker):
@@ -170,9 +178,19 @@ def _result(future: Future[Any], name: str) -> Any:
     return Failure.of(error)
 
 
-def _work_alone(work: Callable[[Any], Any], task: Any) -> Any:
+def _work_alone(work: Callable[[Task], Done], task: Task) -> Done | Failure:
+    """Do a task in a worker process with one thread and without repeated notices."""
     for name, value in ONE_THREAD.items():
         os.environ.setdefault(name, value)
     cv2.setNumThreads(1)
-    warnings.simplefilter("ignore", Notice)  # the process that planned the study says it
-    return work(task)
+    warnings.simplefilter("ignore", Notice)  # the process that began the study has printed them
+    return attempt(work, task)
+
+
+def reason(error: BaseException) -> str:
+    """Return the message of the first error with a message in an exception's chain of causes."""
+    message = str(error)
+    while error.__cause__ is not None:
+        error = error.__cause__
+        message = str(error) or message
+    return message or type(error).__name__
