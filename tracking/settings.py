@@ -9,7 +9,7 @@ from sim.ranges import Share
 
 MOST_LEVELS = 32
 """Most colour bins a channel: their joint numbers have 16 bits."""
-PLAIN: dict[str, object] = {"contrast": 0.0, "learn": False}
+PLAIN: dict[str, float | str] = {"contrast": 0.0, "learn": False}
 """Settings that switch off our additions to published methods, for the presets named "paper"."""
 Levels = Annotated[int, Ge(2), Le(MOST_LEVELS)]
 Inset = Annotated[float, Ge(0), Le(0.49)]

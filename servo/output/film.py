@@ -15,7 +15,7 @@ from servo.mistake import Mistake
 from servo.output.room_view import RoomView
 from sim.types import Array, Camera, Image
 from tracking.drawing import colours
-from tracking.drawing.film_page import FilmPage, Pages, panel
+from tracking.drawing.film_page import FilmPage, FrameReceiver, panel
 from tracking.drawing.running_chart import Chart
 
 PANEL = (616, 462)
@@ -123,7 +123,7 @@ class RunViews:
 class RunFilm:
     """Sink that draws the steps of a run into a film, an MP4 file."""
 
-    def __init__(self, to: Path | Pages, title: str = "", end: float | None = None) -> None:
+    def __init__(self, to: Path | FrameReceiver, title: str = "", end: float | None = None) -> None:
         """Prepare a film; the file is opened with the first step.
 
         Args:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from sim.types import Array
 from tracking.drawing import colours
-from tracking.drawing.film_page import FilmPage, Pages, panel
+from tracking.drawing.film_page import FilmPage, FrameReceiver, panel
 from tracking.drawing.running_chart import Chart
 from tracking.evaluation.track import Shot
 from tracking.types import Region
@@ -22,7 +22,12 @@ class AnnotatedVideo:
     """Writer of the film of a track; the film's size follows from that of the first picture."""
 
     def __init__(
-        self, to: Path | Pages, rate: float, region: Region, title: str, end: float | None = None
+        self,
+        to: Path | FrameReceiver,
+        rate: float,
+        region: Region,
+        title: str,
+        end: float | None = None,
     ) -> None:
         """Prepare a film; the file is opened with the first picture.
 

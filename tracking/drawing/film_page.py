@@ -94,7 +94,7 @@ def panel(
     return whole
 
 
-class Pages(Protocol):
+class FrameReceiver(Protocol):
     """Receiver of the frames of a film, in place of a file; a live page is one."""
 
     def add(self, image: Image, time: float, /) -> None:
@@ -112,7 +112,7 @@ class FilmPage:
 
     def __init__(
         self,
-        to: Path | Pages,
+        to: Path | FrameReceiver,
         rate: float,
         title: str,
         captions: Sequence[str],

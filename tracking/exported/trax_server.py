@@ -16,7 +16,6 @@ from sim.types import Array
 from tracking import configured
 from tracking.evaluation.warm_up import warm_up
 from tracking.exported.toolkits import Follower
-from tracking.sequences.quadrilateral import boxes
 from tracking.sequences.sources import RATE
 from tracking.types import Status
 from tracking.wrapped.trax_messages import (
@@ -25,6 +24,7 @@ from tracking.wrapped.trax_messages import (
     SEEN,
     UNSEEN,
     Message,
+    box_around,
     message_in,
     picture_in,
     region_in,
@@ -103,7 +103,7 @@ def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Ite
             region = given
             given = None
             exact = region.ndim == 1 or len(region) == CORNERS
-            follower.start(image, region.ravel() if exact else boxes(region[None])[0], turned=True)
+            follower.start(image, region.ravel() if exact else box_around(region), turned=True)
             yield _answer(region, 1.0, seen=True)
         else:
             found, rect = follower.update(image)

@@ -55,8 +55,7 @@ were read to detect the format, and without the first key frame all up to the ne
 UNSTAMPED = ("mpjpeg", "mjpeg", "jpeg_pipe", "h264", "hevc")
 """Formats without stamps: the time of a picture is that of its arrival."""
 WAKE = 0.1
-"""Time after which a waiting thread checks whether the other thread has ended [s]; Ctrl-C takes
-effect after at most this time."""
+"""Time after which the waiting thread checks whether its pictures are still wanted [s]."""
 
 
 class SourceLost(Exception):
@@ -91,7 +90,7 @@ class LiveSource:
         self.name = name
         self.rate = RATE
         self._opened = opened
-        self._queue: Queue[Picture] = Queue(maxsize=1)
+        self._queue: Queue[Picture | None] = Queue(maxsize=1)  # None: there are no more
         self._stop = threading.Event()
         self._given = self._dropped = self._damaged = self._failed = 0
         self._over = False
@@ -123,7 +122,7 @@ class LiveSource:
         reader.start()
         try:
             times = None
-            while (picture := self._next(reader)) is not None:
+            while (picture := self._queue.get()) is not None:
                 times = times or Times(self.rate)
                 self._given += 1
                 yield replace(picture, time=times.since_first(picture.stamp), stamp=None)
@@ -134,14 +133,6 @@ class LiveSource:
         finally:
             self._stop.set()
             reader.join(WAKE)  # a thread that waits for a camera ends later
-
-    def _next(self, reader: threading.Thread) -> Picture | None:
-        """Wait for the next picture in the queue, and return it; None after the last one."""
-        while True:
-            with suppress(Empty):
-                return self._queue.get(timeout=WAKE)
-            if not reader.is_alive() and self._queue.empty():
-                return None
 
     def _read(self) -> None:
         """Read the source into the queue, until it ends or `_stop` is set."""
@@ -161,8 +152,10 @@ class LiveSource:
                         return
         except SourceLost as error:
             self._broken = str(error)
+        finally:
+            self._put(None, wait=True)
 
-    def _put(self, picture: Picture, *, wait: bool) -> None:
+    def _put(self, picture: Picture | None, *, wait: bool) -> None:
         """Put a picture into the queue: after waiting for room, or in place of the one there."""
         while not self._stop.is_set():
             with suppress(Full):

@@ -18,7 +18,6 @@ from typing import NoReturn
 import numpy as np
 
 from sim.types import Array, Image
-from tracking.sequences.quadrilateral import boxes
 from tracking.types import Region, State
 from tracking.wrapped.boxes import Box, box_in, box_of, convex, score_in
 from tracking.wrapped.trax_messages import (
@@ -27,6 +26,7 @@ from tracking.wrapped.trax_messages import (
     SEEN,
     UNSEEN,
     Message,
+    box_around,
     message_in,
     picture_text,
     region_in,
@@ -124,7 +124,7 @@ class TraxClient:
             return None
         if found.ndim == 1:
             return box_in(found, self._name)
-        box = box_in(boxes(found[None])[0], self._name)
+        box = box_in(box_around(found), self._name)
         return found if len(found) == CORNERS and convex(found) else box
 
     def score(self) -> float:

@@ -17,7 +17,6 @@ import numpy as np
 from sim.files.bit_depth import BitDepth
 from sim.files.picture_file import check_size, decoded, read_image
 from sim.types import Array, Image
-from tracking.sequences.quadrilateral import BOX
 
 PREFIX = "@@TRAX:"
 CONFIDENCE = "confidence"
@@ -33,6 +32,8 @@ quotes are not closed, as a crashing server leaves it."""
 NAMED = re.compile(r"([\w.]{1,64})=(.*)", re.ASCII | re.DOTALL)
 SPECIAL = re.compile(r'[\\"\n]')
 ESCAPED = {"\\": "\\\\", '"': '\\"', "\n": "\\n"}
+BOX = 4
+"""Number of numbers of a box: x, y, width, height."""
 FEWEST_NUMBERS = 6
 """Numbers of a rectangle, and fewest of a polygon."""
 CORNERS = 4
@@ -101,6 +102,11 @@ def region_in(text: str) -> Array | None:
     if not (polygon or count == BOX) or not np.isfinite(numbers).all():
         raise ValueError("neither a rectangle nor a polygon")
     return numbers.reshape(-1, 2) if polygon else numbers
+
+
+def box_around(polygon: Array) -> Array:
+    """Return the upright box (4,), x, y, width, height, around a polygon (n, 2) [px]."""
+    return np.concatenate([polygon.min(axis=0), np.ptp(polygon, axis=0)])
 
 
 def picture_text(image: Image, formats: Sequence[str], file: Path) -> str:
