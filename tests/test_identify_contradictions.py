@@ -263,8 +263,8 @@ def test_an_encoder_of_another_clock_is_doubted(tmp_path, columns):
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_an_encoder_of_half_or_twice_its_joint_is_refused(tmp_path, columns, factor):
     assert refused(tmp_path, columns, **{ENCODER: factor * columns[ENCODER]}) == (
-        f"the encoder of x moves {1.006 * factor:.3g} times as far as its joint: the unit of one of "
-        "them is wrong"
+        f"the encoder of x moves {1.006 * factor:.3g} times as far as its joint: the unit of the "
+        "encoder's or of the joint's positions is wrong"
     )
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from machines import machine_with
-from rich.console import Console
 
 from servo.cli import sweep_command
 from servo.cli.options import Commands
@@ -75,12 +74,6 @@ def test_an_empty_window_has_no_texture():
 
 def test_a_camera_is_a_source():
     assert source_of("camera:7", 15.0).name == "camera:7"
-
-
-def test_a_study_without_runs_has_no_tables():
-    nothing = SimpleNamespace(done=set())
-    study = SimpleNamespace(jobs=list)
-    assert sweep_command._sum_up(study, nothing, Console()) == 0
 
 
 @pytest.fixture

@@ -130,8 +130,10 @@ def run_study(
         store.find(jobs)
         title = f"sweep {study.name}"
         failed = complete_jobs(jobs, store, workers, console, title, go_on(command, out))
+        if not store.done:
+            return 1 if failed else 0
         code = _sum_up(study, store, console, measures)
-        if store.done and not has_page:
+        if not has_page:
             plain(console, f"for a page, run: servobench report {shlex.quote(str(store.folder))}")
     return 1 if failed else code
 
@@ -146,12 +148,8 @@ def _doubts(study: Study) -> list[str]:
     return list(dict.fromkeys(lines))
 
 
-def _sum_up(
-    study: Study, store: Store, console: Console, measures: Sequence[str] | None = None
-) -> int:
+def _sum_up(study: Study, store: Store, console: Console, measures: Sequence[str] | None) -> int:
     """Write the tables and print a summary; return the exit code: 1 if a bound was missed."""
-    if not store.done:
-        return 0
     table = store.table()
     rows = rows_of(table)
     cells = cells_of(study, rows)
