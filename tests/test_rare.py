@@ -8,14 +8,13 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from machines import machine_with
-from rich.console import Console
 
 from servo.cli import sweep_command
 from servo.cli.options import Commands
 from servo.mistake import Mistake, Refused, unknown
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.study import record_file
-from servo.study.run import Failure, Job
+from servo.study.run import Failure, Job, Record
 from servo.study.store import Store
 from sim.camera import gl
 from sim.types import Camera, Pose
@@ -77,12 +76,6 @@ def test_a_camera_is_a_source():
     assert source_of("camera:7", 15.0).name == "camera:7"
 
 
-def test_a_study_without_runs_has_no_tables():
-    nothing = SimpleNamespace(done=set())
-    study = SimpleNamespace(jobs=list)
-    assert sweep_command._sum_up(study, nothing, Console()) == 0
-
-
 @pytest.fixture
 def broken(monkeypatch, tmp_path):
     """A study of two runs that fail."""
@@ -131,6 +124,7 @@ def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     kept = json.loads(found[1].read_text())
     assert kept["error"].endswith("ValueError: no\n")
     assert "servobench run still" in kept["command"]
+    assert not [*Path("out").glob("*.parquet"), *Path("out").glob("*.csv")]  # no run, no tables
 
 
 @pytest.mark.parametrize(
@@ -144,7 +138,9 @@ def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     ],
 )
 def test_a_column_has_the_type_of_its_values(values, kind):
-    assert record_file._type(values) == kind
+    plain = {"subject": "still", "seed": 0, "outcome": "", "success": True, "measures": {}}
+    records = [Record(**plain, settings={"x": value}) for value in values]
+    assert record_file.table_of([records]).schema.field("x").type == kind
 
 
 def test_the_commands_are_listed_as_they_stand():
@@ -173,18 +169,22 @@ def test_too_many_runs_of_one_command_are_refused():
     ],
 )
 def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(
-    suite, asked, labels, tmp_path
+    suite, asked, labels, tmp_path, monkeypatch
 ):
     from servo.cli import evaluate_command
 
+    def labels_of(jobs, *_):
+        return [job.subject.contender.label for job in jobs]
+
+    monkeypatch.setattr(evaluate_command, "print_estimate", labels_of)
     text = '[[sequences]]\nkind = "clutter"\n'
     if suite == "listed":
         text += '[[trackers]]\nkind = "frozen"\nlabel = "nothing"\n'
     (tmp_path / "s.toml").write_text(text)
     request = evaluate_command.EvaluateRequest(
-        str(tmp_path / "s.toml"), asked, seeds=2, workers=1, out=None, quiet=True
+        str(tmp_path / "s.toml"), asked, seeds=1, workers=1, out=None, quiet=True, dry_run=True
     )
-    assert [s.contender.label for s in evaluate_command._subjects(request)] == labels
+    assert evaluate_command.run(request) == labels
 
 
 def test_a_scenario_of_a_study_is_a_file_only_by_its_ending(monkeypatch, tmp_path):

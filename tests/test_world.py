@@ -1,5 +1,6 @@
 import warnings
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -7,6 +8,7 @@ from servo.loop.episode import Episode
 from servo.scenario.load import load
 from sim import placement
 from sim.camera.camera import CameraConfig
+from sim.camera.choice import renderer_of
 from sim.disturbances import board, brightness
 from sim.motions import circle, line, still
 from sim.robots import gantry
@@ -16,7 +18,7 @@ from sim.world import World, WorldConfig, WorldParts
 STILL = still.Config(heading_deg=10.0).build(np.random.default_rng())
 
 
-def make(camera=None, motion=STILL, disturbances=(), robot=gantry, **world):
+def make(camera=None, motion=STILL, disturbances=(), robot=gantry, renderer=None, **world):
     parts = WorldParts(
         robot.Config().build(np.random.default_rng()),
         car.Config().build(np.random.default_rng()),
@@ -25,7 +27,7 @@ def make(camera=None, motion=STILL, disturbances=(), robot=gantry, **world):
         camera or CameraConfig(),
         config=WorldConfig(**world),
     )
-    return World(parts, np.random.default_rng(1))
+    return World(parts, np.random.default_rng(1), renderer=renderer)
 
 
 @pytest.fixture
@@ -79,10 +81,18 @@ def test_the_truth_lies_on_the_rendered_car(world):
     np.testing.assert_allclose(middle, truth.centre, atol=3.0)
 
 
-def test_the_silhouette_has_the_size_of_the_reference_rectangle(world):
+def test_the_silhouette_has_the_size_of_the_reference_rectangle():
+    renderers = []
+
+    def keep(*given):
+        renderers.append(renderer_of("opengl")(*given))
+        return renderers[-1]
+
+    world = make(renderer=keep)
     see(world)
     target = world.model.geom_bodyid == world.model.body("target").id
-    pixels = world._renderer.silhouette(world.data, target, alone=True).sum()
+    pixels = renderers[0].silhouette(world.data, target, alone=True).sum()
+    world.close()
     rectangle = 0.2 * 0.1 * (world.camera.fx / 1.0) ** 2
     assert pixels == pytest.approx(rectangle, rel=0.06)  # rounded corners, wheels that stick out
 
@@ -204,20 +214,26 @@ def test_the_same_world_twice_gives_the_same_pixels():
 
 
 @pytest.mark.opengl
-def test_worlds_of_one_model_have_the_same_buffers_one_after_another_and_their_own_at_once():
-    def buffers(*worlds):
-        found = [world._renderer._context for world in worlds]
+def test_worlds_of_one_model_have_the_same_buffers_one_after_another_and_their_own_at_once(
+    monkeypatch,
+):
+    buffers, make_buffers = [], mujoco.MjrContext
+
+    def keep(*given):
+        buffers.append(make_buffers(*given))
+        return buffers[-1]
+
+    def begin_and_close(*worlds):
         for world in (*worlds, *worlds):
             world.close()
-        return found
+        return len(buffers)
 
-    (first,) = buffers(make())
-    again, beside = buffers(make(), make())
-    (other,) = buffers(make(CameraConfig(width=160, height=120)))
-    assert again is first
-    assert beside is not first
-    assert other is not first
-    assert (other.offWidth, first.offWidth) == (160, 0)  # given back for good
+    monkeypatch.setattr(mujoco, "MjrContext", keep)
+    small = CameraConfig(width=128, height=96)  # of no world before this one
+    assert begin_and_close(make(small)) == 1
+    assert begin_and_close(make(small), make(small)) == 2
+    assert begin_and_close(make(CameraConfig(width=160, height=120))) == 3
+    assert [each.offWidth for each in buffers] == [0, 0, 160]  # given back for good
 
 
 def test_a_blur_holds_the_targets_own_motion():
