@@ -11,6 +11,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 os.environ.setdefault("LP_NUM_THREADS", "0")  # before any GL context: tests run side by side
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: threads wait for each other
 # Programs that tests start do not print that OpenGL is missing: what they print is compared.
 os.environ.setdefault("SERVOBENCH_WITHOUT_OPENGL", "1")
 

@@ -29,6 +29,8 @@ motion.x = 0.0
 disturbances = [{ kind = "brightness", factor = 0.0, start = 0.13, ramp = 0.001 }]
 """
 """Eight frames; from the fifth on the picture is black: the controller coasts, holds, searches."""
+BLURRED = ("camera", "world", "motion")
+"""Places of settings that act on the blur of a picture, which is the mean of several."""
 EVERYTHING = {
     "gain_far": 1.0,
     "smooth_start": 1.0,
@@ -93,6 +95,8 @@ def base(place, kind):
     if place == "leader":
         follows = s.load("hand_follow").table
         table = {"run": table["run"]} | {name: follows[name] for name in FOLLOWS}
+    if place not in BLURRED:
+        table["camera"] = table["camera"] | {"exposure": 0.0}
     if place in LISTS:
         names = {f.name for f in dataclasses.fields(LISTS[place].config_of(kind))}
         table[place] = [{"kind": kind} | {k: v for k, v in EARLY.items() if k in names}]

@@ -8,7 +8,7 @@ import pytest
 from dark import Dark
 from scipy.optimize import linprog
 
-from servo.loop.episode import Episode
+from servo.loop.episode import Episode, measured_run
 from servo.scenario.load import load
 from sim.camera.camera import CameraConfig
 from sim.geometry import exp_so3
@@ -119,7 +119,7 @@ def test_no_tick_of_a_closed_loop_exceeds_the_acceleration(robot, noise):
         "run.duration=4",
         "tracker.kind=truth",
     ]
-    with Episode(load("arm7_line", changes)) as episode:
+    with Episode(load("arm7_line", changes), seen=False) as episode:
         # While the first step is shown, two ticks are past.
         rates = [episode.world.data.ctrl.copy() for _ in episode]
     change = np.abs(np.diff(rates, axis=0))
@@ -189,6 +189,6 @@ def test_a_joint_stops_before_its_limit(acceleration):
 def test_an_acceleration_that_is_never_reached_changes_no_bit():
     joints = []
     for more in ([], ["robot.acceleration=1e4"]):
-        with Episode(load("line", ["run.duration=2", "tracker.kind=truth", *more])) as episode:
-            joints.append(np.array([step.posture.joints for step in episode]))
+        steps, _ = measured_run(load("line", ["run.duration=2", "tracker.kind=truth", *more]))
+        joints.append(np.array([step.posture.joints for step in steps]))
     np.testing.assert_array_equal(*joints)

@@ -5,28 +5,31 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from servo.controllers import _law_settings, ibvs
+from servo.controllers import _law_settings
 from servo.features import _interaction, moments
-from servo.loop.episode import run
-from servo.loop.run_measures import summarise
+from servo.loop.episode import measured_run
 from servo.scenario.load import load
-from servo.sight import estimate_to_sight
 from servo.study.bounds import missed_bounds
-from servo.types import Plane
 from sim.kinematics.robot import Robot
 from sim.world import World
 
 pytestmark = pytest.mark.wide
-"""They say nothing about the code, but whether the bounds notice: whole runs, a minute."""
+"""They say nothing about the code, but whether the bounds notice: whole runs."""
 
 
-def missed(name):
-    scenario = load(name)
-    report = summarise(list(run(scenario)), scenario.measure, 1 / scenario.camera.rate)
+def missed(name, *changes):
+    """The bounds of the scenario's own tracker that the loop misses with a perfect one."""
+    scenario = load(name, ["tracker.kind=truth", *changes])
+    of_own = scenario.bounds.of(scenario.bounds.own)
+    _, report = measured_run(scenario)
     return {
-        violation.name
-        for violation in missed_bounds(report.outcome.name, report.measures, scenario.expect)
+        violation.name for violation in missed_bounds(report.outcome.name, report.measures, of_own)
     }
+
+
+@pytest.mark.parametrize("name", ["still", "stop_and_go", "reversal_5hz", "line"])
+def test_an_unbroken_loop_keeps_the_bounds(name):
+    assert not missed(name)
 
 
 @pytest.mark.parametrize("row", ["row_xn", "row_yn", "row_an", "row_theta"])
@@ -65,11 +68,8 @@ def test_the_wrong_degrees_of_freedom(monkeypatch):
     assert missed("still")
 
 
-def test_the_wrong_features_fed_forward(monkeypatch):
-    right = ibvs._fed_forward
-    # an and theta instead of xn and yn
-    monkeypatch.setattr(ibvs, "_fed_forward", lambda *given: np.roll(right(*given), 2))
-    assert "servo_rms_px" in missed("line")
+def test_the_wrong_features_fed_forward():
+    assert "servo_rms_px" in missed("line", 'controller.feed_forward=["an", "theta"]')
 
 
 @pytest.mark.parametrize("factor", [290.0, 1 / 290.0])
@@ -86,14 +86,9 @@ def test_theta_measured_with_y_up(monkeypatch):
     assert missed("still")
 
 
-def test_a_depth_that_is_three_times_too_large(monkeypatch):
+def test_a_depth_that_is_three_times_too_large():
     """The translations' gain is off by beta = 3; compensation is stable below 2 only."""
-    monkeypatch.setattr(
-        estimate_to_sight.EstimateToSight,
-        "_with_depth_factor",
-        lambda self, sight: replace(sight, plane=Plane(*(sight.plane.vector / 3))),
-    )
-    assert missed("still")
+    assert missed("still", "believed.depth_factor=3")
 
 
 def test_a_joint_that_drives_the_wrong_way(monkeypatch):

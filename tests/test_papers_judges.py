@@ -1,5 +1,6 @@
 """How each claim of the papers is judged, told and drawn from results that are made up."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -187,11 +188,16 @@ def judged(tmp_path):
     return of
 
 
+painted = functools.cache(Generated.build)
+"""Each sequence is painted once: a claim looks at it for each tracker."""
+
+
 @pytest.fixture
 def short(monkeypatch):
     """The sequences of the multi-kernel claims, with 20 frames."""
     entry = Generated("similarity", replace(kernel_paper.SIMILARITY.config, frames=20))
     monkeypatch.setattr(kernel_paper, "SIMILARITY", entry)
+    monkeypatch.setattr(Generated, "build", painted)
     return entry
 
 

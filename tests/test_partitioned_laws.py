@@ -144,11 +144,12 @@ def test_the_partitioned_law_turns_about_the_axis_without_a_retreat(degrees):
 def test_corners_weigh_nothing_inside_and_much_at_the_border():
     sets = weighted.Config(border=0.25).build(OUTLINE)
     at = np.array([[0.0, 0.0], [239.9, 0.0], [280.0, 0.0], [320.0, 300.0]]) / 600
-    h = sets._weights(at, CAMERA)
-    assert h[0].tolist() == [0.0, 0.0]
-    assert h[1, 0] == 0.0
-    np.testing.assert_allclose(h[2], [0.125 / 0.125, 0.0])
-    assert h[3].tolist() == [weighted.LARGEST] * 2
+    h = np.ones(14)
+    h[:8] = [0.0, 0.0, 0.0, 0.0, 0.125 / 0.125, 0.0, weighted.LARGEST, weighted.LARGEST]
+    goal = seen_in(pose_of(*GOAL))
+    L = sets.matrix(seen_in(pose_of(*STARTS["near"]), goal))
+    found = sets.inverse(L, np.append(at.ravel(), np.zeros(6)), CAMERA)
+    np.testing.assert_allclose(found, np.linalg.pinv(h[:, None] * L) * h, atol=1e-9)
 
 
 def test_inside_the_picture_the_weighted_law_is_position_based():

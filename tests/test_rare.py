@@ -124,6 +124,7 @@ def test_failed_runs_are_told_with_their_last_line(broken, capfd):
     kept = json.loads(found[1].read_text())
     assert kept["error"].endswith("ValueError: no\n")
     assert "servobench run still" in kept["command"]
+    assert not [*Path("out").glob("*.parquet"), *Path("out").glob("*.csv")]  # no run, no tables
 
 
 @pytest.mark.parametrize(
@@ -170,10 +171,14 @@ def test_too_many_runs_of_one_command_are_refused():
     ],
 )
 def test_a_bench_takes_the_trackers_asked_for_else_those_listed_else_all(
-    suite, asked, labels, tmp_path
+    suite, asked, labels, tmp_path, monkeypatch
 ):
     from servo.cli import evaluate_command
 
+    def labels_of(jobs, *_):
+        return [job.subject.contender.label for job in jobs]
+
+    monkeypatch.setattr(evaluate_command, "print_estimate", labels_of)
     text = '[[sequences]]\nkind = "clutter"\n'
     if suite == "listed":
         text += '[[trackers]]\nkind = "frozen"\nlabel = "nothing"\n'

@@ -107,7 +107,8 @@ def test_a_small_weight_on_the_turns_keeps_the_camera_almost_level():
 
 
 def test_a_goal_that_moves_is_followed():
-    with Episode(load("approach", ["goal.change_start=1.0", "goal.change_duration=2.0"])) as loop:
+    change = ["goal.change_start=1.0", "goal.change_duration=2.0", "run.duration=5.0"]
+    with Episode(load("approach", change)) as loop:
         steps = list(loop)
     sizes = {round(s.frame.time, 3): s for s in steps}
     assert sizes[1.0].goal.size == pytest.approx(loop.world.camera.fx / 1.1)

@@ -88,18 +88,26 @@ def results(families, seeds=8):
 
 @pytest.mark.parametrize("count", [1, 3, evaluate_command.WIDE, evaluate_command.WIDE + 1])
 @pytest.mark.newest
-def test_a_bench_prints_and_writes_these_tables(count, printed, approved, tmp_path):
+def test_a_bench_prints_these_tables(count, printed, approved):
     found = results([f"family{i}" for i in range(count)])
-    ranks = ranking.ranked(found)
-    evaluate_command.print_ranks(printed, ranks)
+    evaluate_command.print_ranks(printed, ranking.ranked(found))
     approved(f"tables/bench-{count}", lines(printed))
-    if count == 3:
-        store = Store(tmp_path)
-        store.table = lambda: table_of([found[:1]])
-        evaluate_command._write(store, found, ranks, "x")
-        names = ("runs.csv", "table.csv")
-        texts = {name: (tmp_path / name).read_text().splitlines() for name in names}
-        approved("tables/bench-files", texts)
+
+
+def test_a_bench_writes_these_files(monkeypatch, approved, tmp_path):
+    found = results([f"family{i}" for i in range(3)])
+    store = Store(tmp_path)
+    store.records = lambda jobs: found if jobs else []
+    store.table = lambda: table_of([found[:1]])
+    monkeypatch.setattr(evaluate_command, "opened", lambda *_: nullcontext(store))
+    monkeypatch.setattr(evaluate_command, "complete_jobs", lambda *_: 0)
+    request = evaluate_command.EvaluateRequest(
+        "clutter", "frozen", seeds=1, workers=1, out=tmp_path, quiet=True
+    )
+    assert evaluate_command.run(request) == 0
+    names = ("runs.csv", "table.csv")
+    texts = {name: (tmp_path / name).read_text().splitlines() for name in names}
+    approved("tables/bench-files", texts)
 
 
 def test_a_mean_over_a_part_of_the_sequences_says_of_how_many():
@@ -132,7 +140,7 @@ class Kept:
     """A store with made-up records."""
 
     def __init__(self, study, folder):
-        self.folder, self.written = folder, {}
+        self.folder, self.written, self.find = folder, {}, list
         rng, self.done = np.random.default_rng(8), []
         for job in study.jobs():
             poor = job.settings["tracker.kind"] == "kams"
@@ -164,7 +172,7 @@ class Kept:
 
 
 @pytest.mark.newest
-def test_a_study_prints_and_writes_these_tables(printed, approved, capfd, tmp_path):
+def test_a_study_prints_and_writes_these_tables(printed, approved, capfd, monkeypatch, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(
         'scenario = "still"\nseeds = 9\n[axes]\ntracker.kind = ["kams", "pf_ssd"]\n'
@@ -173,7 +181,10 @@ def test_a_study_prints_and_writes_these_tables(printed, approved, capfd, tmp_pa
     )
     study = load(str(file))
     kept = Kept(study, tmp_path)
-    assert sweep_command._sum_up(study, kept, printed) == 1
+    monkeypatch.setattr(sweep_command, "opened", lambda *_: nullcontext(kept))
+    monkeypatch.setattr(sweep_command, "complete_jobs", lambda *_: 0)
+    asked = study, "servobench sweep mine.toml", Workers(), tmp_path, printed
+    assert sweep_command.run_study(*asked, has_page=True) == 1
     told = {
         "printed": [line.replace(str(tmp_path), "DIR") for line in lines(printed)],
         "missed": capfd.readouterr().err.splitlines(),

@@ -1,5 +1,6 @@
 """Looking at a recording without the viewer: what is asked of it, what is said where it fails."""
 
+import os
 import signal
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,7 +56,7 @@ def viewer(monkeypatch):
 
     def start(*panels, looks=2):
         found = Viewer([Panel(*p) for p in panels], looks)
-        monkeypatch.setattr(view, "_viewer", lambda: found)
+        monkeypatch.setattr(view.ViewerClient, "spawn", lambda **_: found)
         return found, clock
 
     return start
@@ -101,10 +102,10 @@ def test_what_the_viewer_cannot_do_is_one_sentence(viewer, tmp_path, monkeypatch
     gone = tmp_path / "gone" / "out.png"
     assert refused(tmp_path, gone) == f"{gone}: there is no such folder to write to"
 
-    def fails():
+    def fails(**_):
         raise RuntimeError("no Vulkan")
 
-    monkeypatch.setattr(view, "_viewer", fails)
+    monkeypatch.setattr(view.ViewerClient, "spawn", fails)
     assert refused(tmp_path, png).startswith(
         "the viewer does not start without a window: without a GPU it needs libvulkan1"
     )
@@ -171,18 +172,17 @@ def test_without_a_display_only_the_browser_is_left(monkeypatch, tmp_path, windo
     assert view.show(tmp_path / "run.rrd") == 0
 
 
-def test_the_viewer_is_the_one_that_belongs_to_the_package(monkeypatch, capfd):
+def test_the_viewer_is_the_one_that_belongs_to_the_package(viewer, monkeypatch, tmp_path, capfd):
+    found, _ = viewer(*BOTH)
     asked = {}
 
     def spawn(**options):
-        import os
-
         os.write(2, b"noise")
         asked.update(options)
-        return "viewer"
+        return found
 
     monkeypatch.setattr(view.ViewerClient, "spawn", spawn)
-    assert view._viewer() == "viewer"
+    view.picture(tmp_path / "run.rrd", tmp_path / "out.png", 1.0)
     assert capfd.readouterr().err == ""
     assert asked["executable_path"].endswith("/rerun")
     assert (asked["headless"], asked["hide_welcome_screen"]) == (True, True)

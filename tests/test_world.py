@@ -18,7 +18,7 @@ from sim.world import World, WorldConfig, WorldParts
 STILL = still.Config(heading_deg=10.0).build(np.random.default_rng())
 
 
-def make(camera=None, motion=STILL, disturbances=(), robot=gantry, **world):
+def make(camera=None, motion=STILL, disturbances=(), robot=gantry, renderer=None, **world):
     parts = WorldParts(
         robot.Config().build(np.random.default_rng()),
         car.Config().build(np.random.default_rng()),
@@ -27,7 +27,7 @@ def make(camera=None, motion=STILL, disturbances=(), robot=gantry, **world):
         camera or CameraConfig(),
         config=WorldConfig(**world),
     )
-    return World(parts, np.random.default_rng(1))
+    return World(parts, np.random.default_rng(1), renderer=renderer)
 
 
 @pytest.fixture

@@ -158,4 +158,10 @@ def section(monkeypatch, drawn, tmp_path):
             return value.split(";base64")[0].replace(str(tmp_path), "FOLDER")
         return value
 
-    return lambda folder: plain(as_json(report_command.section_of(folder)))
+    def said(folder):
+        found = []
+        monkeypatch.setattr(report_command, "render", lambda sections: found.extend(sections) or "")
+        report_command.write([folder], tmp_path / "section.html")
+        return plain(as_json(found[0]))
+
+    return said

@@ -1,7 +1,8 @@
-"""Writes the longest test of each file in which one takes seconds, from outputs of pytest.
+"""Writes the longest test of each file in which one takes a second or more, from outputs of pytest.
 
-Run `pytest --durations=0 > FILE`, then `python tests/tools/durations.py FILE...`. The workers begin
-with the files that have the longest tests, so that none has a long one left at the end.
+Run `pytest -m "not processes" --durations=0 --durations-min=1 > FILE` in a fresh clone, then `python
+tests/tools/durations.py FILE...`. The workers begin with the files that have the longest tests, so
+that none has a long one left at the end.
 """
 
 import json
@@ -11,7 +12,7 @@ from pathlib import Path
 
 WRITTEN = Path(__file__).parents[1] / "data" / "durations.json"
 LINE = re.compile(r"^([\d.]+)s (?:call|setup) +tests/(\w+)\.py::", re.MULTILINE)
-LEAST = 2.0
+LEAST = 1.0
 """Shorter tests do not matter at the end [s]."""
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from servo.features.moments import MomentFeatures, Scaling
 from servo.parts import Task
-from servo.sight.planar_pose import CornersToPose
+from servo.sight.planar_pose import UNIT, CornersToPose
 from servo.sight.planes import FACING, plane_of_size
 from servo.types import OwnMotion, Plane
 from sim.types import Camera, Pose, Posture
@@ -65,7 +65,17 @@ def task(goal, estimator, features=METRIC, latency=0):
 
 
 def planar_pose(corners, size, expected=None):
-    """The pose of a rectangle in one picture, without a memory or after an expected pose."""
+    """The pose of a rectangle in one picture; after an expected pose, one that was taken of it from
+    so near that its corners decide.
+    """
     eye = CornersToPose(size)
-    eye._paths = [] if expected is None else [(expected, 0.0)]
+    if expected is not None:
+        near = Pose(expected.rotation, 2.0 * max(size) * unit(expected.translation))
+        seen = near.apply(UNIT * (*size, 0.0))
+        eye.of(seen[:, :2] / seen[:, 2:], expected @ near.inverse())
     return eye.of(corners, Pose(np.eye(3), np.zeros(3)))
+
+
+def unit(vector):
+    """A vector of length 1."""
+    return vector / np.linalg.norm(vector)

@@ -78,8 +78,12 @@ def sigma_of(error: Array) -> float:
 def tukey(error: Array, sigma: float) -> Array:
     """Return Tukey's biweights (n,), 0..1, of errors (n,) with a standard deviation sigma."""
     limit = TUKEY * sigma
-    # An error of nan, outside the picture, is not below the limit.
-    return np.where(np.abs(error) < limit, (1.0 - (error / limit) ** 2) ** 2, 0.0)
+    weights = np.zeros(len(error))
+    for i in range(len(error)):
+        # An error of nan, outside the picture, is not below the limit.
+        if abs(error[i]) < limit:
+            weights[i] = (1.0 - (error[i] / limit) ** 2) ** 2
+    return weights
 
 
 @compiled(error_model="numpy")
