@@ -20,12 +20,12 @@ QUANTILE = 0.35
 """Quantile of the residuals' sizes that gives the standard deviation: the median would grow with an
 object that hides a third of the target."""
 NORMAL = 0.4538
-"""That quantile of the sizes of normal residuals of standard deviation 1."""
+"""Quantile `QUANTILE` of the sizes of normal residuals of standard deviation 1."""
 # The numbers below were chosen by hand on rendered plates with a part hidden (tracking/RESULTS.md).
 LEAST_SIGMA = 1.0
 """Least standard deviation of the residuals [grey levels]."""
 USUAL = 0.8
-"""Mean weight of the points where nothing hides the template."""
+"""Mean Tukey weight, 0..1, of the points where nothing hides the template."""
 HIDDEN = 0.3
 """Mean weight below which a cell of the template counts as hidden."""
 SHOWN = 0.6
@@ -69,7 +69,7 @@ def sample(image: NDArray[np.float32], H: Array, points: Array) -> Array:
 
 @compiled(error_model="numpy")
 def sigma_of(error: Array) -> float:
-    """Return the robust standard deviation of errors (n,), of which some may be nan."""
+    """Return the robust standard deviation of errors (n,) [grey levels]; some may be nan."""
     size = np.abs(error[~np.isnan(error)])
     return max(float(np.quantile(size, QUANTILE)) / NORMAL, LEAST_SIGMA)
 
@@ -84,7 +84,8 @@ def tukey(error: Array, sigma: float) -> Array:
 
 @compiled(error_model="numpy")
 def agreed(weights: Array, cells: NDArray[np.intp]) -> Array:
-    """Return weights (n,), reduced in cells (n,) whose points have little weight on average.
+    """Return the weights (n,) of points, reduced where the points of the same cell have little
+    weight on average; cells (n,) are the numbers of the points' cells.
 
     An object that hides the target hides whole cells, in which some points fit by chance.
     """
@@ -124,9 +125,10 @@ def normal_equations(
 
 @compiled(error_model="numpy")
 def correlation(seen: Array, template: Array, weights: Array) -> float:
-    """Return the weighted correlation of two brightnesses (n,), -1..1.
+    """Return the weighted correlation, -1..1, of the brightness seen (n,) and that of the template
+    (n,).
 
-    It is reduced in proportion where the mean weight is below `USUAL`: what fits is a small part.
+    It is reduced in proportion where the mean weight is below `USUAL`: only a small part fits.
     """
     total = 1e-12
     mean = 0.0
@@ -153,7 +155,7 @@ def correlation(seen: Array, template: Array, weights: Array) -> float:
 
 @compiled(error_model="numpy")
 def misfit(weights: Array, sigma: float, spread: float) -> float:
-    """Return the mean logarithm of the standard deviations of all points; a better fit has less.
+    """Return the mean logarithm of the standard deviations [grey levels] of all points.
 
     Args:
         weights: Weights of the points (n,).

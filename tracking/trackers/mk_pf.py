@@ -18,7 +18,7 @@ from tracking.trackers import annealed
 from tracking.trackers._cloud import CloudSettings
 
 CELLS = 3
-"""Cells along each side: the paper's nine kernels."""
+"""Cells along each side of the template: the nine kernels of Teuliere, Marchand, Eck."""
 VIDEO: dict[str, Any] = annealed.VIDEO | {
     "learn": True,
     "turn_noise": 0.0,
@@ -26,7 +26,7 @@ VIDEO: dict[str, Any] = annealed.VIDEO | {
     "scale_noise": 0.015,
     "velocity_memory": 1.0,
 }
-"""For recordings: those of `annealed`, and no turn, which its targets hardly do."""
+"""For recordings: those of `annealed`, without the angle, because filmed targets hardly turn."""
 PRESETS = {"paper": PLAIN | {"density": 16, "scatter": 0.0}, "video": VIDEO}
 """The paper's: with so many points a side of a cell, every pixel of a common target is read."""
 

@@ -18,7 +18,7 @@ class Config(ClimbSettings):
     """Histogram and climb, with the confidence below which it searches around the target."""
 
     confidence: Share = 0.8
-    """T: below this 1 - d, eight more climbs begin around the target."""
+    """T: confidence 1 - d below which eight more climbs begin around the target."""
 
     @property
     def climb(self) -> Climb:
