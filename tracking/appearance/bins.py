@@ -2,16 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim.types import Array, Image
 from tracking.loops import colour_labels as loops
+from tracking.loops.point_histograms import Labels
 from tracking.types import check_picture
 
-Labels = NDArray[np.integer[Any]]
 DARK = 8
 """Grey levels added to the largest channel of evenly lit pixels: darker ones have no colour but
 noise."""

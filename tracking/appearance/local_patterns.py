@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from sim.ranges import Share
 from sim.types import Image
-from tracking.appearance.bins import Bins, ColourBins, Labels, Window
+from tracking.appearance.bins import Bins, ColourBins, Window
 from tracking.appearance.model import AppearanceSettings
+from tracking.loops.point_histograms import Labels
 from tracking.settings import MOST_LEVELS
 from tracking.types import Region, State, Trait
 

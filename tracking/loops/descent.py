@@ -5,8 +5,6 @@ A state is (x, y, theta, ln scale); f_x maps an image point l into the template,
 r = R(-theta) (l - (x, y)) / scale. Pixel (i, j) has its centre at (j + 0.5, i + 0.5).
 """
 
-from typing import Any
-
 import numpy as np
 
 from sim.compiled import compiled
@@ -44,7 +42,7 @@ def _level(value: int, levels: int) -> float:
 
 @compiled(error_model="numpy")
 def _share_between_bins(
-    image: Image, i: Any, j: Any, levels: int
+    image: Image, i: np.uint64, j: np.uint64, levels: int
 ) -> tuple[tuple[int, int, int, int], tuple[float, float, float, float]]:
     """Return the numbers of the four bins that share the pixel in row i and column j, and their
     shares, which sum to 1.

@@ -5,14 +5,15 @@ A point x of the template, in a unit square, is seen at H x; pixel (i, j) has it
 (j + 0.5, i + 0.5).
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.compiled import compiled
 from sim.types import Array
 
+Template = tuple[Array, Array, Array, NDArray[np.intp]]
+"""Points (n, 2) of a template, its brightness there (n,), derivatives (n, 8), and the cells (n,) of
+the points."""
 TUKEY = 4.685
 """Number of robust standard deviations from which on residuals have no weight: the usual constant,
 with 95 % efficiency for normal residuals."""
@@ -170,7 +171,12 @@ def misfit(weights: Array, sigma: float, spread: float) -> float:
 
 @compiled(error_model="numpy")
 def align(
-    image: NDArray[np.float32], begin: Array, light: Array, level: Any, most: int, tolerance: float
+    image: NDArray[np.float32],
+    begin: Array,
+    light: Array,
+    level: Template,
+    most: int,
+    tolerance: float,
 ) -> tuple[Array, Array, float, float]:
     """Return the homography H (3, 3) with I(H x) = gain T(x) + bias, by Gauss-Newton steps.
 
@@ -178,8 +184,7 @@ def align(
         image: Brightness (height, width).
         begin: H at first.
         light: Gain and bias at first.
-        level: Points (n, 2) of the template, its brightness T (n,) there, derivatives (n, 8), and
-            the cells (n,) that the points are in.
+        level: The template, with brightness T.
         most: Largest number of steps.
         tolerance: Length of a step that ends the descent [sides of the template].
 

@@ -5,19 +5,19 @@ the image; the pixel there has the label of its bin, or a negative label if it b
 Points on such pixels are left out of histogram and normaliser; points off the image stay in it.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.compiled import compiled
 from sim.types import Array
 
-Window = tuple[NDArray[Any], int, int]
+Labels = NDArray[np.int16 | np.int32]
+"""Bin numbers (h, w) of pixels; a negative one is in no bin."""
+Window = tuple[Labels, int, int]
 """Labels (h, w) of the pixels in a part of the image, and its left and top [px]."""
-Points = tuple[Array, NDArray[Any], Array]
+Points = tuple[Array, NDArray[np.int64], Array]
 """Template points (P, 2) [px], their parts (P,) and their weights (P,)."""
-Scratch = tuple[Array, NDArray[Any], NDArray[Any], Array]
+Scratch = tuple[Array, NDArray[np.int64], NDArray[np.int64], Array]
 """Memory of a loop: a flat histogram of zeros (K * bins,), two arrays (P,) for indices of bins, and
 the weight (K,) of each part's points that belong to no bin."""
 LEAST_KEPT = 1e-9
@@ -85,7 +85,7 @@ def histograms(
     window: Window,
     state: Array,
     points: Array,
-    parts: NDArray[Any],
+    parts: NDArray[np.int64],
     weights: Array,
     count: int,
     bins: int,
@@ -108,7 +108,12 @@ def histograms(
 
 @compiled()
 def coefficients(
-    window: Window, states: Array, points: Array, parts: NDArray[Any], weights: Array, root_q: Array
+    window: Window,
+    states: Array,
+    points: Array,
+    parts: NDArray[np.int64],
+    weights: Array,
+    root_q: Array,
 ) -> Array:
     """Return the Bhattacharyya coefficients (N, K) of each state's parts with their references.
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from tracking.types import Tracker
 
 
-def _adapted(found: Any) -> type[Any] | None:
+def _adapted(found: object) -> type[Any] | None:
     """Return a `Config` class for a tracker of the user: a class or object with `start` and
     `update`, or with `init` and `update`, or a function that returns the latter; None for other
     objects.

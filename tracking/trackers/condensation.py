@@ -3,13 +3,13 @@
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 from tracking.appearance.layout import Sampling
 from tracking.settings import PLAIN, DiscPoints
 from tracking.trackers._cloud import CloudSettings
 
-FILTER: dict[str, Any] = PLAIN | {
+FILTER: dict[str, object] = {
+    **PLAIN,
     "noise": 1.0,
     "gamma": 20.0,
     "velocity_memory": 0.0,

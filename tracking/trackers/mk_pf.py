@@ -1,7 +1,6 @@
 """Multiple-kernel particle filter (Teuliere, Marchand, Eck, section IV): a histogram a cell."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from sim.ranges import Share
 from tracking.appearance.layout import Combine, Sampling
@@ -19,7 +18,7 @@ from tracking.trackers._cloud import CloudSettings
 
 CELLS = 3
 """Cells along each side of the template: the nine kernels of Teuliere, Marchand, Eck."""
-VIDEO: dict[str, Any] = annealed.VIDEO | {
+VIDEO: dict[str, object] = annealed.VIDEO | {
     "learn": True,
     "turn_noise": 0.0,
     "noise": 0.3,

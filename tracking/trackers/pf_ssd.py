@@ -11,7 +11,7 @@ where Newton would lock onto what is in front.
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, final
+from typing import Annotated, final
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -34,9 +34,9 @@ STEPS = 8
 HIDDEN = 0.5
 """Exponent of the weights in resampling while the target is not seen: with 1, 75 particles gather
 on the object in front of it, and miss it when it comes out."""
-PRESETS: dict[str, dict[str, Any]] = {
-    "paper": PLAIN | {"inset": 0.0, "density": 16, "sudden": 0.0},
-    "video": VIDEO | {"particles": 300, "occluded": 0.3, "trust": 0.15, "inset": 0.0},
+PRESETS: dict[str, dict[str, object]] = {
+    "paper": {**PLAIN, "inset": 0.0, "density": 16, "sudden": 0.0},
+    "video": {**VIDEO, "particles": 300, "occluded": 0.3, "trust": 0.15, "inset": 0.0},
 }
 
 
