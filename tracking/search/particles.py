@@ -107,10 +107,6 @@ class ParticleFilter:
         self.samples = self.samples[particle_loops.systematic(weights, self._rng.random())]
         self.weights = np.full(len(self.samples), 1.0 / len(self.samples))
 
-    def gather(self, state: State) -> None:
-        """Put all samples on one state, as at the start; the weights do not change."""
-        self.samples = np.tile(state.vector, (len(self.samples), 1))
-
     def scatter(self, share: float, size: tuple[int, int], state: State) -> None:
         """Redraw a share of the samples uniformly over the picture: the target may be anywhere.
 
@@ -125,7 +121,3 @@ class ParticleFilter:
         count = round(share * len(self.samples))
         self.samples[:count, :2] = self._rng.uniform((0.0, 0.0), size, (count, 2))
         self.samples[:count, 2:] = state.vector[2:]
-
-    def shift(self, correction: Array) -> None:
-        """Add a correction (4,) of x, y [px], theta [rad] and ln scale to all samples."""
-        self.samples = self.samples + correction

@@ -82,7 +82,8 @@ class TagDetector:
             around: Quadrangle (4, 2) [px] around which the tag is searched first; None: the whole
                 picture is searched at once.
         """
-        grey = _grey(image)
+        check_picture(image)
+        grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.uint8)
         if number is None:
             seen = [tag for detector in self._detectors for tag in _tags_in(detector, grey)]
             if not seen:
@@ -126,11 +127,6 @@ def _tags_in(
         (int(n), corners[0].astype(np.float64) * shrink + low)
         for corners, n in zip(seen, np.ravel(numbers), strict=False)  # None if there is none
     ]
-
-
-def _grey(image: Image) -> Grey:
-    check_picture(image)
-    return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.uint8)
 
 
 def _fitted(grey: Grey, corners: Array) -> Array | None:

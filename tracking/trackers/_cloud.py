@@ -129,10 +129,10 @@ class ParticleTracker(ABC):
         if seen:
             if strewn:
                 # Most strewn particles are far away: they restart at the target.
-                cloud.gather(state)
+                cloud.samples[:] = state.vector
             else:
                 # A refined state moves the whole cloud with it; without refinement this is zero.
-                cloud.shift(state.vector - proposed.vector)
+                cloud.samples += state.vector - proposed.vector
             self._found = state
             self._model.learn(image, state)
             if self._recogniser is not None:
