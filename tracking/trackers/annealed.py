@@ -22,7 +22,7 @@ PRESETS = {"paper": FIXED | condensation.SAME, "video": VIDEO}
 
 @dataclass(frozen=True, slots=True)
 class Config(CloudSettings):
-    """Particles, histogram, and schedule of the layers."""
+    """Settings of the particles, of their colour histogram, and of the layers' schedule."""
 
     particles: Count = 100
     noise: Spread = 0.3

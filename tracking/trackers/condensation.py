@@ -27,7 +27,7 @@ PRESETS = {"paper": FILTER | SAME}
 
 @dataclass(frozen=True, slots=True)
 class Config(CloudSettings):
-    """Particles and histogram."""
+    """Settings of the particles and of their colour histogram."""
 
     density: DiscPoints = 16
     """Points along the kernel's diameter at which the image is read."""

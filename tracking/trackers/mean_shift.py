@@ -69,7 +69,7 @@ class ClimbSettings(AppearanceSettings):
 
 @dataclass(frozen=True, slots=True)
 class Config(ClimbSettings):
-    """Histogram and climb."""
+    """Settings of the colour histogram and of the climb by mean shift."""
 
     kernel: Kernel = "epanechnikov"
     """1 - r^2, or "linear": 1 - r, as the KAMS paper has it."""

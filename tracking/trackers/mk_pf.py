@@ -48,7 +48,7 @@ class SimilaritySettings(CloudSettings):
 
 @dataclass(frozen=True, slots=True)
 class Config(SimilaritySettings):
-    """The particle filter's settings, in four dimensions, and the cells."""
+    """Settings of the particles, in four dimensions, and of the cells."""
 
     density: CellPoints = 5
     """Points along each side of a cell at which a particle reads the image."""

@@ -36,7 +36,7 @@ PRESETS = {"paper": {"span": 1.0, "inset": 0.0, "velocity_memory": 1.0}}
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Kernels and prediction."""
+    """Settings of the kernels and of the prediction."""
 
     levels: Levels = 8
     """Colour bins a channel."""

@@ -15,7 +15,7 @@ PRESETS = mean_shift.PRESETS
 
 @dataclass(frozen=True, slots=True)
 class Config(ClimbSettings):
-    """Histogram and climb, with the confidence below which it searches around the target."""
+    """Settings of the histogram and of the climb, with the confidence below which more begin."""
 
     confidence: Share = 0.8
     """T: confidence 1 - d below which eight more climbs begin around the target."""

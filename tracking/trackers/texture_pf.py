@@ -17,7 +17,7 @@ PRESETS = {"paper": PAPERS | {"scatter": 0.0}}
 
 @dataclass(frozen=True, slots=True)
 class Config(TextureSettings, CloudSettings):
-    """The particle filter's settings, and the texture's."""
+    """Settings of the particle filter and of the texture."""
 
     scale_noise: Share = 0.03
 
