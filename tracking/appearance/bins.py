@@ -2,16 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim.types import Array, Image
 from tracking.loops import colour_labels as loops
+from tracking.loops.point_histograms import Labels
 from tracking.types import check_picture
 
-Labels = NDArray[np.integer[Any]]
 DARK = 8
 """Grey levels added to the largest channel of evenly lit pixels: darker ones have no colour but
 noise."""
@@ -28,13 +27,13 @@ class Window:
 
     @staticmethod
     def around(states: Array, radius: float, image: Image, more: float = 0.0) -> "Window":
-        """Return the window of an image around the template under all of several states.
+        """Return the smallest window of an image that holds the template in all of several states.
 
         Args:
-            states: States (N, 4): x, y [px], theta, ln scale.
+            states: States (N, 4): x, y [px], theta [rad], ln scale.
             radius: Radius of the template at scale 1 [px].
             image: Image (H, W, 3) whose size bounds the window.
-            more: Margin around it [px].
+            more: Margin around the template [px].
         """
         height, width = image.shape[:2]
         low = np.minimum.reduce(states).tolist()
@@ -48,7 +47,7 @@ class Window:
         )
 
     def holds(self, other: "Window") -> bool:
-        """Return whether the other window lies inside."""
+        """Return whether another window lies inside this one."""
         return (
             self.left <= other.left
             and self.top <= other.top
@@ -99,13 +98,13 @@ class LabelledImage:
     def __init__(
         self, image: Image, bins: Bins, farthest: float = 0.0, blurred: Image | None = None
     ) -> None:
-        """Begin without labels.
+        """Keep a picture and bins; pixels are labelled when they are asked for.
 
         Args:
             image: RGB (H, W, 3); it must not change while this object is in use.
             bins: Bins of the pixels.
-            farthest: Least radius around a state that is labelled at once [px].
-            blurred: The picture in which views are read; None: `image`.
+            farthest: Least radius [px], at scale 1, that is labelled around states.
+            blurred: The picture in which stored views are searched; None: `image`.
         """
         self.image = image
         self.bins = bins
@@ -114,12 +113,13 @@ class LabelledImage:
         self._last: tuple[Window, Labels] | None = None
 
     def around(self, states: Array, radius: float, more: float = 0.0) -> tuple[Labels, int, int]:
-        """Return the labels (h, w) around states, and the image's column and row of the first one.
+        """Return the bin numbers (h, w) of the pixels around states, and column and row of the
+        first of these pixels in the image.
 
         Args:
-            states: States (N, 4).
-            radius: Distance around them, at scale 1 [px].
-            more: Distance beyond that, at any scale [px].
+            states: States (N, 4): x, y [px], theta [rad], ln scale.
+            radius: Radius around each state, at scale 1 [px].
+            more: Margin beyond this radius, the same at any scale [px].
         """
         last = self._last
         # Several readers follow each other in a frame: the widest window serves all of them.
@@ -131,7 +131,8 @@ class LabelledImage:
 
 
 def as_seen(image: Image, *, even: bool) -> Image:
-    """Return a picture (H, W, 3) as it is or, with `even`, each pixel over its largest channel.
+    """Return a picture (H, W, 3) as it is or, with `even`, each pixel divided by its largest
+    channel.
 
     Raises:
         ValueError: The array is not a picture.

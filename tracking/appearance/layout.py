@@ -64,7 +64,7 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Settings of a layout: cells, or one part under a kernel."""
+    """Settings of a layout: equal cells, or one part under a kernel; density of the points."""
 
     density: int = 16
     """Points along each side of a cell, or along the kernel's diameter."""
@@ -74,7 +74,9 @@ class Sampling:
     combine: Combine = "mean"
 
     def layout(self, region: Region, finer: int = 1) -> Layout:
-        """Return the layout in a region, with `finer` times as many points along each side."""
+        """Return the layout of a region's template, with `finer` times as many points along each
+        side.
+        """
         density = finer * self.density
         if self.cells is None:
             return disc(region, density, self.kernel)

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from sim.ranges import Share
 from sim.types import Image
-from tracking.appearance.bins import Bins, ColourBins, Labels, Window
+from tracking.appearance.bins import Bins, ColourBins, Window
 from tracking.appearance.model import AppearanceSettings
+from tracking.loops.point_histograms import Labels
 from tracking.settings import MOST_LEVELS
 from tracking.types import Region, State, Trait
 
@@ -37,7 +38,8 @@ Grey = NDArray[np.float32]
 
 
 def riu2(bits: NDArray[np.bool_]) -> NDArray[np.int16]:
-    """Return the numbers of ones (...) of patterns (P, ...); -1 where one is not uniform.
+    """Return the numbers of ones (...) of binary patterns (P, ...); -1 for patterns that are not
+    uniform.
 
     A pattern is uniform if it has at most two changes around its circle.
     """
@@ -48,8 +50,8 @@ def riu2(bits: NDArray[np.bool_]) -> NDArray[np.int16]:
 def ones_of(
     grey: Grey, threshold: float = THRESHOLD, neighbours: int = 8, radius: float = 1.0
 ) -> NDArray[np.int16]:
-    """Return the numbers of ones of the patterns of the inner pixels (h - 2m, w - 2m); -1 where one
-    is not uniform.
+    """Return the numbers of ones (h - 2m, w - 2m) of the local binary patterns of the inner pixels;
+    -1 for patterns that are not uniform.
 
     Args:
         grey: A picture (h, w) [grey levels].
@@ -65,14 +67,18 @@ def ones_of(
 
 
 def _inner(grey: Grey, radius: float, dy: int, dx: int) -> Grey:
-    """Return the neighbours of all inner pixels at a distance of whole pixels."""
+    """Return the grey levels (h - 2m, w - 2m) that lie dy rows and dx columns from the inner
+    pixels.
+    """
     (height, width) = grey.shape
     margin = math.ceil(radius)
     return grey[margin + dy : height - margin + dy, margin + dx : width - margin + dx]
 
 
 def _between(grey: Grey, radius: float, dy: float, dx: float) -> Grey:
-    """Return the neighbours of all inner pixels at any distance, interpolated bilinearly."""
+    """Return the grey levels (h - 2m, w - 2m) that lie dy and dx [px] from the inner pixels, by
+    bilinear interpolation.
+    """
     (near_y, far_y, by_y) = _split(dy)
     (near_x, far_x, by_x) = _split(dx)
     if by_y == 0 and by_x == 0:
@@ -93,7 +99,9 @@ def _between(grey: Grey, radius: float, dy: float, dx: float) -> Grey:
 
 
 def _split(distance: float) -> tuple[int, int, float]:
-    """Return the whole distances before and after a distance, and the weight of the one after."""
+    """Return the whole numbers of pixels next to a distance [px], towards zero and away from it,
+    and the weight of the latter in linear interpolation.
+    """
     size = abs(distance)
     whole = math.floor(size + NO_FRACTION)
     share = max(size - whole, 0.0)
@@ -127,7 +135,7 @@ class TextureBins:
         return major + {"discard": 0, "bin": 1, "colour": self.levels**3}[self.rest]
 
     def label(self, image: Image, window: Window) -> Labels:
-        """Return the bin numbers (h, w) of the pixels in a window; -1 is in no bin."""
+        """Return the bin numbers (h, w) of the pixels in a window; -1 for a pixel in no bin."""
         colours = ColourBins(self.levels).label(image, window)
         if colours.size == 0:
             return colours
@@ -178,7 +186,9 @@ class TextureSettings(AppearanceSettings):
 
 
 def _cut(image: Image, window: Window, margin: int) -> Image:
-    """Return the pixels of a window with a margin [px]; beyond the border the last ones repeat."""
+    """Return the pixels (h, w, 3) of a window and a margin [px] around it; beyond the border of the
+    image its last rows and columns repeat.
+    """
     height, width = image.shape[:2]
     rows = np.arange(window.top - margin, window.bottom + margin).clip(0, height - 1)
     columns = np.arange(window.left - margin, window.right + margin).clip(0, width - 1)

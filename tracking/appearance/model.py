@@ -113,25 +113,27 @@ class SampledModel:
         self._reference = Reference(labelled, region, state, fine, learns=settings.learn)
 
     def label(self, image: Image) -> LabelledImage:
-        """Return a picture (H, W, 3) with labels, as the other methods take it."""
+        """Return a picture (H, W, 3) with the bin numbers of its pixels, for the methods below."""
         seen = as_seen(image, even=self._settings.even)
         blurred = seen if self._views is None else self._views.blurred(seen)
         return LabelledImage(seen, self._bins, self._reference.radius, blurred)
 
     def recognise(self, views: Views) -> None:
-        """Add `UNLIKE` (1 - c) to the energy from now on, where c is the correlation with views."""
+        """Add `UNLIKE` (1 - c) to the energy from now on; c, -1..1, is a state's largest
+        correlation with the stored views.
+        """
         self._views = views
 
     def distances(self, image: LabelledImage, states: Array) -> Array:
-        """Return the distance d_m (N,) of each state (N, 4)."""
+        """Return the distance d_m (N,), 0..1, of states (N, 4) from the reference."""
         rho = self._coefficients(self._window(image, states), states)
         return np.sqrt(loops.squared_distances(rho))
 
     def energy(self, image: LabelledImage, states: Array) -> Array:
         """Return the energy (N,) of the likelihood exp(-gamma energy) at states (N, 4).
 
-        It is d_m^2 + eta rho of the ring + `UNLIKE` (1 - c) with views; times the number of parts
-        if their distances are summed.
+        The energy is d_m^2 + eta rho of the ring + `UNLIKE` (1 - c) with views; times the number of
+        parts if their distances are summed.
         """
         window = self._window(image, states)
         squared = loops.squared_distances(self._coefficients(window, states))
@@ -156,7 +158,8 @@ class SampledModel:
             reach: Largest length of a search [px].
 
         Returns:
-            The states (N, 4) at the modes, their distances (N,), the number of histograms read.
+            The states (N, 4) at the modes, their distances d_m (N,), and the number of histograms
+            read.
         """
         window = self._window(image, states, reach)
         at = (self._layout.points, self._layout.weights, self._layout.pulls)
@@ -166,7 +169,7 @@ class SampledModel:
         return found, np.sqrt(loops.squared_distances(rho[:, None])), evaluations
 
     def learn(self, image: LabelledImage, state: State) -> None:
-        """Update the reference by the appearance at a state, if the settings ask for it."""
+        """Update the reference by the appearance at a state, if `learn` is set."""
         self._reference.learn(image, state)
 
     def _coefficients(self, window: loops.Window, states: Array) -> Array:

@@ -20,7 +20,7 @@ from tracking.types import Region, State
 TARGET_RATE = 0.05
 """Weight of the present picture in the target's appearance, where the target was found."""
 SURROUNDINGS_RATE = 0.1
-"""Weight of the present picture in the background's appearance, there too."""
+"""Weight of the present picture in the background's appearance, where the target was found."""
 ANCHOR = 0.7
 """Weight of the first appearance in a reference that follows the target."""
 SURROUNDINGS = 1.0
@@ -35,14 +35,14 @@ class Reference:
     """The reference histograms of all parts and of the whole target."""
 
     root_parts: Array
-    """Square roots of the histograms (K, B)."""
+    """Square roots of the parts' histograms (K, B)."""
     root_whole: Array
-    """Square root of their mean (1, B)."""
+    """Square root of the mean of the parts' histograms (1, B)."""
 
     def __init__(
         self, image: LabelledImage, region: Region, state: State, layout: Layout, *, learns: bool
     ) -> None:
-        """Learn from the first picture.
+        """Compute the histograms of the target and of its surroundings from the first picture.
 
         Args:
             image: First picture.
@@ -65,7 +65,9 @@ class Reference:
         return self._around.radius if self._learns else self._layout.radius
 
     def learn(self, image: LabelledImage, state: State) -> None:
-        """Update target and background by a state where the target was found, if asked to."""
+        """If `learns` was set, update the histograms of target and background from a picture in
+        which the target was found at a state.
+        """
         if self._learns:
             self._now = _blend(self._now, histograms(image, self._layout, state), TARGET_RATE)
             around = histograms(image, self._around, state)[0]

@@ -54,13 +54,15 @@ class Views:
         return np.asarray(cv2.blur(image, (width, height)), np.uint8)
 
     def likeness(self, blurred: Image, states: Array) -> Array:
-        """Return the largest correlation (N,), -1..1, of a picture at states (N, 4) with a view."""
+        """Return the largest correlation (N,), -1..1, of a blurred picture at states (N, 4) with
+        the stored views.
+        """
         return loops.correlations(blurred, states, self._points, self._stored)
 
     def learn(self, blurred: Image, state: State) -> None:
-        """Store the view at a state where the target certainly is, if it is new.
+        """Store the view at a state where the target certainly is, if no stored view is like it.
 
-        It replaces the oldest view but the first.
+        When there are `count` views already, the new one replaces the oldest but the first.
         """
         self._scale = state.scale
         if self._count > 1 and float(self.likeness(blurred, state.vector[None])[0]) <= NEW:
@@ -76,7 +78,7 @@ class Views:
             most: Largest number of states.
 
         Returns:
-            States of x, y [px], theta, ln scale; none in a picture that is too large to search.
+            States of x, y [px], theta [rad], ln scale; n = 0 for a picture too large to search.
         """
         found: list[tuple[float, list[float]]] = []
         for scale in (last.scale * size for size in SIZES):
@@ -103,8 +105,9 @@ class Views:
         return np.array([state for _, state in found[:most]]).reshape(-1, 4)
 
     def _shrunk(self, image: Image, theta: float, scale: float) -> tuple[Image, Array] | None:
-        """Return the picture turned by -theta with one pixel a view point, and the affine matrix
-        (2, 3) from its points to the picture; None if it is too large or smaller than a view.
+        """Return the picture turned by -theta [rad] and reduced to one pixel for each point of a
+        view, and the affine matrix (2, 3) from its coordinates to the picture's; None if the result
+        would be larger than `LARGEST` or smaller than a view.
         """
         c = math.cos(theta)
         s = math.sin(theta)

@@ -1,7 +1,5 @@
 """Compiled loops: bin numbers of colours, and colours without brightness."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,7 +8,9 @@ from sim.types import Image
 
 
 @compiled()
-def labels(image: Image, left: int, top: int, right: int, bottom: int, levels: int) -> NDArray[Any]:
+def labels(
+    image: Image, left: int, top: int, right: int, bottom: int, levels: int
+) -> NDArray[np.int16]:
     """Return the bin numbers (h, w) of the pixels of a window: equal bins of red, green and blue.
 
     Args:

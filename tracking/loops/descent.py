@@ -5,8 +5,6 @@ A state is (x, y, theta, ln scale); f_x maps an image point l into the template,
 r = R(-theta) (l - (x, y)) / scale. Pixel (i, j) has its centre at (j + 0.5, i + 0.5).
 """
 
-from typing import Any
-
 import numpy as np
 
 from sim.compiled import compiled
@@ -19,7 +17,7 @@ of each channel, and the number of pixels above which only every second, third, 
 Weight = tuple[float, float, float, float, float]
 """A pixel's weight under a kernel, and its derivatives by (x, y, theta, ln scale)."""
 FLOOR = 1e-3
-"""Added to every bin under the root, whose derivative is infinite at an empty bin."""
+"""Number added to every bin before the root is taken, whose derivative is infinite at 0."""
 TINY = np.finfo(np.float64).tiny
 # Levenberg's damping, relative to the trace; chosen by hand, with little effect on the basin.
 FIRST_DAMPING = 1e-3
@@ -34,7 +32,7 @@ MOST_DAMPING = 1e3
 
 @compiled(error_model="numpy")
 def _level(value: int, levels: int) -> float:
-    """Return the position of a channel's value among its bins.
+    """Return the position of a channel's value, 0..255, among its bins, 0..levels - 1.
 
     Bins have their centres at (b + 0.5) * 256 / levels; values outside of the first and last centre
     belong to these bins.
@@ -44,9 +42,10 @@ def _level(value: int, levels: int) -> float:
 
 @compiled(error_model="numpy")
 def _share_between_bins(
-    image: Image, i: Any, j: Any, levels: int
+    image: Image, i: np.uint64, j: np.uint64, levels: int
 ) -> tuple[tuple[int, int, int, int], tuple[float, float, float, float]]:
-    """Return the four bins that share a pixel, and their shares.
+    """Return the numbers of the four bins that share the pixel in row i and column j, and their
+    shares, which sum to 1.
 
     The shares are those of tetrahedral interpolation, as in colour tables: linear and continuous
     like trilinear ones, with half as many bins. From the lower corner of the cell of eight bins
@@ -80,8 +79,8 @@ def _share_between_bins(
 def _cover(
     rx: float, ry: float, half_width: float, half_height: float, scale: float, c: float, s: float
 ) -> Weight:
-    """Return the share of a pixel at r that the template covers, and d cover / d(x, y, theta, ln
-    scale).
+    """Return the share, 0..1, of a pixel at r = (rx, ry) [template px] that the template covers,
+    and its derivatives by (x, y, theta, ln scale).
 
     With a hard edge, the objective would have a step and a false minimum wherever a pixel's centre
     crosses the edge.
@@ -113,7 +112,8 @@ def _weigh(
     c: float,
     s: float,
 ) -> Weight:
-    """Return the weight k of a pixel at r = (rx, ry), and dk/d(x, y, theta, ln scale).
+    """Return the weight k of a pixel at r = (rx, ry) under a kernel, and its derivatives by (x, y,
+    theta, ln scale).
 
     Args:
         rx: The pixel's place in the template, along its width [px].
@@ -137,7 +137,7 @@ def _weigh(
 
 @compiled(error_model="numpy")
 def _add(rows: Array, b: int, share: float, weight: Weight) -> None:
-    """Add a share of a weight to row b of rows (B, 5)."""
+    """Add a share, 0..1, of a weight and its derivatives to row b of rows (B, 5)."""
     row = rows[np.uint64(b)]
     for p in range(5):
         row[p] += share * weight[p]
@@ -157,7 +157,7 @@ def kernel_histograms(
 
     Args:
         image: RGB (H, W, 3).
-        state: State (4,).
+        state: x, y [px], theta [rad], ln scale (4,).
         half: Half width and height of the template [px]; pixels outside of it do not count.
         centres: Kernel centres in the template (K, 2) [px].
         span: Half axes of the kernels' elliptic support [px].
@@ -213,7 +213,9 @@ def kernel_histograms(
 
 @compiled(error_model="numpy")
 def histograms(image: Image, x: Array, kernels: Kernels) -> tuple[Array, Array]:
-    """Return sums and totals of `kernel_histograms` at x (4,)."""
+    """Return sums (K, B, 5) and totals (K, 5) of `kernel_histograms` at a state x (4,); of a large
+    template only every second, third, ... pixel and row is read.
+    """
     half, centres, span, levels, pixels = kernels
     area = 4.0 * half[0] * half[1] * np.exp(2.0 * x[3])
     stride = max(1, int(np.sqrt(area / pixels)))
@@ -232,7 +234,7 @@ def ssd_normal_equations(
         sums: Sums of `kernel_histograms` (K, B, 5).
         totals: Totals of `kernel_histograms` (K, 5).
         root_reference: Square roots of the reference histograms plus floor (K, B).
-        floor: Added to every bin under the root.
+        floor: Number added to every bin before the root is taken.
     """
     n_kernels, n_bins = root_reference.shape
     cost = 0.0

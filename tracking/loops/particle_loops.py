@@ -4,8 +4,6 @@ They assign numbers, not slices: numba compiles an assignment to a slice togethe
 its error, which takes 1.7 s. Loops compile in a third of the time of sums of arrays.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,7 +64,7 @@ def covariance(samples: Array, weights: Array) -> Array:
 
 
 @compiled()
-def systematic(weights: Array, first: float) -> NDArray[Any]:
+def systematic(weights: Array, first: float) -> NDArray[np.int64]:
     """Return the indices (N,) of a systematic resampling (Kitagawa 1996).
 
     Sample i is drawn floor or ceil of N w_i times.

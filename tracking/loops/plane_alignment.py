@@ -5,14 +5,15 @@ A point x of the template, in a unit square, is seen at H x; pixel (i, j) has it
 (j + 0.5, i + 0.5).
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.compiled import compiled
 from sim.types import Array
 
+Template = tuple[Array, Array, Array, NDArray[np.intp]]
+"""Points (n, 2) of a template, its brightness there (n,), derivatives (n, 8), and the cells (n,) of
+the points."""
 TUKEY = 4.685
 """Number of robust standard deviations from which on residuals have no weight: the usual constant,
 with 95 % efficiency for normal residuals."""
@@ -20,12 +21,12 @@ QUANTILE = 0.35
 """Quantile of the residuals' sizes that gives the standard deviation: the median would grow with an
 object that hides a third of the target."""
 NORMAL = 0.4538
-"""That quantile of the sizes of normal residuals of standard deviation 1."""
+"""Quantile `QUANTILE` of the sizes of normal residuals of standard deviation 1."""
 # The numbers below were chosen by hand on rendered plates with a part hidden (tracking/RESULTS.md).
 LEAST_SIGMA = 1.0
 """Least standard deviation of the residuals [grey levels]."""
 USUAL = 0.8
-"""Mean weight of the points where nothing hides the template."""
+"""Mean Tukey weight, 0..1, of the points where nothing hides the template."""
 HIDDEN = 0.3
 """Mean weight below which a cell of the template counts as hidden."""
 SHOWN = 0.6
@@ -69,7 +70,7 @@ def sample(image: NDArray[np.float32], H: Array, points: Array) -> Array:
 
 @compiled(error_model="numpy")
 def sigma_of(error: Array) -> float:
-    """Return the robust standard deviation of errors (n,), of which some may be nan."""
+    """Return the robust standard deviation of errors (n,) [grey levels]; some may be nan."""
     size = np.abs(error[~np.isnan(error)])
     return max(float(np.quantile(size, QUANTILE)) / NORMAL, LEAST_SIGMA)
 
@@ -88,7 +89,8 @@ def tukey(error: Array, sigma: float) -> Array:
 
 @compiled(error_model="numpy")
 def agreed(weights: Array, cells: NDArray[np.intp]) -> Array:
-    """Return weights (n,), reduced in cells (n,) whose points have little weight on average.
+    """Return the weights (n,) of points, reduced where the points of the same cell have little
+    weight on average; cells (n,) are the numbers of the points' cells.
 
     An object that hides the target hides whole cells, in which some points fit by chance.
     """
@@ -128,9 +130,10 @@ def normal_equations(
 
 @compiled(error_model="numpy")
 def correlation(seen: Array, template: Array, weights: Array) -> float:
-    """Return the weighted correlation of two brightnesses (n,), -1..1.
+    """Return the weighted correlation, -1..1, of the brightness seen (n,) and that of the template
+    (n,).
 
-    It is reduced in proportion where the mean weight is below `USUAL`: what fits is a small part.
+    It is reduced in proportion where the mean weight is below `USUAL`: only a small part fits.
     """
     total = 1e-12
     mean = 0.0
@@ -157,7 +160,7 @@ def correlation(seen: Array, template: Array, weights: Array) -> float:
 
 @compiled(error_model="numpy")
 def misfit(weights: Array, sigma: float, spread: float) -> float:
-    """Return the mean logarithm of the standard deviations of all points; a better fit has less.
+    """Return the mean logarithm of the standard deviations [grey levels] of all points.
 
     Args:
         weights: Weights of the points (n,).
@@ -172,7 +175,12 @@ def misfit(weights: Array, sigma: float, spread: float) -> float:
 
 @compiled(error_model="numpy")
 def align(
-    image: NDArray[np.float32], begin: Array, light: Array, level: Any, most: int, tolerance: float
+    image: NDArray[np.float32],
+    begin: Array,
+    light: Array,
+    level: Template,
+    most: int,
+    tolerance: float,
 ) -> tuple[Array, Array, float, float]:
     """Return the homography H (3, 3) with I(H x) = gain T(x) + bias, by Gauss-Newton steps.
 
@@ -180,8 +188,7 @@ def align(
         image: Brightness (height, width).
         begin: H at first.
         light: Gain and bias at first.
-        level: Points (n, 2) of the template, its brightness T (n,) there, derivatives (n, 8), and
-            the cells (n,) that the points are in.
+        level: The template, with brightness T.
         most: Largest number of steps.
         tolerance: Length of a step that ends the descent [sides of the template].
 

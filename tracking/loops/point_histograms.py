@@ -5,23 +5,23 @@ the image; the pixel there has the label of its bin, or a negative label if it b
 Points on such pixels are left out of histogram and normaliser; points off the image stay in it.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.compiled import compiled
 from sim.types import Array
 
-Window = tuple[NDArray[Any], int, int]
+Labels = NDArray[np.int16 | np.int32]
+"""Bin numbers (h, w) of pixels; a negative one is in no bin."""
+Window = tuple[Labels, int, int]
 """Labels (h, w) of the pixels in a part of the image, and its left and top [px]."""
-Points = tuple[Array, NDArray[Any], Array]
+Points = tuple[Array, NDArray[np.int64], Array]
 """Template points (P, 2) [px], their parts (P,) and their weights (P,)."""
-Scratch = tuple[Array, NDArray[Any], NDArray[Any], Array]
+Scratch = tuple[Array, NDArray[np.int64], NDArray[np.int64], Array]
 """Memory of a loop: a flat histogram of zeros (K * bins,), two arrays (P,) for indices of bins, and
 the weight (K,) of each part's points that belong to no bin."""
 LEAST_KEPT = 1e-9
-"""Least weight in bins of a part with a histogram."""
+"""A part whose points in bins weigh less than this counts as empty."""
 
 
 @compiled()
@@ -85,7 +85,7 @@ def histograms(
     window: Window,
     state: Array,
     points: Array,
-    parts: NDArray[Any],
+    parts: NDArray[np.int64],
     weights: Array,
     count: int,
     bins: int,
@@ -93,7 +93,7 @@ def histograms(
     """Return the histograms (count, bins) of all parts at one state (4,), not normalised.
 
     Args:
-        window: Labels, left, top.
+        window: Labels (h, w), and left and top of their part of the image [px].
         state: x, y [px], theta [rad], ln scale.
         points: Template points (P, 2) [px].
         parts: Part of each point (P,), 0..count-1.
@@ -108,13 +108,18 @@ def histograms(
 
 @compiled()
 def coefficients(
-    window: Window, states: Array, points: Array, parts: NDArray[Any], weights: Array, root_q: Array
+    window: Window,
+    states: Array,
+    points: Array,
+    parts: NDArray[np.int64],
+    weights: Array,
+    root_q: Array,
 ) -> Array:
     """Return the Bhattacharyya coefficients (N, K) of each state's parts with their references.
 
     Args:
-        window: Labels, left, top.
-        states: States (N, 4).
+        window: Labels (h, w), and left and top of their part of the image [px].
+        states: States (N, 4): x, y [px], theta [rad], ln scale.
         points: Template points (P, 2) [px].
         parts: Part of each point (P,), 0..K-1.
         weights: Kernel weight of each point (P,), above 0, summing to 1 over a part.
@@ -149,7 +154,9 @@ def squared_distances(rho: Array) -> Array:
 def _mean_shift_step(
     window: Window, state: Array, template: Points, pulls: Array, root_q: Array, scratch: Scratch
 ) -> tuple[float, float, float]:
-    """Return the coefficient at a state, and x and y of the mean-shift vector in the image [px]."""
+    """Return the Bhattacharyya coefficient at a state (4,), and x and y of its mean-shift vector in
+    the image [px].
+    """
     count = _read(window, state, template, 0, scratch)
     points = template[0]
     (histogram, seen, used, masked) = scratch
@@ -195,8 +202,8 @@ def mean_shift(
     """Move each state (N, 4) to a maximum of the coefficient with a reference, by mean shift.
 
     Args:
-        window: Labels, left, top.
-        states: First states (N, 4).
+        window: Labels (h, w), and left and top of their part of the image [px].
+        states: First states (N, 4): x, y [px], theta [rad], ln scale.
         points: Template points (P, 2) [px].
         weights: Their kernel weights (P,), summing to 1.
         pulls: Their weights in a step (P,): equal under an Epanechnikov kernel.

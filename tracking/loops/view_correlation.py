@@ -17,7 +17,7 @@ def view(image: Image, state: Array, points: Array) -> Array:
 
     Args:
         image: RGB (H, W, 3).
-        state: x, y, theta, ln scale (4,).
+        state: x, y [px], theta [rad], ln scale (4,).
         points: Template points (P, 2) [px].
     """
     height, width = image.shape[:2]
@@ -48,11 +48,12 @@ def view(image: Image, state: Array, points: Array) -> Array:
 
 @compiled()
 def correlations(image: Image, states: Array, points: Array, stored: Array) -> Array:
-    """Return the largest correlation (N,), -1..1, of the view under each state with a stored one.
+    """Return for each state the largest correlation (N,), -1..1, of the picture there with the
+    stored views.
 
     Args:
         image: RGB (H, W, 3).
-        states: x, y, theta, ln scale (N, 4).
+        states: x, y [px], theta [rad], ln scale (N, 4).
         points: Template points (P, 2) [px].
         stored: Views (M, 3 P) as of `view`.
     """

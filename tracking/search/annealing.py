@@ -54,13 +54,14 @@ def anneal(
     settings: Annealing,
     widen: float,
 ) -> None:
-    """Move particles through all layers; they end weighed with the last layer, not resampled.
+    """Move and weigh particles layer by layer, and resample them between two layers; they keep the
+    weights of the last layer.
 
     Args:
         cloud: The particles, which are changed.
-        velocity: Change (4,) of x, y [px], theta and ln scale since the last frame.
+        velocity: Expected change (4,) of x, y [px], theta [rad] and ln scale since the last frame.
         likelihood: Returns the log-likelihood (N,) of the particles; it may move them first.
-        settings: Layers and schedule.
+        settings: Number of layers, and schedule of their exponents.
         widen: Factor on the noise of all layers.
     """
     for layer in range(settings.layers - 1, -1, -1):

@@ -50,13 +50,13 @@ the angle evenly over all, of ln scale about threefold."""
 
 @dataclass(frozen=True, slots=True)
 class Descent:
-    """The result of a descent."""
+    """End of a descent: a state, its distance from the reference, and the cost of the search."""
 
     state: State
     distance: float
-    """Distance d_m at that state; the objective is O = 2 d_m^2."""
+    """Bhattacharyya distance d_m at `state`, 0..1; the objective is O = 2 d_m^2."""
     evaluations: int
-    """Number of times the histograms were computed."""
+    """Number of states whose histograms were computed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class KernelGrid:
     """A grid of Epanechnikov kernels over the template."""
 
     per_side: int = 3
-    """Kernels along each side: 3 is the paper's nine."""
+    """Kernels along each side of the template; 3 makes the nine of Teuliere, Marchand, Eck."""
     span: float = 1.0
     """Half axis of a kernel in cells of the grid: larger widens the basin, smaller sharpens the
     angle."""
@@ -99,14 +99,14 @@ class KernelModel:
         *,
         turns: bool = True,
     ) -> None:
-        """Learn the reference histograms from the first picture.
+        """Compute the reference histograms from the first picture.
 
         Args:
             image: First picture, RGB (H, W, 3).
             region: The template.
             state: State of the target there.
             grid: The kernels.
-            turns: Search the angle, too.
+            turns: Search the angle, too; else it stays as it is at the start of a descent.
         """
         # Levenberg's damping acts on steps in these units: a tiny unit holds the angle.
         self._units = UNITS if turns else UNITS * (1, 1, HELD, 1)
@@ -139,12 +139,13 @@ class KernelModel:
         Args:
             image: RGB (H, W, 3).
             state: First state.
-            most: Largest number of evaluations.
-            tolerance: A step shorter than this ends the descent [px].
-            hopeless: Distance of a first state above which there is no descent.
+            most: Largest number of states whose histograms are computed.
+            tolerance: A step shorter than this ends the descent [px, or 1/20 rad, or 1/20 of ln
+                scale].
+            hopeless: Distance d_m, 0..1; a first state with a larger one is returned as it is.
 
         Returns:
-            The last state, its distance, and the number of evaluations.
+            The last state, its distance, and the number of states evaluated.
         """
         x, cost, evaluations = loops.descend(
             image,
@@ -160,11 +161,11 @@ class KernelModel:
         return Descent(State.of(x), sqrt(min(cost / 2, 1.0)), evaluations)
 
     def covariance(self, image: Image, state: State) -> Array:
-        """Return the covariance (4, 4) of (x, y, theta, ln scale) at the end of a descent: one
-        standard deviation away, the objective is larger by 2 `USUAL`^2.
+        """Return the covariance (4, 4) of x, y [px], theta [rad] and ln scale at the end of a
+        descent: one standard deviation away, the objective is larger by 2 `USUAL`^2.
 
         It is large where the template slips inside something of one colour, and nan for an angle
-        that is not searched. These histograms do not count as a search.
+        that is not searched. The histograms computed here are in no number of evaluations.
         """
         # O grows by dx' H dx, and H / (2 USUAL^2) is the information. The prior `_anywhere` bounds
         # the variance along which O is flat.
@@ -175,11 +176,12 @@ class KernelModel:
 
 
 def changes(image: Image, region: Region, state: State) -> tuple[float, float]:
-    """Return how much the target's histograms change when the template moves in the first picture.
+    """Return how much the target's histograms change where the template is shifted, and where it is
+    turned, in the first picture.
 
     Returns:
-        The distance d_m after a shift, the mean of eight directions; and after a turn, the largest
-        of all `TURNS`.
+        The distance d_m, 0..1, after a shift by `SHIFTED` of its size, the mean of eight
+        directions; and after a turn, the largest of all `TURNS`.
     """
     model = KernelModel(image, region, state, INNER)
     shift = SHIFTED * np.sqrt(region.area(state))

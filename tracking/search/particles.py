@@ -12,7 +12,7 @@ from tracking.types import LARGEST_LOG, Estimate, Region, State, Status
 class ParticleFilter:
     """Samples (N, 4) of x, y [px], theta [rad] and ln scale, and their weights (N,).
 
-    A frame is predict, weigh, mean, resample.
+    In each frame `predict`, `weigh`, `mean` and `resample` are called in this order.
     """
 
     def __init__(
@@ -41,7 +41,9 @@ class ParticleFilter:
         self.weights = np.full(count, 1.0 / count)
 
     def predict(self, velocity: Array, widen: float = 1.0) -> None:
-        """Move all samples by a velocity (4,) per frame, and add noise; `widen` is its factor."""
+        """Move all samples by the expected change (4,) of x, y [px], theta [rad] and ln scale since
+        the last frame, and add normal noise, whose standard deviations are multiplied by `widen`.
+        """
         draws = self._rng.standard_normal(self.samples.shape)
         self.samples = self.samples + velocity + widen * self._noise * draws
         self.samples[:, 3] = self.samples[:, 3].clip(-LARGEST_LOG, LARGEST_LOG)
@@ -56,7 +58,7 @@ class ParticleFilter:
         return State.of(particle_loops.mean(self.samples, self.weights))
 
     def covariance(self) -> Array:
-        """Return the weighted covariance (4, 4) of the samples."""
+        """Return the weighted covariance (4, 4) of x, y [px], theta [rad] and ln scale."""
         return particle_loops.covariance(self.samples, self.weights)
 
     @property
@@ -71,12 +73,12 @@ class ParticleFilter:
     def estimate(
         self, state: State, covariance: Array, distance: float, status: Status, evaluations: int
     ) -> Estimate:
-        """Return the estimate of a frame by the state that was found.
+        """Return the estimate of a frame, with the samples, weights and effective sample size.
 
         Args:
-            state: The state.
-            covariance: Its covariance (4, 4); rows and columns of an angle or a size that does not
-                vary between the samples become nan.
+            state: The estimated state of the target.
+            covariance: Covariance (4, 4) of x, y [px], theta [rad] and ln scale; rows and columns
+                of an angle or a size that does not vary between the samples become nan.
             distance: Distance from the target's appearance, 0..1.
             status: LOCKED, UNSURE or LOST.
             evaluations: Number of histograms that were read.
@@ -97,15 +99,13 @@ class ParticleFilter:
         )
 
     def resample(self, power: float = 1.0) -> None:
-        """Draw the samples again, each with a probability of its weight raised to a power."""
+        """Replace the samples by as many systematic draws, each with a probability in proportion to
+        its weight raised to `power`; then all weights are equal.
+        """
         # Systematic: a sample gets N w_i copies, rounded up or down, which adds little chance.
         weights = self.weights if power == 1.0 else self.weights**power
         self.samples = self.samples[particle_loops.systematic(weights, self._rng.random())]
         self.weights = np.full(len(self.samples), 1.0 / len(self.samples))
-
-    def gather(self, state: State) -> None:
-        """Put all samples on one state, as at the start; the weights stay."""
-        self.samples = np.tile(state.vector, (len(self.samples), 1))
 
     def scatter(self, share: float, size: tuple[int, int], state: State) -> None:
         """Redraw a share of the samples uniformly over the picture: the target may be anywhere.
@@ -121,7 +121,3 @@ class ParticleFilter:
         count = round(share * len(self.samples))
         self.samples[:count, :2] = self._rng.uniform((0.0, 0.0), size, (count, 2))
         self.samples[:count, 2:] = state.vector[2:]
-
-    def shift(self, correction: Array) -> None:
-        """Add a correction (4,) to all samples."""
-        self.samples = self.samples + correction

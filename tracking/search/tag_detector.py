@@ -1,4 +1,5 @@
-"""Finds AprilTags of the family 36h11 in a picture, their edges fitted by lines.
+"""Detection of AprilTags of the family 36h11 in a picture; corners are where lines fitted to the
+four edges meet.
 
 Olson 2011, "AprilTag: A robust and flexible visual fiducial system" (ICRA); Wang, Olson 2016,
 "AprilTag 2: Efficient and robust fiducial detection" (IROS), as OpenCV's aruco module has it; where
@@ -23,9 +24,10 @@ Numbered = tuple[int, Array]
 CELLS = 8
 """Cells along a side of the black square."""
 AROUND = 0.5
-"""Share of a tag's box around its last place in which it is first searched."""
+"""A tag is searched first in its last bounding box, with a margin of this share of its sides."""
 ENOUGH = 50.0
-"""A tag that was larger [px] is searched in a smaller picture: its edges are fitted afterwards."""
+"""A tag that had sides of more than so many pixels is searched in a reduced picture; its edges are
+fitted in the full one."""
 CONTRAST = 0.25
 """Least strength of half of an edge, over the range of brightness around all edges: where the
 border of the picture cuts the tag off there is no edge."""
@@ -54,13 +56,14 @@ class TagDetector:
             self._detectors.append(cv2.aruco.ArucoDetector(family, options))
 
     def find(self, image: Image, number: int, seen: Array | None) -> Array | None:
-        """Return the corners (4, 2) of the tag with a number [px], from the top left one of its
-        picture clockwise; None where it is not seen.
+        """Return the corners (4, 2) [px] of the tag with a number, clockwise from the top left of
+        the tag's own pattern; None where the tag is not seen.
 
         Args:
-            image: The picture.
+            image: The picture, RGB (H, W, 3).
             number: Number of the tag.
-            seen: Its corners in the picture before, around which it is searched first.
+            seen: Corners (4, 2) [px] of the tag in the picture before, around which it is searched
+                first; None: the whole picture is searched at once.
         """
         place = np.zeros(2) if seen is None else seen.mean(axis=0)
         found = self.nearest(image, place, number, seen)
@@ -76,10 +79,11 @@ class TagDetector:
             image: The picture, RGB (H, W, 3).
             place: The place (2,) where the tag is expected [px].
             number: Number of the tag; None: any.
-            around: Quadrangle (4, 2) [px] around which it is searched first; None: the whole
+            around: Quadrangle (4, 2) [px] around which the tag is searched first; None: the whole
                 picture is searched at once.
         """
-        grey = _grey(image)
+        check_picture(image)
+        grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.uint8)
         if number is None:
             seen = [tag for detector in self._detectors for tag in _tags_in(detector, grey)]
             if not seen:
@@ -96,14 +100,16 @@ class TagDetector:
 
 
 def _nearest_of(seen: list[Numbered], place: Array) -> Numbered:
-    """Return the tag nearest to a place (2,)."""
+    """Return the tag whose centre is nearest to a place (2,) [px]."""
     return min(seen, key=lambda tag: np.hypot(*(tag[1].mean(axis=0) - place)))
 
 
 def _tags_in(
     detector: cv2.aruco.ArucoDetector, grey: Grey, around: Array | None = None
 ) -> list[Numbered]:
-    """Return the tags that a detector finds around a quadrangle (4, 2), or in the whole picture."""
+    """Return the tags that a detector finds around a quadrangle (4, 2) [px]; in the whole picture
+    where that is None.
+    """
     low = np.zeros(2, int)
     high = np.array(grey.shape[::-1])
     if around is not None:
@@ -123,13 +129,8 @@ def _tags_in(
     ]
 
 
-def _grey(image: Image) -> Grey:
-    check_picture(image)
-    return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.uint8)
-
-
 def _fitted(grey: Grey, corners: Array) -> Array | None:
-    """Return the corners (4, 2) [px] where lines through the four edges meet.
+    """Return the corners (4, 2) [px] of a dark square, where lines fitted to its four edges meet.
 
     The square is dark inside and bright outside. Along each edge the brightness is sampled across
     it; the edge is where it rises, weighed by how much. A line is fitted to these places by
@@ -163,7 +164,15 @@ def _fitted(grey: Grey, corners: Array) -> Array | None:
 
 
 def _crossings(corners: Array, along: Array, out: Array, offset: Array, weight: Array) -> Array:
-    """Return the corners (4, 2) where lines meet that fit weighed offsets (4, n) of edges."""
+    """Return the corners (4, 2) [px] where lines meet that are fitted to four edges.
+
+    Args:
+        corners: First corner of each edge (4, 2) [px].
+        along: Vector from there to the next corner (4, 2) [px].
+        out: Unit normal of each edge, outwards (4, 2).
+        offset: Distance of the edge outwards from that vector (4, n) [px], at `ALONG`.
+        weight: Weight of each distance (4, n).
+    """
     total = weight.sum(axis=1)
     t = weight @ ALONG / total
     s = (weight * offset).sum(axis=1) / total

@@ -10,7 +10,7 @@ from tracking.types import State
 
 
 class Velocity:
-    """An exponential mean of the state's change per frame."""
+    """An exponential mean of the change (4,) of x, y [px], theta [rad] and ln scale per frame."""
 
     def __init__(self, state: State, memory: float) -> None:
         """Begin with velocity 0.
@@ -24,7 +24,8 @@ class Velocity:
         self.value = np.zeros(4)
 
     def step(self, ego: Array | None) -> Array:
-        """Return the expected change (4,) of x, y [px], theta and ln scale until the next frame.
+        """Return the expected change (4,) of x, y [px], theta [rad] and ln scale until the next
+        frame.
 
         Args:
             ego: Part of that change (4,) that the camera's motion causes; None: not known.
@@ -47,7 +48,9 @@ class Velocity:
         return float(max(np.hypot(x, y) / (size * state.scale), abs(scale)))
 
     def learn(self, state: State, *, seen: bool) -> None:
-        """Update the velocity by the next state; where the target is not seen, keep it."""
+        """Update the velocity by the state found in the next frame; keep it if the target is not
+        seen.
+        """
         # A state that was not confirmed would teach the velocity the tracker's own drift.
         if seen:
             moved: Array = state.vector - self._last

@@ -14,9 +14,9 @@ from sim.types import Array
 BELOW = 0.975
 """Probability below the upper end of a two-sided 95 % interval."""
 Z = NormalDist().inv_cdf(BELOW)
-"""That quantile of the standard normal distribution."""
+"""Quantile of the standard normal distribution at `BELOW`."""
 NO_SKEWNESS = 1e-6
-"""Skewness below which it is not removed: the transformation is then the identity."""
+"""With a smaller skewness, Hall's transformation counts as the identity."""
 Name = TypeVar("Name")
 Count = Annotated[int, Ge(0), Le(1 << 53)]
 
@@ -69,7 +69,7 @@ class Interval:
     value: float
     low: float
     high: float
-    """Upper end; both ends are nan of one unit, and if a score is not finite."""
+    """Upper end; both ends are nan if there is one unit only, or a score that is not finite."""
     units: int = 0
     """Number of independent scores; 0: unknown."""
 
@@ -135,7 +135,7 @@ def difference_of_shares(first: Array, second: Array) -> Interval:
 
     Args:
         first: Successes (n,) of the first on n units, 0 or 1.
-        second: Those of the second on the same units.
+        second: Successes (n,) of the second on the same units, 0 or 1.
     """
     count = len(first)
     only = np.array([np.sum(first > second), np.sum(first < second)])
@@ -150,7 +150,9 @@ def difference_of_shares(first: Array, second: Array) -> Interval:
 
 
 def _unskewed(t: float, skewness: float, count: int) -> float:
-    """Return the standardised mean whose transformation of Hall is t; t itself without skewness."""
+    """Return the standardised mean that Hall's transformation for a skewness and `count` scores
+    maps to t; t itself where the skewness is nearly 0.
+    """
     if abs(skewness) < NO_SKEWNESS:
         return t
     inner = 1 + skewness * (t - skewness / (6 * count))
@@ -168,12 +170,14 @@ def _share(share: float, count: int) -> Interval:
 
 
 def titles(names: Iterable[str]) -> list[str]:
-    """Return the titles of intervals' columns: NAME, NAME_low, NAME_high, NAME_units of each."""
+    """Return the column titles of intervals in a table: NAME, NAME_low, NAME_high, NAME_units."""
     return [f"{name}{end}" for name in names for end in ("", "_low", "_high", "_units")]
 
 
 def cells(intervals: Iterable[Interval | None]) -> list[float | str]:
-    """Return the cells of intervals under `titles`; empty texts for None and unknown ends."""
+    """Return the table cells of intervals, in the order of `titles`; empty texts for None and for
+    unknown ends.
+    """
     found: list[float | str] = []
     for i in intervals:
         ends: list[float | str] = [i.low, i.high] if i and i.known else ["", ""]

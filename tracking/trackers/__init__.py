@@ -1,4 +1,4 @@
-"""Trackers, one a file, named as in the literature: `Config.build(rng)` gives a `Tracker`."""
+"""Trackers, one a file, named as in the literature: `Config.build(rng)` returns a `Tracker`."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ if TYPE_CHECKING:
     from tracking.types import Tracker
 
 
-def _adapted(found: Any) -> type[Any] | None:
+def _adapted(found: object) -> type[Any] | None:
     """Return a `Config` class for a tracker of the user: a class or object with `start` and
-    `update`, or with `init` and `update`, or a function that makes the latter; else None.
+    `update`, or with `init` and `update`, or a function that returns the latter; None for other
+    objects.
     """
     # Imported only now: `servobench list` only looks at files.
     from tracking.wrapped.wrap import is_foreign, wrap

@@ -23,34 +23,34 @@ from tracking.types import SET_BY_START, Estimate, Region, State, Status, check_
 DISC_LIMITS = LossLimits(floor=0.5, cap=0.75)
 """Limits of a distance of sampled histograms: of hard bins, it is never near 0."""
 WIDER = 3.0
-"""Factor on the spread while a target without views is LOST: it may be anywhere."""
+"""Factor on the particles' noise while a target without views is LOST: it may be anywhere."""
 CLIMB = 6
-"""Mean-shift histograms for each particle that climbs, in each layer."""
+"""Most histograms that mean shift reads for a particle in a layer."""
 CLIMB_TOLERANCE = 0.5
-"""A particle whose shift is shorter has arrived [px]."""
+"""Mean shift ends for a particle with a step shorter than this [px]."""
 
 
 @dataclass(frozen=True, slots=True)
 class CloudMethod:
-    """Parts in which the particle filters differ."""
+    """Choices in which the particle filters differ."""
 
     annealing: Annealing = ONE_LAYER
-    """Layers in which the particles are weighed."""
+    """Number of layers in which the particles are weighed, and schedule of their exponents."""
     climbs: bool = False
     """Let every particle climb by mean shift before it is weighed."""
     best: bool = False
-    """Take the best particle for the target's state, not their mean."""
+    """Report the particle with the largest weight, not the weighted mean."""
     hidden: float = 1.0
-    """Power of the weights in resampling while the target is not seen."""
+    """Exponent of the weights in resampling while the target is not seen."""
 
 
 @dataclass(frozen=True)
 class CloudSettings(AppearanceSettings, ParticleSettings):
-    """Settings of a particle filter on histograms: a kind changes defaults, and the method."""
+    """Settings of a particle filter on histograms; each tracker changes defaults and `method`."""
 
     @property
     def method(self) -> CloudMethod:
-        """Parts of the filter: by default those of Condensation."""
+        """Choices of the filter: by default those of Condensation."""
         return CloudMethod()
 
     def build(self, rng: np.random.Generator) -> "ParticleTracker":
@@ -59,19 +59,20 @@ class CloudSettings(AppearanceSettings, ParticleSettings):
 
 
 class ParticleTracker(ABC):
-    """A particle filter on one model of the target."""
+    """A particle filter on one appearance model; subclasses move, weigh and judge the particles."""
 
     _cloud: ParticleFilter = SET_BY_START
 
     def __init__(
         self, settings: CloudSettings, limits: LossLimits, rng: np.random.Generator
     ) -> None:
-        """Set it up.
+        """Keep settings, limits and generator; `start` makes the particles.
 
         Args:
             settings: Settings of the filter and its model.
-            limits: Limits of the distance of a target that is not recognised by views.
-            rng: Source of all draws.
+            limits: Limits of the appearance distance, used where the target is not recognised by
+                stored views.
+            rng: Generator of all random numbers.
         """
         self._settings = settings
         self._limits = limits
@@ -128,10 +129,10 @@ class ParticleTracker(ABC):
         if seen:
             if strewn:
                 # Most strewn particles are far away: they restart at the target.
-                cloud.gather(state)
+                cloud.samples[:] = state.vector
             else:
                 # A refined state moves the whole cloud with it; without refinement this is zero.
-                cloud.shift(state.vector - proposed.vector)
+                cloud.samples += state.vector - proposed.vector
             self._found = state
             self._model.learn(image, state)
             if self._recogniser is not None:
@@ -154,8 +155,8 @@ class ParticleTracker(ABC):
 
         Args:
             image: The picture.
-            change: Expected change (4,) of the state since the last frame.
-            widen: Factor on all noise.
+            change: Expected change (4,) of x, y [px], theta [rad], ln scale since the last frame.
+            widen: Factor on the standard deviations of the noise.
 
         Returns:
             The number of histograms read.
@@ -165,7 +166,7 @@ class ParticleTracker(ABC):
     def _judge(
         self, image: LabelledImage, proposed: State, time: float
     ) -> tuple[State, Array, float, int]:
-        """Set the status of this frame.
+        """Set the status of this frame, and return the state to report.
 
         Args:
             image: The picture.
@@ -173,14 +174,14 @@ class ParticleTracker(ABC):
             time: Time of the frame [s].
 
         Returns:
-            The state to report, its covariance (4, 4), its distance 0..1, and the number of
-            histograms read.
+            The state to report, its covariance (4, 4) of x, y [px], theta [rad] and ln scale, its
+            distance 0..1, and the number of histograms read.
         """
 
 
 @final
 class CloudTracker(ParticleTracker):
-    """A particle filter that reports what its particles show, in one layer or annealed."""
+    """A particle filter that reports the mean or the best particle, in one layer or annealed."""
 
     def _search(self, image: LabelledImage, change: Array, widen: float) -> int:
         self._strew(image)

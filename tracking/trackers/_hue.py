@@ -25,9 +25,9 @@ from tracking.wrapped.boxes import box_of
 BINS = 16
 """Number of hue bins."""
 LEAST_SATURATION = 60
-"""Greyer pixels do not count."""
+"""Least saturation, 0..255, of a pixel that counts: the hue of greyer ones is noise."""
 LEAST_VALUE = 32
-"""Darker pixels do not count."""
+"""Least value, 0..255, of a pixel that counts: the hue of darker ones is noise."""
 ENDS = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 10, 1)
 """OpenCV's mean shift ends after ten iterations, or after a step below one pixel."""
 LIMITS = LossLimits(floor=0.4, cap=0.7)
@@ -35,7 +35,7 @@ LIMITS = LossLimits(floor=0.4, cap=0.7)
 
 
 class HueModel:
-    """Hue histogram of a region, its back-projection, and the distance at another state."""
+    """Hue histogram of the target, its back-projection, and the distance of any state from it."""
 
     def __init__(self, image: Image, region: Region, state: State) -> None:
         self._region = region
@@ -55,12 +55,16 @@ class HueModel:
         return cv2.bitwise_and(likely, mask).astype(np.uint8)
 
     def distance(self, image: Image, state: State) -> float:
-        """Return the Bhattacharyya distance at a state, 0..1."""
+        """Return the Bhattacharyya distance, 0..1, of the hue histogram at a state from the
+        target's.
+        """
         rho = float(np.sqrt(self._reference * self._histogram(image, state)[0]).sum())
         return float(np.sqrt(max(1.0 - rho, 0.0)))
 
     def _histogram(self, image: Image, state: State) -> tuple[Array, float]:
-        """Return the histogram of the ellipse in the turned region, and its number of pixels."""
+        """Return the hue histogram (`BINS`,) of the ellipse in the turned region, which sums to 1,
+        and the number of pixels that it counts.
+        """
         x, y, width, height = box_of(self._region, state, image)
         hsv, mask = self._hsv(image[y : y + height, x : x + width])
         inside = np.zeros_like(mask)
@@ -106,6 +110,11 @@ class HueTracker:
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Return the estimate of OpenCV's search, with the status from the hue histogram's
         distance.
+
+        Args:
+            frame: The next frame.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale that the camera's own motion
+                makes; None if it is unknown.
         """
         check_picture(frame.image)
         self._state = self._found(frame, ego)

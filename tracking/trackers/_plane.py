@@ -1,4 +1,4 @@
-"""A rectangle in a plane that is seen in perspective: homographies, and the state that fits it."""
+"""A rectangle in a plane, seen in perspective: homographies, and the state of its corners."""
 
 import cv2
 import numpy as np
@@ -12,25 +12,25 @@ SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) / 2
 
 
 def homography(source: Array, target: Array) -> Array:
-    """Return the homography (3, 3) that maps four points (4, 2) to four others (4, 2)."""
+    """Return the homography (3, 3) that maps four source points (4, 2) to target points (4, 2)."""
     H = cv2.getPerspectiveTransform(source.astype(np.float32), target.astype(np.float32))
     return H.astype(np.float64)
 
 
 def through(H: Array, points: Array) -> Array:
-    """Return the images (n, 2) of points (n, 2) under a homography (3, 3)."""
+    """Return points (n, 2) mapped by a homography (3, 3)."""
     seen = np.column_stack([points, np.ones(len(points))]) @ H.T
     return seen[:, :2] / seen[:, 2:]
 
 
 def state_of(corners: Array, region: Region, last: State) -> State:
-    """Return the state of a region from its corners in the picture: centre, direction of the nose
-    and root of the area, as `sim.types.Truth` defines them.
+    """Return the state of a region from its corners in the picture: centre (where the diagonals
+    cross), angle from there to the middle of the side 1-2, and scale by the root of the area.
 
     Args:
         corners: The region's corners (4, 2) [px].
         region: The region, whose area gives scale 1.
-        last: The last state, from which the angle is at most half a turn away.
+        last: The last state; the new angle is the one within half a turn of it.
     """
     # In perspective the centre is where the diagonals cross, not the mean of the corners.
     centre, nose = through(homography(SQUARE, corners), np.array([[0.0, 0.0], [0.5, 0.0]]))

@@ -1,7 +1,6 @@
 """Annealed particle filter on one colour histogram (Deutscher, Blake, Reid 2000)."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from sim.ranges import Share
 from tracking.search.annealing import Annealing, Schedule
@@ -11,16 +10,19 @@ from tracking.trackers._cloud import CloudMethod, CloudSettings
 
 LAYERS = 5
 """Number of layers: the KAMS paper's M = 4."""
-FIXED: dict[str, Any] = condensation.FILTER | {"velocity_memory": 1.0, "schedule": Schedule.FIXED}
+FIXED: dict[str, object] = condensation.FILTER | {
+    "velocity_memory": 1.0,
+    "schedule": Schedule.FIXED,
+}
 """The annealing of the KAMS paper: no motion model."""
-VIDEO: dict[str, Any] = {"views": 6, "scatter": 0.5}
+VIDEO: dict[str, object] = {"views": 6, "scatter": 0.5}
 """For recordings: recognised by views too."""
 PRESETS = {"paper": FIXED | condensation.SAME, "video": VIDEO}
 
 
 @dataclass(frozen=True, slots=True)
 class Config(CloudSettings):
-    """Particles, histogram, and schedule of the layers."""
+    """Settings of the particles, of their colour histogram, and of the layers' schedule."""
 
     particles: Count = 100
     noise: Spread = 0.3

@@ -12,7 +12,7 @@ from tracking.types import SET_BY_START, Region, State, Trait
 from tracking.wrapped.boxes import box_of
 
 SMALLEST_BOX = 4
-"""A window that shrank below this begins at this size again [px]."""
+"""Least side of the window in which CamShift begins [px]: a smaller window is enlarged to it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,9 @@ class Camshift(HueTracker):
         self._first = region.width * region.height if fitted is None else fitted[2], state.scale
 
     def _found(self, frame: Frame, ego: Array | None) -> State:
-        """Return the state at the fitted ellipse; the last state if CamShift finds nothing."""
+        """Return the state at the fitted ellipse; the last state if CamShift finds nothing. Only
+        the position (2,) [px] of `ego` is used.
+        """
         if ego is not None:
             x, y, width, height = self._box
             self._box = (x + round(ego[0]), y + round(ego[1]), width, height)
@@ -58,8 +60,8 @@ class Camshift(HueTracker):
         return State(x, y, self._state.theta, scale * float(np.sqrt(area / first)))
 
     def _fit(self, frame: Frame) -> tuple[float, float, float] | None:
-        """Return centre and area of the ellipse that CamShift finds [px]; None where it finds
-        nothing.
+        """Return x and y of the centre [px] and the product of the axes [px^2] of the ellipse that
+        CamShift finds, and begin there in the next frame; None where it finds nothing.
         """
         height, width = frame.image.shape[:2]
         x, y, w, h = self._box

@@ -3,13 +3,13 @@
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 from tracking.appearance.layout import Sampling
 from tracking.settings import PLAIN, DiscPoints
 from tracking.trackers._cloud import CloudSettings
 
-FILTER: dict[str, Any] = PLAIN | {
+FILTER: dict[str, object] = {
+    **PLAIN,
     "noise": 1.0,
     "gamma": 20.0,
     "velocity_memory": 0.0,
@@ -27,7 +27,7 @@ PRESETS = {"paper": FILTER | SAME}
 
 @dataclass(frozen=True, slots=True)
 class Config(CloudSettings):
-    """Particles and histogram."""
+    """Settings of the particles and of their colour histogram."""
 
     density: DiscPoints = 16
     """Points along the kernel's diameter at which the image is read."""

@@ -36,7 +36,7 @@ class Frozen:
     _state: State = SET_BY_START
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Take the first state.
+        """Keep the first state, which `update` reports.
 
         Raises:
             ValueError: The region is empty, or most of it is outside the picture.

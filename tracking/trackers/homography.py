@@ -34,7 +34,7 @@ from tracking.wrapped.boxes import convex
 
 Level = tuple[int, Array, Array, Array, NDArray[np.intp]]
 """Number of points of a template; those (n, 2) that were seen, their brightness (n,), its
-derivatives (n, 8), and the parts of the template that they are in (n,)."""
+derivatives (n, 8), and the cells of the template that they are in (n,)."""
 Alignment = tuple[Array, Array, float, float]
 """Corners (4, 2), gain and bias of the light (2,), correlation 0..1, misfit."""
 
@@ -43,24 +43,25 @@ Alignment = tuple[Array, Array, float, float]
 POINTS = 60
 """Points of the template along each side."""
 COARSE = 4
-"""The first alignment reads every so many points of the template along each side."""
+"""Factor on the distance between the points of the template in the coarse alignment."""
 CELL = 3
-"""Points along a side of a part that is hidden or seen as a whole, at least."""
+"""Least number of points along a side of a cell; a cell is hidden or seen as a whole."""
 MOST_CELLS = 10
-"""Most such parts along the template's side."""
+"""Most cells along the template's side."""
 STEPS = 12
 """Most steps of a descent, on each of two levels."""
 STILL = 2e-4
-"""A step that moves the corners by less, over the side, is the last."""
+"""A step that moves the corners by less than this share of the template's side is the last."""
 VELOCITY_MEMORY = 0.5
 """Share of the old velocity that the new one keeps."""
 TRIES = 15
-"""Places around the last one at which a target that is not seen is searched in a frame."""
+"""Number of states around the last one from which a target that is not seen is searched in a
+frame."""
 SPREAD = np.array([0.3, 0.3, 0.3, 0.1])
-"""Standard deviations of these places: of x and y over the target's size, of the angle [rad] and of
-ln scale."""
+"""Standard deviations of these states: of x and y over the target's size, of the angle [rad], of ln
+scale."""
 LIMITS = LossLimits(floor=0.2, cap=0.3)
-"""Limits of the distance: 1 - the robust correlation, less the hidden share."""
+"""Limits of the distance, which is 1 - the robust correlation of template and picture."""
 AROUND = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 """Directions in which the derivatives of the brightness are taken."""
 INSIDE = 0.4
@@ -70,9 +71,10 @@ LEAST_CONTRAST = 3.0
 """With a smaller standard deviation of the brightness inside [grey levels] there is nothing to
 align."""
 SURE = 0.95
-"""A target less alike than this may have misled the coarse descent."""
+"""Correlation below which the coarse descent may have ended in a wrong minimum."""
 WORSE = 0.2
-"""Something begins to hide a target that is fitted worse than before by this."""
+"""Rise of the misfit (a logarithm) since the last frame from which on the coarse descent may have
+ended in a wrong minimum: something begins to hide the target."""
 LARGEST_GROWTH = 2.0
 """Largest factor on the size from picture to picture; a larger one is a failed descent."""
 
@@ -84,13 +86,13 @@ class Config:
     traits = frozenset({Trait.TEXTURE, Trait.CORNERS})
 
     def build(self, rng: np.random.Generator) -> "Homography":
-        """Return the tracker; it draws the places where it searches."""
+        """Return the tracker, which draws the states from which it searches a lost target."""
         return Homography(rng)
 
 
 @final
 class Homography:
-    """A tracker that aligns a coarse, and then the full template in each frame."""
+    """A tracker that aligns a coarse template, and then the full one, in each frame."""
 
     _velocity: Velocity = SET_BY_START
 
@@ -154,8 +156,10 @@ class Homography:
         )
 
     def _descend(self, image: Image, expected: Array, state: State) -> Alignment:
-        """Return the best of coarse descents from where the target is expected, and around it if it
-        was not seen, after a fine one.
+        """Return the alignment by a fine descent that begins at the best of the coarse ones.
+
+        The coarse descents begin at the expected corners (4, 2) [px] and, if the target was not
+        seen, at drawn states around them; the fine one may also begin at the expected corners.
         """
         begins = [expected]
         if not self._loss.locked:
@@ -185,7 +189,7 @@ class Homography:
         return corners, light, 0.0, np.inf
 
     def _learn(self, image: Image, side: int) -> Level:
-        """Return the template and its derivatives, of this many points along each side."""
+        """Return a template with so many points along each side, read from the first picture."""
         middle = (np.arange(side) + 0.5) / side - 0.5
         points = np.stack(np.meshgrid(middle, middle), axis=-1).reshape(-1, 2)
         part, to_part = _part(image, self._corners, len(points))
@@ -208,8 +212,9 @@ class Homography:
 
 
 def _part(image: Image, corners: Array, count: int) -> tuple[NDArray[np.float32], Array]:
-    """Return the picture around a quadrangle, so small that it has about `count` pixels there; and
-    the matrix (3, 3) that takes the picture's coordinates to its own.
+    """Return the grey picture around a quadrangle (4, 2) [px], reduced to about `count` pixels
+    inside it, and the matrix (3, 3) from the coordinates of `image` to those of the reduced
+    picture.
     """
     size = np.ptp(corners, axis=0)
     ends = np.array(image.shape[1::-1])
@@ -227,7 +232,9 @@ def _part(image: Image, corners: Array, count: int) -> tuple[NDArray[np.float32]
 
 
 def _moved(corners: Array, state: State, change: Array | None) -> Array:
-    """Return corners (4, 2) after a change (4,) of (x, y, theta, ln scale) of their state."""
+    """Return corners (4, 2) [px] after a change (4,) of x, y [px], theta [rad] and ln scale of the
+    state to which they belong; unchanged if the change is None.
+    """
     if change is None:
         return corners
     x, y, turn, grown = change.tolist()

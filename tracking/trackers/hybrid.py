@@ -11,7 +11,7 @@ PRESETS = {"paper": condensation.FILTER}
 
 @dataclass(frozen=True, slots=True)
 class Config(CloudSettings):
-    """Particles and histogram; unsharpened weights, constant velocity."""
+    """Settings of the particles and of their colour histogram; not annealed, constant velocity."""
 
     particles: Count = 100
     noise: Spread = 0.3

@@ -38,14 +38,14 @@ PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
 
 @dataclass(frozen=True, slots=True)
 class Climb:
-    """Parts in which the searches by mean shift differ."""
+    """Choices in which the searches by mean shift differ."""
 
     steps: int = 20
-    """Most histograms read in one climb: with fewer, long ones end on the way."""
+    """Most histograms read in one climb; with fewer, a long climb ends before the mode."""
     scale: bool = False
     """Also follow the target's size."""
     confidence: float = 0.0
-    """Below this 1 - d, eight more climbs begin around the target; 0: never."""
+    """Confidence 1 - d below which eight more climbs begin around the target; 0: never."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class ClimbSettings(AppearanceSettings):
     @property
     @abstractmethod
     def climb(self) -> Climb:
-        """Parameters of the mean-shift search."""
+        """Choices of the mean-shift search."""
 
     def build(self, rng: np.random.Generator) -> "MeanShift":
         """Return the tracker; uses no random numbers."""
@@ -69,7 +69,7 @@ class ClimbSettings(AppearanceSettings):
 
 @dataclass(frozen=True, slots=True)
 class Config(ClimbSettings):
-    """Histogram and climb."""
+    """Settings of the colour histogram and of the climb by mean shift."""
 
     kernel: Kernel = "epanechnikov"
     """1 - r^2, or "linear": 1 - r, as the KAMS paper has it."""
@@ -153,13 +153,15 @@ class MeanShift:
         )
 
     def _sizes(self, begin: Array) -> Array:
-        """Return first states (n, 4): the expected one, and smaller and larger."""
+        """Return the states (n, 4) from which climbs begin: the expected one (4,) and, where the
+        size is followed, a smaller and a larger one.
+        """
         steps = np.log1p([0.0, -SCALE_STEP, SCALE_STEP]) if self._climb.scale else np.zeros(1)
         return begin + steps[:, None] * [0, 0, 0, 1]
 
     def _around(self, begin: Array) -> Array:
-        """Return eight states (8, 4) on a ring at two radii: with the first they cover nine times
-        its area.
+        """Return eight states (8, 4) on a ring around the expected one (4,), at twice the target's
+        radius: together they cover nine times its area.
         """
         ring = self._size * np.exp(begin[3]) * NEIGHBOURS
         return begin + np.column_stack([ring.real, ring.imag, np.zeros((8, 2))])

@@ -1,7 +1,6 @@
 """Multiple-kernel particle filter (Teuliere, Marchand, Eck, section IV): a histogram a cell."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from sim.ranges import Share
 from tracking.appearance.layout import Combine, Sampling
@@ -18,15 +17,15 @@ from tracking.trackers import annealed
 from tracking.trackers._cloud import CloudSettings
 
 CELLS = 3
-"""Cells along each side: the paper's nine kernels."""
-VIDEO: dict[str, Any] = annealed.VIDEO | {
+"""Cells along each side of the template: the nine kernels of Teuliere, Marchand, Eck."""
+VIDEO: dict[str, object] = annealed.VIDEO | {
     "learn": True,
     "turn_noise": 0.0,
     "noise": 0.3,
     "scale_noise": 0.015,
     "velocity_memory": 1.0,
 }
-"""For recordings: those of `annealed`, and no turn, which its targets hardly do."""
+"""For recordings: those of `annealed`, without the angle, because filmed targets hardly turn."""
 PRESETS = {"paper": PLAIN | {"density": 16, "scatter": 0.0}, "video": VIDEO}
 """The paper's: with so many points a side of a cell, every pixel of a common target is read."""
 
@@ -49,7 +48,7 @@ class SimilaritySettings(CloudSettings):
 
 @dataclass(frozen=True, slots=True)
 class Config(SimilaritySettings):
-    """The particle filter's settings, in four dimensions, and the cells."""
+    """Settings of the particles, in four dimensions, and of the cells."""
 
     density: CellPoints = 5
     """Points along each side of a cell at which a particle reads the image."""

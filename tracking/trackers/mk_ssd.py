@@ -3,6 +3,7 @@
 Hager, Dewan, Stewart 2004; Teuliere, Marchand, Eck, section III.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, final
 
@@ -14,6 +15,7 @@ from sim.types import Array, Frame
 from tracking.appearance.bins import as_seen
 from tracking.loss import LossJudge, LossLimits
 from tracking.search.newton import KernelGrid, KernelModel, shows_angle
+from tracking.search.size_gate import SizeGate
 from tracking.search.velocity import Velocity
 from tracking.settings import Inset, Levels
 from tracking.types import (
@@ -34,7 +36,7 @@ PRESETS = {"paper": {"span": 1.0, "inset": 0.0, "velocity_memory": 1.0}}
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Kernels and prediction."""
+    """Settings of the kernels and of the prediction."""
 
     levels: Levels = 8
     """Colour bins a channel."""
@@ -78,6 +80,7 @@ class MkSsd:
         self._state = state
         self._loss = LossJudge(LossLimits())
         self._velocity = Velocity(state, c.velocity_memory)
+        self._sizes = SizeGate(state, frame.time)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Return the end of Newton's descent from the predicted state; the last state where the
@@ -94,8 +97,12 @@ class MkSsd:
         begin = self._state.moved(expected if self._loss.locked else ego)
         image = as_seen(frame.image, even=self._config.even)
         descent = self._kernels.descend(image, begin, most=STEPS)
-        status = self._loss.judge(descent.distance, frame.time)
+        # Histograms of a few pixels inside a plain solid are like those of all of it.
+        possible = self._sizes.allows(descent.state, frame.time)
+        status = self._loss.judge(descent.distance if possible else math.inf, frame.time)
         seen = status is Status.LOCKED
+        if seen:
+            self._sizes.learn(descent.state, frame.time)
         self._state = descent.state if seen else self._state.moved(ego)
         self._velocity.learn(self._state, seen=seen)
         return Estimate(

@@ -15,7 +15,7 @@ from tracking.wrapped.wrap import Wrapping
 
 @dataclass(frozen=True, slots=True)
 class Config(JudgeSettings):
-    """OpenCV's name of the tracker, and the judge of its boxes."""
+    """OpenCV's name of the tracker, and settings by which its boxes are judged LOCKED."""
 
     traits = frozenset({Trait.FOREIGN})
 

@@ -9,8 +9,9 @@ The paper prints >=, which contradicts the sentence before it: a large distance 
 where Newton would lock onto what is in front.
 """
 
+import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, final
+from typing import Annotated, final
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -22,6 +23,7 @@ from tracking.appearance.layout import Combine, Sampling
 from tracking.appearance.model import SampledModel
 from tracking.loss import LossLimits
 from tracking.search.newton import Descent, KernelGrid, KernelModel
+from tracking.search.size_gate import SizeGate
 from tracking.settings import PLAIN, CellPoints, Count, Inset, Spread
 from tracking.trackers._cloud import CloudMethod, ParticleTracker
 from tracking.trackers.mk_pf import CELLS, VIDEO, SimilaritySettings
@@ -30,11 +32,11 @@ from tracking.types import Region, State, Status
 STEPS = 8
 """Most histogram evaluations of one descent: it begins near, and ends after about five."""
 HIDDEN = 0.5
-"""Power of the weights in resampling while the target is not seen: 75 particles would gather on
-what hides it, and miss it when it comes out."""
-PRESETS: dict[str, dict[str, Any]] = {
-    "paper": PLAIN | {"inset": 0.0, "density": 16, "sudden": 0.0},
-    "video": VIDEO | {"particles": 300, "occluded": 0.3, "trust": 0.15, "inset": 0.0},
+"""Exponent of the weights in resampling while the target is not seen: with 1, 75 particles gather
+on the object in front of it, and miss it when it comes out."""
+PRESETS: dict[str, dict[str, object]] = {
+    "paper": {**PLAIN, "inset": 0.0, "density": 16, "sudden": 0.0},
+    "video": {**VIDEO, "particles": 300, "occluded": 0.3, "trust": 0.15, "inset": 0.0},
 }
 
 
@@ -109,6 +111,7 @@ class PfSsd(ParticleTracker):
         # Where the particles do not turn at all, as on recordings, the descent alone does.
         turns = c.turn_noise == 0 or self._cloud.follows[0]
         self._kernels = KernelModel(image, region, state, grid, turns=turns)
+        self._sizes = SizeGate(state, frame.time)
 
     def _search(self, image: LabelledImage, change: Array, widen: float) -> int:
         cloud = self._cloud
@@ -121,11 +124,12 @@ class PfSsd(ParticleTracker):
     def _judge(
         self, image: LabelledImage, proposed: State, time: float
     ) -> tuple[State, Array, float, int]:
-        """Descend if the target is seen. The end of a descent has its own covariance: the particles
-        spread as they are moved, whether the picture shows the state or not.
+        """Report the end of a descent where the target is seen there, else the proposed state.
 
-        With views, the end of the descent, which knows the first picture only, must resemble
-        what was learned more than its beginning does.
+        The end of a descent has its own covariance, because the particles spread as they are moved,
+        whether the picture shows the state or not. With views the end is reported where it is more
+        like the learned appearance than the proposed state is: the descent knows the first picture
+        only.
         """
         end = self._descend(image.image, proposed)
         evaluations = end.evaluations
@@ -136,9 +140,13 @@ class PfSsd(ParticleTracker):
             end = min(end, other, key=lambda end: end.distance)
         if self._recogniser is None:
             jump = self._velocity.jump(end.state, self._cloud.size)
-            self._status = self._loss.judge(end.distance, time, jump)
-            ends_there = self._status is Status.LOCKED
             distance = end.distance
+            # Histograms of a few pixels inside a plain solid are like those of all of it.
+            possible = self._sizes.allows(end.state, time)
+            self._status = self._loss.judge(distance if possible else math.inf, time, jump)
+            ends_there = self._status is Status.LOCKED
+            if ends_there:
+                self._sizes.learn(end.state, time)
         else:
             both = np.stack([proposed.vector, end.state.vector])
             ends_there = bool(np.argmin(self._model.energy(image, both)))
@@ -151,7 +159,9 @@ class PfSsd(ParticleTracker):
         return proposed, self._cloud.covariance(), distance, evaluations
 
     def _descend(self, image: Image, proposed: State) -> Descent:
-        """Descend from the proposal; return the proposal itself if that leads too far away."""
+        """Return the end of a descent from a state that the particles propose; the proposed state
+        with distance 1 if the descent ends farther away than `trust` allows.
+        """
         descent = self._kernels.descend(image, proposed, most=STEPS, hopeless=self._config.occluded)
         moved = descent.state.vector - proposed.vector
         if float(np.hypot(moved[0], moved[1])) <= self._config.trust * self._cloud.size:

@@ -15,10 +15,10 @@ PRESETS = mean_shift.PRESETS
 
 @dataclass(frozen=True, slots=True)
 class Config(ClimbSettings):
-    """Histogram and climb, with the confidence below which it searches around the target."""
+    """Settings of the histogram and of the climb, with the confidence below which more begin."""
 
     confidence: Share = 0.8
-    """T: below this 1 - d, eight more climbs begin around the target."""
+    """T: confidence 1 - d below which eight more climbs begin around the target."""
 
     @property
     def climb(self) -> Climb:

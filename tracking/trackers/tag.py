@@ -1,4 +1,4 @@
-"""An AprilTag of the family 36h11, found anew in each picture (tracking.search.tag_detector)."""
+"""An AprilTag of the family 36h11, detected in each picture (tracking.search.tag_detector)."""
 
 from dataclasses import dataclass
 from typing import final
@@ -21,7 +21,8 @@ from tracking.types import (
 )
 
 ALIKE = 0.1
-"""A region whose corners are this near to the black square's, over its side, is the square."""
+"""A region counts as the tag's black square if its corners are nearer to the square's than this
+share of the side."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ class Tag:
         self._detector = TagDetector()
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Find the tag nearest to the region, and the region's place in the tag's plane.
+        """Find the tag nearest to the region, and record the region's corners in the tag's plane.
 
         Raises:
             ValueError: The region is not valid, or no tag is seen.
@@ -61,8 +62,8 @@ class Tag:
         self._rectangle = _or_square(_in_plane(self._seen, region, state))
 
     def outline(self, frame: Frame, region: Region, state: State) -> tuple[Region, State]:
-        """Return the black square of the tag nearest to a region as a region and its state; the
-        region itself if it is that square, or if no tag is seen.
+        """Return the black square of the tag nearest to a region, as a region and its state; the
+        given region and state if they are that square up to noise, or if no tag is seen.
         """
         check_region(frame, region, state)
         found = self._detector.nearest(frame.image, np.array([state.x, state.y]))
@@ -99,10 +100,11 @@ class Tag:
 
 
 def _in_plane(seen: Array, region: Region, state: State) -> Array:
-    """Return the corners (4, 2) of the region in the plane of a tag, whose black square is `SQUARE`
-    there.
+    """Return the corners (4, 2) of the region in the plane of a tag with corners `seen` (4, 2)
+    [px], in units of the black square's side.
 
-    It is a rectangle there, too: of the region's centre, direction, area and ratio of sides.
+    The region is a rectangle in that plane, too, with its centre, direction, area and ratio of
+    sides.
     """
     # In the tag's plane the region keeps its shape, whatever the perspective of the first picture.
     to_plane = homography(seen, SQUARE)
@@ -119,8 +121,8 @@ def _in_plane(seen: Array, region: Region, state: State) -> Array:
 
 
 def _or_square(found: Array) -> Array:
-    """Return the black square, from the corner that is the first of a rectangle (4, 2), where this
-    is the square up to noise; else the rectangle.
+    """Return the black square's corners (4, 2) in the order of a rectangle's corners (4, 2), both
+    in the tag's plane, if the rectangle is the square up to noise; else the rectangle.
     """
     turned = [np.roll(SQUARE, k, axis=0) for k in range(4)]
     square = min(turned, key=lambda corners: float(np.abs(corners - found).max()))

@@ -17,7 +17,7 @@ PRESETS = {"paper": PAPERS | {"steps": 15, "tolerance": 0.1, "scale": False}}
 
 @dataclass(frozen=True, slots=True)
 class Config(TextureSettings, ClimbSettings):
-    """Histogram, texture and climb."""
+    """Settings of the histogram, of its texture, and of the climb by mean shift."""
 
     density: DiscPoints = DENSITY
     """Points along the kernel's diameter at which the image is read."""

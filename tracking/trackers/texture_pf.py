@@ -1,7 +1,6 @@
 """PFJCTH: particle filter on the joint colour and texture histogram (Nagy, Ahmed, Zayed)."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from sim.ranges import Share
 from tracking.appearance.layout import Sampling
@@ -9,7 +8,7 @@ from tracking.appearance.local_patterns import TextureSettings
 from tracking.settings import PLAIN
 from tracking.trackers._cloud import CloudSettings
 
-PAPERS: dict[str, Any] = PLAIN | {"rest": "discard", "least_texture": 0.05}
+PAPERS: dict[str, object] = {**PLAIN, "rest": "discard", "least_texture": 0.05}
 """Settings that the papers on this histogram have in common."""
 DENSITY = 24
 """Points along the kernel's diameter: more than for colour alone, because most have no texture."""
@@ -18,7 +17,7 @@ PRESETS = {"paper": PAPERS | {"scatter": 0.0}}
 
 @dataclass(frozen=True, slots=True)
 class Config(TextureSettings, CloudSettings):
-    """The particle filter's settings, and the texture's."""
+    """Settings of the particle filter and of the texture."""
 
     scale_noise: Share = 0.03
 

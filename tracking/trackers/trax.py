@@ -13,7 +13,7 @@ from tracking.wrapped.trax_client import TraxClient
 
 @dataclass(frozen=True, slots=True)
 class Config(JudgeSettings):
-    """The server, and the judge of its regions: its score is the `confidence` it reports."""
+    """The server's command, and settings by which its reported `confidence` is judged."""
 
     traits = frozenset({Trait.FOREIGN})
     not_from_file = ("command",)

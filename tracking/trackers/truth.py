@@ -53,11 +53,11 @@ class TruthTracker:
         self._truth: Truth | None = None
 
     def see(self, view: View) -> None:
-        """Take the truth of the next frame from the simulation."""
+        """Keep the truth of the next frame, which the simulation provides."""
         self._truth = view.truth
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Take the true size in the first picture as scale 1.
+        """Keep the true size of the target in the first picture, which is scale 1 from then on.
 
         Raises:
             ValueError: The frame comes without a truth, as outside a simulation.
@@ -68,7 +68,9 @@ class TruthTracker:
         self._state = state
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the truth with its errors; LOST outside the picture, UNSURE in a dropout."""
+        """Return the true state with drawn errors; LOST where the target is outside the picture,
+        UNSURE in a dropout.
+        """
         if self._truth is None:
             raise ValueError(NO_TRUTH)
         c = self._config
