@@ -3,7 +3,6 @@
 Hager, Dewan, Stewart 2004; Teuliere, Marchand, Eck, section III.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Annotated, final
 
@@ -15,7 +14,6 @@ from sim.types import Array, Frame
 from tracking.appearance.bins import as_seen
 from tracking.loss import LossJudge, LossLimits
 from tracking.search.newton import KernelGrid, KernelModel, shows_angle
-from tracking.search.size_gate import SizeGate
 from tracking.search.velocity import Velocity
 from tracking.settings import Inset, Levels
 from tracking.types import (
@@ -80,7 +78,6 @@ class MkSsd:
         self._state = state
         self._loss = LossJudge(LossLimits())
         self._velocity = Velocity(state, c.velocity_memory)
-        self._sizes = SizeGate(state, frame.time)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Return the end of Newton's descent from the predicted state; the last state where the
@@ -97,12 +94,8 @@ class MkSsd:
         begin = self._state.moved(expected if self._loss.locked else ego)
         image = as_seen(frame.image, even=self._config.even)
         descent = self._kernels.descend(image, begin, most=STEPS)
-        # Histograms of a few pixels inside a plain solid are like those of all of it.
-        possible = self._sizes.allows(descent.state, frame.time)
-        status = self._loss.judge(descent.distance if possible else math.inf, frame.time)
+        status = self._loss.judge(descent.distance, frame.time)
         seen = status is Status.LOCKED
-        if seen:
-            self._sizes.learn(descent.state, frame.time)
         self._state = descent.state if seen else self._state.moved(ego)
         self._velocity.learn(self._state, seen=seen)
         return Estimate(

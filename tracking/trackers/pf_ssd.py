@@ -9,7 +9,6 @@ The paper prints >=, which contradicts the sentence before it: a large distance 
 where Newton would lock onto what is in front.
 """
 
-import math
 from dataclasses import dataclass, replace
 from typing import Annotated, final
 
@@ -23,7 +22,6 @@ from tracking.appearance.layout import Combine, Sampling
 from tracking.appearance.model import SampledModel
 from tracking.loss import LossLimits
 from tracking.search.newton import Descent, KernelGrid, KernelModel
-from tracking.search.size_gate import SizeGate
 from tracking.settings import PLAIN, CellPoints, Count, Inset, Spread
 from tracking.trackers._cloud import CloudMethod, ParticleTracker
 from tracking.trackers.mk_pf import CELLS, VIDEO, SimilaritySettings
@@ -111,7 +109,6 @@ class PfSsd(ParticleTracker):
         # Where the particles do not turn at all, as on recordings, the descent alone does.
         turns = c.turn_noise == 0 or self._cloud.follows[0]
         self._kernels = KernelModel(image, region, state, grid, turns=turns)
-        self._sizes = SizeGate(state, frame.time)
 
     def _search(self, image: LabelledImage, change: Array, widen: float) -> int:
         cloud = self._cloud
@@ -140,13 +137,9 @@ class PfSsd(ParticleTracker):
             end = min(end, other, key=lambda end: end.distance)
         if self._recogniser is None:
             jump = self._velocity.jump(end.state, self._cloud.size)
-            distance = end.distance
-            # Histograms of a few pixels inside a plain solid are like those of all of it.
-            possible = self._sizes.allows(end.state, time)
-            self._status = self._loss.judge(distance if possible else math.inf, time, jump)
+            self._status = self._loss.judge(end.distance, time, jump)
             ends_there = self._status is Status.LOCKED
-            if ends_there:
-                self._sizes.learn(end.state, time)
+            distance = end.distance
         else:
             both = np.stack([proposed.vector, end.state.vector])
             ends_there = bool(np.argmin(self._model.energy(image, both)))
