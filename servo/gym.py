@@ -26,8 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from servo import Episode, Mistake, Scenario, Step, load
-from servo.loop.episode import ImpossibleStart
-from servo.loop.part_failures import Kept
+from servo.loop.episode import ImpossibleStart, Kept
 from servo.loop.run_measures import CONVERGED_PX
 from servo.output.annotated import View, annotated
 from servo.output.display import has_display

@@ -8,7 +8,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
-from typing import Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -46,6 +46,8 @@ OF_CONTESTANTS = {"tracker": ("tracker",), "law": ("features", "controller")}
 Settings = Table
 Levels = Mapping[str, Settings]
 """Settings of each level of a factor, by the level's name."""
+Ranges = dict[str, list[float]]
+"""Least and largest value of each setting; an empty list takes a common range away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,8 +262,9 @@ def parsed(
         measures: Constants of the measures, for the first versions only: later versions have them
             among the settings, so that the hash covers them.
     """
-    table: Settings = toml.decode(text, name)
-    ranges = flat(table["ranges"], name)
+    # The file is ours, so its values have the types that a benchmark needs.
+    table: dict[str, Any] = toml.decode(text, name)
+    common = flat(table["ranges"], name)
     conditions = [
         Condition(
             key,
@@ -269,7 +272,7 @@ def parsed(
             flat(given.get("set", {}), name),
             {
                 key: (ends[0], ends[1])
-                for key, ends in Settings(ranges | flat(given.get("ranges", {}), name)).items()
+                for key, ends in cast(Ranges, common | flat(given.get("ranges", {}), name)).items()
                 if ends  # [] takes a common range away
             },
             {

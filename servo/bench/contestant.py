@@ -220,9 +220,9 @@ def _served(settings: Settings) -> Settings:
     table = {key.removeprefix("tracker."): value for key, value in settings.items()}
     python = Path(shutil.which("python") or "")
     words = ["python" if python == Path(sys.executable) else sys.executable]
-    words += ["-m", "tracking.exported.trax_server", table.pop("kind")]
+    words += ["-m", "tracking.exported.trax_server", str(table.pop("kind"))]
     if preset := table.pop("preset", None):
-        words += ["--preset", preset]
+        words += ["--preset", str(preset)]
     words += [f"{key}={json.dumps(value)}" for key, value in table.items()]
     return settings_of("tracker", TRAX + shlex.join(words))
 

@@ -191,7 +191,7 @@ def _levels(worlds: Sequence[World]) -> dict[tuple[str, str], list[str]]:
     found = {(f, of): [w.key for w in worlds if w.levels.get(f) == of] for f, of in chosen}
     for name in LIGHT:
         lit = [w for w in worlds if name in w.settings]
-        lit.sort(key=lambda w: float(w.settings[name]))
+        lit.sort(key=lambda w: float(str(w.settings[name])))
         for part in np.array_split(np.arange(len(lit)), 3):
             if len(part):
                 ends = (lit[i].settings[name] for i in (part[0], part[-1]))

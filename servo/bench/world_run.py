@@ -109,7 +109,7 @@ def jobs_of(
             late: list[tuple[float, Settings]] = [(0.0, {})]
             is_ranked = one.division is not Division.SCALE
             if slow and is_ranked and world.condition == slow.condition:
-                late += [(ms, {slow.setting: ms}) for ms in slow.values]
+                late.extend((ms, {slow.setting: ms}) for ms in slow.values)
             for ms, settings in late:
                 table = benchmark.table_of(world, one.settings | settings)
                 subject = WorldRun(of, world.condition, table)

@@ -32,7 +32,7 @@ from servo.output.track_folder import TrackFolder, TrackReport
 from servo.output.versions import versions
 from servo.report import words
 from servo.scenario.fill import fill_plugin
-from servo.scenario.toml import Table, assignment, put
+from servo.scenario.toml import Table, assignment, is_table, put
 from sim.kinds import PartConfig
 from sim.types import Array
 from tracking.advice import advice
@@ -95,7 +95,7 @@ def run(
         Refused: The video or the recording could not be written completely.
     """
     settings, config = tracker_of(tracker, changes)
-    kind = settings["kind"]
+    kind = str(settings["kind"])
     outputs.check()
     console = Console(quiet=quiet)
     with as_mistake():
@@ -220,7 +220,9 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[Table, PartConfig[Tra
         put(table, *assignment(item), f"--set {item}")
         if len(table) > 1:
             raise Mistake(f"--set {item}: here only tracker.KEY=VALUE can be set")
-    return table["tracker"], fill_plugin(TRACKERS, table["tracker"], "tracker")
+    settings = table["tracker"]
+    assert is_table(settings)
+    return settings, fill_plugin(TRACKERS, settings, "tracker")
 
 
 def _truth(truth: Path | None, form: truths.Format, source: str, stream: Source) -> Array | None:

@@ -13,7 +13,7 @@ import numpy as np
 from servo.goals.faced import Faced
 from servo.loop.inputs import check_type
 from servo.loop.loop import Loop
-from servo.loop.part_failures import Kept, Part, PartFailed
+from servo.loop.part_failures import Part, PartFailed
 from servo.loop.settings import Setup, StartConfig, stream
 from servo.loop.step import Scene, Seconds, Step
 from servo.loop.timeline import Schedule, Timeline, mean_twist
@@ -32,6 +32,9 @@ from sim.types import Array, Frame, Image, Pose, Truth
 from sim.world import Moment, Unstable, World, WorldParts
 from tracking.evaluation.warm_up import warm_up
 from tracking.types import Region, State
+
+Kept = dict[str, tuple[object, object]]
+"""Settings and component by the place in the scenario, of components that a later run may reuse."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,10 +18,6 @@ class PartFailed(Mistake):
     """A component raised an exception or broke its contract; the sentence names the component."""
 
 
-Kept = dict[str, tuple[object, object]]
-"""Settings and component by the place in the scenario, of components that a later run may reuse."""
-
-
 class PartConfig(Protocol):
     """The settings of a component, from which it is built."""
 

@@ -7,13 +7,12 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import tomli_w
 
 from servo.loop.columns import Columns
-from servo.loop.episode import Episode
+from servo.loop.episode import Episode, Kept
 from servo.loop.measure import MEASURES, Measure
 from servo.loop.run_measures import CONVERGED_PX, Outcome, summarise, timed
 from servo.loop.step import Step
@@ -220,10 +219,6 @@ class Sheet:
     def jpeg(self) -> bytes:
         """Return the contact sheet of the pictures so far as JPEG."""
         return encoded(page(self._tiles), JPEG_QUALITY)
-
-
-Kept = dict[str, tuple[Any, Any]]
-"""Robot and target of a run, which the next run of this process uses again (see `Episode`)."""
 
 
 @functools.lru_cache(maxsize=1)
