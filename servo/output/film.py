@@ -157,7 +157,7 @@ class RunFilm:
         self._finish(whole=True)
 
     def abandon(self) -> None:
-        """Close the file before the end of the run; it can be played up to its last frame but one."""
+        """Close the film before the end of the run; it plays up to its last frame but one."""
         self._finish(whole=False)
 
     def _finish(self, *, whole: bool) -> None:
