@@ -24,8 +24,9 @@ target shall be, to the right of the tag; chosen by hand."""
 
 @dataclass(frozen=True, slots=True)
 class LeaderConfig:
-    """Settings of the leader (a moving tag) and the desired pose of the held target relative to it;
-    poses are x, y, z [m] and roll, pitch, yaw [deg].
+    """Settings of the leader, a moving tag, and the desired pose of the held target relative to it.
+
+    Poses are x, y, z [m] and roll, pitch, yaw [deg].
     """
 
     id: Annotated[int, Ge(0), Le(586)] | None = None

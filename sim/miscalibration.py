@@ -19,11 +19,11 @@ Millimetres = Annotated[float, Ge(-1000), Le(1000)]
 
 @dataclass(frozen=True, slots=True)
 class BelievedConfig:
-    """Errors of the calibration that the robot relies on, none by default: factors are believed
-    over true values; shifts and offsets are believed minus true ones.
+    """Errors of the calibration that the robot relies on; by default it has none.
 
-    The principal point is in px, the hand-eye rotation a rotation vector [deg] and its translation
-    [mm] in the true camera's frame, joint offsets in m or rad, the clock in ms.
+    Factors are believed over true values; shifts and offsets are believed minus true ones. The
+    principal point is in px, the hand-eye rotation a rotation vector [deg] and its translation [mm]
+    in the true camera's frame, joint offsets in m or rad, the clock in ms.
     """
 
     fx_factor: Annotated[float, Ge(0.1), Le(10)] = 1.0

@@ -69,8 +69,9 @@ class GroundConfig:
 
 @dataclass(frozen=True, slots=True)
 class ClutterConfig:
-    """Settings of flat objects on the table: their number, shape, the share that has colours of the
-    target, and whether the room's toys stay. Positions and colours are drawn by the run's seed.
+    """Settings of the flat objects and toys on the table.
+
+    Positions and colours of the flat objects are random, by the seed of the run.
     """
 
     number: Annotated[int, Ge(0), Le(500)] = 0
@@ -85,9 +86,7 @@ class ClutterConfig:
 
 @dataclass(frozen=True, slots=True)
 class LightConfig:
-    """Settings of the lamp over the table: its direction [deg], factor on its brightness, and
-    colour.
-    """
+    """Settings of the lamp over the table: direction [deg], factor on its brightness, colour."""
 
     azimuth_deg: Degrees = 50.2
     """Direction to the lamp, from world x towards y [deg]."""

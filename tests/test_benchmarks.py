@@ -394,7 +394,7 @@ def test_a_silent_program_is_refused_before_anything_runs(monkeypatch, tmp_path,
     assert call(monkeypatch, capfd, "benchmark", *words, "--out", "o") == (
         2,
         "'cat' has 0.2 s to say hello\n",
-        "servobench: TraX server 'cat' said no hello within 0.2 s\n",
+        "servobench: TraX server 'cat' sent no 'hello' within 0.2 s\n",
     )
     assert not (tmp_path / "o").exists()
 

@@ -119,7 +119,9 @@ TRACKERS = {
     "a second start did not forget the first; reset in start all that a run changes": Counts,
     "the states differ where the caller uses one buffer for all pictures": Identity,
     "a black picture of 160 x 120 px made update raise ZeroDivisionError: ": Fragile,
-    "the status is LOCKED two seconds after the target has gone": changed(status=Status.LOCKED),
+    "the status is LOCKED two seconds after the target has disappeared": changed(
+        status=Status.LOCKED
+    ),
     "start took a region of 0 x 20 px; raise a ValueError": AnyRegion,
     "build returned Namespace, which has no method start": lambda rng: Namespace(),
 }

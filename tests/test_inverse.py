@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 from dark import Dark
+from measured import measured_run
 from scipy.optimize import linprog
 
-from servo.loop.episode import Episode, measured_run
+from servo.loop.episode import Episode
 from servo.scenario.load import load
 from sim.camera.camera import CameraConfig
 from sim.geometry import exp_so3

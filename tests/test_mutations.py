@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured import measured_run
 
 from servo.controllers import _law_settings
 from servo.features import _interaction, moments
-from servo.loop.episode import measured_run
 from servo.scenario.load import load
 from servo.study.bounds import missed_bounds
 from sim.kinematics.robot import Robot

@@ -149,5 +149,5 @@ def test_it_needs_a_picture_of_the_goal_that_stands():
         loop = servo.Loop(scenario, episode.world.camera, episode.world.outline)
         with pytest.raises(ValueError, match="there is no picture of the goal; give"):
             loop.start(*episode.shown)
-    with pytest.raises(Mistake, match="this goal cannot move"):
+    with pytest.raises(Mistake, match="so the goal must not move"):
         servo.simulate("still", ["goal.depth_to=0.8"], controller=towards)

@@ -101,10 +101,8 @@ def test_a_bench_writes_these_files(monkeypatch, approved, tmp_path):
     store.table = lambda: table_of([found[:1]])
     monkeypatch.setattr(evaluate_command, "opened", lambda *_: nullcontext(store))
     monkeypatch.setattr(evaluate_command, "complete_jobs", lambda *_: 0)
-    request = evaluate_command.EvaluateRequest(
-        "clutter", "frozen", seeds=1, workers=1, out=tmp_path, quiet=True
-    )
-    assert evaluate_command.run(request) == 0
+    code = evaluate_command.run("clutter", "frozen", seeds=1, workers=1, out=tmp_path, quiet=True)
+    assert code == 0
     names = ("runs.csv", "table.csv")
     texts = {name: (tmp_path / name).read_text().splitlines() for name in names}
     approved("tables/bench-files", texts)

@@ -98,7 +98,9 @@ def _show_section(name: str) -> None:
     if name in SECTIONS:
         config = SECTIONS[name]
         _show_settings(
-            f"[{name}]", config.__doc__ or "", settings_rows(name, form(config, described=True))
+            f"[{name}]",
+            (config.__doc__ or "").partition("\n\n")[0],
+            settings_rows(name, form(config, described=True)),
         )
     elif name in tables:
         table = tables[name]()

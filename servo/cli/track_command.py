@@ -221,8 +221,9 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[Table, PartConfig[Tra
         if len(table) > 1:
             raise Mistake(f"--set {item}: here only tracker.KEY=VALUE can be set")
     settings = table["tracker"]
+    config = fill_plugin(TRACKERS, settings, "tracker")  # refuses what is no table
     assert is_table(settings)
-    return settings, fill_plugin(TRACKERS, settings, "tracker")
+    return settings, config
 
 
 def _truth(truth: Path | None, form: truths.Format, source: str, stream: Source) -> Array | None:

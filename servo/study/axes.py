@@ -75,7 +75,9 @@ def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...
             raise Mistake(f"{at} = {given!r}: expected a list of values, or one of {forms}")
         if len(given) > MOST_VALUES:
             raise Mistake(f"{at} has {len(given):,} values; the limit is {MOST_VALUES:,}")
-        if any(value in given[:place] for place, value in enumerate(given)):
+        # For Python True equals 1, which is another value of a setting.
+        values = [(isinstance(value, bool), value) for value in given]
+        if any(value in values[:place] for place, value in enumerate(values)):
             raise Mistake(f"{at} has the same value twice")
         axes.append(Axis(key, tuple(given)))
     return tuple(axes), tuple(draws)

@@ -32,9 +32,9 @@ Principal = Annotated[float, Ge(-10_000), Le(10_000)]
 
 @dataclass(frozen=True, slots=True)
 class CameraConfig:
-    """Settings of the simulated camera: mounting (on the robot or in the room), intrinsics [px],
-    lens distortion, shutter, noise and depth pictures. Poses are x, y, z [m] and roll, pitch, yaw
-    [deg], depths in m; `noise` is in grey levels of 255.
+    """Settings of the camera: mounting, intrinsics [px], distortion, shutter, noise, depth.
+
+    Poses are x, y, z [m] and roll, pitch, yaw [deg], depths in m; `noise` is in grey levels of 255.
     """
 
     mounted: Literal["robot", "world"] = "robot"

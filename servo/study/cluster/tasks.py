@@ -193,4 +193,6 @@ def reason(error: BaseException) -> str:
     while error.__cause__ is not None:
         error = error.__cause__
         message = str(error) or message
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
     return message or type(error).__name__
