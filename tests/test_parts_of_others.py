@@ -91,9 +91,11 @@ def package(tmp_path, monkeypatch):
     """Makes an installed package with a module and kinds of trackers."""
     monkeypatch.syspath_prepend(tmp_path)
     entries.cache_clear()
+    made = []
 
     def make(name, **kinds_of):
         module = name.replace("-", "_")
+        made.append(module)
         (tmp_path / f"{module}.py").write_text(MODULE)
         info = tmp_path / f"{module}-1.5.dist-info"
         info.mkdir()
@@ -104,6 +106,8 @@ def package(tmp_path, monkeypatch):
 
     yield make
     entries.cache_clear()
+    for module in made:  # a test may have imported another text of it than the next one has
+        sys.modules.pop(module, None)
 
 
 def test_a_kind_of_an_installed_package_stands_beside_ours(package):
