@@ -73,8 +73,8 @@ class CameraInHand:
         return moved
 
     def seen_from(self, target: Pose) -> Pose:
-        """Return the pose of the target in the frame in which `eye` gives the camera's pose, which
-        is the world: T_world_target itself.
+        """Return `target` (T_world_target) unchanged: with a carried camera, camera poses are given
+        in the world frame.
         """
         return target
 
@@ -138,8 +138,8 @@ class TargetInHand:
         return hand() @ self.T_hand_target
 
     def seen_from(self, target: Pose) -> Pose:
-        """Return the pose of the target in the frame in which `eye` gives the camera's pose, which
-        is the target's own: the identity.
+        """Return the identity: with a held target, camera poses are given in the target's own
+        frame. `target` (T_world_target) is not used.
         """
         return ON_TABLE
 

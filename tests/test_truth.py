@@ -239,7 +239,11 @@ def test_a_mask_of_vot_is_the_box_around_it(tmp_path, line, box):
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("m1,2,x,4", "groundtruth.txt, line 1: 'm1,2,x,4' is not a mask of VOT"),
+        (
+            "m1,2,x,4",
+            "groundtruth.txt, line 1: 'm1,2,x,4' is not a mask of VOT: it should be m, then x, y, "
+            "width, height and the lengths of runs, all whole numbers separated by commas",
+        ),
         ("m1,2,3,4,5,9", "groundtruth.txt, line 1: the runs of this mask do not fit its rectangle"),
         ("m1,2,3,4,5,-9", "groundtruth.txt, line 1: 'm1,2,3,4,5,-9' is not a mask in a picture"),
         ("m1,2,1000001,4", "groundtruth.txt, line 1: 'm1,2,1000001,4' is not a mask in a picture"),

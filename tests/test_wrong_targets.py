@@ -38,10 +38,10 @@ NO_PICTURE = (
 )
 WRONG = [
     ("mesh", {"file": "gone.obj"}, "gone.obj: cannot read this mesh: No such file or directory"),
-    ("mesh", {"file": "."}, ".: this is no mesh file; use .obj or .stl"),
+    ("mesh", {"file": "."}, ".: a target's mesh has to be .obj or .stl"),
     ("mesh", {"file": "dir.obj"}, "dir.obj: cannot read this mesh: it is a folder"),
     ("mesh", {"file": "duk"}, "file = 'duk': this is not shipped; there is duck (or a path)"),
-    ("mesh", {"file": "a.ply"}, "a.ply: this is no mesh file; use .obj or .stl"),
+    ("mesh", {"file": "a.ply"}, "a.ply: a target's mesh has to be .obj or .stl"),
     ("mesh", {"file": "a.obj"}, "a.obj: there is no triangle in this mesh"),
     (
         "mesh",

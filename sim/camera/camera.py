@@ -244,7 +244,8 @@ def _check(camera: Camera) -> None:
         angle = np.degrees(np.arctan(lens.reach))
         raise ValueError(
             f"camera.coefficients: the distortion {lens.model} folds back inside the picture: it "
-            f"holds up to {angle:.3g} deg from the optical axis, and the picture reaches farther"
+            f"holds up to {angle:.3g} deg from the optical axis, and the picture reaches farther; "
+            "correct camera.coefficients, or use a longer focal length or a smaller picture"
         )
     if not farthest < np.tan(np.radians(WIDEST)):
         raise ValueError(

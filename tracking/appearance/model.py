@@ -75,7 +75,10 @@ class AppearanceSettings:
         return ColourBins(self.levels)
 
     def model(self, image: Image, region: Region, state: State) -> "SampledModel":
-        """Return the model of the target at a state of the first picture, RGB (H, W, 3)."""
+        """Return the reference histograms of the target, learnt from the first picture, RGB
+        (H, W, 3). There the target is the rectangle `region` [px], placed by `state` (x, y [px],
+        theta [rad], scale).
+        """
         return SampledModel(image, region, state, self)
 
 
@@ -130,10 +133,14 @@ class SampledModel:
         return np.sqrt(loops.squared_distances(rho))
 
     def energy(self, image: LabelledImage, states: Array) -> Array:
-        """Return the energy (N,) of the likelihood exp(-gamma energy) at states (N, 4).
+        """Return the energy (N,) of states (N, 4): x, y [px], theta [rad], ln scale. A particle
+        filter weighs a state by exp(-gamma energy).
 
-        The energy is d_m^2 + eta rho of the ring + `UNLIKE` (1 - c) with views; times the number of
-        parts if their distances are summed.
+        The energy is the squared distance d_m^2 from the reference, plus the setting `contrast`
+        times the Bhattacharyya coefficient of the ring around the target with the target. After
+        `recognise`, `UNLIKE` (1 - c) is added, with the largest correlation c of the state's
+        picture with a stored one. With `sampling.combine = "sum"` all is multiplied by the number
+        of the template's cells.
         """
         window = self._window(image, states)
         squared = loops.squared_distances(self._coefficients(window, states))

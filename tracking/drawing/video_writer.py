@@ -34,7 +34,9 @@ BT709 = 1
 
 
 class VideoWriter:
-    """Writer of an MP4 file."""
+    """Writes RGB frames (height, width, 3) to an MP4 file (H.264), each shown from its own time [s]
+    on.
+    """
 
     def __init__(self, path: Path, rate: float, width: int, height: int) -> None:
         """Open the file; an older one is replaced.

@@ -276,7 +276,10 @@ def _around_mask(line: str, place: str) -> Array:
     try:
         x, y, width, height, *runs = (int(part) for part in line.removeprefix("m").split(","))
     except ValueError:
-        raise ValueError(f"{place}: '{line[:LONGEST]}' is not a mask of VOT") from None
+        raise ValueError(
+            f"{place}: '{line[:LONGEST]}' is not a mask of VOT: it should be m, then x, y, width, "
+            "height and the lengths of runs, all whole numbers separated by commas"
+        ) from None
     reach = max(abs(x), abs(y))
     if reach > FARTHEST or max(width, height) > LARGEST_PICTURE or min(width, height, *runs) < 0:
         raise ValueError(f"{place}: '{line[:LONGEST]}' is not a mask in a picture")

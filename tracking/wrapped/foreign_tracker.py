@@ -74,7 +74,9 @@ class RegionSource(Protocol):
         """
 
     def score(self) -> float:
-        """Return the tracker's own score of its last answer, 0..1."""
+        """Return how sure the tracker itself is of its last answer, from 0 (lost) to 1
+        (certain).
+        """
         ...
 
 
