@@ -29,9 +29,10 @@ Channels = frozenset[Channel]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """Data of one picture for a component: the RGB picture (H, W, 3), depths (H, W) [m], truth, the
-    target's true motion (k,) and whether it is seen. None stands for a channel that the component
-    has not declared, or whose data are unknown.
+    """Data of one picture that a component (tracker, estimator, controller) is given: the RGB
+    picture (H, W, 3), depths (H, W) [m], truth, the target's own motion as the mean rate (k,) of k
+    scaled features, and whether it is seen. None stands for a channel that the component has not
+    declared, or whose data are unknown.
     """
 
     picture: Image | None = None

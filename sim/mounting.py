@@ -50,7 +50,10 @@ class CameraInHand:
         camera = model.camera(CAMERA)
         same = np.allclose([*eye.pos, *eye.quat], [*camera.pos, *camera.quat], atol=1e-9)
         if eye.bodyid != camera.bodyid or not same:
-            raise ValueError(f"{place}: the site '{EYE}' has to be where the camera '{EYE}' is")
+            raise ValueError(
+                f"{place}: the site '{EYE}' is not where the camera '{EYE}' is: give both the same "
+                "body, position and orientation"
+            )
 
     def check_start(self, eye: Pose) -> None:
         """Check a start pose T_world_camera.
@@ -69,7 +72,9 @@ class CameraInHand:
         return eye
 
     def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
-        """Return T_world_target: `moved`, the pose that the scenario's motion gives."""
+        """Return `moved`, the pose T_world_target that the scenario's motion gives; `hand` is not
+        used.
+        """
         return moved
 
     def seen_from(self, target: Pose) -> Pose:
@@ -79,8 +84,8 @@ class CameraInHand:
         return target
 
     def jacobian(self, J: Array, hand: Callable[[], Pose]) -> Array:
-        """Return the Jacobian (6, n) of the camera's twist in the camera frame: J, the hand's in
-        its own frame, which is the same.
+        """Return `J`, the Jacobian (6, n) of the hand's twist in the hand's frame, unchanged: it is
+        that of the camera's twist in the camera frame. `hand` is not used.
         """
         return J
 
@@ -133,7 +138,7 @@ class TargetInHand:
 
     def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
         """Return T_world_target of the held target, from the pose T_world_hand that the function
-        `hand` returns.
+        `hand` returns; `moved` is not used.
         """
         return hand() @ self.T_hand_target
 

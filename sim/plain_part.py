@@ -1,5 +1,5 @@
-"""Settings of a part that has no `Config`: the arguments of its class or function that have a
-default.
+"""Settings of a component (a tracker, a motion, ...) that has no `Config`: the arguments of its
+class or function that have a default.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ DRAWN: dict[str, Callable[[np.random.Generator], Any]] = {
 
 
 def config_for(part: object, make: Callable[..., object], **attributes: object) -> ConfigClass:
-    """Return a `Config` class for a class, a function, or an object that is made already.
+    """Return a `Config` class for a component given as a class, a function, or an object.
 
     Args:
         part: The settings are its arguments with a default; an object has none.
@@ -59,13 +59,17 @@ def plain_config(part: object, *methods: str) -> ConfigClass | None:
 
 
 def _settings_of(taken: Mapping[str, inspect.Parameter]) -> dict[str, object]:
-    """Return the arguments that can be settings, and their defaults; others stay as they are."""
+    """Return the arguments that become settings, by name with their defaults: those with a hashable
+    default whose names are not reserved.
+    """
     closed = {*RESERVED, *DRAWN}
     open_to_all = [p for p in taken.values() if p.default is not p.empty and p.name not in closed]
     return {p.name: p.default for p in open_to_all if isinstance(p.default, Hashable)}
 
 
 def _type_of(default: object) -> object:
-    """Return the type of a setting; a number may be whole or not, whatever its default is."""
+    """Return the type of a setting by its default: whole and other numbers are both allowed for a
+    number, and any value for other types than bool and str.
+    """
     of = type(default)
     return int | float if of in (int, float) else of if of in (bool, str) else Any

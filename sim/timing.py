@@ -59,8 +59,9 @@ class Rates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Band:
-    """Rows of the picture that are exposed at the same time: the first row, the weight of this
-    exposure in each row (n, 1, 1), and the physics steps at which it takes sub-frames.
+    """Rows of a picture that share an exposure (all rows, or some with a rolling shutter): the
+    first row, the exposure's weight in each row (n, 1, 1), and the physics steps of the frame
+    interval at which the picture is rendered for it.
     """
 
     begin: int
@@ -72,8 +73,8 @@ class Band:
 
 
 def exposures(camera: CameraConfig, steps: int) -> tuple[Band, ...]:
-    """Return the bands of rows that share an exposure, from the picture's top; the last exposure
-    ends with the frame interval, which has `steps` physics steps.
+    """Return the exposures of a frame, each with its rows, from the picture's top. The last
+    exposure ends with the frame interval, which has `steps` physics steps.
 
     The exposures of a rolling shutter end at equal intervals of time. A row between two of them is
     their mean, weighted by how near they are in time: something that moves by few pixels is then,
@@ -95,7 +96,9 @@ def exposures(camera: CameraConfig, steps: int) -> tuple[Band, ...]:
 
 
 def _subframes(camera: CameraConfig, steps: int, end: int) -> tuple[int, ...]:
-    """Return the numbers of the physics steps in an exposure that ends at step `end`."""
+    """Return the numbers of the physics steps at which an exposure that ends at step `end` is
+    rendered.
+    """
     if camera.exposure == 0:
         return (end,)
     before = np.linspace(0, camera.exposure * steps, SUBFRAMES)[1:]

@@ -74,7 +74,7 @@ def test_another_drive_is_refused(actuator):
 
 
 def test_a_site_away_from_the_camera_is_refused():
-    with pytest.raises(ValueError, match="the site 'eye' has to be where the camera 'eye' is"):
+    with pytest.raises(ValueError, match="the site 'eye' is not where the camera 'eye' is: give"):
         robot(height=0.9)
 
 

@@ -156,7 +156,7 @@ def test_a_server_that_hangs_is_ended(mode, wanted):
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        ("", "a TraX server needs a command, such as 'python server.py'"),
+        ("", "the command of the TraX server is empty: give one, such as 'python server.py'"),
         (
             "no-such-program x",
             "TraX server 'no-such-program x' cannot be started: No such file or directory",

@@ -134,7 +134,11 @@ NAME = "groundtruth.txt, line 2"
         ("50,20,30,0", f"{NAME}: the target is 30 x 0 px; both sides must be positive"),
         ("10,5;20,5;30;40", "'10,5;20,5;30;40' is not a line of numbers (a decimal point, not a"),
         ("10,5 20,5 30,0 40,0", "'10,5 20,5 30,0 40,0' is not a line of numbers (a decimal point"),
-        ("10,5,20,5,30,0,40,0", f"{NAME}: the corners are not in order around the target"),
+        (
+            "10,5,20,5,30,0,40,0",
+            f"{NAME}: the corners are not in order around the target: two "
+            "sides cross; reorder the corners",
+        ),
         (
             "50,20,nan,40",
             "'50,20,nan,40' is not a position in a picture: all numbers must be at most 1e+06, or all",
@@ -163,8 +167,8 @@ def test_a_line_that_would_be_read_as_something_else_is_refused(tmp_path, line, 
             "CSV",
             "the columns are 10, 20, 40, 20; a truth needs x1..y4, or left, top",
         ),
-        ("x,y,w,h\n1,2", "AUTO", "line 2: expected 4 columns, as the header has"),
-        ("x,y,w,h\n1,5,2,5,3,4", "AUTO", "line 2: expected 4 columns, as the header has"),
+        ("x,y,w,h\n1,2", "AUTO", "line 2: the line has 2 columns, but the header has 4; correct "),
+        ("x,y,w,h\n1,5,2,5,3,4", "AUTO", "line 2: the line has 6 columns, but the header has 4; "),
         ("x,y,w,h\n1,2,,4", "AUTO", "line 2: '1;2;nan;4' is not a position in a picture"),
         ("x,y,w,h\n1,2,-3,4", "AUTO", "line 2: the target is -3 x 4 px; both sides must be"),
     ],
@@ -244,9 +248,21 @@ def test_a_mask_of_vot_is_the_box_around_it(tmp_path, line, box):
             "groundtruth.txt, line 1: 'm1,2,x,4' is not a mask of VOT: it should be m, then x, y, "
             "width, height and the lengths of runs, all whole numbers separated by commas",
         ),
-        ("m1,2,3,4,5,9", "groundtruth.txt, line 1: the runs of this mask do not fit its rectangle"),
-        ("m1,2,3,4,5,-9", "groundtruth.txt, line 1: 'm1,2,3,4,5,-9' is not a mask in a picture"),
-        ("m1,2,1000001,4", "groundtruth.txt, line 1: 'm1,2,1000001,4' is not a mask in a picture"),
+        (
+            "m1,2,3,4,5,9",
+            "groundtruth.txt, line 1: the runs of this mask have 14 pixels, but its "
+            "rectangle only 12; correct that line",
+        ),
+        (
+            "m1,2,3,4,5,-9",
+            "groundtruth.txt, line 1: 'm1,2,3,4,5,-9' is not a mask in a picture: a "
+            "number is negative or too large; correct that line",
+        ),
+        (
+            "m1,2,1000001,4",
+            "groundtruth.txt, line 1: 'm1,2,1000001,4' is not a mask in a picture: a "
+            "number is negative or too large; correct that line",
+        ),
     ],
 )
 def test_a_mask_that_is_none_is_refused(tmp_path, line, message):

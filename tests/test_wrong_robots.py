@@ -59,7 +59,8 @@ WRONG = {
     ),
     'flange = "zz"': "there is no body or site 'zz' for the flange; there is wrist_3_link, tool",
     'camera = "eye"': "there is no camera 'eye' in the model; it has none",
-    'camera = "eye"\nflange = "tool"': "give either camera, or flange and mount",
+    'camera = "eye"\nflange = "tool"': "camera is given together with flange or mount: give either "
+    "camera, or flange and mount",
     "home = [[0, 0, 0, 0, 0, 0, 0]]": (
         "a home has 7 values; it should have 6, for pan, lift, elbow, wrist_1, wrist_2, wrist_3"
     ),
@@ -128,7 +129,7 @@ def test_a_closed_loop_is_a_sentence(seven, constraint, name):
 
 def test_a_model_without_joints_or_with_few_is_a_sentence(tmp_path):
     (tmp_path / "box.xml").write_text('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
-    with pytest.raises(ValueError, match=re.escape("box.xml: the model has no joints")):
+    with pytest.raises(ValueError, match=re.escape("box.xml: the model has no joints: a robot")):
         mjcf.Config(model=str(tmp_path / "box.xml")).build(np.random.default_rng(0))
 
 

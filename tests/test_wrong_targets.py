@@ -69,7 +69,8 @@ WRONG = [
     (
         "mesh",
         {"file": "j.obj", "texture": "duck"},
-        "j.obj: the mesh has no texture coordinates (vt) for the texture",
+        "j.obj: the mesh has no texture coordinates (vt) for the texture: add them to the file, or "
+        "leave texture out",
     ),
     ("mesh", {"file": "l.obj"}, "l.obj: there is no triangle in this mesh"),
     (
@@ -108,7 +109,11 @@ WRONG = [
     ),
     ("mjcf", {"model": "gone.xml"}, "gone.xml: cannot read this target"),
     ("mjcf", {"model": "a.xml"}, "a.xml: cannot read this target: XML parse error 6"),
-    ("mjcf", {"model": "c.xml"}, "c.xml: the geom 'ground' is a plane, which cannot move"),
+    (
+        "mjcf",
+        {"model": "c.xml"},
+        "c.xml: the geom 'ground' is a plane, which cannot move: delete it",
+    ),
     (
         "mjcf",
         {"model": "d.xml"},

@@ -58,7 +58,17 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: obje
 def configured(kind: str, preset: str | None = None, **settings: object) -> PartConfig[Tracker]:
     """Return the checked `Config` of a tracker, whose method `build(rng)` returns the tracker.
 
-    Arguments and errors are those of `create`.
+    Args:
+        kind: Name of a file in tracking/trackers, a kind of an installed package, or "module:Name"
+            for a class of your own.
+        preset: "paper" for the settings in the paper that describes the tracker; None for the best
+            settings known.
+        **settings: Fields of the kind's `Config`; `servobench list KIND` prints them.
+
+    Raises:
+        UnknownKind: There is no such kind or preset; the message lists those that exist.
+        TypeError: The kind has no such setting.
+        ValueError: A setting has the wrong type, or is out of range.
     """
     return checked(KINDS.config(Trusted(kind), preset, **settings), kind)
 

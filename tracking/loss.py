@@ -78,8 +78,9 @@ class LossJudge:
         return self._unseen_since is None
 
     def judge(self, distance: float, time: float, jump: float = math.inf) -> Status:
-        """Return the status of a frame: LOCKED if its distance is below the threshold, else UNSURE,
-        and after `patience` LOST.
+        """Return the status of a frame. LOCKED: the distance is at most the threshold (after a
+        frame that was not LOCKED, `hysteresis` times the threshold), and it did not rise suddenly
+        with a jump. Else UNSURE, and LOST after `patience` s.
 
         Args:
             distance: Distance from the target's appearance, 0..1; inf if the target was not found.

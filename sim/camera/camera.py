@@ -175,7 +175,10 @@ def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera
     """
     camera = model.camera(name).id
     if model.cam_projection[camera] != mujoco.mjtProjection.mjPROJ_PERSPECTIVE:
-        raise ValueError(f"the camera '{name}' of the robot's model has to be a perspective one")
+        raise ValueError(
+            f"the camera '{name}' of the robot's model is not a perspective one: set its "
+            "projection to perspective"
+        )
     sensor = model.cam_sensorsize[camera].astype(float)
     if not sensor.all():
         f = height / 2 / np.tan(np.radians(model.cam_fovy[camera]) / 2)
@@ -254,4 +257,7 @@ def _check(camera: Camera) -> None:
             "focal length"
         )
     if not np.abs(camera.to_pixels(rays) - pixels).max() < SAME_PIXEL:
-        raise ValueError("camera.coefficients: the distortion cannot be inverted in the picture")
+        raise ValueError(
+            "camera.coefficients: the distortion cannot be inverted in the picture; correct "
+            "camera.coefficients, or use a longer focal length or a smaller picture"
+        )

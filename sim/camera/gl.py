@@ -126,14 +126,16 @@ def check_environment() -> None:
 
 
 def call(function: Callable[..., Result], *args: object) -> Future[Result]:
-    """Run a function where this process's OpenGL context is current, after all earlier calls;
-    return the future of its result.
+    """Run a function where this process's OpenGL context is current, and return the future of its
+    result.
 
-    One thread renders for the whole process: pictures are drawn while the caller works on earlier
-    ones, and any thread may ask for them.
+    On Linux one thread renders for the whole process, after all earlier calls: pictures are drawn
+    while the caller works on earlier ones, and any thread may ask for them. Elsewhere the function
+    runs in the calling thread, before this returns.
 
     Raises:
-        NoRenderer: As for `backend`, or OpenGL makes no context; raised by the future's result.
+        NoRenderer: A library is missing, rendering is switched off, or OpenGL makes no context;
+            on Linux raised by the future's result.
     """
     if sys.platform != "linux":  # GLFW makes contexts in the main thread only
         done: Future[Result] = Future()

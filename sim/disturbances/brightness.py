@@ -13,7 +13,9 @@ from sim.types import Effect
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the change of brightness: its times [s] and the factor."""
+    """Settings of the change of brightness: when it begins, how long it and its ramps last [s], and
+    the factor.
+    """
 
     props = ()
     start: Time = 3.0

@@ -15,7 +15,9 @@ SPEED = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the second target: times [s] and start x, y [m]."""
+    """Settings of the second target: when it appears and for how long [s], and where it starts, x,
+    y [m].
+    """
 
     props = ("second_target",)
     start: Time = 3.0

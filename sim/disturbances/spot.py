@@ -16,7 +16,9 @@ is lost."""
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the spot light: times [s] and its position on the table's x axis [m]."""
+    """Settings of the spot light: when the light changes, for how long and how fast [s], and the
+    spot's position on the table's x axis [m].
+    """
 
     props = ("spot",)
     start: Time = 3.0

@@ -64,7 +64,7 @@ def chain_to(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> Chain:
         ValueError: No body or site has that name, or its chain is not of hinges and slides only.
     """
     if not spec.joints:
-        raise ValueError("the model has no joints")
+        raise ValueError("the model has no joints: a robot needs at least one hinge or slide")
     name = name or _default(spec)
     site = spec.site(name)
     body = spec.body(name) or (site and site.parent)

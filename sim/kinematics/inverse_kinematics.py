@@ -257,8 +257,9 @@ def _descend(
 
 
 def _fit(robot: Robot, data: mujoco.MjData, start: Sequence[float], T_world_camera: Pose) -> float:
-    """Do the same as `_descend` by bounded least squares, which is slower, but seldom gets stuck at
-    a limit.
+    """Move the joints from a start towards a pose, inside their limits, by bounded least squares;
+    return the norm of the error that is left [m and rad]. This is slower than `_descend`, but
+    seldom gets stuck at a limit.
     """
     from scipy.spatial.transform import Rotation  # only now: it takes a second
 
@@ -287,8 +288,9 @@ def _least_squares(
 
 
 def comfort(robot: Robot, data: mujoco.MjData) -> float:
-    """Return a score of the joint positions in `data`: it is higher the farther the joints are from
-    their limits and from singular poses, and small if a link is before the camera or below the
+    """Return a score of the joint positions in `data`, higher for better ones: the smallest
+    distance of a joint from a limit [rad or m], at most `COMFORT`, times the smallest singular
+    value of the Jacobian. It is a hundredth of that if a link is before the camera or below the
     table.
     """
     q = data.qpos[robot.qpos]

@@ -90,7 +90,8 @@ def make_robot(
         found = model.camera(camera)
         if model.cam_mode[found.id] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED:
             raise ValueError(
-                f"the mode of the camera '{camera}' has to be fixed, relative to its body"
+                f"the mode of the camera '{camera}' is not fixed: set it to fixed, so that the "
+                "camera moves with its body"
             )
         _place_eye(spec, carrier, found.pos, found.quat, camera)
     else:
@@ -107,14 +108,15 @@ def drive(
     joints: Sequence[int],
     speeds: Sequence[float | None],
 ) -> None:
-    """Set the largest rates of a robot's joints, and give a velocity servo to each joint without
-    one.
+    """Set the largest rates of a robot's joints. If the model has no velocity servos left, each
+    joint gets one, with the limits of force of the joint and of its former actuator.
 
     Args:
         spec: The robot's model after `make_robot`; it is changed.
         model: The original model, compiled.
         joints: Ids of the robot's joints in the original model.
-        speeds: Largest rate of each [m/s or rad/s]; None: the model's own, or else a usual one.
+        speeds: Largest rate of each [m/s or rad/s]; None: that of the model's servo unchanged; for
+            an added servo the model's own, or else a usual one.
     """
     names = [model.joint(j).name for j in joints]
     if spec.actuators:

@@ -34,13 +34,19 @@ class Rollout:
 
 
 def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
-    """Predict the joint positions when the camera follows a path, up to the first joint limit;
-    return how near the joints come to their limits.
+    """Return the prediction whether a joint reaches a limit when the camera follows a path: joint
+    rates for the path are integrated from the present positions in steps of `STEP` s, up to the
+    first joint that is at an end of its range.
 
     Args:
         robot: The robot.
         data: MuJoCo's state; its joint positions are the start, and are restored afterwards.
-        way: Desired camera poses, in the frame of `Robot.eye`, every `STEP` seconds.
+        way: Desired camera poses every `STEP` seconds, in the world frame, or in the frame of the
+            target if the robot holds it.
+
+    Returns:
+        The smallest distance of a joint from a limit on the way, as a share of its range, and the
+        joint that reaches a limit with the time [s], if one does.
     """
     begin = robot.joints(data)
     beside = log_se3(way[0].inverse() @ robot.eye(data))

@@ -68,8 +68,8 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
 
 
 def movable_shares(jacobian: Array) -> Array:
-    """Return which share of each component of the camera's twist (6,) the joints can make, 0 to 1,
-    if that component alone is commanded.
+    """Return for each component of the camera's twist (6,) which share of it, 0 to 1, the joints
+    can make if that component alone is commanded.
 
     Args:
         jacobian: Camera twist per joint rate (6, n).

@@ -53,7 +53,8 @@ def target_of(spec: mujoco.MjSpec) -> Target:
 
 
 def rectangle(centre: Array, length: float, width: float) -> Array:
-    """Return the corners (4, 3) [m] of a level rectangle, in the order of `Target.outline`.
+    """Return the corners (4, 3) [m] of a level rectangle in the target's frame: rear left, front
+    left, front right, rear right, with the front at +x and the left at +y.
 
     Args:
         centre: Its middle (3,) [m].

@@ -1,5 +1,8 @@
 """A camera that moves freely: it makes every commanded twist exactly, without limits of speed or
 tilt.
+
+Its position stays within 50 m of the room's origin on each axis, and the settings can give its
+drives and encoders errors.
 """
 
 from dataclasses import dataclass

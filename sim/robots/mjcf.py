@@ -86,7 +86,10 @@ class Config(Drives):
     def _prepare(self, spec: mujoco.MjSpec, own: dict[str, float]) -> None:
         """Make a model a robot."""
         if self.camera and (self.flange or any(self.mount)):
-            raise ValueError("give either camera, or flange and mount")
+            raise ValueError(
+                "camera is given together with flange or mount: give either camera, or flange "
+                "and mount"
+            )
         model, chain = camera_chain(spec, self.flange, self.camera)
         names = make_robot(spec, model, chain, self.camera, mount_pose(self.mount))
         drive(spec, model, chain.joints, self._speeds(names, own))
@@ -131,7 +134,10 @@ def _in_menagerie(model: str) -> Path:
     try:
         package = importlib.import_module("mujoco_menagerie")
     except ModuleNotFoundError:
-        raise ValueError(f"{model}: pip install mujoco-menagerie, or {CHECKOUT}") from None
+        raise ValueError(
+            f"{model}: the package mujoco-menagerie is not installed: pip install "
+            f"mujoco-menagerie, or {CHECKOUT}"
+        ) from None
     try:
         robot = package.get(path.parts[0] if path.parts else "")
         file = path.stem if path.suffix else robot.default_model

@@ -73,7 +73,10 @@ class Config(Outlined):
     def _spec(self, mesh: Triangles, given: Material, *, own: bool) -> mujoco.MjSpec:
         """Return the model of the target, with the mesh's own materials or a given one."""
         if given.picture is not None and mesh.places is None:
-            raise ValueError("the mesh has no texture coordinates (vt) for the texture")
+            raise ValueError(
+                "the mesh has no texture coordinates (vt) for the texture: add them to the file, "
+                "or leave texture out"
+            )
         mesh = replace(mesh, vertices=self._placed(mesh.vertices))
         parts = mesh.parts() if own and any(mesh.materials) else [(mesh, given)]
         spec = mujoco.MjSpec()

@@ -40,7 +40,9 @@ class Config(Outlined):
         for geom in spec.geoms:
             geom.contype = geom.conaffinity = 0
             if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
-                raise ValueError(f"{path}: the geom '{geom.name}' is a plane, which cannot move")
+                raise ValueError(
+                    f"{path}: the geom '{geom.name}' is a plane, which cannot move: delete it"
+                )
         try:
             target = self.target(spec)
         except ValueError as error:

@@ -18,7 +18,7 @@ noise."""
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """A rectangle of whole pixels inside an image; right and bottom are the first ones outside."""
+    """Pixels of an image in columns left .. right - 1 and rows top .. bottom - 1."""
 
     left: int
     top: int
@@ -61,7 +61,9 @@ def _whole(at: int, most: int) -> int:
 
 
 class Bins(Protocol):
-    """Bins into which the pixels of a picture are counted."""
+    """Bins of a histogram, such as equal intervals of colour; each pixel of a picture belongs to
+    one bin or to none.
+    """
 
     @property
     def count(self) -> int:

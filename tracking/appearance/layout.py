@@ -1,4 +1,5 @@
-"""Points of a template, in parts under kernels, and the histograms of the pixels at them.
+"""Points at which a template is read, grouped in parts (cells of a grid, or one ellipse) that each
+have a kernel and a histogram.
 
 A template is read at points that every state carries along, not at whole pixels, so that a
 histogram's normaliser is a constant, a state costs the same at every scale, and no point lies
@@ -28,7 +29,9 @@ LEAST_RING = 8
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Points at which a template is read, with their parts and weights."""
+    """Points of a template [px]; each belongs to a part (a cell, an ellipse or a ring), and has a
+    kernel weight and a weight in a mean-shift step.
+    """
 
     points: Array
     """Template points (P, 2) [px]."""
@@ -64,7 +67,9 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Settings of a layout: equal cells, or one part under a kernel; density of the points."""
+    """Settings of the points at which a template is read: in equal cells or in one ellipse, how
+    densely, under which kernel, and how the cells' distances are combined.
+    """
 
     density: int = 16
     """Points along each side of a cell, or along the kernel's diameter."""
@@ -91,7 +96,9 @@ def lattice(count: int, region: Region) -> Array:
 
 
 def grid(region: Region, per_side: int, density: int) -> Layout:
-    """Return a layout of per_side^2 equal cells of density^2 points, under constant kernels."""
+    """Return a layout whose parts are per_side x per_side equal cells of the region, each with
+    density x density points of equal weight.
+    """
     steps = per_side * density
     column, row = np.meshgrid(np.arange(steps) // density, np.arange(steps) // density)
     parts = (row * per_side + column).ravel()
@@ -99,7 +106,8 @@ def grid(region: Region, per_side: int, density: int) -> Layout:
 
 
 def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout:
-    """Return a layout of one part: the ellipse in the template, under a kernel 1 - r^2, or 1 - r.
+    """Return a layout of one part, the ellipse inscribed in the region. Its points have the weight
+    1 - r^2 ("epanechnikov") or 1 - r ("linear"), with r from 0 in the middle to 1 on the ellipse.
 
     The KAMS paper steps under its linear kernel as if all points pulled alike, which does not climb
     the linear kernel's coefficient; with 1 / r the step does.
@@ -117,7 +125,9 @@ def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout
 
 
 def ring(region: Region, width: float, density: int) -> Layout:
-    """Return a layout of one part: the frame around the template, to (1 + width) times its size."""
+    """Return a layout of one part: the frame between the region and a rectangle (1 + width) times
+    as wide and as high. All points have the same weight.
+    """
     density = max(density, LEAST_RING)
     outer = 1.0 + width
     at = outer * ((np.arange(density) + 0.5) / density - 0.5)
@@ -128,7 +138,8 @@ def ring(region: Region, width: float, density: int) -> Layout:
 
 
 def histograms(image: LabelledImage, layout: Layout, state: State) -> Array:
-    """Return the normalised histograms (K, B) of a layout's parts at a state of an image.
+    """Return the histograms (K, B) of the K parts of a layout over B bins, each with the sum 1,
+    where the target has the given state in an image.
 
     Points off the image are left out; a part without points in it has zeros.
     """

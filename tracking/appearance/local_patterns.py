@@ -113,7 +113,9 @@ def _split(distance: float) -> tuple[int, int, float]:
 
 @dataclass(frozen=True, slots=True)
 class TextureBins:
-    """Joint bins: levels^3 colours times the major textures."""
+    """Joint bins of colour and texture: each stands for one of levels^3 colours and one of the five
+    major uniform local binary patterns.
+    """
 
     levels: int = 8
     """Colour bins a channel; 1: texture alone."""

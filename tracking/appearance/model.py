@@ -41,7 +41,9 @@ annotated recordings (tracking/RESULTS.md)."""
 
 @dataclass(frozen=True)
 class AppearanceSettings:
-    """Settings of the histograms that describe a target."""
+    """Settings of the histograms that describe a target: bins of colour, light, rim left out,
+    weight of the surroundings, and learning.
+    """
 
     traits = frozenset({Trait.COLOUR})
 
@@ -122,13 +124,15 @@ class SampledModel:
         return LabelledImage(seen, self._bins, self._reference.radius, blurred)
 
     def recognise(self, views: Views) -> None:
-        """Add `UNLIKE` (1 - c) to the energy from now on; c, -1..1, is a state's largest
-        correlation with the stored views.
+        """Compare states with stored views from now on: `energy` then adds `UNLIKE` (1 - c), where
+        c, -1..1, is the largest correlation of the picture at a state with a view.
         """
         self._views = views
 
     def distances(self, image: LabelledImage, states: Array) -> Array:
-        """Return the distance d_m (N,), 0..1, of states (N, 4) from the reference."""
+        """Return the Bhattacharyya distances d_m (N,), from 0 (alike) to 1, of the histograms at
+        states (N, 4) from the reference histograms.
+        """
         rho = self._coefficients(self._window(image, states), states)
         return np.sqrt(loops.squared_distances(rho))
 
@@ -176,7 +180,9 @@ class SampledModel:
         return found, np.sqrt(loops.squared_distances(rho[:, None])), evaluations
 
     def learn(self, image: LabelledImage, state: State) -> None:
-        """Update the reference by the appearance at a state, if `learn` is set."""
+        """Move the reference histograms towards those at a state where the target was found; does
+        nothing unless the setting `learn` is true.
+        """
         self._reference.learn(image, state)
 
     def _coefficients(self, window: loops.Window, states: Array) -> Array:

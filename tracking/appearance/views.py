@@ -27,7 +27,9 @@ APART = SIDE // 2
 
 
 class Views:
-    """The first view of the target and the newest ones."""
+    """Stored pictures of the target, of `SIDE` x `SIDE` points: the first one, and the newest ones
+    that were learnt.
+    """
 
     def __init__(self, image: Image, region: Region, state: State, count: int) -> None:
         """Store the first view.
@@ -54,13 +56,14 @@ class Views:
         return np.asarray(cv2.blur(image, (width, height)), np.uint8)
 
     def likeness(self, blurred: Image, states: Array) -> Array:
-        """Return the largest correlation (N,), -1..1, of a blurred picture at states (N, 4) with
-        the stored views.
+        """Return, for each of the states (N, 4), the largest correlation, -1..1, of the blurred
+        picture there with a stored view (N,).
         """
         return loops.correlations(blurred, states, self._points, self._stored)
 
     def learn(self, blurred: Image, state: State) -> None:
-        """Store the view at a state where the target certainly is, if no stored view is like it.
+        """Store the picture of the target at a state, where it certainly is, unless its correlation
+        with a stored view is above `NEW`.
 
         When there are `count` views already, the new one replaces the oldest but the first.
         """

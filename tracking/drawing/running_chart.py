@@ -30,7 +30,9 @@ POINTS = 72
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Settings of a chart whose curves share a vertical axis that begins at 0."""
+    """Settings of a chart over time: names and colours of its curves, the label of their common
+    vertical axis, which begins at 0, and the ends of the axes.
+    """
 
     curves: Mapping[str, str]
     """Colour of each curve by the curve's name in the legend."""
@@ -43,7 +45,7 @@ class Chart:
 
 
 class RunningChart:
-    """Drawer of a chart, whose axes grow when a frame exceeds their end."""
+    """Draws a chart frame by frame, and extends its axes when a time or value exceeds their end."""
 
     def __init__(self, axes: Axes, chart: Chart) -> None:
         """Set up empty axes with the settings of a chart."""

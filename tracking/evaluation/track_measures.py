@@ -94,7 +94,9 @@ class Comparison:
         return np.hypot(*self.offsets.T)
 
     def success(self) -> Array:
-        """Return the shares (21,) of frames whose upright overlap exceeds 0, 0.05 ... 1."""
+        """Return the shares (21,) of frames in which the intersection over union of the upright
+        boxes exceeds 0, 0.05 ... 1.
+        """
         return np.mean(self.overlaps > OVERLAPS[:, None], axis=1)
 
     def precision(self) -> Array:
@@ -104,7 +106,9 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class TrackMeasure:
-    """A measure of a track: how to compute it, and how to print it."""
+    """A measure of a track: its name, unit, better direction, meaning, function and largest
+    value.
+    """
 
     name: str
     unit: str
@@ -170,8 +174,9 @@ def lost_signal(c: Comparison) -> float:
 
 
 def expected_overlap(c: Comparison) -> float:
-    """Return the mean overlap of the first n frames, averaged over all n; from a loss on, the
-    overlap counts as 0.
+    """Return the mean, over n = 1, 2 ..., of the mean overlap of the first n frames with the
+    target: the intersection over union of upright boxes, 0..1. From a loss on (see
+    `frames_until_loss`), the overlap counts as 0.
 
     The expected average overlap of the VOT challenge is this over some of the lengths of several
     sequences (Kristan and others, The visual object tracking VOT2015 challenge results, 2015).
@@ -182,8 +187,9 @@ def expected_overlap(c: Comparison) -> float:
 
 
 def late_success(c: Comparison, late: int) -> float:
-    """Return the area under the success curve (AUC) where each frame is compared with the estimate
-    of `late` frames before (Li, Wang, Ramanan, Towards streaming perception, 2020).
+    """Return the area under the success curve (AUC) of a tracker whose estimates come `late` frames
+    late: frame i is compared with the estimate for frame i - late, or else for the first frame (Li,
+    Wang, Ramanan, Towards streaming perception, 2020).
     """
     return _success_of(c, np.maximum(np.arange(len(c.present)) - late, 0))
 

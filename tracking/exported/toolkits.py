@@ -25,7 +25,9 @@ Rect = tuple[float, float, float, float]
 
 
 class Follower:
-    """A tracker for pictures without times, which are assumed to come at a fixed rate."""
+    """Runs one of our trackers on pictures that have no times: they are assumed to come at a fixed
+    rate.
+    """
 
     def __init__(self, config: PartConfig[Tracker], seed: int, rate: float) -> None:
         """Prepare a tracker.
@@ -171,7 +173,8 @@ class Got10kTracker:
             Upright boxes (n, 4), and the time that the tracker took for each picture (n,) [s].
 
         Raises:
-            ValueError: As for `init`, or a picture cannot be read.
+            ValueError: The box is empty, or most of it is outside the first picture; or a picture
+                cannot be read.
         """
         found = np.zeros((len(img_files), 4))
         seconds = np.zeros(len(img_files))
@@ -218,12 +221,15 @@ def run_vot(
         kind: Kind of the tracker; see `tracking.create`.
         seed: Seed of the tracker's random draws.
         rate: Rate of the pictures [1/s].
-        preset: As for `tracking.create`.
+        preset: "paper" for the settings in the paper that describes the tracker; None for the best
+            settings known.
         **settings: Settings of the tracker.
 
     Raises:
-        ValueError: A picture cannot be read or decoded, or is too large; the region is neither a
-            rectangle nor a polygon of four points; or as for `tracking.create`.
+        ValueError: There is no such kind or preset, or a setting has a wrong value; a picture
+            cannot be read or decoded, or is too large; or the region is neither a rectangle nor a
+            polygon of four points.
+        TypeError: The tracker has no such setting.
     """
     given = handle.region()
     path = handle.frame()

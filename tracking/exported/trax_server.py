@@ -58,7 +58,8 @@ def run_trax(
         kind: Kind of the tracker; see `tracking.create`.
         seed: Seed of the tracker's random draws.
         rate: Rate of the pictures [1/s].
-        preset: As for `tracking.create`.
+        preset: "paper" for the settings in the paper that describes the tracker; None for the best
+            settings known.
         requests: Stream of the client's messages; None: standard input.
         answers: Stream of our messages; None: standard output.
         **settings: Settings of the tracker.

@@ -44,7 +44,12 @@ def writing(root: Path, name: str) -> Generator[BinaryIO]:
     """Open a binary file for the block; it gets its name when the block ends without an exception,
     and is removed otherwise.
 
-    Arguments and errors are those of `write`.
+    Args:
+        root: The folder to write to; made if it does not exist.
+        name: Name of the file in it, such as "report.json" or "results/kams/a-0.json".
+
+    Raises:
+        OSError: The file cannot be written, or a folder of its path is a link.
     """
     path = folder(root, str(PurePosixPath(name).parent)) / PurePosixPath(name).name
     aside = path.with_name(ASIDE.format(path.name))

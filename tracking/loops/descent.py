@@ -1,8 +1,9 @@
-"""Compiled loops: Levenberg's descent on the squared differences of the roots of histograms, of
-pixels under Epanechnikov kernels.
+"""Compiled loops of a search for the target's state: Levenberg's descent minimises the squared
+differences between the square roots of the histograms at a state and of the target's reference
+histograms. Histograms count pixels under Epanechnikov kernels.
 
-A state is (x, y, theta, ln scale); f_x maps an image point l into the template,
-r = R(-theta) (l - (x, y)) / scale. Pixel (i, j) has its centre at (j + 0.5, i + 0.5).
+A state is x, y [px], theta [rad], ln scale; f_x maps an image point l into the template, r =
+R(-theta) (l - (x, y)) / scale. Pixel (i, j) has its centre at (j + 0.5, i + 0.5).
 """
 
 import numpy as np
@@ -342,16 +343,18 @@ def descend(
     tolerance: float,
     hopeless: float,
 ) -> tuple[Array, float, int]:
-    """Descend from a state to a minimum of the cost, by Levenberg's steps.
+    """Descend from a state to a minimum of the cost mean_k ||sqrt(q_k + floor) - q*_k||^2, by
+    Levenberg's steps; q_k is the histogram of kernel k at the state.
 
     Args:
         image: RGB (H, W, 3).
-        start: First state (4,).
+        start: First state (4,): x, y [px], theta [rad], ln scale.
         kernels: Template and kernels.
-        root_reference: As for `ssd_normal_equations`.
-        units: Unit of each coordinate (4,).
+        root_reference: Square roots q*_k of the reference histograms plus the floor (K, B).
+        units: Unit of each coordinate of a state (4,), by which steps are damped and judged.
         most: Largest number of evaluations.
-        tolerance: A step with all parts below this, in units, is the last; it is not evaluated.
+        tolerance: A step with all coordinates below this, in `units`, is the last; it is not
+            evaluated.
         hopeless: A start with a higher cost is returned unchanged.
 
     Returns:

@@ -1,4 +1,5 @@
-"""Compiled loops: histograms at fixed points of the template, which move with the state.
+"""Compiled loops on histograms of the pixels at fixed points of the template, which move with the
+state: Bhattacharyya coefficients with reference histograms, and mean shift.
 
 A state is (x, y, theta, ln scale). A point r of the template lies at (x, y) + scale R(theta) r in
 the image; the pixel there has the label of its bin, or a negative label if it belongs to no bin.
@@ -67,7 +68,7 @@ def _read(window: Window, state: Array, template: Points, bins: int, scratch: Sc
 @compiled()
 def _normalised(rho: float, masked: float) -> float:
     """Return a Bhattacharyya coefficient of a histogram whose weights sum to 1 - masked, as if they
-    summed to 1.
+    summed to 1; unchanged if masked is at least 1 - `LEAST_KEPT`.
     """
     if 0.0 < masked < 1.0 - LEAST_KEPT:
         return rho / np.sqrt(1.0 - masked)

@@ -50,7 +50,9 @@ the angle evenly over all, of ln scale about threefold."""
 
 @dataclass(frozen=True, slots=True)
 class Descent:
-    """End of a descent: a state, its distance from the reference, and the cost of the search."""
+    """End of a descent: the last state, its distance from the reference histograms, and the number
+    of states evaluated.
+    """
 
     state: State
     distance: float
@@ -165,7 +167,7 @@ class KernelModel:
         descent: one standard deviation away, the objective is larger by 2 `USUAL`^2.
 
         It is large where the template slips inside something of one colour, and nan for an angle
-        that is not searched. The histograms computed here are in no number of evaluations.
+        that is not searched. The histograms computed here are not counted as evaluations.
         """
         # O grows by dx' H dx, and H / (2 USUAL^2) is the information. The prior `_anywhere` bounds
         # the variance along which O is flat.
@@ -199,7 +201,8 @@ def changes(image: Image, region: Region, state: State) -> tuple[float, float]:
 
 
 def shows_angle(image: Image, region: Region, state: State) -> bool:
-    """Return whether a turn changes the appearance of the target in the first picture.
+    """Return True if turning the template changes the target's histograms in the first picture at
+    least `LEAST_TURN` times as much as shifting it by `SHIFTED` of its size.
 
     A turn of a disc, or of a mug from above, changes nothing: an estimated angle would drift, and
     the camera would turn with it. Where not even a shift changes the histograms, the result is

@@ -65,7 +65,7 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """Contents of an open bag."""
+    """Topics, duration [s] and messages of an open bag."""
 
     topics: Iterable[Topic]
     span: float
@@ -152,7 +152,7 @@ def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
             f"{path}: there are several topics with pictures; choose one with --topic: {there}"
         )
     if not found[0].count:
-        raise ValueError(f"{path}: there are no messages in {found[0].name}")
+        raise ValueError(f"{path}: the topic {found[0].name} has no messages; choose another one")
     return found[0]
 
 

@@ -217,7 +217,10 @@ def _corners(row: Array, form: Format, place: str) -> Array:
         raise ValueError(f"{place}: a line of {form.name} has 4 numbers, not {len(row)}")
     if len(row) == QUAD:
         if crosses_itself(row.reshape(4, 2)):
-            raise ValueError(f"{place}: the corners are not in order around the target")
+            raise ValueError(
+                f"{place}: the corners are not in order around the target: two sides cross; "
+                "reorder the corners"
+            )
         return corners_of(row)
     if form is Format.TLD:
         if (row[2:] <= row[:2]).any():
@@ -282,9 +285,15 @@ def _around_mask(line: str, place: str) -> Array:
         ) from None
     reach = max(abs(x), abs(y))
     if reach > FARTHEST or max(width, height) > LARGEST_PICTURE or min(width, height, *runs) < 0:
-        raise ValueError(f"{place}: '{line[:LONGEST]}' is not a mask in a picture")
+        raise ValueError(
+            f"{place}: '{line[:LONGEST]}' is not a mask in a picture: a number is negative or too "
+            "large; correct that line"
+        )
     if sum(runs) > width * height:
-        raise ValueError(f"{place}: the runs of this mask do not fit its rectangle")
+        raise ValueError(
+            f"{place}: the runs of this mask have {sum(runs)} pixels, but its rectangle only "
+            f"{width * height}; correct that line"
+        )
     mask = np.zeros(width * height, bool)
     mask[: sum(runs)] = np.repeat(np.arange(len(runs)) % 2 == 1, np.array(runs, int))
     rows, columns = (np.flatnonzero(mask.reshape(height, width).any(axis=k)) for k in (1, 0))
@@ -310,7 +319,10 @@ def _of_csv(lines: list[str], path: Path) -> Array:
     for i, row in enumerate(table, 2):
         place = f"{path.name}, line {i}"
         if len(row) != len(names):
-            raise ValueError(f"{place}: expected {len(names)} columns, as the header has")
+            raise ValueError(
+                f"{place}: the line has {len(row)} columns, but the header has {len(names)}; "
+                "correct or delete that line"
+            )
         numbers = ";".join(row[names.index(name)].strip() or "nan" for name in wanted)
         rows.append(_corners(_numbers(numbers, place), Format.VOT, place))
     if not rows:

@@ -80,7 +80,7 @@ class Interval:
 
 
 def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Interval:
-    """Return the mean of the scores (n,) of n independent units, with its 95 % interval.
+    """Return the mean of the scores (n,) of n independent repetitions, with its 95 % interval.
 
     Scores between the bounds 0 and 1 that are all 0 or 1, or equal, are a share: Wilson's interval.
     Others: Student's t with its skewness removed by the cubic transformation of Hall (On the
@@ -90,7 +90,7 @@ def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Inte
     single share 90 to 98 %, because counts jump.
 
     Args:
-        scores: One score for each unit; repeated measurements of a unit must be averaged before.
+        scores: One score for each repetition; several measurements in one must be averaged before.
         least: Smallest possible score, at which the interval is cut.
         most: Largest possible score, at which the interval is cut.
 

@@ -32,7 +32,9 @@ CLIMB_TOLERANCE = 0.5
 
 @dataclass(frozen=True, slots=True)
 class CloudMethod:
-    """Choices in which the particle filters differ."""
+    """Choices in which the particle filters differ: layers, climbing, the reported state, and the
+    weights used while the target is not seen.
+    """
 
     annealing: Annealing = ONE_LAYER
     """Number of layers in which the particles are weighed, and schedule of their exponents."""

@@ -38,7 +38,9 @@ PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
 
 @dataclass(frozen=True, slots=True)
 class Climb:
-    """Choices in which the searches by mean shift differ."""
+    """Choices in which the searches by mean shift differ: length of a climb, whether the size is
+    followed, and when more climbs begin.
+    """
 
     steps: int = 20
     """Most histograms read in one climb; with fewer, a long climb ends before the mode."""

@@ -76,8 +76,9 @@ class Config(SimilaritySettings):
         return CloudMethod(hidden=HIDDEN)
 
     def model(self, image: Image, region: Region, state: State) -> SampledModel:
-        """Return the particles' model: only the kernels leave the rim out, because the ring around
-        the particles needs the whole target.
+        """Return the reference histograms by which particles are weighed, learnt from the first
+        picture, RGB (H, W, 3), with the target at `state`. They ignore the setting `inset`, which
+        holds for the descent's kernels only: the ring around the particles needs the whole target.
         """
         return SampledModel(image, region, state, replace(self, inset=0.0))
 

@@ -68,7 +68,8 @@ def box_in(answer: object, name: str) -> Array | None:
 
 
 def score_in(answer: Any, name: str) -> float:
-    """Return a tracker's score as a number, clipped to 0..1.
+    """Return the score that a tracker gives its own answer, from 0 (lost) to 1 (certain), as a
+    number clipped to this range.
 
     Args:
         answer: The score that the tracker returned.

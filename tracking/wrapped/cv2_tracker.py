@@ -94,7 +94,9 @@ class Cv2Tracker:
         return found and min(box[2:]) > 0, box
 
     def score(self) -> float:
-        """Return OpenCV's score of the last update, clipped to 0..1; 0 where it is nan."""
+        """Return OpenCV's score of the last update, from 0 (lost) to 1 (certain): clipped to this
+        range, and 0 where it is nan.
+        """
         return float(np.clip(np.nan_to_num(self._tracker.getTrackingScore()), 0, 1))
 
     def _made(self) -> Any:

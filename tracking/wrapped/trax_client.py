@@ -66,7 +66,9 @@ class TraxClient:
                 regions or pictures.
         """
         if not command.strip():
-            raise ValueError("a TraX server needs a command, such as 'python server.py'")
+            raise ValueError(
+                "the command of the TraX server is empty: give one, such as 'python server.py'"
+            )
         self._name = f"TraX server '{command}'"
         self._timeout = timeout
         self._folder = Path(tempfile.mkdtemp(prefix="trax-"))
@@ -83,7 +85,7 @@ class TraxClient:
         self._pictures = self._taken(_words(hello, "image", "path"), PICTURES, "picture")
         self._regions = self._taken(_words(hello, "region", "rectangle"), REGIONS, "region")
         if (channels := _words(hello, "channels", "color")) != ["color"]:
-            self._fail(f"needs the channels {', '.join(channels)}; we have color")
+            self._fail(f"needs the channels {', '.join(channels)}; servobench sends color only")
 
     def start(self, image: Image, region: Region, state: State) -> Box:
         """Send the first picture, RGB (H, W, 3), and the target's region at a state.
@@ -128,7 +130,8 @@ class TraxClient:
         return found if len(found) == CORNERS and convex(found) else box
 
     def score(self) -> float:
-        """Return the confidence that the server sent with its last answer, 0..1.
+        """Return the confidence that the server sent with its last answer, from 0 (lost) to 1
+        (certain).
 
         Raises:
             ValueError: The server sent no confidence, or not a number of 0 to 1.

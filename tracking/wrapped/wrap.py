@@ -79,7 +79,7 @@ class Caller:
         return box if box is None or self.convention == "opencv" else box - (1, 1, 0, 0)
 
     def score(self) -> float:
-        """Return the tracker's own score, 0..1.
+        """Return how sure the tracker itself is of its last answer, from 0 (lost) to 1 (certain).
 
         Raises:
             ValueError: The tracker has no score, or the score is not a number of 0 to 1.

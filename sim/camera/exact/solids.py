@@ -73,8 +73,9 @@ def texture_of(model: mujoco.MjModel, geom: int) -> int:
 
 
 def face_normals(corners: Array) -> Array:
-    """Return a normal (n, 3) of each of n triangles, twice as long as the triangle's area [m^2],
-    from the corners (3 n, 3) [m], three rows per triangle.
+    """Return a normal (n, 3) of each of n triangles, with twice the triangle's area [m^2] as its
+    length, on the side from which its corners run counter-clockwise. `corners` (3 n, 3) [m] has
+    three rows per triangle.
     """
     a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
     return np.cross(b - a, c - a)
