@@ -135,9 +135,10 @@ class BelievedRobot:
     def rates(
         self, data: mujoco.MjData, twist: Array, hold: float, before: Array
     ) -> tuple[Array, Array, tuple[str, ...]]:
-        """Return joint rates, camera twist and limiting joints as `Robot.rates` does, computed by
-        the robot's wrong model; joints that really stand at an end of their range are added to the
-        limiting ones.
+        """Return the joint rates (n,) [m/s or rad/s] for a camera twist (6,), the camera twist (6,)
+        that the robot believes them to make, and the joints whose limits changed it, such as "elbow
+        (range)". All is computed by the robot's wrong model; joints that really stand at an end of
+        their range are added.
         """
         self._read(data)
         rates, made, limits = self._robot.rates(self._data, twist, hold, before)

@@ -186,7 +186,7 @@ class World:
             depth: Desired distance along the optical axis, before the tilt [m].
             tilt: Angle by which the camera is then moved around the target's centre [rad].
             towards: Direction in the picture to which it is moved, from +u towards +v [rad].
-            way: Returns the path that follows, as for `reach`.
+            way: Returns the camera poses that follow, on which no joint should reach a limit.
 
         Raises:
             ValueError: No camera sees the target there.
@@ -204,8 +204,9 @@ class World:
         or as near to that as it can; return how near.
 
         Args:
-            T_camera_object: Pose of the rectangle's frame, as for `placement.camera_facing`.
-            way: Returns the path that follows, as for `reach`.
+            T_camera_object: Pose of the rectangle's own frame: its origin in the centre, x along
+                the target's nose, z away from a viewer of its front.
+            way: Returns the camera poses that follow, on which no joint should reach a limit.
 
         Raises:
             ValueError: No camera sees the target there.

@@ -130,7 +130,10 @@ def test_any_coefficients_are_a_camera_or_a_sentence(model, size):
         (("plumb_bob", (0.1,) * 4), "the distortion plumb_bob has 5 coefficients, not 4"),
         (("rational", (0.1,) * 5), "the distortion rational has 8 coefficients, not 5"),
         (("fisheye", (0.1,) * 5), "the distortion fisheye has 4 coefficients, not 5"),
-        (("fisheye", (0.1, 0.1, 0.1, np.inf)), "the distortion fisheye needs finite coefficients"),
+        (
+            ("fisheye", (0.1, 0.1, 0.1, np.inf)),
+            "the distortion fisheye has a coefficient that is not finite: correct it",
+        ),
         (("fish", ()), "there is no distortion 'fish'; there is plumb_bob, rational, fisheye"),
     ],
 )

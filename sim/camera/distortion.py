@@ -69,7 +69,7 @@ class Distortion:
             ),
             (
                 not all(map(isfinite, self.coefficients)),
-                f"the distortion {self.model} needs finite coefficients",
+                f"the distortion {self.model} has a coefficient that is not finite: correct it",
             ),
             (
                 found != wanted,

@@ -34,8 +34,11 @@ def read_image(file: Path, depth: BitDepth | None = None) -> Image:
 
 
 def decoded(data: bytes, depth: BitDepth | None = None) -> Image:
-    """Return the picture in the bytes of a picture file as RGB (H, W, 3), read-only; see
-    `read_image`.
+    """Return the picture in the bytes of a picture file as RGB (H, W, 3), read-only.
+
+    Args:
+        data: The bytes.
+        depth: Bits in use in its source; None: decided by this picture alone.
 
     Raises:
         ValueError: It cannot be decoded, or is too large.

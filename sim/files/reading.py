@@ -59,11 +59,15 @@ def content(path: Path, what: str, most: int) -> bytes:
 
 
 def text(path: Path, what: str, most: int) -> str:
-    """Return the text of a regular UTF-8 file, without a byte order mark; the arguments are those
-    of `content`.
+    """Return the text of a regular UTF-8 file, without a byte order mark.
+
+    Args:
+        path: Its path.
+        what: Kind of the file in messages.
+        most: Largest size [bytes].
 
     Raises:
-        ValueError: As for `content`, or it is not UTF-8 text.
+        ValueError: It cannot be read, is not a regular file, is larger, or is not UTF-8 text.
     """
     try:
         return content(path, what, most).decode("utf-8-sig")

@@ -63,12 +63,12 @@ def wrong_drive(model: mujoco.MjModel, actuator: int) -> str | None:
     bias = model.actuator_biasprm[actuator, :3]
     on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
     if not on_joint or model.actuator_gear[actuator, 0] != 1:
-        return "has to drive one joint, with gear 1"
+        return "does not drive one joint with gear 1: give it a joint, and gear 1"
     if gain <= 0 or not np.array_equal(bias, [0.0, 0.0, -gain]):
-        return "has to be a <velocity> servo"
+        return "is not a <velocity> servo: replace it by one"
     low, high = model.actuator_ctrlrange[actuator]
     if model.actuator_ctrllimited[actuator] and not low < 0 < high:
-        return f"has the ctrlrange {low:g} {high:g}; it has to allow both directions"
+        return f"has the ctrlrange {low:g} {high:g}, which does not allow both directions: widen it"
     return None
 
 

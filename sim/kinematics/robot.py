@@ -184,7 +184,7 @@ def _check_drives(model: mujoco.MjModel, design: Design) -> None:
     """
     place = f"the robot's model {design.name}"
     if model.nu == 0:
-        raise ValueError(f"{place} has no actuators; each joint needs a velocity actuator")
+        raise ValueError(f"{place} has no actuators: add a velocity actuator for each joint")
     for i in range(model.nu):
         if (wrong := wrong_drive(model, i)) is not None:
             raise ValueError(f"{place}: the actuator '{own_name(model.actuator(i).name)}' {wrong}")
@@ -277,7 +277,7 @@ class Robot:
 
     def place(self, data: mujoco.MjData, q: Sequence[float] | Array) -> Pose:
         """Set the joint positions (n,) [m or rad] in `data` and compute its kinematics; return the
-        camera's pose as `eye` does.
+        camera's pose: T_world_camera, or T_target_camera if the robot holds the target.
         """
         data.qpos[self.qpos] = q
         self.refresh(data)

@@ -94,8 +94,19 @@ class OpenCVTracker:
         preset: str | None = None,
         **settings: object,
     ) -> None:
-        """Choose a tracker by its kind; `rate` is that of the pictures [1/s], and the other
-        arguments and the errors are those of `tracking.create`.
+        """Choose a tracker.
+
+        Args:
+            kind: Kind of the tracker, such as "mk_ssd".
+            seed: Seed of the tracker's random draws.
+            rate: Rate of the pictures [1/s].
+            preset: "paper" for the settings in the paper that describes the tracker; None for the
+                best settings known.
+            **settings: Settings of the tracker.
+
+        Raises:
+            ValueError: There is no such kind or preset, or a setting has a wrong value.
+            TypeError: The tracker has no such setting.
         """
         self._follower = Follower(configured(kind, preset, **settings), seed, rate)
 
@@ -135,8 +146,19 @@ class Got10kTracker:
         preset: str | None = None,
         **settings: object,
     ) -> None:
-        """Choose a tracker by its kind; `rate` is that of the pictures [1/s], and the other
-        arguments and the errors are those of `tracking.create`.
+        """Choose a tracker.
+
+        Args:
+            kind: Kind of the tracker, such as "mk_ssd".
+            seed: Seed of the tracker's random draws.
+            rate: Rate of the pictures [1/s].
+            preset: "paper" for the settings in the paper that describes the tracker; None for the
+                best settings known.
+            **settings: Settings of the tracker.
+
+        Raises:
+            ValueError: There is no such kind or preset, or a setting has a wrong value.
+            TypeError: The tracker has no such setting.
         """
         self.name = kind
         self._follower = Follower(configured(kind, preset, **settings), seed, rate)

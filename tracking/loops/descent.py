@@ -349,7 +349,8 @@ def descend(
     Args:
         image: RGB (H, W, 3).
         start: First state (4,): x, y [px], theta [rad], ln scale.
-        kernels: Template and kernels.
+        kernels: Half sides of the template [px], centres and half axes of the kernels [px],
+            number of bins of each channel, and largest number of pixels read.
         root_reference: Square roots q*_k of the reference histograms plus the floor (K, B).
         units: Unit of each coordinate of a state (4,), by which steps are damped and judged.
         most: Largest number of evaluations.

@@ -108,7 +108,9 @@ class Bag:
         return timed(self._messages(), self.rate)
 
     def _messages(self) -> Iterator[Picture]:
-        """Yield the pictures, with time 0, and set `end`."""
+        """Yield the topic's pictures, all with time 0 (their stamps give the times later), and set
+        `end` to the report on the reading.
+        """
         topic = self._topic
         depth = BitDepth()
         index = 0

@@ -63,7 +63,10 @@ def decoder_of(kind: str, serialization: str, schema: Schema | None = None) -> D
 
         decoder = DecoderFactory().decoder_for(serialization, schema)
         if decoder is None:
-            raise ValueError(f"the definition of {kind} is missing in this file")
+            raise ValueError(
+                f"the message definition of {kind} is missing in this file: write the file again "
+                "with its schemas"
+            )
         return decoder
     from rosbags.typesys import Stores, get_typestore
 

@@ -92,7 +92,9 @@ class Video:
         return timed(self._frames(), self.rate)
 
     def _frames(self) -> Iterator[Picture]:
-        """Yield all frames, with time 0, and set `end`."""
+        """Yield all frames, all with time 0 (their stamps give the times later), and set `end` to
+        the report on the reading.
+        """
         index = readable = damaged = 0
         report = ""
         self.end = None

@@ -1,4 +1,6 @@
-"""OpenCV's CamShift (Bradski 1998) on the back-projection of a hue histogram: a reference."""
+"""Tracker for comparison: OpenCV's CamShift (Bradski 1998) on the back-projection of a hue
+histogram.
+"""
 
 from dataclasses import dataclass
 from typing import final

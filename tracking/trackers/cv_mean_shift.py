@@ -1,4 +1,4 @@
-"""OpenCV's meanShift on the back-projection of a hue histogram: for comparison."""
+"""Tracker for comparison: OpenCV's meanShift on the back-projection of a hue histogram."""
 
 from dataclasses import dataclass
 from typing import final

@@ -1,4 +1,4 @@
-"""OpenCV's TrackerMIL (Babenko, Yang, Belongie 2009): for comparison.
+"""Tracker for comparison: OpenCV's TrackerMIL (Babenko, Yang, Belongie 2009).
 
 It has no confidence of its own; distance and status come from a hue histogram of its box.
 """

@@ -1,4 +1,5 @@
-"""A textured plane aligned directly, brightness by brightness, with eight degrees of freedom.
+"""Tracker of a textured plane, which is aligned directly, brightness by brightness, with eight
+degrees of freedom.
 
 Baker, Matthews 2004, "Lucas-Kanade 20 Years On: A Unifying Framework" (International Journal of
 Computer Vision 56(3)), inverse compositional; Tukey's weights as in Hager, Belhumeur 1998,

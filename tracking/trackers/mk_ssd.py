@@ -1,4 +1,5 @@
-"""Multiple kernels, deterministic: Newton's descent from the last state.
+"""Tracker by the histograms of multiple kernels, without random numbers: Newton's descent from the
+last state.
 
 Hager, Dewan, Stewart 2004; Teuliere, Marchand, Eck, section III.
 """

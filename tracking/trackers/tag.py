@@ -1,4 +1,6 @@
-"""An AprilTag of the family 36h11, detected in each picture (tracking.search.tag_detector)."""
+"""Tracker of an AprilTag of the family 36h11, which is detected in each picture
+(tracking.search.tag_detector).
+"""
 
 from dataclasses import dataclass
 from typing import final

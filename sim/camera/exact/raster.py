@@ -339,7 +339,8 @@ def level_of(s_right: float, t_right: float, s_down: float, t_down: float, level
         t_right: Change of the second one from a pixel to the next.
         s_down: Change of the first texture coordinate from a row to the next.
         t_down: Change of the second one from a row to the next.
-        levels: Levels of the texture (n, 4), as for `fill`.
+        levels: Levels of the texture (n, 4): offset in the array of all texels, width, height,
+            number of levels.
     """
     wide, tall = levels[0, 1], levels[0, 2]
     right = (s_right * wide) ** 2 + (t_right * tall) ** 2
@@ -448,8 +449,9 @@ def draw(
         lights: Lights in the camera's frame (k, 21).
         near: Distance of the near plane [m].
         view: Focal lengths and principal point (4,) [px].
-        texels: Pixels of all textures, as for `fill`.
-        levels: Levels of each texture (t, n, 4), as for `fill`.
+        texels: Pixels of all textures: red, green and blue in one number, 21 bits apart.
+        levels: Levels of each texture (t, n, 4): offset in `texels`, width, height, number of
+            levels.
         image: The picture (H, W, 3), written.
         nearness: Depth buffer of 1 / z (H, W) [1/m], written.
         shown: Number of the body that each pixel shows (H, W), written.

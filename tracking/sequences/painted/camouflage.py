@@ -34,7 +34,9 @@ SMOOTH = 8.0
 
 @dataclass(frozen=True, slots=True)
 class Config(texture.Config):
-    """Settings of `texture`, the colours and the gravel."""
+    """Settings of a painted sequence: those of `texture`, and the colours of car, ground and
+    gravel.
+    """
 
     colours: Literal["one", "spread"] = "one"
     """Shades of "one" colour bin, of 8 a channel, so that one place has the colours of any other;

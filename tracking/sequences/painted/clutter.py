@@ -50,7 +50,9 @@ SWING = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Level of difficulty, number of pictures, and colours of the background."""
+    """Settings of a painted sequence: level of difficulty, number of pictures, and colours of the
+    background.
+    """
 
     level: Literal["a", "b", "c", "d", "e", "f", "g", "h"] = "a"
     """Level of noise and clutter; e to h are harder than the paper's a to d."""

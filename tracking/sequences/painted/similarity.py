@@ -41,7 +41,7 @@ GOING = 6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Number of pictures, motion, occlusion and noise."""
+    """Settings of a painted sequence: number of pictures, motion, occlusion and noise."""
 
     frames: Annotated[int, Ge(20), Le(100_000)] = 200
     """Number of pictures."""

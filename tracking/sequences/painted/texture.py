@@ -31,7 +31,7 @@ fine, strong texture."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Number of pictures, and the car's size and speed."""
+    """Settings of a painted sequence: number of pictures, and the car's size and speed."""
 
     frames: Annotated[int, Ge(20), Le(100_000)] = 160
     """Number of pictures."""
