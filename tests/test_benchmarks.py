@@ -5,6 +5,7 @@ import dataclasses
 import hashlib
 import json
 import shlex
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -38,6 +39,7 @@ from servo.report import benchmark_section
 from servo.study.run import Record
 
 DIGEST = 64 * "0"
+BENCH = ("benchmark", "servo-v1", "--workers", "1")
 
 
 @pytest.fixture(scope="module", params=NAMES)
@@ -432,13 +434,17 @@ def test_a_slow_tracker_runs_more_often_and_the_scale_does_not():
 @pytest.fixture
 def short(monkeypatch, tmp_path):
     """servo-v1 with its first task only."""
-    monkeypatch.chdir(tmp_path)
+    return shortened(monkeypatch, tmp_path)
+
+
+def shortened(monkeypatch, folder):
+    monkeypatch.chdir(folder)
     whole = load("servo-v1")
     scenario = whole.scenario | {"run": {"duration": 1.0, "latency": 0}}
     cut = replace(whole, conditions=whole.conditions[:1], scenario=scenario, frozen={})
     monkeypatch.setattr(benchmark_command, "load", lambda _: cut)
     monkeypatch.setattr(benchmark_section, "load", lambda _: cut)
-    return tmp_path
+    return folder
 
 
 def call(monkeypatch, capfd, *arguments):
@@ -451,13 +457,12 @@ def call(monkeypatch, capfd, *arguments):
 
 @pytest.mark.usefixtures("no_progress")
 def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd, short):
-    bench = ["benchmark", "servo-v1", "--workers", "1"]
-    quick = [*bench, "--quick", "--law", "points"]
+    quick = [*BENCH, "--quick", "--law", "points"]
     code, out, err = call(monkeypatch, capfd, *quick, "--out", "o", "--submit", "row.json")
     assert (code, err) == (0, "")
     assert "points" in out
     assert (short / "row.parquet").is_file()
-    verify = [*bench, "--verify", "row.json"]
+    verify = [*BENCH, "--verify", "row.json"]
     notes = (
         "  note: the row is of a quick run: 2 of 42 worlds\n"
         "  note: the row's medians (time, camera path, corners out of view) are unchecked\n"
@@ -492,19 +497,32 @@ def test_a_bench_does_not_go_on_with_another_guest(monkeypatch, capfd, short):
     )
 
 
+@pytest.fixture(scope="module")
+def published(tmp_path_factory):
+    """The folder of a row of that benchmark and its errors, as --submit wrote them."""
+    folder = tmp_path_factory.mktemp("published")
+    command = [*BENCH, "--quick", "--law", "points", "--out", "o", "--submit", "row.json"]
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        shortened(monkeypatch, folder)
+        monkeypatch.setattr("sys.argv", ["servobench", *command])
+        with pytest.raises(SystemExit) as left:
+            main.main()
+        assert left.value.code == 0
+    return folder
+
+
 @pytest.fixture
-def sent(monkeypatch, capfd, short):
-    """A row of that benchmark as somebody sends it; call it with a change, and it is audited."""
-    bench = ["benchmark", "servo-v1", "--workers", "1"]
-    quick = [*bench, "--quick", "--law", "points", "--out", "o", "--submit", "row.json"]
-    assert call(monkeypatch, capfd, *quick)[0] == 0
+def sent(monkeypatch, capfd, short, published):
+    """That row as somebody sends it; call it with a change, and it is audited."""
+    for name in ("row.json", "row.parquet"):
+        shutil.copy(published / name, short)
     table = json.loads((short / "row.json").read_text())
 
     def audited(change):
         changed = copy.deepcopy(table)
         change(changed)
         (short / "row.json").write_text(json.dumps(changed))
-        return call(monkeypatch, capfd, *bench, "--verify", "row.json")[:2]
+        return call(monkeypatch, capfd, *BENCH, "--verify", "row.json")[:2]
 
     return audited
 

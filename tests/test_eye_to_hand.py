@@ -29,7 +29,7 @@ BESIDE = (
     "features.kind=points",
     "controller={gain = 1.5}",
     "run.latency=0",
-    "run.duration=2.0",
+    "run.duration=1.0",
 )
 
 

@@ -148,6 +148,17 @@ def test_samples_lie_between_pixels_and_outside_are_none():
     np.testing.assert_allclose(found, sample_twin(image, H, points), rtol=1e-6)
 
 
+@pytest.mark.parametrize("count", [2, 3, 12, 901])
+def test_the_deviation_is_of_the_quantile_of_numpy(count):
+    for decimals in (0, 12):  # many errors of the same size, or none
+        for _ in range(30):
+            error = np.append(np.round(RNG.normal(0, 9, count), decimals), np.nan)
+            RNG.shuffle(error)
+            quantile = np.nanquantile(np.abs(error), 0.35)
+            expected = max(quantile / 0.4538, 1.0)
+            assert plane_alignment.sigma_of(error) == pytest.approx(expected, rel=1e-14)
+
+
 def test_weights_and_equations_are_those_of_plain_numpy():
     rows, template = RNG.normal(size=(50, 8)), RNG.uniform(0, 255, 50)
     error = np.append(RNG.normal(0, 5, 48), [400.0, np.nan])

@@ -7,6 +7,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from importlib import resources
 from typing import Any, Literal, cast
 
@@ -116,7 +117,7 @@ class Slow:
     """Its values [ms a picture]."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots, in which no digest could be kept
 class Benchmark:
     """A frozen version of a public benchmark, as its TOML and JSON files describe it."""
 
@@ -149,7 +150,7 @@ class Benchmark:
     text: str
     """The file that all of this was read from."""
 
-    @property
+    @cached_property
     def hash(self) -> str:
         """Return the digest (16 hex digits) of the benchmark's file, the frozen settings, the
         models and pictures of its scenes, and the worlds of the public band.
