@@ -209,6 +209,36 @@ def test_an_opengl_that_is_too_old_is_a_sentence():
     )
 
 
+INTERRUPTED = """
+import threading
+from sim.camera import gl
+
+def interrupted(thread):
+    start(thread)
+    if threading.current_thread() is threading.main_thread():
+        threading.Thread.start = start
+        raise KeyboardInterrupt
+
+start = threading.Thread.start
+threading.Thread.start = interrupted
+try:
+    gl.call(int)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+def test_a_process_ends_that_was_interrupted_while_the_rendering_thread_began():
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=30.0,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
+
+
 def test_a_run_is_closed_while_its_thread_asks_for_a_picture():
     """As the garbage collector does with a run that nobody holds: it must not wait for the lock."""
     from servo.loop.episode import run

@@ -159,7 +159,15 @@ def rendering() -> ThreadPoolExecutor:
     """Return the executor whose single thread renders for this process; a fork waits until it is
     idle.
     """
-    return RENDERING.setdefault(os.getpid(), ThreadPoolExecutor(1, "rendering"))
+    if os.getpid() not in RENDERING:
+        pool = ThreadPoolExecutor(1, "rendering")
+        # Ctrl-C is raised in the main thread only. Raised while the pool starts its thread, it
+        # would leave a thread that the pool does not know: the process would wait for it for ever.
+        starting = threading.Thread(target=pool.submit, args=(int,))
+        starting.start()
+        starting.join()
+        RENDERING.setdefault(os.getpid(), pool)
+    return RENDERING[os.getpid()]
 
 
 def _with_context(function: Callable[..., Result], *args: object) -> Result:
