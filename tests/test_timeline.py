@@ -108,19 +108,20 @@ def test_the_error_at_a_reversal_is_what_the_delay_lets_it_grow_to(ms):
 
 
 def test_no_estimator_is_worse_than_none_with_a_slow_tracker():
-    """With a perfect one: whether another keeps the car at this delay depends on the seed."""
-    changes = "tracker.kind=truth", "run.duration=6.0", "run.tracker_ms=250", "measure.after=2.0"
+    """Where the tracker keeps the car, which at this delay depends on the seed and the renderer."""
+    changes = "run.duration=6.0", "run.tracker_ms=250", "measure.after=2.0"
     kinds = "none", "difference", "kalman_cv", "kalman_ca", "jump", "error_kalman", "imm"
     none, *others = (
         measured_run(load("reversal", [*changes, f"estimator.kind={k}"], seed=1))[1].measures
         for k in kinds
     )
+    assert max(run["tracking_rms_px"] for run in (none, *others)) < 1.0
     assert max(run["servo_rms_px"] for run in others) < 0.8 * none["servo_rms_px"]
 
 
 def test_one_frame_of_delay_costs_a_predicting_estimator_nothing():
-    changes = "tracker.kind=truth", "estimator.kind=error_kalman", "run.tracker_ms=33"
-    assert measured_run(load("line", changes))[1].measures["servo_rms_px"] < 0.5
+    changes = "estimator.kind=error_kalman", "run.tracker_ms=33"
+    assert measured_run(load("line", changes))[1].measures["servo_rms_px"] < 1.0
 
 
 def test_pictures_arrive_late_and_in_order():
