@@ -347,7 +347,10 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             Mistake: A run has begun, which cannot be copied.
         """
         if self._episode is not None:
-            raise Mistake("an environment can be copied or pickled before its first reset")
+            raise Mistake(
+                "this environment was already reset, so it cannot be copied or pickled: copy "
+                "it before its first reset"
+            )
         return vars(self)
 
     def render(self) -> Image | None:

@@ -211,7 +211,10 @@ class Run(Sequence[Step]):
         if find_spec("rerun_notebook") is None:
             raise Mistake(f"view: {MISSING}")
         if not notebook.in_notebook():
-            raise Mistake("view: this is for notebooks; elsewhere 'servobench run', then 'view'")
+            raise Mistake(
+                "Run.view works in a notebook only; elsewhere record with 'servobench run', and "
+                "open the folder with 'servobench view'"
+            )
         # rerun takes half a second to import
         from servo.output.recording.destination import NotebookRecording
         from servo.output.recording.log import RerunLog

@@ -184,8 +184,8 @@ class Kinds(Generic[Config]):
         raise UnknownKind(f"{what}; nor has it {self._plain}" if self._plain else what)
 
     def preset(self, kind: str, name: str) -> Settings:
-        """Return the settings of one of a kind's presets, such as "paper" for those of its
-        publication.
+        """Return the values that a preset gives to settings of a kind, by the settings' names;
+        "paper" has those of the kind's publication.
 
         Raises:
             UnknownKind: There is no such kind, or it has no such preset.

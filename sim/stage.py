@@ -111,8 +111,12 @@ class Stage:
         return None if self._leader is None else self._at(time) @ self._leader.T_moved_goal
 
     def place(self, data: mujoco.MjData, time: float, eye: Pose) -> None:
-        """Set mocap bodies in `data` and lights for a time [s]; `eye` is T_world_camera, from which
-        the board is placed on the line of sight.
+        """Move target, leader, board and lamp to where they are at a time of the run.
+
+        Args:
+            data: MuJoCo's state, whose mocap bodies and lights are set.
+            time: Time of the run [s].
+            eye: Pose of the camera in the world: a board hides the target on its line of sight.
         """
         target = self.target(time)
         self._put(data, TARGET, target)

@@ -199,7 +199,7 @@ def test_ranks_compare_what_the_score_is_the_mean_of():
 
 
 def test_a_table_needs_what_fixes_its_scale():
-    with pytest.raises(Mistake, match="is missing: run 'still' too"):
+    with pytest.raises(Mistake, match="are missing: run the benchmark for 'still' too"):
         standings([row("a", [1.0])])
 
 

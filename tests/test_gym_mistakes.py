@@ -103,7 +103,10 @@ def test_an_environment_that_runs_is_not_copied():
     env = made().unwrapped
     assert pickle.loads(pickle.dumps(env)).frames == env.frames
     env.reset(seed=0)
-    with pytest.raises(Mistake, match=r"^an environment can be copied or pickled before its first"):
+    with pytest.raises(
+        Mistake,
+        match=r"^this environment was already reset, so it cannot be copied or pickled: copy it before",
+    ):
         pickle.dumps(env)
 
 

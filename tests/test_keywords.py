@@ -132,7 +132,7 @@ def test_a_setting_that_a_part_of_ones_own_lacks_is_refused(given, message):
     ("given", "message"),
     [
         ({"gian": 1.0}, "there is no setting 'gian'; did you mean 'gain'?"),
-        ({"qqqqqq": 1.0}, "there is no setting 'qqqqqq'"),
+        ({"qqqqqq": 1.0}, "there is no setting 'qqqqqq'; 'servobench list' names all kinds"),
         (
             {"angle_deg": 3.0},
             "angle_deg may be goal.angle_deg, start.angle_deg, region.angle_deg; give one of them, as "

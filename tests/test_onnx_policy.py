@@ -112,7 +112,7 @@ def test_what_cannot_be_used_is_one_sentence(tmp_path, monkeypatch):
         assert sentence in refused(path)
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     assert refused(path) == (
-        "line: controller: it needs the extra 'onnx': pip install 'servobench[onnx]'"
+        "line: controller: the controller 'onnx' needs ONNX Runtime: pip install 'servobench[onnx]'"
     )
 
 

@@ -247,7 +247,8 @@ BAD = {
     ),
     "a run that was killed": (
         {"steps.arrows": b""},
-        "{}: this run was not finished: there is steps.arrows, but no report.json",
+        "{}: this run was stopped before its end (report.json is missing, steps.arrows has its rows): "
+        "run it again into a new folder",
     ),
 }
 
@@ -336,4 +337,7 @@ def test_a_table_without_a_report_is_named(ran, tmp_path):
     shutil.copy(ran / "steps.parquet", tmp_path)
     with pytest.raises(Mistake) as told:
         text_of(tmp_path, tmp_path)
-    assert str(told.value).endswith("not finished: there is steps.parquet, but no report.json")
+    assert str(told.value) == (
+        f"{tmp_path}: this run was stopped before its end (report.json is missing, steps.parquet has "
+        "its rows): run it again into a new folder"
+    )

@@ -158,8 +158,9 @@ def test_a_depth_picture_belongs_to_the_picture_of_its_moment(message):
         ),
         (
             messages.Image(AT, 2, 2, "32FC1", 0, 8, bytes(15)),
-            "/d: a depth picture of (2, 2) px is damaged: strides is incompatible with shape of "
-            "requested array and size of buffer",
+            "/d: a depth picture has too little data for its width 2 px, height 2 px and step "
+            "8 bytes (strides is incompatible with shape of requested array and size of buffer): check "
+            "its publisher",
         ),
     ],
 )

@@ -8,7 +8,7 @@ from servo.scenario.named_files import path_of
 from servo.study.parse import load
 
 STILL = "scenario = 'still'\n"
-ONE_LAW = "expected one of linspace, geomspace, uniform, log_uniform, normal, choice"
+ONE_LAW = "expected one distribution with its numbers, one of linspace, geomspace, uniform, log_uniform, normal, choice"
 BAD = {
     "an empty law": (
         STILL + "axes.controller.gain = {}",

@@ -107,7 +107,8 @@ def test_what_the_viewer_cannot_do_is_one_sentence(viewer, tmp_path, monkeypatch
 
     monkeypatch.setattr(view.ViewerClient, "spawn", fails)
     assert refused(tmp_path, png).startswith(
-        "the viewer does not start without a window: without a GPU it needs libvulkan1"
+        "the viewer cannot draw in the background: without a GPU the viewer needs the packages "
+        "libvulkan1"
     )
 
 

@@ -92,11 +92,15 @@ def standings(rows: Sequence[Row]) -> list[Standing]:
     would prefer a contestant that is a little better in most worlds and loses the target in some.
 
     Raises:
-        Mistake: The row that fixes 0 is missing, or a row shares no world with it.
+        Mistake: The results of the contestant with the score 0 are missing, or share no world with
+            those of another one.
     """
     by_name = {row.contestant: row for row in rows}
     if NULL not in by_name:
-        raise Mistake(f"the row '{NULL}', which fixes 0 on the scale, is missing: run '{NULL}' too")
+        raise Mistake(
+            f"the results of '{NULL}', whose camera stands still and has the score 0, are "
+            f"missing: run the benchmark for '{NULL}' too"
+        )
     ends = by_name[NULL], by_name.get(PERFECT)
     compared = {row.contestant: row for row in rows if row.contestant not in (NULL, PERFECT)}
     points = {name: points_of(row, *ends) for name, row in compared.items()}

@@ -52,7 +52,7 @@ def run(
         set_of: Variants NAME=KEY=VALUE,... of settings.
         measured: Whether the tracker's time on this machine delays the loop.
         changes: Changes of settings of all variants, such as "run.duration=5".
-        seeds: Number of seeds from 0 on.
+        seeds: Number of seeds: 0, 1, 2, ...
         workers: Number of processes on this machine.
         scheduler: Address of a Dask scheduler to work on instead; None: this machine.
         out: The folder; None: runs/compare.
@@ -112,7 +112,7 @@ def study_of(
         scenarios: Shipped scenarios or TOML files.
         variants: Settings of each variant by its name.
         changes: Changes of settings of all variants, such as "run.duration=5".
-        seeds: Number of seeds from 0 on.
+        seeds: Number of seeds: 0, 1, 2, ...
         name: Name of the study.
 
     Raises:

@@ -47,7 +47,7 @@ def run(
     Args:
         suite: A shipped suite, a folder of sequences, or a TOML file.
         trackers: The trackers, with commas between them; None: all, or those of the file.
-        seeds: Number of seeds from 0 on.
+        seeds: Number of seeds: 0, 1, 2, ...
         workers: Number of processes.
         out: The folder; None: runs/evaluate-SUITE.
         quiet: Whether to print nothing but mistakes.

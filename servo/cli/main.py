@@ -144,7 +144,7 @@ def track(**options: Any) -> None:
     "--trackers", help="Trackers, such as kams,sok,kams:paper (default: all, or the file's)."
 )
 @click.option(
-    "--seeds", type=opt.COUNT, default=3, show_default=True, help="Number of seeds from 0 on."
+    "--seeds", type=opt.COUNT, default=3, show_default=True, help="Number of seeds: 0, 1, 2, ..."
 )
 @opt.workers_option
 @opt.out_option("runs/evaluate-SUITE, also to continue")
@@ -217,7 +217,9 @@ def bench(**_: object) -> None:
 @app.command()
 @click.argument("study", type=opt.STUDY, help="A shipped study, or a .toml file of axes.")
 @opt.changes_option
-@click.option("--seeds", type=opt.COUNT, help="Number of seeds from 0 on (default: the study's).")
+@click.option(
+    "--seeds", type=opt.COUNT, help="Number of seeds: 0, 1, 2, ... (default: the study's)."
+)
 @opt.workers_option
 @opt.scheduler_option
 @opt.out_option("runs/sweep-STUDY, also to continue")
@@ -263,7 +265,7 @@ def sweep(**options: Any) -> None:
 )
 @opt.changes_option
 @click.option(
-    "--seeds", type=opt.COUNT, default=3, show_default=True, help="Number of seeds from 0 on."
+    "--seeds", type=opt.COUNT, default=3, show_default=True, help="Number of seeds: 0, 1, 2, ..."
 )
 @opt.workers_option
 @opt.scheduler_option

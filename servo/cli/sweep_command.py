@@ -54,7 +54,7 @@ def run(
     Args:
         study: A shipped study or a TOML file.
         changes: Changes of settings of all runs, such as "run.duration=5".
-        seeds: Number of seeds from 0 on; None: those of the study.
+        seeds: Number of seeds: 0, 1, 2, ...; None: those of the study.
         workers: Number of processes on this machine.
         scheduler: Address of a Dask scheduler to work on instead; None: this machine.
         out: The folder; None: runs/sweep-STUDY.

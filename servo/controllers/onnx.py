@@ -21,12 +21,12 @@ INPUTS: dict[str, tuple[int | str, ...]] = {
     "joints": (1, "n"),
 }
 """Inputs that a network may have, and their shapes; a word stands for any number."""
-EXTRA = "it needs the extra 'onnx': pip install 'servobench[onnx]'"
+EXTRA = "the controller 'onnx' needs ONNX Runtime: pip install 'servobench[onnx]'"
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """The network's file, and its time limit."""
+    """Settings of a learned policy: its ONNX file, and the longest wait for one output [s]."""
 
     file: File = ""
     """ONNX file, which ONNX Runtime runs on one core. Its inputs by name, of 32-bit floats: picture
@@ -41,7 +41,9 @@ class Config:
         """Return the controller, which uses no random numbers.
 
         Raises:
-            ValueError: The file cannot be read, or its network has other inputs.
+            ValueError: ONNX Runtime is missing, the file cannot be read, or an input of the network
+            has
+                another name, type or shape than `Config.file` lists.
         """
         return PolicyLaw(Network(self.file, self.timeout).act)
 
@@ -58,7 +60,9 @@ class Network:
             timeout: Longest wait for an output [s].
 
         Raises:
-            ValueError: The file cannot be read, or its network has other inputs.
+            ValueError: ONNX Runtime is missing, the file cannot be read, or an input of the network
+            has
+                another name, type or shape than `Config.file` lists.
         """
         try:
             import onnxruntime

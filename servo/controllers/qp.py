@@ -90,8 +90,9 @@ class Programme:
             )
 
     def limited(self, desired: DesiredTwist) -> LimitedTwist:
-        """Return the camera twist inside the limits whose change of the features is nearest to the
-        desired one.
+        """Scale the desired twist to the speed limits; then return the camera twist that changes
+        the features most nearly as this one does, within the limits of speed and joints, and as far
+        as possible within those of the view. The names of active limits are returned, too.
         """
         fast = max(1.0, excess(desired.twist, self._fastest, self._fastest_turn))
         law = desired.twist / fast

@@ -1,4 +1,6 @@
-"""A straight path of the camera, with the rotation that moves the corners least (Deguchi 1998)."""
+"""Feature set of corners and pose: the camera moves straight to its goal, and its rotation reduces
+the remaining error of the corners (Deguchi 1998).
+"""
 
 from dataclasses import dataclass
 from typing import final

@@ -49,7 +49,9 @@ class Config:
     """Unit of xn, yn and an: "metric" (an is the depth in m) or "paper" (an is 1 / sqrt(area))."""
 
     def build(self, outline: Array) -> "MomentFeatures":
-        """Return the features of a target whose reference rectangle has corners (4, 3) [m]."""
+        """Return the feature set for a target whose reference rectangle has these corners (4, 3),
+        in the target's frame [m].
+        """
         return MomentFeatures(self.scaling, sqrt(Outline(outline).area))
 
 

@@ -19,7 +19,9 @@ STANDS = Pose(np.eye(3), np.zeros(3))
 
 @final
 class Led:
-    """A goal for a target in the hand: a pose relative to the leader's tag."""
+    """Goal of a target that the robot holds: a pose relative to the leader, a second tag, which
+    `[motion]` moves and which is detected in each picture.
+    """
 
     moved_by = "leader.id"
 
@@ -32,7 +34,7 @@ class Led:
             config: The leader's tag, and the goal relative to it.
             outline: Corners (4, 3) of the held target's reference rectangle in its frame [m].
             camera: Intrinsics, as the robot believes them.
-            depth_factor: As for `EstimateToSight`.
+            depth_factor: Factor on all depths, to test laws with wrong depths; 1 leaves them.
         """
         self._number = config.id
         self._beside = mount_pose(config.beside)

@@ -92,7 +92,7 @@ def _disagreement(found: Identified) -> list[str]:
 
 
 def _too_long(what: str, own: Interval, whole: Interval, most: float) -> list[str]:
-    """Return a sentence if a delay or lag is as long as the longest of the search [s].
+    """Return a sentence if a delay or lag is nearly as long as the longest time that was searched.
 
     Args:
         what: "delay" or "lag".
@@ -101,17 +101,18 @@ def _too_long(what: str, own: Interval, whole: Interval, most: float) -> list[st
         most: Longest time of the search [s].
 
     Raises:
-        Mistake: An interval is as wide as the search.
+        Mistake: The wider of the two intervals is as wide as the search.
     """
     interval = max(own, whole, key=lambda each: each.high - each.low)
     if not interval.high - interval.low < most:
         raise Mistake(
-            f"this log does not show the {what}, {interval_text(interval, MILLI)} ms: record more "
-            "movements, such as steps of 0.2 to 0.6 s in both directions for 40 s"
+            f"the {what} is too uncertain in this log, {interval_text(interval, MILLI)} ms: record "
+            "more movements, such as steps of 0.2 to 0.6 s in both directions for 40 s"
         )
     if interval.value < NEARLY * most:
         return []
-    return [f"the {what} is {MILLI * most:.3g} ms, the longest of the search; it may be longer"]
+    longest = f"{MILLI * most:.3g} ms, the longest that is searched"
+    return [f"the {what} is about {longest}; it may be longer"]
 
 
 def _of_gain(name: str, gain: Interval, *, is_joint: bool) -> list[str]:

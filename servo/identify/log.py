@@ -398,13 +398,14 @@ def _check_positions(series: Series, fastest: float, key: str, path: Path) -> No
         path: The file.
 
     Raises:
-        Mistake: A number is too large, or a position jumps.
+        Mistake: A number is too large, or a position or an encoder reading jumps by more than its
+            commands explain.
     """
-    largest = float(np.abs(series.values).max(initial=0.0))
-    if largest > FARTHEST:
+    far = np.flatnonzero(np.abs(series.values) > FARTHEST)
+    if len(far):
         raise Mistake(
-            f"{path}: {key} has {largest:.3g}; values should be at most {FARTHEST:g}: correct or "
-            "leave out this row"
+            f"{path}: at time_s = {series.times[far[0]]:.6g} {key} is {series.values[far[0]]:.3g}; "
+            f"values should be from -{FARTHEST:g} to {FARTHEST:g}: correct or leave out this row"
         )
     changes = np.abs(np.diff(series.values))
     if key.endswith("_s") or len(changes) < FEWEST or not changes.any() or not fastest:

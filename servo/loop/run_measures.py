@@ -43,7 +43,9 @@ class Outcome(Enum):
     DIVERGED = "The target has left the picture, and the tracker has not called it lost."
 
     def sentence(self, causes: Sequence[str] = ()) -> str:
-        """Return how the run ended, with the joints whose limits were hit, or what was off."""
+        """Return the sentence of this outcome; `causes`, such as "elbow (range)" or "angle 27 deg",
+        are added after a colon.
+        """
         return f"{self.value[:-1]}: {', '.join(causes)}." if causes else self.value
 
 

@@ -121,7 +121,7 @@ class RunViews:
 
 
 class RunFilm:
-    """Sink that draws the steps of a run into a film, an MP4 file."""
+    """Draws the steps of a run as a film, into an MP4 file or to a receiver of frames."""
 
     def __init__(self, to: Path | FrameReceiver, title: str = "", end: float | None = None) -> None:
         """Prepare a film; the file is opened with the first step.

@@ -124,7 +124,8 @@ class McapFile:
             at: Time of the frame [ns].
             image: RGB (H, W, 3); None: there is no picture.
             corners: Corners (4, 2) [px] of outlines by their RGB colour; the last is the estimate.
-            particles: Particles (n, 2 or more), x and y first [px]; None: there are none.
+            particles: Particles (n, 2 or more), x and y first [px]; None: the tracker has no
+            particles.
         """
         header = ros2.header(at, FRAME)
         if image is not None:
@@ -255,7 +256,12 @@ class Topic:
         )
 
     def log(self, at: int, **fields: object) -> None:
-        """Write a message with these fields; its time is `at` [ns]."""
+        """Write a message with these fields to the topic.
+
+        Args:
+            at: Time of the message since the beginning of the run [ns].
+            **fields: Values by the names of the message's fields.
+        """
         self._channel.log(self._kind.encoded(**fields), log_time=at)
 
 

@@ -31,7 +31,10 @@ SPARE = 1 << 18
 
 
 class TrackFolder:
-    """Writer of the shots (picture and estimate) of one track; rows go on if a sink fails."""
+    """Writes the pictures and estimates of one track: a row per picture to track.csv, at the end as
+    Parquet, and other outputs such as a recording or a film. If one of these fails, the rows are
+    still written.
+    """
 
     def __init__(
         self,

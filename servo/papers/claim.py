@@ -98,7 +98,9 @@ class Rule:
     """Condition under which the claim holds."""
 
     def on(self, first: int) -> "Rule":
-        """Return the rule for runs from another first seed, which its text on units names."""
+        """Return the same rule for runs whose seeds begin at `first`: the number is replaced in its
+        text about units.
+        """
         return replace(self, units=SEED.sub(str(first), self.units))
 
 

@@ -77,7 +77,9 @@ def words(interval: Interval, unit: str = "") -> str:
 
 
 def mean(records: Sequence[Record], measure: str, unit: str = "") -> str:
-    """Return the mean of a measure over records as text, with its interval and a unit."""
+    """Return the mean of a measure over records, with its 95 % interval if known, as text such as
+    "2.1 px (1.9 to 2.4)"; `unit` is printed, and should be that of the measure.
+    """
     return words(mean_of(column(records, measure)), unit)
 
 

@@ -185,7 +185,9 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
 
 
 def is_home(row: Row) -> bool:
-    """Return whether a contestant is one of ours, not a guest's; ours are grey beside guests."""
+    """Return whether a row is of a tracker or law that servobench ships; pages draw these in grey
+    beside those of other people.
+    """
     return row.division == Division.HOME.name
 
 
@@ -271,7 +273,9 @@ def _effects(worlds: Sequence[World], table: Sequence[Standing]) -> Table:
 
 
 def _failures(folder: Path) -> list[Block]:
-    """Return a block with contact sheets of worlds that were not won; nothing if there are none."""
+    """Return a block with contact sheets of worlds in which a contestant failed; an empty list if
+    no run has one.
+    """
     store = Store(folder)
     store.find()
     pictures = list[PageImage]()

@@ -40,8 +40,11 @@ def section(folder: Path) -> Section:
     """
     path = folder / RunReport.FILE
     if not path.exists():
-        there = TABLE if (folder / TABLE).exists() else STREAM
-        raise Mistake(f"{folder}: this run was not finished: there is {there}, but no {path.name}")
+        kept = TABLE if (folder / TABLE).exists() else STREAM
+        raise Mistake(
+            f"{folder}: this run was stopped before its end ({path.name} is missing, {kept} has "
+            "its rows): run it again into a new folder"
+        )
     run = RunReport.read(path)
     known = Outcome.__members__.get(run.outcome)
     kept = f"{len(run.expect) - len(run.missed)} of {len(run.expect)}"

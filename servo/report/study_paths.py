@@ -27,7 +27,7 @@ def paths(study: StudyResults) -> list[Figure]:
     """Return a figure for each combination of the axes that are not compared, with a column for
     each value of the compared axis, from the runs of the first seed.
 
-    There are none if the study does not compare named groups of settings.
+    The list is empty if the study does not compare named groups of settings.
     """
     if study.compared is None or not shows(study):
         return []

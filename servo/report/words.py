@@ -66,8 +66,9 @@ def shown(value: object) -> str:
 
 
 def spread(interval: Interval | None, units: int = 0) -> str:
-    """Return a value with its interval as text, such as "2.1 (1.9 to 2.4)"; a dash for None. The
-    number of its units follows, ", n 5", if `units` is given and differs.
+    """Return a mean with its 95 % interval as text, such as "2.1 (1.9 to 2.4)": the mean alone if
+    the interval is unknown or has no width, a dash for None. If the mean is over another number of
+    repetitions than `units`, that number follows in the brackets: "2.1 (1.9 to 2.4, n 5)".
     """
     if interval is None:
         return NOTHING

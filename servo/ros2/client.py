@@ -109,8 +109,8 @@ class Camera:
 
 
 class Robot:
-    """A robot of ROS 2, which publishes sensor_msgs/JointState and follows TwistStamped of its
-    camera.
+    """Client of a robot of ROS 2: reads sensor_msgs/JointState, and sends
+    geometry_msgs/TwistStamped in the camera's optical frame [m/s, rad/s].
     """
 
     def __init__(

@@ -106,5 +106,9 @@ def depth_of(message: Message, topic: str) -> DepthPicture:
     try:
         values = np.ndarray(shape, kind, message.data, strides=(message.step, kind.itemsize))
     except ValueError as error:
-        raise Mistake(f"{topic}: a depth picture of {shape} px is damaged: {error}") from error
+        raise Mistake(
+            f"{topic}: a depth picture has too little data for its width {message.width} px, "
+            f"height {message.height} px and step {message.step} bytes ({error}): check its "
+            "publisher"
+        ) from error
     return np.where(values == 0, np.nan, values * unit).astype(np.float32)

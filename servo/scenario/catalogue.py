@@ -36,7 +36,7 @@ def studies() -> list[str]:
 
 def sentence(text: str) -> str:
     """Return the comment in the second line of a scenario's or study's text, which says in a
-    sentence what the file is for; "" if there is none. Lines such as "#:schema ..." do not count.
+    sentence what the file is for; "" without a comment. Lines such as "#:schema ..." do not count.
     """
     lines = [line for line in text.splitlines() if not line.startswith("#:")]
     second = [*lines, "", ""][1]

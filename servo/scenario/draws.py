@@ -98,7 +98,10 @@ def law_of(given: Table, at: str, counts: Mapping[str, int | None]) -> tuple[str
         Mistake: The distribution is not among `counts`, or its values are wrong.
     """
     if len(given) != 1 or not given.keys() <= counts.keys():
-        raise Mistake(f"{at} = {given!r}: expected one of {', '.join(counts)}")
+        raise Mistake(
+            f"{at} = {given!r}: expected one distribution with its numbers, one of "
+            f"{', '.join(counts)}"
+        )
     law, numbers = next(iter(given.items()))
     count = counts[law]
     if not isinstance(numbers, list) or not numbers or len(numbers) != (count or len(numbers)):

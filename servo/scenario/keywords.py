@@ -92,7 +92,9 @@ def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
     if not found:
         names = dict.fromkeys([*tables, *(key.rpartition(".")[2] for key in known)])
         sentence = unknown(name, names, "setting")
-        raise Mistake(sentence if "did you mean" in sentence else f"there is no setting '{name}'")
+        if "did you mean" not in sentence:
+            sentence = f"there is no setting '{name}'; 'servobench list' names all kinds"
+        raise Mistake(sentence)
     if len(found) > 1:
         table, _, key = found[0].rpartition(".")
         choices = ", ".join(found)

@@ -131,10 +131,9 @@ def named_by(config: object) -> list[str]:
 
 
 def digests(names: Iterable[str]) -> dict[str, str]:
-    """Return the digest of each file, with the files that it refers to, by name.
-
-    Names of files that cannot be read are left out, such as those of shipped files, which have no
-    path.
+    """Return one digest for each named file, made from the file and those that it refers to, such
+    as meshes, by name. Names that are no readable path are left out. A file that has the name of a
+    shipped one causes a warning.
     """
     found = {name: digest_of(name) for name in names}
     own = {name: digest for name, digest in found.items() if digest != MISSING}

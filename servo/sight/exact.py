@@ -17,7 +17,9 @@ def corners_in(T_camera_object: Pose, outline: Array) -> Array:
 
 
 def plane_in(T_camera_object: Pose) -> Plane:
-    """Return the plane of a rectangle in the camera frame, from its pose."""
+    """Return the plane of a rectangle in the camera frame, 1/Z = A x + B y + C with A, B, C in 1/m.
+    The rectangle is in the plane z = 0 of the object's frame, whose pose is given [m].
+    """
     normal = T_camera_object.rotation[:, 2]
     return Plane(*(normal / (normal @ T_camera_object.translation)).tolist())
 

@@ -21,16 +21,16 @@ DEPTH_SD = 0.02
 
 
 def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
-    """Return the plane with this normal (3,) in which a target of known metric area has these
-    moments.
+    """Return the plane in the camera frame, n . P = 1 for its points P [m], in which a target of
+    known area has the area and centroid of `m` in normalised image coordinates.
 
-    A small piece S of the plane n P = 1 has the image area a = S (n r)^3 / |n|, where r = (xg, yg,
-    1): this gives |n|, and with it the depth, from size alone.
+    A small piece of the plane with the metric area S has the image area a = S (n . r)^3 / |n| with
+    r = (xg, yg, 1): this gives |n| [1/m], and with it the depth.
 
     Args:
         m: Moments of the target.
-        root_area: Square root of the metric area [m].
-        normal: Normal (3,), of any length.
+        root_area: Square root of the target's metric area [m].
+        normal: Direction (3,) of n in the camera frame, of any length, away from the camera.
     """
     A, B, C = normal.tolist()
     facing = (A * m.xg + B * m.yg + C) / sqrt(A * A + B * B + C * C)

@@ -42,7 +42,9 @@ class MissedBound:
 
 
 def unjudged(scenario: Scenario, success: bool) -> str:
-    """Return a sentence that says why a run has no verdict, or "".
+    """Return a sentence if bounds exist but give this run no verdict: they are for another tracker,
+    or the run failed and only a share of seeds must succeed. Otherwise return "", also without
+    bounds.
 
     Args:
         scenario: The scenario of the run.
@@ -68,8 +70,8 @@ def missed_bounds(
         outcome: Name of the run's outcome.
         measures: The run's measures by name.
         expect: Upper bounds by measure, and the expected `outcome`.
-        as_written: The same without [expect.drawn], from which the others are told apart; None:
-            `expect`.
+        as_written: The bounds without [expect.drawn], so that bounds for drawn seeds can be marked;
+            None: `expect`.
     """
     found: list[MissedBound] = []
     written = expect if as_written is None else as_written

@@ -35,7 +35,7 @@ TOO_LITTLE = "there is too little memory, or too few processes are allowed (ulim
 
 
 class Subject(Protocol):
-    """What a job runs: a scenario, or a tracker on a sequence."""
+    """What a job runs, such as a scenario, or a tracker on a sequence."""
 
     @property
     def name(self) -> str:

@@ -139,7 +139,8 @@ def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
     """Return the topic of a name, or the only one with pictures for None.
 
     Raises:
-        ValueError: There is none, there are several, or it has no messages.
+        ValueError: No such topic exists, several topics have pictures, or the topic has no
+        messages.
     """
     images = [topic for topic in topics if topic.has_pictures]
     if not images:

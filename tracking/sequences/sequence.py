@@ -53,7 +53,7 @@ class Sequence:
 
         Args:
             name: Name of the sequence.
-            paint: Returns the picture of a number from 0 on, RGB (H, W, 3).
+            paint: Returns the picture RGB (H, W, 3) with a number; the first is 0.
             region: Size of the target at scale 1 [px].
             states: Exact x, y [px], theta [rad], scale of the target in each picture (n, 4).
         """

@@ -184,7 +184,7 @@ def stream(address: str) -> LiveSource:
 
 
 def camera(number: int) -> LiveSource:
-    """Return the source of a camera of this machine by its number, from 0 on."""
+    """Return the source of a camera of this machine by its number; the first camera is 0."""
     return LiveSource(f"camera:{number}", lambda: _camera(number))
 
 

@@ -182,8 +182,8 @@ def _eight_bits(frame: av.VideoFrame, depth: BitDepth, reformatter: VideoReforma
 
 
 def _display_matrix(frame: av.VideoFrame) -> Matrix:
-    """Return the display matrix of a frame, by which telephones say how a video is shown; that of
-    an unturned picture where there is none.
+    """Return the display matrix of a frame, with which telephones say how a video is turned;
+    without one, the matrix of an unturned picture.
     """
     matrix = frame.side_data.get("DISPLAYMATRIX")
     if matrix is None:

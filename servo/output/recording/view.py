@@ -18,7 +18,10 @@ from tracking.files import atomic
 
 MAGIC = (b"RRF2", b"RRIO")
 """First bytes of Rerun's files."""
-VULKAN = "without a GPU it needs libvulkan1 and mesa-vulkan-drivers; on a busy machine, try again"
+VULKAN = (
+    "without a GPU the viewer needs the packages libvulkan1 and mesa-vulkan-drivers; on a busy "
+    "machine, try again"
+)
 LOADED_WITHIN = 30.0
 """Longest time that the viewer may take to show a recording [s]."""
 POLL = 0.25
@@ -90,7 +93,7 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
             view = None if panel is None else views[panel.strip("/")]
             drawn = viewer.take_screenshot(view_id=view)
     except (RuntimeError, OSError):
-        raise Mistake(f"the viewer does not start without a window: {VULKAN}") from None
+        raise Mistake(f"the viewer cannot draw in the background: {VULKAN}") from None
     atomic.write(png.parent, png.name, drawn)
 
 
