@@ -126,5 +126,5 @@ def test_the_focal_length_for_sizes_is_the_geometric_mean():
 
 def test_a_camera_that_is_not_perspective_is_refused():
     model = model_with('projection="orthographic" fovy="1"')
-    with pytest.raises(ValueError, match="camera 'eye' of the robot's model has to be a perspec"):
+    with pytest.raises(ValueError, match="camera 'eye' of the robot's model is not a perspec"):
         pinhole(model, "eye", *SIZE)

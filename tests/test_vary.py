@@ -101,7 +101,7 @@ def test_what_is_set_is_not_drawn(change, left):
         ),
         (
             {"start": {"x": {"uniform": [1, 2], "choice": [3]}}},
-            "mine.toml: vary.start.x = {'uniform': [1, 2], 'choice': [3]}: expected one of uniform, "
+            "mine.toml: vary.start.x = {'uniform': [1, 2], 'choice': [3]}: expected one distribution with its numbers, one of uniform, "
             "log_uniform, normal, choice",
         ),
         (
