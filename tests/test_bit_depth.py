@@ -11,10 +11,10 @@ from tracked import REGION, call, image
 
 from sim.files.bit_depth import BitDepth
 from sim.files.picture_file import decoded, read_image
+from tracking.guests import trax_messages
 from tracking.sequences.sequence import source_of
 from tracking.sequences.sources import Folder
 from tracking.sequences.video_file import Video
-from tracking.wrapped import trax_messages
 
 RNG = np.random.default_rng(0)
 NOTE = (

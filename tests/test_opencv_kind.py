@@ -8,9 +8,9 @@ import tiny_onnx
 from servo.mistake import Mistake
 from servo.scenario.load import load
 from sim.types import Frame
+from tracking.guests import cv2_tracker
 from tracking.trackers.opencv import Config
 from tracking.types import Region, State, Status
-from tracking.wrapped import cv2_tracker
 
 REGION, START = Region(30.0, 20.0), State(65.0, 50.0)
 
@@ -37,9 +37,9 @@ def vit(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("judge", ["histogram", "score"])
+@pytest.mark.parametrize("judge", [{"judge": "histogram"}, {"least_confidence": 0.3}])
 def test_vit_follows_with_a_model_and_loses(vit, judge, capfd):
-    config = Config(name="Vit", model=str(vit), judge=judge)
+    config = Config(name="Vit", model=str(vit), **judge)
     found = follow(config, count=40, gone=21)
     for k in range(20):
         assert found[k].state.x - START.x == pytest.approx(2 * (k + 1), abs=14)  # two cells
@@ -47,7 +47,7 @@ def test_vit_follows_with_a_model_and_loses(vit, judge, capfd):
     assert found[19].state.x - START.x > 20
     assert [found[k].status for k in (4, 20, 38)] == [Status.LOCKED, Status.UNSURE, Status.LOST]
     assert found[4].follows[0] is False
-    if judge == "score":
+    if "judge" not in judge:
         assert found[4].distance < 0.1
     assert capfd.readouterr() == ("", "")  # OpenCV writes warnings of its own
 
@@ -113,8 +113,8 @@ def test_a_model_of_another_tracker_is_named(vit, tmp_path):
         ),
         ({"model": "a.onnx"}, "OpenCV's MIL has no model file; the number given is 1"),
         (
-            {"judge": "score"},
-            'OpenCV\'s MIL has no score; set judge = "histogram", which needs none',
+            {"least_confidence": 0.3},
+            "the tracker reports no confidence, but least_confidence = 0.3 needs one",
         ),
     ],
 )
@@ -165,6 +165,9 @@ class Leaving:
         if self.count == self.fails:
             raise cv2.error("roi")
         return True, (50, 40, 30, 20)
+
+    def getTrackingScore(self):
+        return 1.0
 
 
 @pytest.mark.parametrize(("name", "models"), [("MIL", ()), ("Vit", ("net.onnx",))])

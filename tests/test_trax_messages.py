@@ -8,8 +8,8 @@ from followed import frame
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tracking.wrapped import trax_messages as messages
-from tracking.wrapped.trax_messages import Message
+from tracking.guests import trax_messages as messages
+from tracking.guests.trax_messages import Message
 
 TEXTS = st.text(st.characters(blacklist_categories=["Cs"], blacklist_characters="\r"))
 
@@ -102,5 +102,5 @@ def test_a_region_is_a_box_a_polygon_or_nothing(text, region):
     ["", "a", "1,2,3", "1,2,3,4,5", "1,2", "1,,2,3", "nan,1,2,3", "1,2,inf,4", "1,2,3,4,5,nan"],
 )
 def test_what_is_no_region_is_refused(text):
-    with pytest.raises(ValueError, match=r"^neither a rectangle nor a polygon$"):
+    with pytest.raises(ValueError, match=r"^neither a rectangle nor a polygon nor a mask$"):
         messages.region_in(text)

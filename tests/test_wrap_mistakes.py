@@ -15,41 +15,83 @@ def answering(answer):
     return wrap(Answering, name="theirs")()
 
 
-EXPECTED = "expected (ok, box) or a box of x, y, width, height with an area"
+EXPECTED = (
+    "expected a box of left, top, width, height with an area, (ok, box), or a mapping with box, "
+    "angle, corners, seen, confidence"
+)
 
 
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
-        (None, f"update returned None; {EXPECTED}"),
-        ((1, 2, 3), f"update returned (1, 2, 3); {EXPECTED}"),
-        ((1, 2, 3, 4, 5), f"update returned (1, 2, 3, 4, 5); {EXPECTED}"),
-        (True, f"update returned True; {EXPECTED}"),
-        ("box", f"update returned 'box'; {EXPECTED}"),
-        ((True, None), f"update returned (True, None); {EXPECTED}"),
-        ((True, (1, 2, 3)), f"update returned (True, (1, 2, 3)); {EXPECTED}"),
-        (([1, 2, 3, 4], 0.9), f"update returned ([1, 2, 3, 4], 0.9); {EXPECTED}"),
-        ((float("nan"), 2, 3, 4), f"update returned (nan, 2, 3, 4); {EXPECTED}"),
-        ((1, 2, float("inf"), 4), f"update returned (1, 2, inf, 4); {EXPECTED}"),
-        ((1, 2, 1e9, 4), f"update returned (1, 2, 1000000000.0, 4); {EXPECTED}"),
-        ((1, 2, -3, 4), f"update returned (1, 2, -3, 4); {EXPECTED}"),
-        ((True, (1, 2, 0, 4)), f"update returned (True, (1, 2, 0, 4)); {EXPECTED}"),
-        (np.ones((1, 4)), f"update returned array([[1., 1., 1., 1.]]); {EXPECTED}"),
-        ({"box": 1}, f"update returned {{'box': 1}}; {EXPECTED}"),
+        (None, f"answered None; {EXPECTED}"),
+        ((1, 2, 3), f"answered (1, 2, 3); {EXPECTED}"),
+        ((1, 2, 3, 4, 5), f"answered (1, 2, 3, 4, 5); {EXPECTED}"),
+        (True, f"answered True; {EXPECTED}"),
+        ("box", f"answered 'box'; {EXPECTED}"),
+        ((True, None), f"answered (True, None); {EXPECTED}"),
+        ((True, (1, 2, 3)), f"answered (True, (1, 2, 3)); {EXPECTED}"),
+        (([1, 2, 3, 4], 0.9), f"answered ([1, 2, 3, 4], 0.9); {EXPECTED}"),
+        ((float("nan"), 2, 3, 4), f"answered (nan, 2, 3, 4); {EXPECTED}"),
+        ((1, 2, float("inf"), 4), f"answered (1, 2, inf, 4); {EXPECTED}"),
+        ((1, 2, 1e9, 4), f"answered (1, 2, 1000000000.0, 4); {EXPECTED}"),
+        ((1, 2, -3, 4), f"answered (1, 2, -3, 4); {EXPECTED}"),
+        ((True, (1, 2, 0, 4)), f"answered (True, (1, 2, 0, 4)); {EXPECTED}"),
+        (np.ones((1, 4)), f"answered array([[1., 1., 1., 1.]]); {EXPECTED}"),
+        ([True, True, True, True], f"answered [True, True, True, True]; {EXPECTED}"),
     ],
     ids=str,
 )
 def test_what_is_no_box_is_refused_with_what_it_is(answer, message):
     with pytest.raises(ValueError) as refused:
         follow(answering(answer))
-    assert str(refused.value) == f"theirs: {message}"
+    assert str(refused.value) == f"theirs {message}"
 
 
-@pytest.mark.parametrize("score", [None, "high", float("nan"), 7.3, -1])
-def test_what_is_no_score_is_refused(score):
+BOX = "it must be left, top, width, height [px] with an area, unless 'seen' is false"
+POINTS = "it must be four points [x, y] [px] that go around a convex region"
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        ({"box": 1}, f"theirs: 'box' is 1; {BOX}"),
+        ({}, f"theirs: 'box' is missing; {BOX}"),
+        ({"box": (1, 2, 0, 4)}, f"theirs: 'box' is (1, 2, 0, 4); {BOX}"),
+        (
+            {"bbox": 1},
+            "theirs answered with the key 'bbox'; the keys are box, angle, corners, seen, "
+            "confidence",
+        ),
+        ({"box": (1, 2, 3, 4), "angle": "x"}, "theirs: 'angle' is 'x'; it must be a number [rad]"),
+        (
+            {"box": (1, 2, 3, 4), "angle": 1e9},
+            "theirs: 'angle' is 1000000000.0; it must be a number [rad]",
+        ),
+        ({"box": (1, 2, 3, 4), "seen": 1}, "theirs: 'seen' is 1; it must be true or false"),
+        (
+            {"corners": [[0, 0], [1, 1], [1, 0], [0, 1]]},
+            f"theirs: 'corners' is [[0, 0], [1, 1], [1, 0], [0, 1]]; {POINTS}",
+        ),
+        ({"corners": "abcd"}, f"theirs: 'corners' is 'abcd'; {POINTS}"),
+        (
+            {"box": (1, 2, 3, 4), "confidence": 2},
+            "theirs: the confidence is 2; it must be from 0 to 1",
+        ),
+    ],
+    ids=str,
+)
+def test_a_mapping_that_cannot_be_is_refused_by_its_key(answer, message):
     with pytest.raises(ValueError) as refused:
-        follow(wrap(Moving, score=lambda tracker: score, name="theirs")())
-    assert str(refused.value) == (f"theirs: the score is {score!r}; it must be a number of 0 to 1")
+        follow(answering(answer))
+    assert str(refused.value) == message
+
+
+@pytest.mark.parametrize("sure", [None, "high", float("nan"), 7.3, -1, True])
+def test_what_is_no_confidence_is_refused(sure):
+    with pytest.raises(ValueError) as refused:
+        follow(wrap(Moving, confidence=lambda tracker: sure, name="theirs")())
+    assert str(refused.value) == f"theirs: the confidence is {sure!r}; it must be from 0 to 1"
 
 
 def test_the_trackers_own_exceptions_are_not_hidden():
@@ -93,22 +135,22 @@ def test_what_is_no_tracker_is_refused(kind, message):
     assert str(refused.value) == message
 
 
-def test_a_score_that_is_to_judge_must_be_there():
-    with pytest.raises(ValueError, match='judge="score" needs score='):
-        wrap(Moving, judge="score")
-    with pytest.raises(ValueError, match='theirs has no score; set judge = "histogram"'):
-        follow(wrap(Moving, name="theirs")(judge="score"))
+def test_a_confidence_that_is_to_judge_must_be_there():
+    with pytest.raises(ValueError) as refused:
+        follow(wrap(Moving, name="theirs")(least_confidence=0.5))
+    assert str(refused.value) == (
+        "the tracker reports no confidence, but least_confidence = 0.5 needs one"
+    )
 
 
-def test_a_convention_or_a_score_that_is_not_there_is_refused():
+def test_a_convention_or_a_confidence_that_is_not_there_is_refused():
     with pytest.raises(ValueError) as refused:
         wrap(Moving, convention="vot", name="theirs")
     assert str(refused.value) == "theirs: there is no convention 'vot'; there is opencv, got10k"
     with pytest.raises(ValueError) as refused:
-        follow(wrap(Moving, score="sure", name="theirs")())
+        follow(wrap(Moving, confidence="sure", name="theirs")())
     assert (
-        str(refused.value)
-        == "theirs has no attribute or method 'sure', but score= names it as its score"
+        str(refused.value) == "theirs has no attribute or method 'sure', but confidence= names it"
     )
 
 

@@ -14,8 +14,8 @@ from tracking.trackers import KINDS
 
 if TYPE_CHECKING:
     from sim.kinds import PartConfig
+    from tracking.guests.wrap import wrap
     from tracking.types import Tracker
-    from tracking.wrapped.wrap import wrap
 
 __all__ = ["create", "wrap"]
 
@@ -75,7 +75,7 @@ def configured(kind: str, preset: str | None = None, **settings: object) -> Part
 
 def __getattr__(name: str) -> object:
     if name == "wrap":  # its module imports OpenCV, which `create` alone does not need
-        from tracking.wrapped.wrap import wrap
+        from tracking.guests.wrap import wrap
 
         return wrap
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

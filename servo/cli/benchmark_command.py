@@ -31,11 +31,12 @@ from servo.study.execute import Workers, check_number, execute
 from servo.study.run import Failure, Record
 from servo.study.store import Store, StudyFile, opened
 from sim.camera import gl
+from sim.types import Frame
 from tracking.files import atomic
 from tracking.files.json_text import as_json
-from tracking.trackers import trax
+from tracking.guests.guest import GuestSettings
+from tracking.trackers import program, trax
 from tracking.types import Region, State
-from tracking.wrapped.trax_client import TraxClient
 
 
 def run(
@@ -144,20 +145,22 @@ def run(
 
 
 def _try_out(scenario: Scenario, console: Console) -> None:
-    """Start a guest's TraX program on a picture of noise, and end it.
+    """Start a guest's tracker on a picture of noise, and end it.
 
-    A program that is silent would fail in every world, after its timeout.
+    A program that is silent would fail in every world, after its time limit.
 
     Raises:
-        Mistake: The program cannot be started or does not speak TraX.
+        Mistake: The tracker cannot be loaded or started.
     """
-    guest = scenario.tracker
-    if isinstance(guest, trax.Config):
-        plain(console, f"'{guest.command}' has {guest.timeout:g} s to say hello")
-        noise = np.random.default_rng(0).integers(0, 256, (240, 320, 3), np.uint8)
-        with as_mistake():
-            client = TraxClient(guest.command, guest.timeout)
-            client.start(noise, Region(80.0, 60.0), State(160.0, 120.0))
+    settings = scenario.tracker
+    if not isinstance(settings, GuestSettings):
+        return
+    if isinstance(settings, program.Config | trax.Config):
+        plain(console, f"'{settings.command}' has {settings.loading:g} s to load")
+    noise = np.random.default_rng(0).integers(0, 256, (240, 320, 3), np.uint8)
+    with as_mistake():
+        guest = settings.guest(seed=0)
+        guest.start(Frame(noise, 0.0, 0), Region(80.0, 60.0), State(160.0, 120.0))
 
 
 def _sealed(value: str, chosen: Sequence[Contestant]) -> Band:

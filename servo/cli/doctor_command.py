@@ -18,7 +18,7 @@ from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.fill import form
 from sim.camera import gl
 from sim.kinds import UnknownKind
-from tracking.wrapped.cv2_tracker import running
+from tracking.guests.cv2_tracker import running
 
 FINE = "All is well. To begin with: servobench run reversal"
 

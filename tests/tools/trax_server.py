@@ -5,7 +5,8 @@ import sys
 import time
 
 given = sys.argv[1:]
-mode, version, regions, pictures = given + ["good", "4", "rectangle", "path"][len(given) :]
+usual = ["good", "4", "rectangle", "path", ""]
+mode, version, regions, pictures, gives = given + usual[len(given) :]
 SPEED = 2.0
 
 
@@ -28,6 +29,7 @@ if mode == "writes":
         sys.stdout.write("." * (1 << 24))
     say("")
 about = f'"trax.region={regions};" "trax.image={pictures};" "trax.name=a b"'
+about += f' "trax.gives={gives}"' if gives else ""
 say(f'@@TRAX:hello "trax.version={version}" {about}')
 numbers, count = [], 0
 for line in sys.stdin:
@@ -35,7 +37,10 @@ for line in sys.stdin:
     if kind == "@@TRAX:quit":
         break
     for word in words:
-        if re.fullmatch(r"[-\d.,]+", word):
+        if word.startswith("m0,"):
+            mask = word
+        if re.fullmatch(r"m?[-\d.,]+", word):
+            word = word.removeprefix("m")
             numbers = [float(number) for number in word.split(",")]
             count = -1
             break
@@ -61,10 +66,14 @@ for line in sys.stdin:
         "hello": "@@TRAX:hello",
         "negative": '@@TRAX:state "1,2,-3,4"',
         "vanishes": '@@TRAX:state "1,2,1e-300,1e-300"',
-        "mask": '@@TRAX:state "m0,0,2,2,1,2"',
+        "wrong": '@@TRAX:state "m0,0,2,2,1,9"',
+        "unsure": '@@TRAX:state "1,2,3,4" "confidence=high"',
+        "empty": '@@TRAX:state "m5,5,2,2,4"',
         "lost": '@@TRAX:state "0"',
         "long": f'@@TRAX:state "{",".join(["42,30,72,30,72,50,42,50"] * 60_000)}"',
     }.get(mode)
+    if mode == "echoes":
+        said = f'@@TRAX:state "{mask}"'
     if count > 0 and said:
         say(said)
         continue
@@ -76,6 +85,9 @@ for line in sys.stdin:
         around = [(x - 55, y - 40) for x, y in pairs]
         moved = [v for x, y in around for v in (55 + c * x - s * y, 40 + s * x + c * y)]
         moved = moved[4:] + moved[:4]  # in another order
+    if mode == "tilts" and count:
+        moved[2] += 2
+        moved[3] += 3
     answer(moved, "" if mode == "plain" else f'"confidence={0.9 if count < 5 else 0.1}"')
     if mode == "twice" and count == 1:
         answer(moved)

@@ -8,28 +8,28 @@ import tomllib
 from collections.abc import Iterable, Iterator
 from typing import TextIO
 
-import numpy as np
-
 from sim.files.bit_depth import BitDepth
 from sim.installed import plain
-from sim.types import Array
+from sim.kinds import PartConfig
+from sim.types import Array, Frame
 from tracking import configured
 from tracking.evaluation.warm_up import warm_up
-from tracking.exported.toolkits import Follower
-from tracking.sequences.sources import RATE
-from tracking.types import Status
-from tracking.wrapped.trax_messages import (
+from tracking.exported.served import Served
+from tracking.guests.report import Report, box_around
+from tracking.guests.trax_messages import (
     CONFIDENCE,
     CORNERS,
+    NOT_SEEN,
     SEEN,
-    UNSEEN,
     Message,
-    box_around,
     message_in,
     picture_in,
     region_in,
     region_text,
 )
+from tracking.sequences.quadrilateral import corners_of, placement
+from tracking.sequences.sources import RATE
+from tracking.types import Tracker
 
 ABOUT = {
     "trax.version": "4",
@@ -72,16 +72,21 @@ def run_trax(
     out = answers or sys.stdout
     config = configured(kind, preset, **settings)
     warm_up(config)
-    for message in _conversation(kind, Follower(config, seed, rate), requests or sys.stdin):
+    for message in _conversation(kind, config, seed, rate, requests or sys.stdin):
         out.write(message.line())
         out.flush()
 
 
-def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Iterator[Message]:
+def _conversation(
+    kind: str, config: PartConfig[Tracker], seed: int, rate: float, requests: Iterable[str]
+) -> Iterator[Message]:
     """Yield our messages: a hello, then the answer to each picture that a client sends."""
-    yield Message("hello", named=ABOUT | {"trax.name": kind})
+    served = Served(config, seed)
+    declared = {} if served.gives is None else {"trax.gives": ";".join(sorted(served.gives))}
+    yield Message("hello", named=ABOUT | {"trax.name": kind} | declared)
     given: Array | None = None  # a region, until its first picture comes
     region: Array | None = None
+    count = 0
     depth = BitDepth()
     for message in filter(None, map(message_in, requests)):
         match (message.type, *message.arguments):
@@ -101,18 +106,21 @@ def _conversation(kind: str, follower: Follower, requests: Iterable[str]) -> Ite
                 )
         image = picture_in(picture, depth)
         if given is not None:
+            if region is not None:
+                served = Served(config, seed)  # a target is given anew
             region = given
             given = None
+            count = 0
             exact = region.ndim == 1 or len(region) == CORNERS
-            follower.start(image, region.ravel() if exact else box_around(region), turned=True)
-            yield _answer(region, 1.0, seen=True)
+            numbers = region.ravel() if exact else box_around(region)
+            served.start(Frame(image, 0.0, 0), *placement(corners_of(numbers), turned=True))
+            yield _answer(region, Report(confidence=1.0))
         else:
-            found, rect = follower.update(image)
+            count += 1
+            report = served.update(Frame(image, count / rate, count))
             is_box = region is not None and region.ndim == 1
-            outline = np.array(rect) if is_box else found.outline(follower.region)
-            # A tracker that is unsure, but finds something similar, still reports its region.
-            seen = found.distance < 1.0 or found.status is Status.LOCKED
-            yield _answer(outline, 1.0 - found.distance, seen=seen)
+            outline = box_around(served.outline) if is_box else served.outline
+            yield _answer(outline, report)
 
 
 def _region(text: str) -> Array:
@@ -130,12 +138,14 @@ def _region(text: str) -> Array:
     return region
 
 
-def _answer(region: Array, confidence: float, *, seen: bool) -> Message:
-    """Return the answer to a picture: a region (4,) or (n, 2) [px] and the confidence 0..1, marked
-    if the tracker did not see the target.
+def _answer(region: Array, report: Report) -> Message:
+    """Return the answer to a picture: a region (4,) or (n, 2) [px], and what a report says of it:
+    the confidence, and whether the tracker sees the target.
     """
-    named = {CONFIDENCE: f"{confidence:.6f}"} | ({} if seen else {SEEN: UNSEEN})
-    return Message("state", [region_text(region)], named)
+    named = {} if report.confidence is None else {CONFIDENCE: f"{report.confidence:.6f}"}
+    return Message(
+        "state", [region_text(region)], named | ({} if report.seen else {SEEN: NOT_SEEN})
+    )
 
 
 def main() -> None:

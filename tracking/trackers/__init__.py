@@ -17,7 +17,7 @@ def _adapted(found: object) -> type[Any] | None:
     objects.
     """
     # Imported only now: `servobench list` only looks at files.
-    from tracking.wrapped.wrap import is_foreign, wrap
+    from tracking.guests.wrap import is_foreign, wrap
 
     is_function = callable(found) and not isinstance(found, type)
     if is_foreign(found) or is_function:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import Array, Frame, Image
+from tracking.guests.boxes import box_of
 from tracking.loss import LossJudge, LossLimits
 from tracking.types import (
     SET_BY_START,
@@ -19,7 +20,6 @@ from tracking.types import (
     check_region,
     unknown_covariance,
 )
-from tracking.wrapped.boxes import box_of
 
 # As OpenCV's own sample program of CamShift has them, which most users start from.
 BINS = 16

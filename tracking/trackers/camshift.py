@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Frame
+from tracking.guests.boxes import box_of
 from tracking.trackers._hue import ENDS, HueTracker
 from tracking.types import SET_BY_START, Region, State, Trait
-from tracking.wrapped.boxes import box_of
 
 SMALLEST_BOX = 4
 """Least side of the window in which CamShift begins [px]: a smaller window is enlarged to it."""

@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 
 from sim.types import Array, Frame
+from tracking.guests.boxes import box_of
 from tracking.trackers._hue import ENDS, HueTracker
 from tracking.types import State, Trait
-from tracking.wrapped.boxes import box_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,10 @@ import numpy as np
 
 from sim.channels import Channel
 from sim.types import Array, Frame
+from tracking.guests.boxes import box_of
+from tracking.guests.cv2_tracker import Cv2Tracker
 from tracking.trackers._hue import HueTracker
 from tracking.types import SET_BY_START, Region, State, Trait
-from tracking.wrapped.boxes import box_of
-from tracking.wrapped.cv2_tracker import Cv2Tracker
 
 SEED_BITS = 31
 """Bits of the seeds that OpenCV takes."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sim.outline import area
 from sim.types import Array, Frame, Image
+from tracking.guests.report import convex
 from tracking.loops import plane_alignment
 from tracking.loss import LossJudge, LossLimits
 from tracking.search.velocity import Velocity
@@ -31,7 +32,6 @@ from tracking.types import (
     check_region,
     unknown_covariance,
 )
-from tracking.wrapped.boxes import convex
 
 Level = tuple[int, Array, Array, Array, NDArray[np.intp]]
 """Number of points of a template; those (n, 2) that were seen, their brightness (n,), its

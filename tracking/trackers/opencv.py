@@ -4,18 +4,18 @@ and KCF where OpenCV's additional modules are installed.
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from sim.ranges import File
+from tracking.guests.cv2_tracker import MODELS, Cv2Tracker
+from tracking.guests.guest import GuestSettings
+from tracking.guests.wrap import Called, Wrapping
 from tracking.types import Trait
-from tracking.wrapped.cv2_tracker import MODELS, Cv2Tracker
-from tracking.wrapped.foreign_tracker import ForeignTracker, JudgeSettings
-from tracking.wrapped.wrap import Wrapping
 
 
 @dataclass(frozen=True, slots=True)
-class Config(JudgeSettings):
-    """OpenCV's name of the tracker, and settings by which its boxes are judged LOCKED."""
+class Config(GuestSettings):
+    """OpenCV's name of the tracker, its model files, and settings of any tracker of another
+    author.
+    """
 
     traits = frozenset({Trait.FOREIGN})
 
@@ -25,12 +25,13 @@ class Config(JudgeSettings):
     """ONNX files: one for Vit, two for Nano (backbone, neckhead), three for DaSiamRPN (model,
     kernel_cls1, kernel_r1)."""
 
-    def build(self, rng: np.random.Generator) -> ForeignTracker:
-        """Return the tracker; OpenCV's own random state is seeded from the generator."""
+    def guest(self, seed: int) -> Called:
+        """Return the tracker, with its networks loaded; OpenCV's own random state is seeded."""
         models = (self.model,) if isinstance(self.model, str) else self.model
 
         def make(seed: int) -> Cv2Tracker:
             return Cv2Tracker(self.name, models, seed)
 
-        score = "score" if self.name in MODELS else None
-        return Wrapping(make, "opencv", score, f"OpenCV's {self.name}").build(self, rng)
+        confidence = "score" if self.name in MODELS else None
+        place = f"OpenCV's {self.name}"
+        return Wrapping(make, "opencv", confidence, place, rounds=True).called(seed)

@@ -1,19 +1,18 @@
 """A tracker in a process of its own, in any language, over the TraX protocol (Cehovin 2017)."""
 
 from dataclasses import dataclass
-from typing import Annotated
 
-import numpy as np
-from annotated_types import Ge, Le
-
+from tracking.guests.guest import GuestSettings
+from tracking.guests.process import Limit
+from tracking.guests.trax_client import TraxClient
 from tracking.types import Trait
-from tracking.wrapped.foreign_tracker import ForeignTracker, JudgeSettings
-from tracking.wrapped.trax_client import TraxClient
 
 
 @dataclass(frozen=True, slots=True)
-class Config(JudgeSettings):
-    """The server's command, and settings by which its reported `confidence` is judged."""
+class Config(GuestSettings):
+    """The server's command, the time limits of its answers, and settings of any tracker of another
+    author.
+    """
 
     traits = frozenset({Trait.FOREIGN})
     not_from_file = ("command",)
@@ -21,9 +20,11 @@ class Config(JudgeSettings):
 
     command: str = ""
     """The server with its arguments, such as "python my_tracker.py"; run without a shell."""
-    timeout: Annotated[float, Ge(0.1), Le(3600.0)] = 30.0
-    """Longest wait for an answer [s]; the first one waits for the server's start, too."""
+    timeout: Limit = 30.0
+    """Longest wait for the answer to a picture [s]."""
+    loading: Limit = 120.0
+    """Longest wait for the server's hello, before which it loads what it needs [s]."""
 
-    def build(self, rng: np.random.Generator) -> ForeignTracker:
-        """Return the tracker; uses no random numbers."""
-        return ForeignTracker(self, lambda: TraxClient(self.command, self.timeout))
+    def guest(self, seed: int) -> TraxClient:
+        """Return the connection to a new server, which is not told the seed."""
+        return TraxClient(self.command, self.timeout, self.loading)

@@ -17,12 +17,14 @@ import numpy as np
 from sim.files.bit_depth import BitDepth
 from sim.files.picture_file import check_size, decoded, read_image
 from sim.types import Array, Image
+from tracking.guests.report import DIGITS
+from tracking.types import FARTHEST
 
 PREFIX = "@@TRAX:"
 CONFIDENCE = "confidence"
 """Name of the argument in which servers report their score."""
 SEEN = "seen"
-UNSEEN = "0"
+NOT_SEEN = "0"
 """Argument seen=0 by which our server reports that its tracker did not see the target; TraX itself
 has no message for this."""
 TYPES = {"hello", "initialize", "frame", "state", "status", "quit"}
@@ -34,6 +36,9 @@ SPECIAL = re.compile(r'[\\"\n]')
 ESCAPED = {"\\": "\\\\", '"': '\\"', "\n": "\\n"}
 BOX = 4
 """Number of numbers of a box: x, y, width, height."""
+MASK = "m"
+"""First letter of a mask's text. Whole numbers follow: left, top, width, height of the part of the
+picture that it covers, and the lengths of its runs of zeros and ones, row by row, zeros first."""
 FEWEST_NUMBERS = 6
 """Numbers of a rectangle, and fewest of a polygon."""
 CORNERS = 4
@@ -78,35 +83,79 @@ def message_in(line: str) -> Message | None:
 
 
 def region_text(numbers: Array) -> str:
-    """Return a box (4,) x, y, width, height, or corners (n, 2) [px] as the text of a region."""
-    return ",".join(f"{number:.4f}" for number in numbers.ravel().tolist())
+    """Return a box (4,) x, y, width, height, or corners (n, 2) [px] as the text of a region, with
+    six decimals at most.
+    """
+    texts = (f"{number:.{DIGITS}f}" for number in numbers.ravel().tolist())
+    return ",".join(text.rstrip("0").rstrip(".") for text in texts)
+
+
+def mask_text(corners: Array, image: Image) -> str:
+    """Return the mask of a convex region, whose corners (n, 2) [px] go around it clockwise, in a
+    picture (H, W, 3) as the text of a region.
+    """
+    height, width = image.shape[:2]
+    mask = np.ones((height, width), dtype=np.int8)
+    y, x = np.mgrid[:height, :width] + 0.5  # the middles of the pixels
+    for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        mask &= (x1 - x0) * (y - y0) >= (y1 - y0) * (x - x0)
+    flat = np.concatenate([[0], mask.ravel()])
+    ends = np.flatnonzero(np.diff(flat))
+    runs = np.diff(np.concatenate([[0], ends, [mask.size]])).tolist()
+    return f"{MASK}0,0,{width},{height},{','.join(map(str, runs))}"
 
 
 def region_in(text: str) -> Array | None:
-    """Return the box (4,) x, y, width, height, or the polygon (n, 2) [px] in the text of a region.
+    """Return the box (4,) x, y, width, height, or the polygon (n, 2) [px] in the text of a region;
+    of a mask the box around it.
 
     Returns:
-        None where the target is not seen: for a single number, or a box of zeros.
+        None where the target is not seen: for a single number, a box of zeros or an empty mask.
 
     Raises:
-        ValueError: The text is neither; the message is written to follow "The text is".
+        ValueError: The text is none of these; the message is written to follow "The text is".
     """
     try:
-        numbers = np.array(text.split(","), dtype=float)
+        numbers = np.array(text.removeprefix(MASK).split(","), dtype=float)
     except ValueError:
         numbers = np.empty(0)
     count = len(numbers)
+    if text.startswith(MASK) and count > BOX:
+        return _box_of_mask(numbers)
     if count == 1 or (count == BOX and not numbers.any()):
         return None
     polygon = count >= FEWEST_NUMBERS and count % 2 == 0
-    if not (polygon or count == BOX) or not np.isfinite(numbers).all():
-        raise ValueError("neither a rectangle nor a polygon")
+    if text.startswith(MASK) or not (polygon or count == BOX) or not np.isfinite(numbers).all():
+        raise ValueError("neither a rectangle nor a polygon nor a mask")
     return numbers.reshape(-1, 2) if polygon else numbers
 
 
-def box_around(polygon: Array) -> Array:
-    """Return the upright box (4,), x, y, width, height, around a polygon (n, 2) [px]."""
-    return np.concatenate([polygon.min(axis=0), np.ptp(polygon, axis=0)])
+def _box_of_mask(numbers: Array) -> Array | None:
+    """Return the box (4,) x, y, width, height [px] around the ones of a mask; None for an empty
+    mask.
+
+    Args:
+        numbers: Left, top, width, height of the mask, and the lengths of its runs.
+
+    Raises:
+        ValueError: The runs do not fit the size; the message follows "The text is".
+    """
+    if not (np.abs(numbers) <= FARTHEST).all() or (numbers != numbers.round()).any():  # nan is not
+        raise ValueError("a mask with an impossible number")
+    left, top, width, height, *runs = numbers.astype(int).tolist()
+    check_size(width, height)
+    if min(runs) < 0 or sum(runs) > width * height:
+        raise ValueError("a mask whose runs do not fit its size")
+    is_one = np.arange(len(runs)) % 2 == 1
+    found = np.flatnonzero(np.repeat(is_one, runs))
+    if not len(found):
+        return None
+    columns = found % width
+    rows = found // width
+    low = columns.min(), rows.min()
+    high = columns.max() + 1, rows.max() + 1
+    sides = high[0] - low[0], high[1] - low[1]
+    return np.array([left + low[0], top + low[1], *sides], dtype=float)
 
 
 def picture_text(image: Image, formats: Sequence[str], file: Path) -> str:

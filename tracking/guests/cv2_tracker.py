@@ -12,7 +12,7 @@ import numpy as np
 from sim.files import reading
 from sim.stderr import silent_libraries
 from sim.types import Image
-from tracking.wrapped.boxes import Box
+from tracking.guests.boxes import Box
 
 MODELS = {
     "Nano": ("backbone", "neckhead"),

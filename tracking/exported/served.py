@@ -1,0 +1,71 @@
+"""Any tracker, ours or of another author, as a server shows it to a client: by reports."""
+
+from typing import final
+
+import numpy as np
+
+from sim.kinds import PartConfig
+from sim.types import Frame
+from tracking.guests.guest import GuestSettings
+from tracking.guests.report import DIGITS, Gives, Report, box_around, outline_of
+from tracking.types import Region, State, Status, Tracker
+
+
+@final
+class Served:
+    """A tracker that reports where it finds its target; a guest's reports pass unchanged."""
+
+    def __init__(self, config: PartConfig[Tracker], seed: int) -> None:
+        """Make the tracker, ready for the first picture.
+
+        Args:
+            config: Settings of the tracker.
+            seed: Seed of its random numbers.
+
+        Raises:
+            ValueError: A guest cannot be loaded or started.
+        """
+        self._guest = config.guest(seed) if isinstance(config, GuestSettings) else None
+        self._tracker = None if self._guest else config.build(np.random.default_rng(seed))
+        self.gives: frozenset[Gives] | None = self._guest.gives if self._guest else None
+        """What a guest declares that it measures; None: what the reports show."""
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Start the tracker with a region [px] in the first picture.
+
+        Raises:
+            ValueError: The tracker refuses the region or the picture.
+        """
+        self._region = region
+        self.outline = region.corners(state)
+        """Corners (4, 2) [px] of the target where it was seen last, clockwise."""
+        if self._tracker is not None:
+            self._tracker.start(frame, region, state)
+        elif self._guest is not None:
+            self._guest.start(frame, region, state)
+
+    def update(self, frame: Frame) -> Report:
+        """Return where the tracker finds its target in the next picture."""
+        report = self._report(frame)
+        if self._guest is not None and report.seen:
+            self.outline = outline_of(report)
+        return report
+
+    def _report(self, frame: Frame) -> Report:
+        if self._guest is not None:
+            return self._guest.update(frame)
+        assert self._tracker is not None  # there is one of the two
+        found = self._tracker.update(frame)
+        confidence = 1.0 - found.distance
+        self.outline = found.outline(self._region)
+        if found.status is not Status.LOCKED:
+            return Report(seen=False, confidence=confidence)
+        if found.corners is not None:
+            return Report(corners=found.corners.round(DIGITS), confidence=confidence)
+        if not found.follows[0]:
+            box = box_around(self.outline).round(DIGITS)
+            return Report(box=box, confidence=confidence)
+        state = found.state
+        sides = np.array([self._region.width, self._region.height]) * state.scale
+        box = np.concatenate([np.array([state.x, state.y]) - sides / 2, sides]).round(DIGITS)
+        return Report(box=box, angle=state.theta, confidence=confidence)

@@ -1,0 +1,162 @@
+"""A tracker of another author, a guest, as a `tracking.types.Tracker`.
+
+What a guest reports (`tracking.guests.report`) is the same whichever way it is connected: as a
+class, as a program, over TraX, as a network. Its own word decides whether the target is seen.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal, Protocol, final
+
+import numpy as np
+
+from sim.channels import Channel
+from sim.plain_part import DRAWN
+from sim.ranges import Share
+from sim.types import Array, Frame
+from tracking.appearance.model import AppearanceSettings
+from tracking.guests.placement import Placement
+from tracking.guests.report import Gives, Report
+from tracking.loss import LossJudge, LossLimits
+from tracking.types import (
+    SET_BY_START,
+    Estimate,
+    Region,
+    State,
+    Status,
+    check_region,
+    unknown_covariance,
+)
+
+LIMITS = LossLimits(floor=0.5, cap=0.75)
+"""Limits of the histogram's distance: with hard bins, even that of a seen target is far above 0."""
+
+
+class Guest(Protocol):
+    """Connection to a tracker of another author: an object in this process, or a program."""
+
+    @property
+    def gives(self) -> frozenset[Gives] | None:
+        """What the tracker declares that it measures; None: what its reports show."""
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Show the tracker the first picture, and the target's region in it."""
+
+    def update(self, frame: Frame) -> Report:
+        """Return where the tracker finds the target in the next picture."""
+        ...
+
+
+@dataclass(frozen=True)
+class GuestSettings:
+    """Settings of a tracker of another author: who decides whether the target is seen, and whether
+    its size is used.
+    """
+
+    needs = frozenset({Channel.PICTURE})
+
+    judge: Literal["own", "histogram"] = "own"
+    """Who decides whether the target is seen: the tracker's "own" word, or also our colour
+    "histogram" in its box."""
+    least_confidence: Share = 0.0
+    """The target also counts as not seen where the tracker reports a smaller confidence."""
+    follow_size: bool = True
+    """Use the size of the tracker's boxes, once it has changed."""
+
+    def guest(self, seed: int) -> Guest:
+        """Return a new tracker of the other author, loaded and ready for the first picture.
+
+        Args:
+            seed: Seed of all random numbers of the tracker.
+
+        Raises:
+            ValueError: The tracker cannot be loaded or started.
+        """
+        raise NotImplementedError
+
+    def build(self, rng: np.random.Generator) -> "GuestTracker":
+        """Return the tracker; the seed of the other author's tracker is drawn from the generator
+        when it starts.
+        """
+        return GuestTracker(self, rng)
+
+
+@final
+class GuestTracker:
+    """A `tracking.types.Tracker` around a tracker of another author.
+
+    Its boxes give centre and size, its angles and corners the rest; the camera's motion is ignored.
+    """
+
+    _guest: Guest = SET_BY_START
+
+    def __init__(self, settings: GuestSettings, rng: np.random.Generator) -> None:
+        """Prepare a tracker; each `start` makes a new tracker of the other author."""
+        self._settings = settings
+        self._rng = rng
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Make a new tracker of the other author and start it on the first frame.
+
+        Raises:
+            ValueError: The region is not valid, or the tracker cannot be made or refuses the
+                region.
+        """
+        check_region(frame, region, state)
+        self._guest = self._settings.guest(DRAWN["seed"](self._rng))
+        self._guest.start(frame, region, state)
+        self._gives = self._guest.gives
+        self._placement = Placement(region, state, self._gives, sizes=self._settings.follow_size)
+        self._loss = LossJudge(LIMITS)
+        if self._settings.judge == "histogram":
+            self._model = AppearanceSettings().model(frame.image, region, state)
+
+    def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
+        """Return the estimate by the other tracker's report; the last state where it does not see
+        the target.
+
+        Args:
+            frame: The next frame.
+            ego: Not used.
+
+        Raises:
+            ValueError: The other tracker fails, or its answer is not possible.
+        """
+        report = self._guest.update(frame)
+        place = self._placement
+        if report.seen:
+            place.follow(report)
+        distance, status = self._judge(frame, report)
+        is_tilt_seen = place.tilts if self._gives is None else "corners" in self._gives
+        corners = report.corners is not None and is_tilt_seen
+        return Estimate(
+            place.state,
+            unknown_covariance(),
+            distance,
+            status,
+            follows=(place.turns, place.resizes),
+            corners=place.corners if corners else None,
+        )
+
+    def _judge(self, frame: Frame, report: Report) -> tuple[float, Status]:
+        """Return the target's distance, 0..1, and its status: one minus the confidence, or 0 for a
+        target that is seen, if no histogram judges.
+        """
+        confidence = report.confidence
+        distance = float(not report.seen) if confidence is None else 1.0 - confidence
+        least = self._settings.least_confidence
+        if confidence is None and least > 0 and report.seen:
+            raise ValueError(
+                f"the tracker reports no confidence, but least_confidence = {least:g} needs one"
+            )
+        if not report.seen or (confidence is not None and confidence < least):
+            return distance, self._loss.judge(math.inf, frame.time)
+        if self._settings.judge == "own":
+            return distance, self._loss.judge(0.0, frame.time)
+        state = self._placement.state
+        image = self._model.label(frame.image)
+        distance = float(self._model.distances(image, state.vector[None])[0])
+        status = self._loss.judge(distance, frame.time)
+        if status is Status.LOCKED:
+            self._model.learn(image, state)
+        return distance, status

@@ -1,0 +1,108 @@
+"""Client for a tracker in another process that reads and writes lines of JSON.
+
+The program gets a line of JSON, and after a line with a width and a height the picture as raw bytes
+(height x width x 3, red, green, blue); it answers each line with a line of its own:
+
+| it gets | it answers |
+|---|---|
+| {"seed": 7} | {}, or {"gives": ["size"]}, when it has loaded what it needs |
+| {"width": 320, "height": 240, "index": 0, "time": 0.0, "box": [130, 105, 60, 30], "angle": 0.0, \
+"corners": [[130, 105], ...]} and the first picture | {} |
+| {"width": 320, "height": 240, "index": 1, "time": 0.033} and the next picture | {"box": [left, \
+top, width, height]}, or other keys of `tracking.guests.report.KEYS` |
+
+The end of its input asks it to end. {"error": "..."} ends the run with that sentence. Lines that do
+not begin with "{" are the program's own output.
+"""
+
+import json
+from collections.abc import Mapping
+from typing import cast, final
+
+from sim.types import Frame
+from tracking.guests.boxes import exact_box
+from tracking.guests.process import GuestProcess
+from tracking.guests.report import DIGITS, Gives, Report, gives_in, report_in
+from tracking.types import Region, State
+
+Answer = Mapping[str, object]
+"""An answer of a program: an object of JSON."""
+
+
+@final
+class ProgramClient:
+    """Connection to a program; the program is ended with this object."""
+
+    def __init__(self, command: str, seed: int, timeout: float, loading: float) -> None:
+        """Start a program and wait until it is ready.
+
+        Args:
+            command: The program and its arguments, quoted as in a shell; no shell runs it.
+            seed: Seed for the program's random numbers.
+            timeout: Longest wait for the answer to a picture [s].
+            loading: Longest wait for the first answer [s].
+
+        Raises:
+            ValueError: The program does not start, sends no line of JSON, or declares something
+                that there is not.
+        """
+        self._program = GuestProcess("program", command, {})
+        self._timeout = timeout
+        answer = self._ask({"seed": seed}, b"", loading)
+        self.gives: frozenset[Gives] | None = gives_in(answer.get("gives"), self._program.name)
+        """What the program's first line declares that it measures; None: nothing."""
+
+    def start(self, frame: Frame, region: Region, state: State) -> None:
+        """Send the first picture, and the target's region at a state.
+
+        Raises:
+            ValueError: The program has ended, hangs, or refuses the region.
+        """
+        target = {
+            "box": exact_box(region, state, frame.image).tolist(),
+            "angle": state.theta,
+            "corners": region.corners(state).round(DIGITS).tolist(),
+        }
+        self._show(frame, target)
+
+    def update(self, frame: Frame) -> Report:
+        """Send the next picture, and return the program's report.
+
+        Raises:
+            ValueError: The program has ended, hangs, or its answer is not a report.
+        """
+        return report_in(self._show(frame, {}), self._program.name)
+
+    def _show(self, frame: Frame, more: Answer) -> Answer:
+        """Send a picture, with more keys of its line, and return the answer."""
+        height, width = frame.image.shape[:2]
+        line = {"width": width, "height": height, "index": frame.index, "time": frame.time, **more}
+        return self._ask(line, frame.image.tobytes(), self._timeout)
+
+    def _ask(self, line: Answer, picture: bytes, limit: float) -> Answer:
+        """Send a line and the bytes of a picture, and return the answer within a limit [s].
+
+        Raises:
+            ValueError: The program has ended, hangs, answers something else than an object of JSON,
+                or reports an error.
+        """
+        sent = [json.dumps(line).encode() + b"\n", picture]
+        answer = self._program.ask(sent, self._object_in, limit, "line of JSON")
+        if "error" in answer:
+            self._program.fail(f"refused: {' '.join(str(answer['error']).split())[:200]}")
+        return answer
+
+    def _object_in(self, line: bytes) -> Answer | None:
+        """Return the object of JSON in a line of output; None for other output.
+
+        Raises:
+            ValueError: The line begins with "{" but is no JSON.
+        """
+        if not line.lstrip().startswith(b"{"):
+            return None
+        try:
+            return cast("Answer", json.loads(line))
+        except (ValueError, RecursionError) as error:
+            text = line.decode("utf-8", "replace").strip()[:80]
+            reason = "too deep" if isinstance(error, RecursionError) else error
+            self._program.fail(f"answered {text}, which is no JSON: {reason}")
