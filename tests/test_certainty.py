@@ -10,7 +10,7 @@ import pytest
 import servo
 from servo.cli.run_command import run_scenario
 from servo.loop.columns import Columns
-from servo.loop.events import uncertain
+from servo.loop.events import remarks_on_tracker
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from sim.types import Camera
 from tracking.types import Estimate, Region, State, Status
@@ -49,7 +49,7 @@ def test_a_region_that_slips_inside_one_colour_turns_no_camera(block):
     assert (
         max(abs(s.command.twist[5]) for s, out in zip(steps, left_out, strict=True) if out) < 1e-6
     )
-    assert f"{left_out.sum()} angles" in uncertain(Columns.of(steps))
+    assert f"{left_out.sum()} angles" in remarks_on_tracker(Columns.of(steps))
 
 
 def test_a_run_says_so_once_and_so_does_its_report(block, tmp_path, capsys):
@@ -110,4 +110,4 @@ def test_errors_are_those_that_the_tracker_states(tracker, least):
 
 def test_nothing_is_said_where_all_is_certain():
     steps = list(servo.run(servo.load("still", ["run.duration=0.3"])))
-    assert uncertain(Columns.of(steps)) == ""
+    assert remarks_on_tracker(Columns.of(steps)) == ""

@@ -158,6 +158,9 @@ class Estimate:
     corners: Array | None = None
     """Corners (4, 2) of the target [px] in the order of `Region.corners`, from a tracker that
     follows perspective; None: the region's corners at `state`."""
+    likely_scale: float | None = None
+    """Set by the loop where it refuses the size of `state`, because camera and target cannot have
+    moved that much: the scale that it uses instead, by the camera's motion."""
 
     def outline(self, region: Region) -> Array:
         """Return the target's corners (4, 2) in the image [px]: `corners`, if the tracker reports

@@ -18,10 +18,9 @@ from servo.bench.benchmark import Benchmark, Settings
 from servo.controllers import KINDS as LAWS
 from servo.features import KINDS as FEATURES
 from servo.mistake import Mistake
-from servo.scenario.catalogue import PLUGINS
+from servo.scenario.part_names import PROGRAM, TRAX, named_part, settings_of
 from servo.scenario.toml import assignment
 from sim.files.behind import files_behind
-from sim.installed import Trusted
 from tracking.files.json_text import as_json
 from tracking.trackers import KINDS as TRACKERS
 from tracking.trackers import general_kinds
@@ -32,10 +31,6 @@ PERFECT = "truth"
 """Names of the contestants that fix the scale."""
 FROZEN = "frozen"
 """A shipped tracker that does not use pictures: any tracker holds the worlds that it holds."""
-TRAX = "trax:"
-ONNX = "onnx:"
-"""A network file of OpenCV's tracker Vit."""
-
 OURS = ("scenes", "servo", "sim", "tracking")
 """Packages of servobench, which do not belong to a contestant: a row names their version."""
 NAMING = ("tracker.command", "tracker.model", "controller.file")
@@ -158,8 +153,8 @@ def contestants(
     Args:
         benchmark: The benchmark that they take part in.
         given: A name of `home_of`, or name=kind:preset, name=module:Class, name='trax:COMMAND'
-            for a program that speaks TraX, or name=onnx:FILE for a network of OpenCV's tracker
-            Vit; without any, all of `home_of`.
+            or name='program:COMMAND' for a program, or name=onnx:FILE[,FILE] for networks of
+            OpenCV's trackers; without any, all of `home_of`.
         changes: Changes KEY=VALUE of every contestant's settings, which put it into the division
             OPEN. A user's tracker with such a change runs in this process, without one in a
             process of its own.
@@ -182,37 +177,6 @@ def contestants(
     return chosen
 
 
-def named_part(text: str) -> tuple[str, str]:
-    """Return name and part of a text NAME=PART; a text without "=" is both.
-
-    Raises:
-        Mistake: The name or the part is missing.
-    """
-    name, _, what = text.partition("=") if "=" in text else (text, "", text)
-    if not name.strip() or not what.strip():
-        raise Mistake(
-            f"'{text}': write NAME=KIND, NAME=module:Class, NAME='trax:COMMAND' or NAME=onnx:FILE"
-        )
-    return name.strip(), what.strip()
-
-
-def settings_of(section: str, what: str) -> Settings:
-    """Return the settings, by dotted key, that put a part into a section of a scenario.
-
-    Args:
-        section: The section, such as "tracker" or "controller".
-        what: The part: kind, kind:preset or module:Class, or for a tracker trax:COMMAND or
-            onnx:FILE.
-    """
-    if section == "tracker" and what.startswith(ONNX):
-        network = what.removeprefix(ONNX)
-        return {"tracker.kind": "opencv", "tracker.name": "Vit", "tracker.model": network}
-    if section == "tracker" and what.startswith(TRAX):
-        return {"tracker.kind": "trax", "tracker.command": Trusted(what.removeprefix(TRAX))}
-    table = PLUGINS[section][0].named(what)
-    return {f"{section}.{key}": value for key, value in table.items()}
-
-
 def _served(settings: Settings) -> Settings:
     """Return settings that run a Python tracker, given by its settings, in another process, which
     gets pictures only.
@@ -220,11 +184,11 @@ def _served(settings: Settings) -> Settings:
     table = {key.removeprefix("tracker."): value for key, value in settings.items()}
     python = Path(shutil.which("python") or "")
     words = ["python" if python == Path(sys.executable) else sys.executable]
-    words += ["-m", "tracking.exported.trax_server", str(table.pop("kind"))]
+    words += ["-m", "tracking.exported.program_server", str(table.pop("kind"))]
     if preset := table.pop("preset", None):
         words += ["--preset", str(preset)]
     words += [f"{key}={json.dumps(value)}" for key, value in table.items()]
-    return settings_of("tracker", TRAX + shlex.join(words))
+    return settings_of("tracker", PROGRAM + shlex.join(words))
 
 
 def _guest(benchmark: Benchmark, text: str, served: bool) -> Contestant:
@@ -242,7 +206,7 @@ def _guest(benchmark: Benchmark, text: str, served: bool) -> Contestant:
         division = Division.HOME if what in (*home, *kinds) else Division.OPEN
         return Contestant(name, own or OF_CONTROLLERS | settings_of("controller", what), division)
     settings = settings_of("tracker", what)
-    if what.startswith(TRAX):
+    if what.startswith((TRAX, PROGRAM)):
         return Contestant(name, settings, Division.CLOSED)
     kind = str(settings["tracker.kind"])
     # A class by its path is imported in the process that it runs in, never here.

@@ -7,12 +7,12 @@ from pathlib import Path
 from rich.console import Console
 
 from servo.bench.benchmark import Settings
-from servo.bench.contestant import named_part, settings_of
 from servo.cli import report_command
 from servo.cli.sweep_command import measures_of, run_study
 from servo.cli.terminal import print_paths
 from servo.mistake import Mistake
 from servo.output.formats import command_line
+from servo.scenario.part_names import named_part, settings_of
 from servo.scenario.toml import assignment
 from servo.study.execute import Workers
 from servo.study.parse import parsed

@@ -26,6 +26,15 @@ def app() -> None:
 
 @app.command()
 @click.argument("scenario", type=opt.SCENARIO, help="A shipped scenario, or a .toml file.")
+@click.option(
+    "--tracker",
+    help="Its tracker: kind, kind:preset, module:Class, 'program:COMMAND', 'trax:COMMAND' or "
+    "onnx:FILE[,FILE] (default: the scenario's).",
+)
+@click.option(
+    "--controller",
+    help="Its control law: kind, kind:preset, module:Class or onnx:FILE (default: the scenario's).",
+)
 @opt.changes_option
 @click.option(
     "--seed", type=opt.NATURAL, help="Seed of every random stream (default: the scenario's)."
@@ -166,8 +175,8 @@ def evaluate(**options: Any) -> None:
     "given",
     multiple=True,
     metavar="NAME[=WHAT]",
-    help="A contestant: a shipped one, mine=module:Class, mine='trax:COMMAND' or "
-    "mine=onnx:FILE (default: all shipped ones).",
+    help="A contestant: a shipped one, mine=module:Class, mine='program:COMMAND', "
+    "mine='trax:COMMAND' or mine=onnx:FILE[,FILE] (default: all shipped ones).",
 )
 @click.option(
     "--band",
@@ -249,8 +258,8 @@ def sweep(**options: Any) -> None:
     "--tracker",
     multiple=True,
     metavar="NAME=WHAT",
-    help="A tracker: kind, kind:preset, module:Class, or 'trax:COMMAND'; may be repeated, as "
-    "all of these options.",
+    help="A tracker: kind, kind:preset, module:Class, 'program:COMMAND', 'trax:COMMAND' or "
+    "onnx:FILE[,FILE]; may be repeated, as all of these options.",
 )
 @click.option("--controller", multiple=True, metavar="NAME=WHAT", help="A control law, likewise.")
 @click.option("--estimator", multiple=True, metavar="NAME=WHAT", help="An estimator, likewise.")

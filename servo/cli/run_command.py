@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Sequence
 from math import degrees, radians
@@ -27,7 +28,7 @@ from servo.cli.terminal import (
 from servo.closing import closing
 from servo.loop.columns import Columns
 from servo.loop.episode import Episode
-from servo.loop.events import uncertain
+from servo.loop.events import remarks_on_tracker
 from servo.loop.measure import MEASURES
 from servo.loop.part_failures import PartFailed
 from servo.loop.run_measures import Outcome, timed
@@ -39,6 +40,7 @@ from servo.output.run_folder import RunFolder, discard, prepare, with_traceback
 from servo.report.words import Table, shown
 from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
+from servo.scenario.part_names import changes_of
 from servo.study.bounds import check_expect, doubts_of, missed_lines, unjudged
 from servo.study.run import Job, Record
 from servo.study.run_report import RunReport
@@ -67,6 +69,8 @@ def run_scenario(
     seed: int | None,
     out: Path | None,
     *,
+    tracker: str | None = None,
+    controller: str | None = None,
     quiet: bool,
     rerun: bool,
     outputs: Outputs = NOTHING_MORE,
@@ -78,6 +82,8 @@ def run_scenario(
         changes: Changes of settings, such as "run.duration=5".
         seed: Seed of the random streams; None: that of the scenario.
         out: The folder; None: the next free runs/NAME-SEED.
+        tracker: The tracker, as `settings_of` takes it; None: the scenario's.
+        controller: The controller, likewise.
         quiet: Whether to print nothing but mistakes.
         rerun: Whether to write a Rerun recording.
         outputs: Further files, viewers, and the connection to ROS 2.
@@ -89,10 +95,12 @@ def run_scenario(
         Mistake: The scenario or a setting is wrong, or the folder cannot be used.
         Refused: A file could not be written completely; the table of steps has priority.
     """
+    parts = changes_of("tracker", tracker), changes_of("controller", controller)
+    changes = [*itertools.chain(*parts), *changes]
     scenario = load(name, changes, seed, outputs.server)
     outputs.check()
     flags = {"no_rerun": not rerun, "ros2": outputs.server is not None}
-    again = command_line("run", name, set=list(changes), seed=scenario.run.seed, **flags)
+    again = command_line("run", name, set=changes, seed=scenario.run.seed, **flags)
     gl.is_there()
     console = Console(quiet=quiet)
     name = f"{scenario.name}-{scenario.run.seed}"
@@ -120,7 +128,7 @@ def run_scenario(
     job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
     record = record_of(job, scenario, run)
     _print_record(console, scenario, record)
-    doubt = uncertain(run)
+    doubt = remarks_on_tracker(run)
     plain(console, unjudged(scenario, record.success), doubt)
     console.print(_stage_line(run, writing))
     print_paths(console, output.finish(RunReport.of(record, scenario, run.first.scene, doubt)))

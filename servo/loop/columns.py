@@ -140,6 +140,8 @@ NUMBERS: dict[str, Callable[[Step], object]] = {
     "seconds": lambda s: astuple(s.seconds),
     "decided": lambda s: s.decided,
     "tracked": lambda s: s.tracked,
+    "size_followed": lambda s: s.estimate.follows[1] or s.estimate.corners is not None,
+    "size_refused": lambda s: s.estimate.likely_scale is not None,
     "uncertain": lambda s: np.logical_not(certain(s.estimate, s.region)),
     "saturated": lambda s: s.limited or s.command.saturated,
     "seen": lambda s: s.seen,

@@ -20,6 +20,7 @@ class Event(Enum):
     SEARCHING = Mode.SEARCHING.value
     SATURATED = "A limit slows the camera."
     FREE = "No limit slows the camera any more."
+    SIZE_REFUSED = "The tracker's size changes more than camera and target can have moved."
     LEAVING = "The camera cannot keep the whole target in its view."
 
 
@@ -48,18 +49,42 @@ def events(before: Step | None, step: Step) -> list[Event]:
     was = before is not None and _slowed(before)
     if _slowed(step) != was:
         found.append(Event.FREE if was else Event.SATURATED)
+    if step.estimate.likely_scale and not (before and before.estimate.likely_scale):
+        found.append(Event.SIZE_REFUSED)
     if step.command.violated and not (before and before.command.violated):
         found.append(Event.LEAVING)
     return found
 
 
-def uncertain(run: Columns) -> str:
-    """Return a sentence that counts the pictures in which the tracker stated a centre, an angle or
-    a size with a variance too large for servoing; "" if there were none.
+def remarks_on_tracker(run: Columns) -> str:
+    """Return what a reader of a run should know of the tracker's results, in sentences without the
+    last full stop; "" if there is nothing.
     """
     last = run.final[-1]
     if last.goal_sight.picture is not None:
         return ""  # pixels are servoed
+    return ". ".join(filter(None, [_uncertain(run), _refused_sizes(run)]))
+
+
+def _refused_sizes(run: Columns) -> str:
+    """Return a sentence that counts the pictures in which the tracker's size was refused; "" if
+    there were none.
+    """
+    refused = run["size_refused"] & run["decided"]
+    if not refused.any():
+        return ""
+    ended = " to the end" if refused[-1] else ""
+    return (
+        f"In {refused.sum()} of {len(run)} pictures{ended}, the tracker's size had changed more "
+        "than camera and target can have moved: it was not servoed"
+    )
+
+
+def _uncertain(run: Columns) -> str:
+    """Return a sentence that counts the pictures in which the tracker stated a centre, an angle or
+    a size with a variance too large for servoing; "" if there were none.
+    """
+    last = run.final[-1]
     seen = run["seen"] & run["decided"]
     counts = (run["uncertain"][seen] & (True, *last.servoed)).sum(axis=0).tolist()
     parts = [f"{n} {name}s" for name, n in zip(PARTS, counts, strict=True) if n]

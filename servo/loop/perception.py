@@ -1,5 +1,6 @@
 """From pictures to sights: the tracker of a scenario, and the sights made from its estimates."""
 
+from dataclasses import replace
 from typing import final
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from servo.loop.part_failures import Part, PartFailed
 from servo.loop.settings import Setup
 from servo.sight.estimate_to_sight import EstimateToSight
+from servo.sight.size_gate import SizeGate
 from servo.types import Sight
 from sim.channels import Channel, Sees, View, needs_of
 from sim.marker import marker_of
@@ -94,7 +96,9 @@ class Perception:
         self._to_sight = EstimateToSight(
             s.sight, self._camera, region, self._outline, s.believed.depth_factor
         )
+        self._gate = SizeGate(state.scale)
         self._carried = np.zeros(4)
+        self._waited = 0.0
         self.has_reported = False
         """Whether the tracker has reported what it follows, with its first locked estimate."""
         self.by_corners = False
@@ -114,15 +118,18 @@ class Perception:
             truth: The true pose of the target; only a simulation knows it.
         """
         # Motions over dropped frames add up until the tracker gets the next picture.
-        ego = None
-        if self._scenario.run.ego and Channel.EGO_MOTION in self.needs:
-            self._carried += self._to_sight.ego(self._estimate.state, posture.twist, interval)
-            ego = self._carried
+        self._carried += self._to_sight.ego(self._estimate.state, posture.twist, interval)
+        self._waited += interval
         if not frame.fresh:
             return self._estimate
+        ego = self._carried
+        waited = self._waited
         self._carried = np.zeros(4)
+        self._waited = 0.0
         self._show(frame, truth)
-        self._estimate = self.tracker.update(frame, ego)
+        is_given = self._scenario.run.ego and Channel.EGO_MOTION in self.needs
+        estimate = self.tracker.update(frame, ego if is_given else None)
+        self._estimate = self._gate.judged(estimate, float(ego[3]), waited)
         if not self.has_reported and self._estimate.status is Status.LOCKED:
             self.has_reported = True
             self.by_corners = self._estimate.corners is not None
@@ -139,6 +146,9 @@ class Perception:
             posture: Camera pose, twist and joints of the robot at the time of the picture.
             goal: The desired sight.
         """
+        if estimate.likely_scale is not None:
+            state = replace(estimate.state, scale=estimate.likely_scale)
+            estimate = replace(estimate, state=state, follows=(estimate.follows[0], False))
         return self._to_sight.see(estimate, posture, goal, frame.depth)
 
     def _show(self, frame: Frame, truth: Truth | None) -> None:

@@ -237,11 +237,13 @@ class Step:
     @property
     def servoed(self) -> tuple[bool, bool]:
         """Whether the target's angle, and its size, are servoed: some feature needs it, the tracker
-        follows it, and the robot's joints can change it.
+        follows it, the loop does not refuse it, and the robot's joints can change it.
         """
         goal = self.goal_sight
         known = self.scene.features.known
-        follows = np.array(self.estimate.follows) | (self.estimate.corners is not None)
+        estimate = self.estimate
+        follows = np.array(estimate.follows) | (estimate.corners is not None)
+        follows &= (True, estimate.likely_scale is None)
         # A feature needs the angle if it would not be measured without it; so with the size.
         without = (replace(goal, angle_known=False), replace(goal, size_known=False))
         trace = self.command.trace

@@ -1,0 +1,82 @@
+"""The ways to name a part on the command line, such as kams:paper, module:Class or trax:COMMAND."""
+
+import json
+from collections.abc import Iterator
+
+from servo.mistake import Mistake
+from servo.scenario.catalogue import PLUGINS
+from sim.installed import Trusted
+
+Settings = dict[str, object]
+"""Settings by dotted key, such as "tracker.kind"."""
+TRAX = "trax:"
+"""Begins the command of a program that speaks TraX."""
+PROGRAM = "program:"
+"""Begins the command of a program that speaks lines of JSON."""
+ONNX = "onnx:"
+"""Begins the files of a network: of a tracker of OpenCV, or of a learned control law."""
+NETWORKS = {1: "Vit", 2: "Nano", 3: "DaSiamRPN"}
+"""OpenCV's trackers by the number of their network files."""
+
+
+def named_part(text: str) -> tuple[str, str]:
+    """Return name and part of a text NAME=PART; a text without "=" is both.
+
+    Raises:
+        Mistake: The name or the part is missing.
+    """
+    name, _, what = text.partition("=") if "=" in text else (text, "", text)
+    if not name.strip() or not what.strip():
+        raise Mistake(
+            f"'{text}': write NAME=KIND, NAME=module:Class, NAME='trax:COMMAND', "
+            "NAME='program:COMMAND' or NAME=onnx:FILE"
+        )
+    return name.strip(), what.strip()
+
+
+def settings_of(section: str, what: str) -> Settings:
+    """Return the settings, by dotted key, that put a part into a section of a scenario.
+
+    Args:
+        section: The section, such as "tracker" or "controller".
+        what: The part: kind, kind:preset or module:Class; for a tracker also trax:COMMAND,
+            program:COMMAND or onnx:FILE with one to three files, and for a controller onnx:FILE.
+
+    Raises:
+        Mistake: The command or the file is missing, or there are too many files.
+    """
+    table = _table(section, what)
+    return {f"{section}.{key}": value for key, value in table.items()}
+
+
+def changes_of(section: str, what: str | None) -> Iterator[str]:
+    """Yield the changes KEY=VALUE, as --set takes them, that put a part into a section of a
+    scenario; none for None.
+
+    Raises:
+        Mistake: As `settings_of`.
+    """
+    if what is not None:
+        for key, value in settings_of(section, what).items():
+            yield f"{key}={json.dumps(value)}"
+
+
+def _table(section: str, what: str) -> Settings:
+    """Return the settings of a part by their names in its section."""
+    begin = f"{what.partition(':')[0]}:"
+    given = what.removeprefix(begin).strip()
+    is_tracker = section == "tracker"
+    if (is_tracker and begin in (TRAX, PROGRAM, ONNX)) or (section, begin) == ("controller", ONNX):
+        if not given:
+            raise Mistake(f"'{what}': write the {'file' if begin == ONNX else 'command'} after it")
+    else:
+        return {**PLUGINS[section][0].named(what)}
+    if begin != ONNX:
+        return {"kind": begin.removesuffix(":"), "command": Trusted(given)}
+    if not is_tracker:
+        return {"kind": "onnx", "file": given}
+    files = given.split(",")
+    if len(files) not in NETWORKS:
+        raise Mistake(f"'{what}': OpenCV has no tracker with {len(files)} network files")
+    model = files[0] if len(files) == 1 else files
+    return {"kind": "opencv", "name": NETWORKS[len(files)], "model": model}
