@@ -395,7 +395,7 @@ def test_a_silent_program_is_refused_before_anything_runs(monkeypatch, tmp_path,
     words = ["loop-v1", "--quick", "--tracker", "mine=trax:cat", "--set", "tracker.timeout=0.2"]
     assert call(monkeypatch, capfd, "benchmark", *words, "--out", "o") == (
         2,
-        "'cat' has 0.2 s to say hello\n",
+        "waiting at most 0.2 s for the first answer of 'cat'\n",
         "servobench: TraX server 'cat' sent no 'hello' within 0.2 s\n",
     )
     assert not (tmp_path / "o").exists()
@@ -478,7 +478,7 @@ def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd,
     assert call(monkeypatch, capfd, *verify)[:2] == (
         0,
         "points: 0 of 2 worlds agree, bit for bit\n"
-        f"  2 more agree except for rounding by another processor\n{notes}",
+        f"  2 more worlds agree except for rounding by another processor\n{notes}",
     )
 
 

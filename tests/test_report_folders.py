@@ -227,7 +227,7 @@ BAD = {
     ),
     "a track": (
         {"report.json": b"{}"},
-        "{}/report.json: there is no steps.parquet beside it; is this a run's folder?",
+        "{}/report.json: there is no steps.parquet beside this report: run its command again",
     ),
     "half a file": (
         {"study.json": STUDY[:-9]},

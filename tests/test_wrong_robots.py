@@ -243,7 +243,7 @@ def test_no_table_is_printed_for_a_robot_that_cannot_begin(tmp_path):
 
 def test_the_command_refuses_what_cannot_be_a_robot(urdf):
     done = CliRunner().invoke(app, ["robot", str(urdf), "--base", "1,2,x,4"])
-    assert "should be 4 numbers, with commas" in done.output
+    assert "is not 4 numbers with commas between them" in done.output
 
 
 def test_a_flange_that_nothing_moves_is_refused(tmp_path):

@@ -34,7 +34,9 @@ def app() -> None:
 @opt.quiet_option
 @click.option("--no-rerun", is_flag=True, help="Write no Rerun recording.")
 @click.option(
-    "--ros2", is_flag=True, help="Let a controller in ROS 2 drive it, in real time (extra ros2)."
+    "--ros2",
+    is_flag=True,
+    help="Let a controller in ROS 2 move the camera, in real time (needs the extra ros2).",
 )
 @output_options
 def run(scenario: str, no_rerun: bool, ros2: bool, outputs: Outputs, **options: Any) -> None:
@@ -89,7 +91,7 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     help="The target in the first picture: top left corner, size [px], rotation about its "
     "centre (default: the truth's first line).",
 )
-@click.option("--topic", help="The topic of a bag, where several have pictures.")
+@click.option("--topic", help="The image topic of a bag that has several.")
 @click.option(
     "--select", is_flag=True, help="Draw the region with the mouse, on a page in your browser."
 )
@@ -101,7 +103,11 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
 )
 @opt.changes_option
 @click.option(
-    "--seed", type=opt.NATURAL, default=0, show_default=True, help="Seed of the tracker's draws."
+    "--seed",
+    type=opt.NATURAL,
+    default=0,
+    show_default=True,
+    help="Seed of the tracker's random numbers.",
 )
 @click.option(
     "--truth",
@@ -124,7 +130,9 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     show_default=True,
     help="Pictures a second of a folder [Hz].",
 )
-@click.option("--frames", type=click.IntRange(1, 1_000_000_000), help="Most pictures to track.")
+@click.option(
+    "--frames", type=click.IntRange(1, 1_000_000_000), help="Largest number of pictures to track."
+)
 @opt.quiet_option
 def track(**options: Any) -> None:
     """Follow a target through any pictures; write its track."""
@@ -180,7 +188,7 @@ def evaluate(**options: Any) -> None:
     help="Worlds drawn from a public value of a later date.",
 )
 @opt.changes_option
-@click.option("--quick", is_flag=True, help="Two worlds a condition.")
+@click.option("--quick", is_flag=True, help="Run only two worlds of each condition.")
 @click.option(
     "--submit",
     type=opt.PATH,
@@ -207,7 +215,7 @@ def benchmark(**options: Any) -> None:
 @app.command(hidden=True, add_help_option=False, context_settings={"ignore_unknown_options": True})
 @click.argument("words", nargs=-1, type=click.UNPROCESSED)
 def bench(**_: object) -> None:
-    """Print which two commands took the place of `bench`."""
+    """Print that `evaluate` and `benchmark` took the place of `bench`, and exit with 2."""
     raise click.UsageError(
         "bench is now two commands: `servobench evaluate SUITE` compares trackers on sequences, "
         "`servobench benchmark loop-v1` (or servo-v1) runs a public benchmark"
@@ -331,8 +339,8 @@ def papers(
     "--measures", help="Columns of a study's tables, such as servo_rms_px,age_ms (default: a few)."
 )
 def report(folders: tuple[Path, ...], out: Path | None, **printed: Any) -> None:
-    """Write a page about folders of run, evaluate, benchmark, papers, sweep and compare; loop-v1
-    and servo-v1 name the published rows of a benchmark.
+    """Write an HTML page about result folders of run, evaluate, benchmark, papers, sweep and
+    compare; the names loop-v1 and servo-v1 stand for the published results of these benchmarks.
     """
     from servo.cli.report_command import Printed, write
 
@@ -365,7 +373,7 @@ def schema() -> None:
 @app.command()
 @click.argument("recording", type=opt.PATH, help="A run's folder, or an .rrd file.")
 @click.option("--web", is_flag=True, help="In a browser instead of Rerun's own window.")
-@click.option("--port", type=PORTS, help=f"With --web: of the data (default: {PORT}).")
+@click.option("--port", type=PORTS, help=f"With --web: TCP port of the data (default: {PORT}).")
 @click.option(
     "--png", type=opt.PATH, help="Draw the viewer into this PNG instead; no display needed."
 )
@@ -387,7 +395,7 @@ def view(
     from servo.output.recording import view as viewer
 
     if port is not None and not web:
-        raise Mistake("--port needs --web")
+        raise Mistake("--port has no effect without --web: add --web")
     path = viewer.recording_in(recording) if recording.is_dir() else recording
     viewer.check(path)
     if png is not None:
@@ -409,8 +417,8 @@ def view(
 def film(first: str, second: str, out: Path, quiet: bool) -> None:
     """Film two runs beside each other.
 
-    A RUN is the folder of one, which is repeated, or what follows `servobench run`, in quotes: film
-    reversal 'reversal --set estimator.kind=none'.
+    Each RUN is the folder of an earlier run, which is run again, or the words after `servobench
+    run`, in quotes: film reversal 'reversal --set estimator.kind=none'.
     """
     from servo.cli.film_command import write
     from servo.mistake import Mistake
@@ -430,7 +438,8 @@ def film(first: str, second: str, out: Path, quiet: bool) -> None:
 @click.argument("name")
 @opt.out_option("NAME")
 def new(part: str, name: str, out: Path | None) -> None:
-    """Write a small package with a part of your own, or a repository of scenarios, to begin with.
+    """Write a small package with a tracker, law or other part of your own, or a repository of
+    scenarios.
 
     For example: new tracker my_tracker.
     """
