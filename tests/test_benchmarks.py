@@ -627,9 +627,12 @@ def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):
     [
         ("loop-v1 --tracker nobody", "there is no contestant 'nobody'; shipped are 'annealed', 'c"),
         ("loop-v1 --trackers kams", "Error: No such option '--trackers'."),
-        ("loop-v1 --submit x.json", "--submit writes the row of one contestant"),
-        ("loop-v1 --sealed x", "sealed worlds are drawn for one contestant"),
-        ("loop-v1 --sealed x --tracker m=nomod:T", "follow from the code of 'm', but no code was"),
+        ("loop-v1 --submit x.json", "--submit needs one contestant"),
+        ("loop-v1 --sealed x", "--sealed needs one contestant"),
+        (
+            "loop-v1 --sealed x --tracker m=nomod:T",
+            "draws worlds from the code of 'm', but this code was not",
+        ),
         ("clutter --band v1", "'clutter' is not one of 'loop-v1', 'servo-v1'"),
         ("loop-v1 --verify gone.json", "gone.json: cannot read this file"),
     ],

@@ -133,7 +133,7 @@ def test_names_of_joints_are_any_and_have_to_be_the_robots(tmp_path):
     )
     gear_log(tmp_path / "log.csv", joint="x_rad", seconds=4.0)
     assert str(run(tmp_path / "log.csv").exception) == (
-        "the robot of 'line' moves 'x' in m, not in rad"
+        "the robot of 'line' moves 'x' in m, not in rad: correct the unit in the column's name"
     )
 
 

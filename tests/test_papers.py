@@ -184,7 +184,7 @@ def test_a_verdict_that_the_claim_itself_decided_says_so_beside_it():
         ),
         (
             ["P1-3", "--quick", "--first-seed", "7000"],
-            "--quick has its own seed; leave out --first-seed",
+            "--quick has its own seed: leave out --first-seed or --quick",
         ),
     ],
 )

@@ -223,7 +223,7 @@ BAD = {
     "no folder": (None, "{}: there is no such folder"),
     "nothing known": (
         {"notes.txt": b""},
-        "{}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, `papers` or `sweep`",
+        "{}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, `papers` or `sweep`: name a folder that one of them wrote",
     ),
     "a track": (
         {"report.json": b"{}"},

@@ -78,7 +78,9 @@ def test_a_picture_shows_where_the_target_shall_be(result):
     ]
     red = [bool((p[..., 0] > np.maximum(90, 2 * p[..., 1])).any()) for p in near]
     assert sum(red) >= 2  # truth and estimate are drawn over the others
-    with pytest.raises(Mistake, match=r"^frame\(9\): the run goes from 0 to 0.47 s$"):
+    with pytest.raises(
+        Mistake, match=r"^frame\(9\): this time is not in the run, from 0 to 0.47 s$"
+    ):
         result.frame(9)
 
 
@@ -128,7 +130,7 @@ def test_a_notebook_shows_a_mistake_as_one_sentence():
 
 
 def test_a_loaded_scenario_takes_no_changes():
-    with pytest.raises(Mistake, match=r"^a loaded scenario takes no changes: "):
+    with pytest.raises(Mistake, match=r"^a loaded scenario cannot be changed: "):
         servo.simulate(servo.load("still"), gain=2.0)
 
 

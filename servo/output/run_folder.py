@@ -39,7 +39,8 @@ def prepare(asked: Path | None, name: str) -> Path:
 
 
 def with_traceback(error: PartFailed, folder: Path) -> Mistake:
-    """Write the traceback of a part's exception into the folder, if the disk has room.
+    """Write the traceback of an exception in a component, such as a user's tracker, into the
+    folder, if the disk has room.
 
     Returns:
         The error to raise, whose sentence names the file of the traceback.
@@ -89,7 +90,8 @@ def _next_free(runs: Path, name: str) -> Path:
 
 
 class RunFolder:
-    """Writer of a run's files: rows of its steps as they come, report and plots at the end.
+    """Writer of a run's files: a row of the table for each step as it comes; report and plots at
+    the end.
 
     Rows have priority: their space on the disk is reserved, and they are written even if the
     recording no longer can be.
@@ -103,7 +105,7 @@ class RunFolder:
         rerun: bool,
         more: Mapping[Path | str, Sink] | None = None,
     ) -> None:
-        """Open the files.
+        """Open the table of steps and the recording.
 
         Args:
             folder: An empty folder.

@@ -1,4 +1,6 @@
-"""The page's section about a run: measures and bounds, errors over time, pictures, settings."""
+"""The section of an HTML report about a run: measures and bounds, errors over time, pictures,
+settings.
+"""
 
 from pathlib import Path
 
@@ -33,7 +35,7 @@ SHADED = "Shaded: the tracker was not sure of the target, or the frame was dropp
 
 
 def section(folder: Path) -> Section:
-    """Return the section about a folder that `run` wrote.
+    """Return the section of an HTML report about a folder that `servobench run` wrote.
 
     Raises:
         Mistake: The run is not finished, or a file is damaged.

@@ -1,4 +1,4 @@
-"""Reader of the camera's pictures in a recording, with the outlines of truth and estimate."""
+"""Reader of the camera's pictures in a Rerun recording, with the outlines of truth and estimate."""
 
 import warnings
 from collections.abc import Iterator
