@@ -157,7 +157,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin a run.
+        """Begin a new run of the scenario, and return its first observation.
 
         Args:
             seed: Seed of the scenario, 0 for the scenario as it is written; None: a drawn one.
@@ -240,7 +240,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return parse(table, base.name, name, own=own_parts(settings))
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, object]]:
-        """Apply an action until the next picture.
+        """Move the camera as the action says until the next picture, and return what is observed
+        then.
 
         Args:
             action: Camera velocities (n,) over `reach`, from -1 to 1, for the components `dof`.

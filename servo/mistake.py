@@ -130,7 +130,9 @@ def printable(text: str, keep: str = "\n") -> str:
 
 
 def one_line(sentence: str) -> str:
-    """Return a sentence with its line breaks and control characters written out."""
+    """Return a sentence with escape sequences in place of line breaks and control characters; the
+    middle of a very long one is left out.
+    """
     line = printable(sentence, keep="")
     if len(line) > LONGEST:
         line = f"{line[: LONGEST // 2]} [...] {line[-LONGEST // 2 :]}"

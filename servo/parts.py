@@ -142,7 +142,8 @@ class Estimator(Protocol):
         """Begin a run with a feature set."""
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Return the prediction after a frame.
+        """Return the prediction after a frame in which the target was seen: the feature error, and
+        its rate from the target's own motion.
 
         Args:
             error: Feature error e_k (k,); nan for features that were not measured.
@@ -162,10 +163,12 @@ class Estimator(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """The task of a controller: goal, features, estimator, camera and target."""
+    """What a controller is given at the start of a run: goal, features, estimator, camera and
+    target.
+    """
 
     goal: Sight
-    """The desired sight of the target at the beginning."""
+    """The desired view of the target at the beginning."""
     features: FeatureSet
     """The features that the law drives to their goal."""
     estimator: Estimator
@@ -205,7 +208,7 @@ class Controller(Protocol):
     """
 
     def start(self, task: Task) -> None:
-        """Begin a task.
+        """Begin a run with this task: goal, features, estimator, camera and target.
 
         Raises:
             ValueError: A setting does not fit the features.

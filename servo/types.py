@@ -82,7 +82,7 @@ class Sight:
     measured_pose: Pose | None = None
     """T_camera_object, if it was measured; otherwise `pose` computes it from corners and plane."""
     goal: Sight | None = None
-    """The desired sight of the target; None if this sight is itself the desired one."""
+    """The desired view of the target; None if this object is itself the desired view."""
     picture: CameraImage | None = None
     """The whole picture, for features and controllers that use pixels; otherwise None."""
 
@@ -210,7 +210,9 @@ class Trace:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The camera twist that a controller commands after a picture, in the camera frame."""
+    """Output of a controller after a picture: the camera twist in the camera frame, the
+    controller's mode, and the limits that changed the twist.
+    """
 
     twist: Array
     """Camera twist (6,) in the camera frame [m/s, rad/s]."""

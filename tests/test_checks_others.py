@@ -69,7 +69,7 @@ OTHER_PARTS = {
         check_estimator, estimator(skip=lambda r: None)),
     "update: Prediction.error is [0. 0. 0.]; it should be 4 finite numbers": (
         check_estimator, estimator(update=lambda r: Prediction.unmeasured(*np.zeros((2, 3))))),
-    "nothing was measured, so the innovation is nan": (
+    "skip: Prediction.innovation has numbers, but nothing was measured": (
         check_estimator, estimator(skip=lambda r: Prediction(*np.zeros((4, 4))))),
     "the same errors gave other estimates the second time": (
         check_estimator, estimator(update=predicted(lambda r: np.random.default_rng().random(4)))),

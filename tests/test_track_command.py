@@ -181,7 +181,7 @@ BAD = {
     ),
     "a folder that is no text": (
         ["in", "--region", REGION, "--out", "o\udcff"],
-        "o\\udcff: recordings need a folder whose name is UTF-8; choose another with --out",
+        "o\\udcff: the name of this folder is not UTF-8; choose another with --out",
     ),
     "two targets": (
         ["two"],

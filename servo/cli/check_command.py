@@ -224,7 +224,7 @@ def _carry_out(jobs: Sequence[Job], workers: int, console: Console, ends: dict[i
                 ended(f"{job.subject.name}, seed {job.seed}")
         except ClusterLost as error:
             raise Refused(
-                f"{error}; the check was stopped without a result: run it again"
+                f"{error}; the check was stopped without a result: run the check again"
             ) from None
 
 

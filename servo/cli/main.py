@@ -159,7 +159,10 @@ def track(**options: Any) -> None:
 @opt.dry_run_option
 @opt.quiet_option
 def evaluate(**options: Any) -> None:
-    """Compare trackers on sequences; the same command continues a stopped evaluation."""
+    """Compare trackers on sequences.
+
+    The same command continues a stopped evaluation.
+    """
     from servo.cli import evaluate_command
 
     sys.exit(evaluate_command.run(**options))
@@ -206,7 +209,10 @@ def evaluate(**options: Any) -> None:
 @opt.dry_run_option
 @opt.quiet_option
 def benchmark(**options: Any) -> None:
-    """Run trackers or laws in a public benchmark; the same command continues a stopped one."""
+    """Run trackers or control laws in a public benchmark.
+
+    The same command continues a stopped one.
+    """
     from servo.cli import benchmark_command
 
     sys.exit(benchmark_command.run(**options))
@@ -238,7 +244,10 @@ def bench(**_: object) -> None:
 @opt.dry_run_option
 @opt.quiet_option
 def sweep(**options: Any) -> None:
-    """Run a scenario over axes, draws and seeds; the same command continues a stopped study."""
+    """Run a study: scenarios over axes of settings and seeds.
+
+    The same command continues a stopped study.
+    """
     from servo.cli import sweep_command
 
     sys.exit(sweep_command.run(**options))
@@ -284,9 +293,10 @@ def sweep(**options: Any) -> None:
 @opt.dry_run_option
 @opt.quiet_option
 def compare(**options: Any) -> None:
-    """Compare parts or settings in scenarios: a study, its page, LaTeX table and PDF figures.
+    """Compare trackers, laws or settings in scenarios.
 
-    A worker of Dask gets a class by its name only: its module must be installed there as well.
+    Writes a page, a LaTeX table and PDF figures. A worker of Dask gets a class by its name only:
+    its module must be installed there as well.
     """
     from servo.cli import compare_command
 
@@ -339,8 +349,10 @@ def papers(
     "--measures", help="Columns of a study's tables, such as servo_rms_px,age_ms (default: a few)."
 )
 def report(folders: tuple[Path, ...], out: Path | None, **printed: Any) -> None:
-    """Write an HTML page about result folders of run, evaluate, benchmark, papers, sweep and
-    compare; the names loop-v1 and servo-v1 stand for the published results of these benchmarks.
+    """Write an HTML page about folders of results.
+
+    These are folders of run, evaluate, benchmark, papers, sweep and compare; the names loop-v1 and
+    servo-v1 stand for the published results of these benchmarks.
     """
     from servo.cli.report_command import Printed, write
 
@@ -356,7 +368,11 @@ def report(folders: tuple[Path, ...], out: Path | None, **printed: Any) -> None:
     "settings.",
 )
 def list_(what: str | None) -> None:
-    """List scenarios and kinds, or settings with their units and defaults."""
+    """List scenarios and kinds, or the settings of one.
+
+    Kinds are those of trackers, robots, control laws and other parts; settings have units and
+    defaults.
+    """
     from servo.cli.list_command import show, show_all
 
     show_all() if what is None else show(what)
@@ -438,10 +454,10 @@ def film(first: str, second: str, out: Path, quiet: bool) -> None:
 @click.argument("name")
 @opt.out_option("NAME")
 def new(part: str, name: str, out: Path | None) -> None:
-    """Write a small package with a tracker, law or other part of your own, or a repository of
-    scenarios.
+    """Write a small package with a part of your own.
 
-    For example: new tracker my_tracker.
+    The part is a tracker, law, feature set, ...; "scenarios" writes a repository of scenarios
+    instead. For example: new tracker my_tracker.
     """
     from servo.cli import new_command
 
@@ -500,7 +516,10 @@ def docs(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
     "--out", type=opt.PATH, help="Picture to write (default: robot.png, or robot-2.png, ...)."
 )
 def robot(model: str, out: Path | None, **given: object) -> None:
-    """Print a robot's joints, flanges, reach and [robot] table; draw it in the room."""
+    """Print a robot's joints and reach, and draw it in the room.
+
+    Also prints the flanges that can carry the camera, and the [robot] table of a scenario.
+    """
     from servo.cli.robot_command import examine
 
     sys.exit(examine({"model": model} | {key: value for key, value in given.items() if value}, out))
@@ -518,7 +537,10 @@ def robot(model: str, out: Path | None, **given: object) -> None:
 )
 @opt.out_option("runs/identify-LOG")
 def identify(log: Path, scenario: str, out: Path | None) -> None:
-    """Estimate delay, jitter, lag, play and encoder noise of a robot; write the settings for it."""
+    """Estimate a robot's delay, lag, play and noise from a log.
+
+    Writes the settings with which the simulated robot responds in the same way.
+    """
     from servo.cli.identify_command import run
 
     sys.exit(run(log, scenario, out))

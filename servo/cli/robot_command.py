@@ -244,7 +244,8 @@ def _corners(world: World, geoms: NDArray[np.bool_]) -> Array:
 
 
 def _directions(jacobian: Array) -> str:
-    """Return a sentence about the components of the camera's twist that a few joints can follow.
+    """Return a sentence about the components of the camera's twist that a robot with fewer than six
+    joints can follow.
 
     Args:
         jacobian: Camera twist per joint rate (6, n).

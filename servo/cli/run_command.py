@@ -275,7 +275,7 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
 
 
 def _stage_line(run: Columns, writing: Sequence[float]) -> str:
-    """Return a sentence about the median times of a step's stages, and of writing it [s]."""
+    """Return a sentence about the median times of the stages of a step, and of writing it [ms]."""
     seconds = timed(run)
     stages = zip(("render", "track", "control", "physics"), np.median(seconds, axis=0), strict=True)
     parts = "  ".join(f"{stage} {1e3 * spent:.2f}" for stage, spent in stages)

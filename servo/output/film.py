@@ -222,7 +222,8 @@ def write_film_of_two(
     rates = [1 / world.period for world in worlds]
     if rates[0] != rates[1]:
         raise Mistake(
-            f"film: both cameras need the same rate; they have {rates[0]:g} and {rates[1]:g} Hz"
+            f"film: the cameras have different rates, {rates[0]:g} and {rates[1]:g} Hz: give both "
+            "the same camera.rate"
         )
     end = max(episode.scenario.run.duration for episode in episodes)
     captions = [_shortened(f"{number}: {name}") for number, name in enumerate(names, 1)]

@@ -68,7 +68,7 @@ def _check_name(folder: Path) -> None:
         str(folder).encode()
     except UnicodeEncodeError:
         raise Mistake(
-            f"{folder}: recordings need a folder whose name is UTF-8; choose another with --out"
+            f"{folder}: the name of this folder is not UTF-8; choose another with --out"
         ) from None
 
 
@@ -123,10 +123,12 @@ class RunFolder:
         try:
             self._table = StepsTable(folder, episode)
         except FileExistsError:
-            raise Mistake(f"{folder}: another run is writing into this folder") from None
+            raise Mistake(
+                f"{folder}: another run is writing into this folder; choose another with --out"
+            ) from None
         except OSError as error:
             (folder / STREAM).unlink(missing_ok=True)
-            sentence = f"{folder / STREAM}: there is no room for the rows: {error.strerror}"
+            sentence = f"{folder / STREAM}: the disk has no room for the table: {error.strerror}"
             raise Refused(sentence) from None
         self._sinks = Sinks(more or {})
         if rerun:

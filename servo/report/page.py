@@ -66,7 +66,7 @@ class Fact:
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """An entry of a figure's legend."""
+    """An entry of a figure's legend: label, colour and whether the line is dashed."""
 
     label: str
     colour: str

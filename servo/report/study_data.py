@@ -53,8 +53,8 @@ class StudyResults:
 
     @property
     def compared(self) -> str | None:
-        """Setting of the axis that is compared, in colours: the study's choice, or its first axis;
-        None without an axis.
+        """Setting of the axis whose values have different colours in figures: the one that the
+        study compares, or the first axis; None without an axis.
         """
         if self.plan.compare in self.axes:
             return self.plan.compare
@@ -67,7 +67,9 @@ class StudyResults:
         return Units.of(rows, self.axes, bool(self.plan.draws))
 
     def planned(self, key: str | None) -> int:
-        """Return the planned number of runs of each value of an axis; of all runs for None."""
+        """Return how many runs the study plans for each value of an axis; for None, how many in
+        all.
+        """
         return self.plan.runs // (1 if key is None else len(self.axes[key]))
 
     def groups(self, key: str | None) -> dict[str, list[Row]]:
