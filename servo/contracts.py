@@ -187,7 +187,9 @@ ESTIMATE = (
     Rule("status", partial(_is_exactly, Status), "use tracking.types.Status"),
     Rule("ess", _is_sample_size, "it should be a number from 0 on, or nan"),
     Rule("evaluations", _is_count, "it should be a whole number from 0 on"),
-    Rule("follows", _are_flags, "it should be two flags: whether it follows angle, and size"),
+    Rule(
+        "follows", _are_flags, "it should be two flags: whether the tracker follows angle, and size"
+    ),
     Rule(
         "covariance",
         partial(is_array, shape=(4, 4), finite=False),
@@ -311,13 +313,22 @@ def check_names(features: FeatureSet) -> None:
     k = len(names)
     right = len(set(names)) == k and set(map(type, names)) == {str}
     require(right, "names are {}; all must differ", names)
-    require(len(features.units) == k, "there are {} names and {} units", k, len(features.units))
+    require(
+        len(features.units) == k,
+        "there are {} names and {} units; give each feature a unit",
+        k,
+        len(features.units),
+    )
     require(
         set(features.feed_forward) <= {*names},
         "feed_forward names features that the set does not have",
     )
     right = set(features.sole_dof) <= {*names} and set(features.sole_dof.values()) <= {*DOF}
-    require(right, "sole_dof maps names of features to some of {}", ", ".join(DOF))
+    require(
+        right,
+        "sole_dof has a key that is no feature, or a value that is none of {}",
+        ", ".join(DOF),
+    )
     right = is_array(features.noise, (k,)) and (features.noise > 0).all()
     require(right, "noise is not an array of {} numbers above 0", k)
 
@@ -499,7 +510,7 @@ def check_followed(features: FeatureSet, estimate: Estimate, goal: Sight) -> Non
     missing = " nor ".join(["angle"] * (not angle) + ["size"] * (not size))
     require(
         not missing or features.known(sight).any(),
-        "the tracker follows no {} of this target, without which none of the features is known",
+        "the tracker follows no {} of this target, and without it none of the features is known",
         missing,
     )
 

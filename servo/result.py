@@ -220,7 +220,7 @@ class Run(Sequence[Step]):
             raise Mistake(f"view: {MISSING}")
         if not notebook.in_notebook():
             raise Mistake(
-                "Run.view works in a notebook only; elsewhere record with 'servobench run', and "
+                "Run.view: this is no notebook; record with 'servobench run', and "
                 "open the folder with 'servobench view'"
             )
         # rerun takes half a second to import

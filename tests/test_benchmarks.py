@@ -467,7 +467,7 @@ def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd,
         "  note: the row is of a quick run: 2 of 42 worlds\n"
         "  note: the row's medians (time, camera path, corners out of view) are unchecked\n"
     )
-    agreed = f"points: 2 of 2 worlds agree, bit for bit\n{notes}"
+    agreed = f"points: 2 of 2 repeated worlds agree, bit for bit\n{notes}"
     assert call(monkeypatch, capfd, *verify)[:2] == (0, agreed)
     assert call(monkeypatch, capfd, "report", "o")[0] == 0
     assert "Points by condition" in (short / "o" / "report.html").read_text()
@@ -477,7 +477,7 @@ def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd,
     (short / "row.json").write_text(json.dumps(table))
     assert call(monkeypatch, capfd, *verify)[:2] == (
         0,
-        "points: 0 of 2 worlds agree, bit for bit\n"
+        "points: 0 of 2 repeated worlds agree, bit for bit\n"
         f"  2 more worlds agree except for rounding by another processor\n{notes}",
     )
 

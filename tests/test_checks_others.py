@@ -20,9 +20,11 @@ from sim.types import Effect, Pose
 NUMBERS = itertools.count()
 FEATURES = {
     "names are ('x', 'x'); all must differ": {"names": ("x", "x")},
-    "there are 2 names and 1 units": {"units": ("1",)},
+    "there are 2 names and 1 units; give each feature a unit": {"units": ("1",)},
     "feed_forward names features that the set does not have": {"feed_forward": ("z",)},
-    "sole_dof maps names of features to some of vx, vy": {"sole_dof": {"x": "ux"}},
+    "sole_dof has a key that is no feature, or a value that is none of vx, vy": {
+        "sole_dof": {"x": "ux"}
+    },
     "noise is not an array of 2 numbers above 0": {"noise": np.zeros(2)},
     "values returned (3,); it should be (2,)": {"values": lambda self, sight: np.zeros(3)},
     "matrix returned (6, 2); it should be (2, 6)": {"matrix": lambda self, sight: np.zeros((6, 2))},

@@ -115,7 +115,7 @@ def test_a_film_is_of_all_steps(result, monkeypatch):
 
 def test_the_viewer_needs_an_extra_and_a_notebook(result, monkeypatch):
     monkeypatch.setattr("servo.result.find_spec", lambda name: name)
-    with pytest.raises(Mistake, match=r"^Run.view works in a notebook only; elsewhere record with"):
+    with pytest.raises(Mistake, match=r"^Run.view: this is no notebook; record with"):
         result.view()
     monkeypatch.setattr("servo.result.find_spec", lambda name: None)
     with pytest.raises(Mistake, match=r"^view: .*pip install 'servobench\[notebook\]'$"):

@@ -301,7 +301,7 @@ def _verify(
     differing = {run.world for run in runs if not run.agrees}
     rounded = {run.world for run in runs if run.agrees and not run.exactly} - differing
     agree = len(every) - len(differing) - len(rounded)
-    plain(console, f"{row.contestant}: {agree} of {len(every)} worlds agree, bit for bit")
+    plain(console, f"{row.contestant}: {agree} of {len(every)} repeated worlds agree, bit for bit")
     if rounded:
         plain(
             console, f"  {len(rounded)} more worlds agree except for rounding by another processor"

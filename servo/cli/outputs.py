@@ -182,7 +182,7 @@ def announce(viewer: LiveViewer | LightPage | None, console: Console) -> None:
     if viewer is not None and viewer.page is not None:
         from servo.cli.terminal import plain
 
-        plain(console, f"watch it at {viewer.page}")
+        plain(console, f"the page of the viewer: {viewer.page}")
 
 
 def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:

@@ -101,7 +101,8 @@ def ask(image: Image, name: str) -> Box | None:
         plain(
             Console(stderr=True),
             f"draw the region on this page: {address}",
-            f"  (on another machine: first ssh -L {server.port}:{HOST}:{server.port} THIS-MACHINE)",
+            f"  (to open the page on another machine, first run there: "
+            f"ssh -L {server.port}:{HOST}:{server.port} THIS-MACHINE)",
         )
         if has_display():
             webbrowser.open(address)

@@ -181,12 +181,12 @@ def _ranges_text(config: mjcf.Config) -> str:
             return f"{ASIDE if config.base == BESIDE else ''}{FEW}"
         name = kind_of(motion)
         if reach.rollout is None:
-            found.append(f"{name} begins out of reach")
+            found.append(f"{name} begins out of the robot's reach")
         elif reach.rollout.joint:
             time = f"{reach.rollout.time:.1f} s"
             found.append(f"{name} takes {reach.rollout.joint} to the end of its range in {time}")
         else:
-            found.append(f"{name} stays inside all ranges")
+            found.append(f"{name} keeps all joints inside their ranges")
     return f"Motions with default settings: {'; '.join(found)}."
 
 
@@ -210,7 +210,7 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
             item.close()
     above = f"{DEPTH:g} m above the target"
     if not reach:
-        text = f"From the base in the picture the camera can be {above} only nearly: {reach}."
+        text = f"From the base in the picture the camera does not get {above}: {reach}."
     elif reach.distance < NEAR:
         text = f"From the base below the camera can be {above}."
     else:
@@ -220,7 +220,9 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
         text += f"\n{_directions(world.robot.jacobian(world.data))}"
     if seen.any():
         share = 100 * seen.mean()
-        text += f"\nThe robot itself fills {share:.0f} % of the picture: move it with --mount."
+        text += (
+            f"\nThe robot itself fills {share:.0f} % of the picture: move the camera with --mount."
+        )
     return np.hstack(views), text
 
 

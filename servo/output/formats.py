@@ -72,7 +72,9 @@ class Document:
         if head.get("format") is None:
             raise OtherFormat(path, None, cls.FORMAT)
         if head.get("kind") != cls.KIND:
-            raise Mistake(f"{path}: this file is of `{head.get('kind')}`, not of `{cls.KIND}`")
+            raise Mistake(
+                f"{path}: this is a file of `{head.get('kind')}`, not of `{cls.KIND}`: name another"
+            )
         check_format(path, head["format"], cls.FORMAT)
         return _parsed(path, encoded, cls)
 

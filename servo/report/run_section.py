@@ -177,7 +177,9 @@ def _pictures(folder: Path) -> Block:
         # Rerun takes half a second to import; before 0.38 it read no recordings.
         from servo.output.recording.recorded_frames import pictures
     except ImportError:
-        return Block(title, ["To read the pictures of a recording takes rerun-sdk 0.38 or newer."])
+        return Block(
+            title, ["To show pictures, install rerun-sdk 0.38 or newer, which can read recordings."]
+        )
     found = pictures(path, TILES)
     if not found:
         return Block(title, ["There are no pictures in this recording."])

@@ -91,7 +91,7 @@ class LiveViewer(SentRecording):
 
     def refusal(self) -> Refused:
         """Return the error to raise when Rerun's server has ended."""
-        return Refused("the viewer: Rerun's server has ended")
+        return Refused("the viewer: Rerun's server has ended; run the command again")
 
     def wait(self) -> None:
         """Wait until the viewer's window is closed; for a browser, until Ctrl-C.
