@@ -104,7 +104,7 @@ class Sight:
         """Corners (4, 3) of the reference rectangle in the camera frame [m].
 
         Raises:
-            ValueError: The sight has no corners.
+            ValueError: There are no corners.
         """
         if self.corners is None:
             raise ValueError("this Sight has no corners, so its points and pose cannot be computed")

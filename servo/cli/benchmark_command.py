@@ -171,8 +171,8 @@ def _try_out(scenario: Scenario, console: Console) -> None:
 
 
 def _sealed(value: str, chosen: Sequence[Contestant]) -> Band:
-    """Return the sealed band, whose worlds are drawn from a public value and the digest of one
-    contestant's code.
+    """Return the sealed set of worlds: they are drawn from a public value and the digest of one
+    contestant's code, so that nobody could tune on them.
 
     Raises:
         Mistake: There are several contestants, or the code of the contestant was not found.

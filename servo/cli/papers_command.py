@@ -54,7 +54,7 @@ def run(
 
     Args:
         names: The claims; none: all.
-        effort: Number of seeds, sequences and first seed.
+        effort: Whether one seed of each is enough, a folder of real sequences, and the first seed.
         workers: Number of processes.
         out: The folder; None: runs/papers, or another name for other seeds.
         dry_run: Whether to print only how many runs there are and how long they take.

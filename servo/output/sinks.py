@@ -115,7 +115,8 @@ class PacedSink:
         Args:
             sink: Gets the frames.
             speed: Simulated seconds in a second of the wall clock.
-            time_of: Returns the time of a step or a shot [s].
+            time_of: Returns the time of a frame, given as a step of a run or a picture of a track
+                [s].
         """
         self._sink = sink
         self._speed = speed
