@@ -135,9 +135,8 @@ def run_study(
             return 1 if failed else 0
         code = _sum_up(study, store, console, measures)
         if not has_page:
-            plain(
-                console, f"for a page of results, run: servobench report {shlex.quote(str(folder))}"
-            )
+            place = shlex.quote(str(store.folder))
+            plain(console, f"for a page of results, run: servobench report {place}")
     return 1 if failed else code
 
 
