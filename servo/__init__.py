@@ -121,7 +121,7 @@ def _check_packages() -> None:
             what = "folder" if found.is_dir() else "file"
             _refuse(found, name, f"hides servobench's package '{name}': rename this {what}")
         if spec.origin is None:  # another distribution had a package of this name, and is gone
-            _refuse(found, name, "is not whole: install servobench again")
+            _refuse(found, name, "is not complete: install servobench again")
 
 
 def _refuse(found: Path, name: str, why: str) -> None:

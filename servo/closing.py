@@ -1,4 +1,6 @@
-"""Closes all objects that a block has used, so that an error while closing hides no other error."""
+"""A context manager that closes several objects after a block; the first error is raised, so that
+an error of closing hides no other.
+"""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -6,8 +8,8 @@ from contextlib import contextmanager
 
 @contextmanager
 def closing(*closers: Callable[[], object]) -> Generator[None]:
-    """Call functions in order when the block has ended, all of them even if one raises an
-    exception.
+    """Call all functions in order when the block has ended, even if the block or one of them raises
+    an exception.
 
     Raises:
         BaseException: The first exception that the block or one of the functions raised.

@@ -1,4 +1,5 @@
-"""The contracts of a run's components: the methods of each, and the values that these may return.
+"""Contracts of a run's components (tracker, controller, ...): the methods that each must have, and
+the values that these may return.
 
 `guarded` wraps a component so that each of its calls is checked. The loop, `servo.testing` and our
 own tests call components through it, so that all of them accept and refuse the same.
@@ -37,7 +38,9 @@ MOST = 2**63 - 1
 
 
 class BrokenContract(AssertionError):
-    """A component breaks its contract; the sentence says how, and what would be right."""
+    """Error: a component, such as a tracker, breaks its contract; its sentence says what is wrong
+    and what would be right.
+    """
 
 
 def require(holds: object, sentence: str, *values: object) -> None:
@@ -184,7 +187,9 @@ ESTIMATE = (
     Rule("status", partial(_is_exactly, Status), "use tracking.types.Status"),
     Rule("ess", _is_sample_size, "it should be a number from 0 on, or nan"),
     Rule("evaluations", _is_count, "it should be a whole number from 0 on"),
-    Rule("follows", _are_flags, "it should be two flags: whether it follows angle, and size"),
+    Rule(
+        "follows", _are_flags, "it should be two flags: whether the tracker follows angle, and size"
+    ),
     Rule(
         "covariance",
         partial(is_array, shape=(4, 4), finite=False),
@@ -298,7 +303,8 @@ def require_array(found: object, shape: tuple[int, ...], method: str) -> Array:
 
 
 def check_names(features: FeatureSet) -> None:
-    """Check the names of a feature set, and the properties that it states for each of them.
+    """Check the names of a feature set, and its properties: units, noise, feed_forward and
+    sole_dof.
 
     Raises:
         BrokenContract: Two features have one name, or a property does not fit the names.
@@ -307,12 +313,24 @@ def check_names(features: FeatureSet) -> None:
     k = len(names)
     right = len(set(names)) == k and set(map(type, names)) == {str}
     require(right, "names are {}; all must differ", names)
-    require(len(features.units) == k, "there are {} names and {} units", k, len(features.units))
-    require(set(features.feed_forward) <= {*names}, "feed_forward names features that do not exist")
+    require(
+        len(features.units) == k,
+        "there are {} names and {} units; give each feature a unit",
+        k,
+        len(features.units),
+    )
+    require(
+        set(features.feed_forward) <= {*names},
+        "feed_forward names features that the set does not have",
+    )
     right = set(features.sole_dof) <= {*names} and set(features.sole_dof.values()) <= {*DOF}
-    require(right, "sole_dof maps names of features to some of {}", ", ".join(DOF))
+    require(
+        right,
+        "sole_dof has a key that is no feature, or a value that is none of {}",
+        ", ".join(DOF),
+    )
     right = is_array(features.noise, (k,)) and (features.noise > 0).all()
-    require(right, "noise is not {} numbers above 0", k)
+    require(right, "noise is not an array of {} numbers above 0", k)
 
 
 def check_prediction(method: str, prediction: object, given: Array | OwnMotion, *_: object) -> None:
@@ -339,8 +357,8 @@ def check_prediction(method: str, prediction: object, given: Array | OwnMotion, 
     require_fields(p, rules, f"{method}: ")
     require(
         method == "update" or np.isnan(p.innovation).all(),
-        "skip: nothing was measured, so the innovation is nan; "
-        "Prediction.unmeasured makes such a value",
+        "skip: Prediction.innovation has numbers, but nothing was measured; return nan there, as "
+        "Prediction.unmeasured does",
     )
 
 
@@ -392,7 +410,7 @@ def check_effect(effect: object, time: float) -> None:
     e = require_type(effect, Effect, "at")
     require_fields(e, EFFECT)
     right = time >= 0 or e == Effect()
-    require(right, "it does something before time 0; return Effect() there")
+    require(right, "its effect begins before time 0; return Effect() for negative times")
 
 
 CONTRACTS: Mapping[str, Mapping[str, Check | None]] = {
@@ -443,7 +461,7 @@ def check_built(place: str, built: object) -> None:
             )
         case "disturbances":
             right = isinstance(getattr(built, "props", None), tuple)
-            require(right, "it has no tuple `props`; () if it needs nothing in the scene")
+            require(right, "it has no tuple `props`; use () if it needs nothing in the scene")
         case "robot" | "target":
             _check_model(place, built)
         case _:
@@ -476,22 +494,23 @@ def _check_model(place: str, built: object) -> None:
 
 
 def check_followed(features: FeatureSet, estimate: Estimate, goal: Sight) -> None:
-    """Check that features can be measured with a tracker that has reported what it follows.
+    """Check that a tracker, which reports with its first estimate whether it follows angle and
+    size, measures at least one feature.
 
     Args:
         features: The feature set.
         estimate: The first estimate of a visible target.
-        goal: The desired sight.
+        goal: The desired view of the target.
 
     Raises:
-        BrokenContract: The tracker measures none of the features.
+        BrokenContract: None of the features is measured.
     """
     angle, size = (follows or estimate.corners is not None for follows in estimate.follows)
     sight = replace(goal, angle_known=angle, size_known=size)
     missing = " nor ".join(["angle"] * (not angle) + ["size"] * (not size))
     require(
         not missing or features.known(sight).any(),
-        "the tracker follows no {} of this target, without which none of the features is known",
+        "the tracker follows no {} of this target, and without it none of the features is known",
         missing,
     )
 

@@ -61,14 +61,16 @@ REDRAW = 20
 so that this many never all fail."""
 LAST_SEED = 2**31
 """Upper bound of drawn seeds."""
-DRAWS_AGAIN = "so many more seeds were drawn for such a start; a larger number allows more"
-SEED = "the seed of a run is given as reset(seed=...)"
+DRAWS_AGAIN = "this many other seeds were tried too; a larger number tries more"
+SEED = "a seed cannot be set here: give it as reset(seed=...)"
 LEVEL_DOF = [0, 1, 2, 5]
 """Components of the twist in an action, by default: vx, vy, vz, wz."""
 
 
 class ServoEnv(gymnasium.Env[Any, Any]):
-    """Visual servoing as an environment: keep a moving target at its goal in the picture."""
+    """Visual servoing as a Gymnasium environment: actions move the camera so that a moving target
+    stays at its goal in the picture.
+    """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 30}  # noqa: RUF012
 
@@ -89,9 +91,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
         Args:
             scenario: Name of a shipped scenario, or a file.
-            overrides: As for `servo.load`, such as "estimator.kind=none".
-            observation: "features", "picture" or "both".
-            action: "twist" or "residual".
+            overrides: Changes of settings, such as "estimator.kind=none".
+            observation: "features" (numbers), "picture" (RGB) or "both".
+            action: "twist" (the camera's whole twist) or "residual" (added to the law's twist).
             reach: Speed [m/s] and angular speed [rad/s] of an action of 1.
             dof: Components of the twist in an action; by default those that the law moves.
             render_mode: "rgb_array", "human" (a window) or None.
@@ -99,7 +101,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
                 info["goal_picture"]. It is taken first, which changes the sensor noise of the run.
             redraw: How often `reset` draws another seed if the start is impossible, such as out of
                 an arm's reach; 0: never. Each draw takes seconds.
-            **settings: As for `servo.load`, such as gain=1.0 or vary={}.
+            **settings: Settings by their last name, such as gain=1.0 or vary={}, as for
+                `servo.load`.
 
         Raises:
             Mistake: The scenario, a setting or a choice does not exist, or there is no display.
@@ -154,7 +157,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin a run.
+        """Begin a new run of the scenario, and return its first observation.
 
         Args:
             seed: Seed of the scenario, 0 for the scenario as it is written; None: a drawn one.
@@ -197,8 +200,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         if seen not in self.observation_space:
             self._end()
             raise Mistake(
-                "options: observations would have another shape; make an environment (no run goes "
-                "on)"
+                "options: these settings change the shape of the observations; make a new "
+                "environment with them (the old run was ended)"
             )
         info = self._info(step) | {"seed": drawn, "drawn": scenario.drawn, "redrawn": redrawn}
         if self._goal_picture:
@@ -210,7 +213,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return int(self.np_random.integers(1, LAST_SEED))
 
     def _prepared(self, scenario: Scenario) -> Episode:
-        """Return a run of a scenario that is ready for its first step."""
+        """Return an episode of a scenario, ready for its first step, in which this environment
+        moves the camera.
+        """
         return Episode(
             scenario,
             steered=True,
@@ -235,7 +240,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return parse(table, base.name, name, own=own_parts(settings))
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, object]]:
-        """Apply an action until the next picture.
+        """Move the camera as the action says until the next picture, and return what is observed
+        then.
 
         Args:
             action: Camera velocities (n,) over `reach`, from -1 to 1, for the components `dof`.
@@ -302,9 +308,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         }
 
     def _observed(self, step: Step) -> Observation:
-        """Return the observation. Its features are: k errors and k components of the target's
-        estimated motion, over `FeatureSet.scales`; the camera's measured twist (6); the last
-        action; and 1 if the target is seen, else 0.
+        """Return the observation. Its features, in this order: k feature errors and k rates that
+        the target's own motion causes (estimated), over `FeatureSet.scales`; the camera's measured
+        twist (6); the last action; and 1 if the target is seen, else 0.
         """
         picture = step.frame.image
         if self._observation == "picture":
@@ -326,8 +332,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return own if self._observation == "features" else {"features": own, "picture": picture}
 
     def _errors(self, step: Step) -> Array:
-        """Return the last measured errors (k,) of the scenario's features over their scales, also
-        if the law does not use features, such as a policy.
+        """Return the last measured feature errors (k,) over `FeatureSet.scales`, also if the
+        control law does not use features, as a policy does not.
         """
         trace = step.command.trace
         if trace is not None:
@@ -341,7 +347,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return self._error
 
     def __getstate__(self) -> dict[str, object]:
-        """Return the state for a copy or another process.
+        """Return the attributes, to copy the environment or to send it to another process.
 
         Raises:
             Mistake: A run has begun, which cannot be copied.

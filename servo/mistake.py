@@ -1,4 +1,6 @@
-"""Errors that users understand: mistakes in their input, and refusals by their machine."""
+"""Errors as one sentence for the user: mistakes in the input (`Mistake`), and failures of the
+machine (`Refused`).
+"""
 
 import difflib
 import errno
@@ -26,8 +28,8 @@ LONGEST = 2000
 
 
 class Mistake(ValueError):
-    """A mistake in the user's input, as one sentence: what is wrong, where, and what would be
-    right.
+    """Error of a mistake in the user's input, as one sentence: what is wrong, where, and what would
+    be right.
 
     Line breaks and control characters in the sentence are replaced by their escape sequences.
     """
@@ -44,7 +46,9 @@ class Mistake(ValueError):
 
 
 class Refused(RuntimeError):
-    """A failure of the machine, such as a full disk, as one sentence; the command exits with 1."""
+    """Error of a failure of the machine, such as a full disk, as one sentence; the command then
+    exits with 1.
+    """
 
     def __init__(self, sentence: str) -> None:
         super().__init__(one_line(sentence))
@@ -65,11 +69,12 @@ def unwritable(place: object, error: OSError, what: str = "to this folder") -> M
 
 @contextmanager
 def writing(place: object, what: str = "to this folder") -> Generator[None]:
-    """Turn an operating system's error in the block, which writes files, into a sentence.
+    """Turn an error of the operating system in the block, which writes files, into a `Mistake` or
+    `Refused` with one sentence.
 
     Args:
-        place: As for `unwritable`.
-        what: As for `unwritable`.
+        place: File or folder that is written.
+        what: Words after "cannot write" in the sentence.
 
     Raises:
         Mistake: The user can change the cause, such as by another folder.
@@ -93,7 +98,8 @@ def as_mistake() -> Generator[None]:
 
 
 def check_suffix(path: Path, *suffixes: str) -> None:
-    """Check the ending of a file's name before it is written, so that no other file is replaced.
+    """Check that the name of a file to write ends in one of the suffixes, so that a file of another
+    type is not replaced.
 
     Args:
         path: The file.
@@ -124,7 +130,9 @@ def printable(text: str, keep: str = "\n") -> str:
 
 
 def one_line(sentence: str) -> str:
-    """Return a sentence with its line breaks and control characters written out."""
+    """Return a sentence with escape sequences in place of line breaks and control characters; the
+    middle of a very long one is left out.
+    """
     line = printable(sentence, keep="")
     if len(line) > LONGEST:
         line = f"{line[: LONGEST // 2]} [...] {line[-LONGEST // 2 :]}"
@@ -132,7 +140,8 @@ def one_line(sentence: str) -> str:
 
 
 def unknown(key: str, known: Iterable[str], what: str = "key") -> str:
-    """Return the sentence for a name that does not exist, with the most similar one that does.
+    """Return the sentence for a name that does not exist, with the most similar name that does, or
+    all that do.
 
     Args:
         key: The name that was given.

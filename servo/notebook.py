@@ -20,14 +20,18 @@ INTERVAL = 0.2
 
 
 class Advance(Protocol):
-    """Function that tells a progress bar how much is done."""
+    """Protocol of a function that sets a progress bar: the number of steps that are done, and a
+    note beside the bar.
+    """
 
     def __call__(self, done: int, note: str = "") -> None: ...
 
 
 @contextmanager
 def progress(title: str, total: int) -> Generator[Advance]:
-    """Show a progress bar until the block ends, if this runs in a notebook."""
+    """Show a progress bar in a notebook until the block ends; do nothing elsewhere. The function
+    that is yielded moves the bar.
+    """
     if not in_notebook():
         yield _nothing
         return
@@ -69,7 +73,7 @@ def frame_of(table: pa.Table) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class TextTable:
-    """An Arrow table whose `repr` shows rows and columns, for users without pandas."""
+    """An Arrow table that prints as text with its rows and columns, for users without pandas."""
 
     arrow: pa.Table
 
@@ -94,7 +98,7 @@ class TextTable:
 
 
 def html_table(table: Table) -> str:
-    """Return a table as HTML."""
+    """Return a table of texts as an HTML table."""
 
     def row(cells: Sequence[Cell], tag: str) -> str:
         return f"<tr>{''.join(f'<{tag}>{_text(c)}</{tag}>' for c in cells)}</tr>"
@@ -108,13 +112,13 @@ def _text(cell: Cell) -> str:
 
 
 def html_picture(png: bytes) -> str:
-    """Return a PNG picture as HTML."""
+    """Return an HTML image that holds a PNG file."""
     return (
         f'<img style="max-width:100%" src="data:image/png;base64,{base64.b64encode(png).decode()}">'
     )
 
 
 def html_film(mp4: bytes) -> str:
-    """Return a film as HTML."""
+    """Return an HTML video that holds an MP4 file."""
     source = f"data:video/mp4;base64,{base64.b64encode(mp4).decode()}"
     return f'<video controls loop style="max-width:100%" src="{source}"></video>'

@@ -1,4 +1,6 @@
-"""The protocols of feature sets, estimators, controllers and sources of goals."""
+"""Protocols of the parts of a control loop that users can write: feature sets, estimators,
+controllers and sources of goals.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +18,7 @@ class FeatureSet(Protocol):
 
     A new set is a class with these members, built by a `Config` with `build(outline)`. The law
     computes e = error(values(sight), values(goal)) and the twist v = -gain L# e from the matrix L.
-    `values` of the same sight must always be the same, and `matrix` their derivative:
+    `values` of the same `Sight` must always be the same, and `matrix` their derivative:
     `servo.testing.check_features` compares it with finite differences.
 
     >>> from servo.features import KINDS
@@ -40,14 +42,16 @@ class FeatureSet(Protocol):
 
     @property
     def noise(self) -> Array:
-        """Standard deviation (k,) of each feature from frame to frame, over `scales`: estimators
-        weigh the features by it.
+        """Standard deviation (k,) of each feature's noise from frame to frame, divided by `scales`:
+        estimators weigh the features by it.
         """
         ...
 
     @property
     def feed_forward(self) -> tuple[str, ...]:
-        """Names of the features whose target motion a law compensates by default."""
+        """Names of the features for which a law, by default, compensates the target's own motion
+        (feed-forward).
+        """
         ...
 
     @property
@@ -58,7 +62,9 @@ class FeatureSet(Protocol):
         ...
 
     def values(self, sight: Sight) -> Array:
-        """Return the values s (k,) of the features of a sight, in `units`."""
+        """Return the values s (k,) of the features, in `units`, for the target as it is seen
+        (`Sight`).
+        """
         ...
 
     def matrix(self, sight: Sight) -> Array:
@@ -72,8 +78,8 @@ class FeatureSet(Protocol):
         ...
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return True (k,) for each feature that the sight measures; the law does not servo the
-        others.
+        """Return True (k,) for each feature that is measured in this view of the target; the law
+        does not servo the others.
         """
         ...
 
@@ -86,7 +92,9 @@ class FeatureSet(Protocol):
 
 @runtime_checkable
 class OwnInverse(Protocol):
-    """A feature set that replaces the law's pseudo-inverse while all features are measured."""
+    """Protocol of a feature set with an inverse of its own, which replaces the law's pseudo-inverse
+    while all features are measured.
+    """
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
         """Return the matrix (6, k) that maps the error to the twist, in place of the pseudo-inverse
@@ -101,7 +109,7 @@ class OwnInverse(Protocol):
 
 
 class FeaturesConfig(Protocol):
-    """The settings of a feature set."""
+    """Protocol of the settings of a feature set, which build the set for a target."""
 
     def build(self, outline: Array) -> FeatureSet:
         """Return the feature set of a target.
@@ -134,7 +142,8 @@ class Estimator(Protocol):
         """Begin a run with a feature set."""
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Return the prediction after a frame.
+        """Return the prediction after a frame in which the target was seen: the feature error, and
+        its rate from the target's own motion.
 
         Args:
             error: Feature error e_k (k,); nan for features that were not measured.
@@ -154,10 +163,12 @@ class Estimator(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """The task of a controller: goal, features, estimator, camera and target."""
+    """What a controller is given at the start of a run: goal, features, estimator, camera and
+    target.
+    """
 
     goal: Sight
-    """The desired sight of the target at the beginning."""
+    """The desired view of the target at the beginning."""
     features: FeatureSet
     """The features that the law drives to their goal."""
     estimator: Estimator
@@ -171,7 +182,7 @@ class Task:
 
 
 class Controller(Protocol):
-    """Turns sights of the target into camera twists.
+    """Protocol of a control law, which turns views of the target (`Sight`) into camera twists.
 
     A new controller is a class with these methods, built by a `Config` with `build(rng)`: `start`
     begins a run, and `command` returns the twist after each picture. This one moves the camera
@@ -197,7 +208,7 @@ class Controller(Protocol):
     """
 
     def start(self, task: Task) -> None:
-        """Begin a task.
+        """Begin a run with this task: goal, features, estimator, camera and target.
 
         Raises:
             ValueError: A setting does not fit the features.
@@ -207,8 +218,8 @@ class Controller(Protocol):
         """Return the command after a picture.
 
         Args:
-            seen: The target as it is seen, with the desired sight as its `goal` (which may have
-                moved since `Task.goal`); None if the target is not seen.
+            seen: The target as it is seen, with its desired view as `goal` (which may have moved
+                since `Task.goal`); None if the target is not seen.
             posture: Camera pose, twist, joints and Jacobian, as the robot knows them.
             dt: Time since the last picture that the tracker took [s].
         """
@@ -217,7 +228,9 @@ class Controller(Protocol):
 
 @runtime_checkable
 class ChoosesMoves(Protocol):
-    """Settings of a controller that choose the degrees of freedom of the camera to move."""
+    """Protocol of the settings of a controller that choose which degrees of freedom of the camera
+    may move.
+    """
 
     def moves(self, *, six: bool) -> NDArray[np.bool_]:
         """Return True (6,) for each degree of freedom of the camera that may move.
@@ -229,7 +242,9 @@ class ChoosesMoves(Protocol):
 
 
 class GoalSource(Protocol):
-    """Returns the desired sight of the target for each picture of a run."""
+    """Protocol of a source of goals: for each picture of a run, it returns the desired view of the
+    target.
+    """
 
     @property
     def moved_by(self) -> str:
@@ -237,8 +252,8 @@ class GoalSource(Protocol):
         ...
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
-        """Return the desired sight at the time of a frame; None if the goal is not known. While the
-        goal stays the same, the same object is returned.
+        """Return the desired view of the target (`Sight`) at the time of a frame; None if the goal
+        is not known. While the goal stays the same, the same object is returned.
 
         Args:
             frame: The picture.

@@ -54,7 +54,7 @@ from tracking.drawing.picture_bytes import encoded
 
 QUALITY = 95
 """Of the pictures that are kept, as JPEG: 30 kB instead of 230 kB for one of 320 x 240 px."""
-MISSING = "this needs the extra 'notebook': pip install 'servobench[notebook]'"
+MISSING = "the extra 'notebook' is not installed: pip install 'servobench[notebook]'"
 
 
 def simulate(
@@ -63,13 +63,15 @@ def simulate(
     seed: int | None = None,
     **settings: object,
 ) -> Run:
-    """Run a scenario to its end and keep everything; in a notebook with a progress bar.
+    """Run a scenario to its end and return the run with all its steps and pictures; a notebook
+    shows a progress bar.
 
     Args:
-        scenario: A name or a file, or what `servo.load` returned.
-        overrides: As for `servo.load`, such as "controller.gain=1.5".
-        seed: Replaces run.seed.
-        **settings: As for `servo.load`, such as gain=1.5 or tracker=MyTracker.
+        scenario: Name of a shipped scenario, a TOML file, or what `servo.load` returned.
+        overrides: Changes of settings, such as "controller.gain=1.5".
+        seed: Seed of the run; None: the scenario's.
+        **settings: Settings by their last name, such as gain=1.5 or tracker=MyTracker, as for
+            `servo.load`.
 
     Raises:
         Mistake: The scenario or a setting does not exist, or its value is not allowed.
@@ -77,7 +79,7 @@ def simulate(
     if not isinstance(scenario, Scenario):
         scenario = load(scenario, overrides, seed, **settings)
     elif overrides or settings or seed is not None:
-        raise Mistake("a loaded scenario takes no changes: give them to servo.load")
+        raise Mistake("a loaded scenario cannot be changed: give the changes to servo.load")
     check_expect(scenario)
     steps = list[Step]()
     pictures = list[bytes]()
@@ -92,7 +94,9 @@ def simulate(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(Sequence[Step]):
-    """A finished run; as a sequence it is its steps with their pictures."""
+    """A finished run: its outcome, measures, tables, figures and film. As a sequence it is its
+    steps with their pictures.
+    """
 
     scenario: Scenario
     record: Record
@@ -146,7 +150,7 @@ class Run(Sequence[Step]):
 
     @property
     def outcome(self) -> Outcome:
-        """How the run ended."""
+        """The way in which the run ended, such as CONVERGED or TARGET_LOST."""
         return Outcome[self.record.outcome]
 
     @property
@@ -182,7 +186,9 @@ class Run(Sequence[Step]):
         return steps_table.table_of(self._light, steps_table.quantities_of(self._episode))
 
     def figure(self) -> Drawing:
-        """Return a figure of the errors and of the target's own motion over time."""
+        """Return a figure of the run over time: feature errors, distances [px], and the rates that
+        the target's own motion causes.
+        """
         return plots.figure(RunCurves.of(self._table, self._episode.loop.features), self.title)
 
     def frame(self, time: float) -> Pillow.Image:
@@ -190,7 +196,9 @@ class Run(Sequence[Step]):
         times = np.array([s.frame.time for s in self._light])
         (time,) = arguments.numbers((time,), "frame(time)", 1).tolist()
         if not times[0] <= time <= times[-1]:
-            raise Mistake(f"frame({time:g}): the run goes from 0 to {times[-1]:.2f} s")
+            raise Mistake(
+                f"frame({time:g}): this time is not in the run, from 0 to {times[-1]:.2f} s"
+            )
         return Pillow.fromarray(annotated(self[int(np.abs(times - time).argmin())]))
 
     def film(self) -> Clip:
@@ -203,7 +211,7 @@ class Run(Sequence[Step]):
             return Clip(path.read_bytes())
 
     def view(self) -> None:
-        """Show the recording with Rerun, in the notebook.
+        """Show the run in Rerun's viewer, inside the notebook.
 
         Raises:
             Mistake: The extra 'notebook' is missing, or this is no notebook.
@@ -212,7 +220,7 @@ class Run(Sequence[Step]):
             raise Mistake(f"view: {MISSING}")
         if not notebook.in_notebook():
             raise Mistake(
-                "Run.view works in a notebook only; elsewhere record with 'servobench run', and "
+                "Run.view: this is no notebook; record with 'servobench run', and "
                 "open the folder with 'servobench view'"
             )
         # rerun takes half a second to import
@@ -225,7 +233,7 @@ class Run(Sequence[Step]):
         log.close()
 
     def _repr_html_(self) -> str:
-        """Return the summary and the two plots as HTML."""
+        """Return the outcome, a short table of measures and the plots as HTML, for a notebook."""
         missed = "; ".join(map(str, self.missed))
         verdict = f"missed: {missed}" if missed else "all bounds kept"
         verdict = verdict if self.scenario.expect else "no bounds"
@@ -244,12 +252,12 @@ class Run(Sequence[Step]):
 
 @dataclass(frozen=True)
 class Clip:
-    """A film in memory."""
+    """A film (MP4) in memory, which a notebook plays."""
 
     mp4: bytes = field(repr=False)
 
     def save(self, path: str | Path) -> None:
-        """Write the film to a file.
+        """Write the film to an MP4 file.
 
         Raises:
             Mistake: The file cannot be written at this path.
@@ -269,12 +277,13 @@ def sweep(
     workers: int = 2,
     out: str | Path | None = None,
 ) -> Sweep:
-    """Do the runs of a study on worker processes; in a notebook with a progress bar.
+    """Do the runs of a study on worker processes, and return their results; a notebook shows a
+    progress bar.
 
     Args:
-        study: A name or a file.
+        study: Name of a shipped study, or a TOML file.
         overrides: Settings of all runs, such as "run.duration=6".
-        seeds: Replaces the study's seeds by 0, 1, ... up to this number.
+        seeds: Number of seeds 0, 1, 2, ... in place of the study's; None: the study's.
         workers: Number of processes.
         out: The study's folder, as for `servobench sweep --out`: runs that it already has are not
             repeated. None: nothing is stored.
@@ -305,7 +314,9 @@ def sweep(
                     failed.append(f"{end.reason} (again: {job.command})")
                 bar(len(store.done) + len(failed), f"{len(failed)} failed")
         except ClusterLost as lost:
-            raise Refused(f"{lost}; give `out` to go on from what is finished") from None
+            raise Refused(
+                f"{lost}; with a folder `out`, the next call keeps the finished runs"
+            ) from None
         if not store.done:
             raise Refused(f"every run of {plan.name} failed; the first: {failed[0]}")
         return Sweep(plan, store.records(jobs), store.table(), failed)
@@ -313,7 +324,7 @@ def sweep(
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Sweep:
-    """A study whose runs are done."""
+    """The results of a study whose runs are done: tables of its runs and of its cells."""
 
     study: Study
     records: Sequence[Record]

@@ -1,4 +1,6 @@
-"""The values of servoing: sights of the target, predictions and commands."""
+"""Values that the parts of the control loop exchange: views of the target (`Sight`), predictions of
+its motion, and camera commands.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ DOF = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 @dataclass(frozen=True, slots=True)
 class Moments:
-    """Area, centroid and central moments of a dense silhouette in normalised image coordinates."""
+    """Area, centroid and central moments of a filled silhouette (not of a set of points), in
+    normalised image coordinates.
+    """
 
     area: float
     xg: float
@@ -33,7 +37,9 @@ class Moments:
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """The target's plane in the camera frame: 1/Z = A x + B y + C."""
+    """The target's plane in the camera frame, 1/Z = A x + B y + C, with x, y in normalised image
+    coordinates and A, B, C in 1/m.
+    """
 
     A: float
     B: float
@@ -47,7 +53,7 @@ class Plane:
 
 @dataclass(frozen=True, slots=True)
 class CameraImage:
-    """A picture and the camera that took it."""
+    """A picture, and the model of the camera that took it."""
 
     image: Image
     """RGB (H, W, 3)."""
@@ -56,7 +62,9 @@ class CameraImage:
 
 @dataclass(frozen=True)
 class Sight:
-    """The target in a picture: moments, corners, plane, pose, and the desired sight (`goal`)."""
+    """The target as a picture shows it: its moments, corners, plane and pose in the camera frame,
+    and its desired view (`goal`).
+    """
 
     moments: Moments
     plane: Plane
@@ -74,13 +82,13 @@ class Sight:
     measured_pose: Pose | None = None
     """T_camera_object, if it was measured; otherwise `pose` computes it from corners and plane."""
     goal: Sight | None = None
-    """The desired sight of the target; None if this sight is itself the desired one."""
+    """The desired view of the target; None if this object is itself the desired view."""
     picture: CameraImage | None = None
     """The whole picture, for features and controllers that use pixels; otherwise None."""
 
     @property
     def aim(self) -> Sight:
-        """The desired sight. A desired sight returns itself."""
+        """The desired view of the target; this object itself, if it is the desired view."""
         return self.goal or self
 
     @cached_property
@@ -96,10 +104,10 @@ class Sight:
         """Corners (4, 3) of the reference rectangle in the camera frame [m].
 
         Raises:
-            ValueError: The sight has no corners.
+            ValueError: There are no corners.
         """
         if self.corners is None:
-            raise ValueError("this sight has no corners; features that need them cannot be had")
+            raise ValueError("this Sight has no corners, so its points and pose cannot be computed")
         rays = np.column_stack([self.corners, np.ones(4)])
         return rays / (rays @ self.plane.vector)[:, None]
 
@@ -117,7 +125,9 @@ def pose_in_plane(points: Array, normal: Array) -> Pose:
 
 @dataclass(frozen=True, slots=True)
 class OwnMotion:
-    """The part of de/dt that the camera's own motion causes."""
+    """The rate of change of the feature error, de/dt, that the camera's own motion causes: since
+    the last frame, and until the next command acts.
+    """
 
     past: Array
     """Mean de/dt (k,) since the last frame, computed from the measured camera twist [1/s]."""
@@ -130,7 +140,9 @@ class OwnMotion:
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """What an estimator returns for a frame, over `FeatureSet.scales`."""
+    """Result of an estimator for a frame: the feature error, and its rate from the target's own
+    motion, divided by `FeatureSet.scales`.
+    """
 
     error: Array
     """Feature error (k,) for the law: the measured one, or the one predicted for the moment at
@@ -147,7 +159,9 @@ class Prediction:
     """Variances (2, k) that the filter states for `error` and `motion`; None without a filter."""
 
     def times(self, scales: Array) -> Prediction:
-        """Return the prediction in other units: multiplied by scales (k,)."""
+        """Return the prediction with error, motion and innovation multiplied by scales (k,), and
+        variances by their squares.
+        """
         return Prediction(
             self.error * scales,
             self.motion * scales,
@@ -158,13 +172,13 @@ class Prediction:
 
     @staticmethod
     def unmeasured(error: Array, motion: Array, variance: Array | None = None) -> Prediction:
-        """Return a prediction whose innovation and NIS are nan."""
+        """Return a prediction without a measurement: its innovation and NIS are nan (k,)."""
         none = np.full(len(error), np.nan)
         return Prediction(error, motion, none, none, variance)
 
 
 class Mode(Enum):
-    """What a controller is doing; each member carries its sentence."""
+    """State of a controller, such as searching; the value of each member is a sentence about it."""
 
     SERVOING = "The target is seen and followed."
     COASTING = "The target is not seen: the camera follows the predicted motion."
@@ -174,7 +188,7 @@ class Mode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """Intermediate results of a control law, for the log."""
+    """Intermediate results of a control law in one frame, for the log."""
 
     features: Array
     """Features s (k,); those last measured while the target is not seen."""
@@ -196,7 +210,9 @@ class Trace:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The camera twist that a controller commands after a picture, in the camera frame."""
+    """Output of a controller after a picture: the camera twist in the camera frame, the
+    controller's mode, and the limits that changed the twist.
+    """
 
     twist: Array
     """Camera twist (6,) in the camera frame [m/s, rad/s]."""

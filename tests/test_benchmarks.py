@@ -395,7 +395,7 @@ def test_a_silent_program_is_refused_before_anything_runs(monkeypatch, tmp_path,
     words = ["loop-v1", "--quick", "--tracker", "mine=trax:cat", "--set", "tracker.timeout=0.2"]
     assert call(monkeypatch, capfd, "benchmark", *words, "--out", "o") == (
         2,
-        "'cat' has 0.2 s to say hello\n",
+        "waiting at most 0.2 s for the first answer of 'cat'\n",
         "servobench: TraX server 'cat' sent no 'hello' within 0.2 s\n",
     )
     assert not (tmp_path / "o").exists()
@@ -467,7 +467,7 @@ def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd,
         "  note: the row is of a quick run: 2 of 42 worlds\n"
         "  note: the row's medians (time, camera path, corners out of view) are unchecked\n"
     )
-    agreed = f"points: 2 of 2 worlds agree, bit for bit\n{notes}"
+    agreed = f"points: 2 of 2 repeated worlds agree, bit for bit\n{notes}"
     assert call(monkeypatch, capfd, *verify)[:2] == (0, agreed)
     assert call(monkeypatch, capfd, "report", "o")[0] == 0
     assert "Points by condition" in (short / "o" / "report.html").read_text()
@@ -477,8 +477,8 @@ def test_a_row_from_the_command_line_is_verified_bit_for_bit(monkeypatch, capfd,
     (short / "row.json").write_text(json.dumps(table))
     assert call(monkeypatch, capfd, *verify)[:2] == (
         0,
-        "points: 0 of 2 worlds agree, bit for bit\n"
-        f"  2 more agree except for rounding by another processor\n{notes}",
+        "points: 0 of 2 repeated worlds agree, bit for bit\n"
+        f"  2 more worlds agree except for rounding by another processor\n{notes}",
     )
 
 
@@ -627,9 +627,12 @@ def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):
     [
         ("loop-v1 --tracker nobody", "there is no contestant 'nobody'; shipped are 'annealed', 'c"),
         ("loop-v1 --trackers kams", "Error: No such option '--trackers'."),
-        ("loop-v1 --submit x.json", "--submit writes the row of one contestant"),
-        ("loop-v1 --sealed x", "sealed worlds are drawn for one contestant"),
-        ("loop-v1 --sealed x --tracker m=nomod:T", "follow from the code of 'm', but no code was"),
+        ("loop-v1 --submit x.json", "--submit needs one contestant"),
+        ("loop-v1 --sealed x", "--sealed needs one contestant"),
+        (
+            "loop-v1 --sealed x --tracker m=nomod:T",
+            "draws worlds from the code of 'm', but this code was not",
+        ),
         ("clutter --band v1", "'clutter' is not one of 'loop-v1', 'servo-v1'"),
         ("loop-v1 --verify gone.json", "gone.json: cannot read this file"),
     ],

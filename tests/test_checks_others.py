@@ -20,10 +20,12 @@ from sim.types import Effect, Pose
 NUMBERS = itertools.count()
 FEATURES = {
     "names are ('x', 'x'); all must differ": {"names": ("x", "x")},
-    "there are 2 names and 1 units": {"units": ("1",)},
-    "feed_forward names features that do not exist": {"feed_forward": ("z",)},
-    "sole_dof maps names of features to some of vx, vy": {"sole_dof": {"x": "ux"}},
-    "noise is not 2 numbers above 0": {"noise": np.zeros(2)},
+    "there are 2 names and 1 units; give each feature a unit": {"units": ("1",)},
+    "feed_forward names features that the set does not have": {"feed_forward": ("z",)},
+    "sole_dof has a key that is no feature, or a value that is none of vx, vy": {
+        "sole_dof": {"x": "ux"}
+    },
+    "noise is not an array of 2 numbers above 0": {"noise": np.zeros(2)},
     "values returned (3,); it should be (2,)": {"values": lambda self, sight: np.zeros(3)},
     "matrix returned (6, 2); it should be (2, 6)": {"matrix": lambda self, sight: np.zeros((6, 2))},
     "error(s, s) is [1. 1.]; it should be zero": {"error": lambda self, s, g: np.ones(2)},
@@ -69,7 +71,7 @@ OTHER_PARTS = {
         check_estimator, estimator(skip=lambda r: None)),
     "update: Prediction.error is [0. 0. 0.]; it should be 4 finite numbers": (
         check_estimator, estimator(update=lambda r: Prediction.unmeasured(*np.zeros((2, 3))))),
-    "nothing was measured, so the innovation is nan": (
+    "skip: Prediction.innovation has numbers, but nothing was measured": (
         check_estimator, estimator(skip=lambda r: Prediction(*np.zeros((4, 4))))),
     "the same errors gave other estimates the second time": (
         check_estimator, estimator(update=predicted(lambda r: np.random.default_rng().random(4)))),
@@ -96,7 +98,7 @@ OTHER_PARTS = {
             at=lambda t: Pose(np.eye(3), 1e-3 * np.random.default_rng().random(3))))),
     "it has no tuple `props`": (
         check_disturbance, config_for(lambda rng: SimpleNamespace(at=lambda t: Effect()))),
-    "it does something before time 0": (check_disturbance, config_for(
+    "its effect begins before time 0": (check_disturbance, config_for(
         lambda rng: SimpleNamespace(props=(), at=lambda t: Effect(gain=2.0)))),
     "build returned NoneType; return a Design": (check_robot, config_for(lambda rng: None)),
     "a home has 2 joints; the robot has 6": (check_robot, config_for(

@@ -63,7 +63,7 @@ def test_a_single_variant_stands_beside_the_scenario_as_it_is():
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({}, "nothing to compare: give --tracker, --controller, --estimator or --set-of"),
+        ({}, "there is nothing to compare: give --tracker, --controller, --estimator or --set-of"),
         (
             {"tracker": ["a=kams"], "controller": ["a=ibvs"]},
             "two variants are called 'a': write another name before the =",
@@ -74,7 +74,7 @@ def test_a_single_variant_stands_beside_the_scenario_as_it_is():
         ),
         (
             {"set_of": ["slow"]},
-            "--set-of slow: write NAME=KEY=VALUE,..., such as slow=controller.gain=0.5",
+            "--set-of slow: there is no name or no setting: write NAME=KEY=VALUE,..., such as slow=controller.gain=0.5",
         ),
     ],
 )

@@ -284,14 +284,14 @@ TWO_JOINTS = (
     "robot.camera=eye",
     "start={}",
 )
-FEW = "the robot has fewer than six joints, and these decide what moves"
-INVERTS = "these features compute the twist from the error by themselves"
+FEW = "the robot has fewer than six joints, and the joints decide which components can move"
+INVERTS = "this feature set computes the twist from the error by an inverse of its own"
 BROYDEN = ("controller.kind=broyden",)
 POSE = ("features.kind=pose", "tracker.corners=true")
-LEARNS = "this law learns the interaction matrix, and the features are those of the image"
-CORNERS = "the tracker's corners say plane and depth, but in what is recorded of the first picture"
-NO_MATRIX = "no interaction matrix is computed with this depth"
-NO_ESTIMATE = "this law follows no estimate of the target's motion"
+LEARNS = "the law broyden learns the interaction matrix, and these features need no plane or depth"
+CORNERS = "plane and depth are computed from the tracker's corners from the second picture on"
+NO_MATRIX = "this law and these features compute no interaction matrix with the believed depth"
+NO_ESTIMATE = "the law broyden does not use the estimated motion of the target"
 PIXELS = ("features.kind=photometric", "estimator.kind=none")
 
 
@@ -304,16 +304,20 @@ PIXELS = ("features.kind=photometric", "estimator.kind=none")
         (("features.kind=weighted", "tracker.corners=true"), 'controller.dof=["vx"]', INVERTS),
         (("features.kind=partitioned", "tracker.corners=true"), 'controller.dof=["vx"]', INVERTS),
         (("features.kind=partitioned",), "controller.weights=[1, 1, 1, 1, 1, 0.2]", INVERTS),
-        (PIXELS, "sight.depth=known", "pixels are servoed"),
+        (
+            PIXELS,
+            "sight.depth=known",
+            "the controller acts on pixels, and uses no plane or depth of the target",
+        ),
         (
             PIXELS,
             "believed.size_factor=1.25",
-            "pixels are servoed, at goal.depth whatever size is believed",
+            "the controller acts on pixels at goal.depth, whatever size of the target is believed",
         ),
         (
             PIXELS,
             'controller.feed_forward=["z"]',
-            'no motion of the target is estimated with estimator.kind = "none"',
+            'estimator.kind is "none", so the motion of the target is not estimated',
         ),
         (("features.kind=hybrid",), "believed.depth_factor=1.3", NO_MATRIX),
         (POSE, "believed.depth_factor=1.3", NO_MATRIX),
@@ -324,11 +328,15 @@ PIXELS = ("features.kind=photometric", "estimator.kind=none")
         (POSE, "sight.plane=known", CORNERS),
         (("features.kind=points", POSE[1]), "sight.depth=known", CORNERS),
         (("goal.depth_to=0.7",), "goal.change_start=2", "the run ends before goal.change_start"),
-        (("tracker.kind=cv_mil",), "run.ego=true", "this tracker takes no motion of the camera"),
+        (
+            ("tracker.kind=cv_mil",),
+            "run.ego=true",
+            "this tracker does not use the motion of the camera",
+        ),
         (
             ('camera.distortion="plumb_bob"', "camera.coefficients=[0.0, 0.0, 0.0, 0.0, 0.0]"),
             "believed.ignore_distortion=true",
-            "the camera's lens does not distort",
+            "camera.lens is not set, so there is no distortion",
         ),
     ],
 )
@@ -389,5 +397,5 @@ def test_a_run_says_it_before_it_begins(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", words)
     with pytest.raises(SystemExit):
         main.main()
-    found = "believed.ignore_distortion has no effect: the camera's lens does not distort"
+    found = "believed.ignore_distortion has no effect: camera.lens is not set, so there is no distortion"
     assert found in " ".join(capsys.readouterr().out.split())

@@ -231,7 +231,8 @@ def test_two_runs_are_beside_each_other_and_the_shorter_one_stands_still(tmp_pat
 def test_films_of_two_need_one_rate(tmp_path):
     loaded = [servo.load("still", [*CHANGES, f"camera.rate={rate}"]) for rate in (30, 60)]
     differ = pytest.raises(
-        Mistake, match=r"^film: both cameras need the same rate; they have 30 and 60 Hz$"
+        Mistake,
+        match=r"^film: the cameras have different rates, 30 and 60 Hz: give both the same camera.rate$",
     )
     with Episode(loaded[0]) as left, Episode(loaded[1]) as right, differ:
         write_film_of_two((left, right), ("a", "b"), tmp_path / "a.mp4", print)

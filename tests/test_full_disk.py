@@ -75,7 +75,7 @@ def test_without_room_for_the_rows_a_run_does_not_begin(tmp_path):
     code, err = limited(300, f"run still --out out --mcap out.mcap {QUICK}", tmp_path)
     assert (code, err) == (
         1,
-        "servobench: out/steps.arrows: there is no room for the rows: File too large\n",
+        "servobench: out/steps.arrows: the disk has no room for the table: File too large\n",
     )
     assert list(tmp_path.rglob("*")) == [tmp_path / "out"]
 

@@ -28,7 +28,11 @@ BIN = Path(sys.executable).parent / "servobench"
         (OSError(28, "No space left on device", "a/b"), 1, "a/b: No space left on device"),
         (OSError(36, "File name too long", "a"), 2, "a: File name too long"),
         (OSError(24, "Too many open files"), 1, "Too many open files"),
-        (MemoryError(), 1, "there is not enough memory for this"),
+        (
+            MemoryError(),
+            1,
+            "this machine has too little memory for the command: end other programs first",
+        ),
         (Mistake("x" * 9999), 2, f"{'x' * (LONGEST // 2)} [...] {'x' * (LONGEST // 2)}"),
     ],
 )
@@ -53,7 +57,7 @@ def test_windows_is_named_at_the_start(capsys, monkeypatch):
     monkeypatch.setattr("platform.system", lambda: "Windows")
     with pytest.raises(SystemExit) as ended:
         guarded(lambda: None)
-    sentence = "servobench: this runs on Linux and macOS; on Windows use WSL (wsl --install)\n"
+    sentence = "servobench: Windows is not supported: run servobench in WSL (wsl --install)\n"
     assert (ended.value.code, capsys.readouterr().err) == (2, sentence)
 
 

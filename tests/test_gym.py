@@ -203,7 +203,9 @@ def test_options_change_one_run():
     assert 40 <= told["drawn"]["start.x"] <= 41
     assert env.reset(seed=3, options={"scenario": "line", "vary": {}})[1]["drawn"] == {}
     assert abs(env.reset(seed=3)[1]["drawn"]["start.x"]) <= 60
-    with pytest.raises(Mistake, match=r"^options: observations would have another shape; "):
+    with pytest.raises(
+        Mistake, match=r"^options: these settings change the shape of the observations; "
+    ):
         made(observation="picture").reset(options={"camera": {"width": 160}})
 
 

@@ -28,7 +28,10 @@ def made(**settings):
             {"dof": ["vx", "vx"]},
             "dof = ['vx', 'vx']: expected a list of some of vx, vy, vz, wx, wy, wz, each once",
         ),
-        ({"scenario": "line", "seed": 3}, "line: the seed of a run is given as reset(seed=...)"),
+        (
+            {"scenario": "line", "seed": 3},
+            "line: a seed cannot be set here: give it as reset(seed=...)",
+        ),
         ({"goal_picture": "yes"}, "there is no goal_picture 'yes'; there is False, True"),
         ({"scenario": None}, "a scenario is given by its name or its file, not by NoneType"),
         ({"overrides": None}, "None: expected a list of changes, such as ['run.duration=5']"),
@@ -44,11 +47,11 @@ def test_a_wrong_choice_is_a_sentence(wrong, sentence):
     ("options", "sentence"),
     [
         ([1], "options: expected settings by name, got [1]"),
-        ({"seed": 3}, "options: the seed of a run is given as reset(seed=...)"),
-        ({"run.seed": 3}, "options: the seed of a run is given as reset(seed=...)"),
+        ({"seed": 3}, "options: a seed cannot be set here: give it as reset(seed=...)"),
+        ({"run.seed": 3}, "options: a seed cannot be set here: give it as reset(seed=...)"),
         (
             {"features": "points"},
-            "options: observations would have another shape; make an environment (no run goes on)",
+            "options: these settings change the shape of the observations; make a new environment with them (the old run was ended)",
         ),
     ],
 )
@@ -142,8 +145,7 @@ def test_a_drawn_start_that_cannot_be_is_drawn_again(monkeypatch):
     with pytest.raises(Mistake) as refused:
         made(redraw=0, **settings).reset(seed=7)
     assert str(refused.value) == (
-        f"{refusal} (redraw = 0: so many more seeds were drawn for such a start; a larger number "
-        "allows more)"
+        f"{refusal} (redraw = 0: this many other seeds were tried too; a larger number tries more)"
     )
     as_written = {"overrides": [*SHORT, "tracker.kind=truth", "start.x=5", "expect={}"], "vary": {}}
     with pytest.raises(Mistake) as refused:

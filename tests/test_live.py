@@ -84,7 +84,7 @@ def started(words, folder):
     """A command, and the address that it prints."""
     process = Command(words.split(), cwd=folder, env=without_display())
     line = process.stdout.readline()
-    assert line.startswith("watch it at http://127.0.0.1:"), line
+    assert line.startswith("the page of the viewer: http://127.0.0.1:"), line
     return process, line.split()[-1]
 
 

@@ -48,7 +48,7 @@ def test_it_writes_a_package_with_an_entry_point_and_a_test(package):
     assert 'name = "red-dot"' in text
     assert '[project.entry-points."servobench.trackers"]\nred_dot = "red_dot:Config"\n' in text
     assert "class RedDot:" in (package / "red_dot" / "__init__.py").read_text()
-    with pytest.raises(Mistake, match="this exists and is not empty; choose another"):
+    with pytest.raises(Mistake, match="something is there already; choose another folder"):
         new("tracker", "blue_dot", package)
 
 

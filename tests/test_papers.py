@@ -135,7 +135,7 @@ def test_other_seeds_have_a_folder_of_their_own_and_stand_beside_the_registered(
     monkeypatch.setattr(papers_command, "known", lambda: known)
     code, out, err = call(monkeypatch, capfd, "P1-3", "--first-seed", "7000", "--workers", "1")
     assert (code, err) == (0, "")  # another verdict is no fault here
-    beside = out[out.index("seeds from 7000 on, beside the registered ones") :]
+    beside = out[out.index("seeds from 7000 on, beside those on the registered seeds") :]
     head, row = (re.split(r"  +", line.strip()) for line in beside.splitlines()[1:3])
     assert head == ["claim", "verdict", "effect", "registered", "effect, registered"]
     assert (row[0], row[1], row[3]) == ("P1-3", "undecided", "does not hold")
@@ -180,11 +180,11 @@ def test_a_verdict_that_the_claim_itself_decided_says_so_beside_it():
         ),
         (
             ["tuning-clutter", "--first-seed", "7000"],
-            "tuning-clutter has its own seeds for tuning; leave out --first-seed",
+            "tuning-clutter has its own seeds: leave out --first-seed or tuning-clutter",
         ),
         (
             ["P1-3", "--quick", "--first-seed", "7000"],
-            "--quick has its own seed; leave out --first-seed",
+            "--quick has its own seed: leave out --first-seed or --quick",
         ),
     ],
 )

@@ -111,7 +111,7 @@ def test_runs_that_finish_when_they_are_tried_again_are_told(monkeypatch, tmp_pa
     out, err = capfd.readouterr()
     assert (
         "servobench: out/failures: 2 of the runs failed first and finished when tried again: "
-        "a part in them does not give the same result each time\n"
+        "a component in them does not give the same result each time\n"
     ) in err
     assert "No run reaches measure.after: what counts from there on has no value.\n" in out
 

@@ -75,7 +75,7 @@ def test_only_the_right_address_and_a_region_are_an_answer(monkeypatch, capfd, f
     statuses, printed = finished()
     assert (code, err) == (0, "")
     assert statuses == [404, 404, 404, *[400] * 12, 200, 200]
-    assert printed[1] == "--region 40,30,30,20 repeats this choice"
+    assert printed[1] == "to choose the same region again: --region 40,30,30,20"
     report = json.loads((folder / "out" / "report.json").read_text())
     assert "--region 40,30,30,20" in report["command"]
     assert "--select" not in report["command"]
@@ -100,7 +100,7 @@ def test_a_client_that_resets_its_connection_is_not_heard(monkeypatch, capfd, fo
     assert (code, err) == (0, "")
 
 
-CANCELLED = "servobench: --select was cancelled; give --region X,Y,W,H[,DEG]\n"
+CANCELLED = "servobench: --select: no region was drawn; run again, or give --region X,Y,W,H[,DEG]\n"
 
 
 def test_a_page_that_is_cancelled_is_a_sentence(monkeypatch, capfd, folder):
@@ -195,7 +195,7 @@ def test_a_region_is_drawn_moved_resized_and_turned_in_a_browser(
     given = [float(row[k]) for k in ("x", "y", "width", "height")]
     assert given == pytest.approx([56, 42, 32, 24], abs=0.4)
     assert float(row["theta"]) == pytest.approx(np.radians(60), abs=0.02)
-    again = printed[1].removeprefix("--region ").removesuffix(" repeats this choice")
+    again = printed[1].removeprefix("to choose the same region again: --region ")
     call(monkeypatch, capfd, "in", "--region", again, "--tracker", "frozen", "--out", "two", "-q")
     assert rows_of(folder / "two" / "track.csv")[0]["x1"] == row["x1"]
 

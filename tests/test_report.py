@@ -332,7 +332,7 @@ def test_measures_and_tables_are_refused_where_they_do_not_fit(make_papers, tmp_
         (
             [folder],
             Printed(figure_width=3.4),
-            "--figure-width needs --figures: give --figures pdf, svg or pgf",
+            "--figure-width has no effect without --figures: add --figures pdf, svg or pgf",
         ),
         (
             [folder],

@@ -223,11 +223,11 @@ BAD = {
     "no folder": (None, "{}: there is no such folder"),
     "nothing known": (
         {"notes.txt": b""},
-        "{}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, `papers` or `sweep`",
+        "{}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, `papers` or `sweep`: name a folder that one of them wrote",
     ),
     "a track": (
         {"report.json": b"{}"},
-        "{}/report.json: there is no steps.parquet beside it; is this a run's folder?",
+        "{}/report.json: there is no steps.parquet beside this report: run its command again",
     ),
     "half a file": (
         {"study.json": STUDY[:-9]},

@@ -78,7 +78,9 @@ def test_a_picture_shows_where_the_target_shall_be(result):
     ]
     red = [bool((p[..., 0] > np.maximum(90, 2 * p[..., 1])).any()) for p in near]
     assert sum(red) >= 2  # truth and estimate are drawn over the others
-    with pytest.raises(Mistake, match=r"^frame\(9\): the run goes from 0 to 0.47 s$"):
+    with pytest.raises(
+        Mistake, match=r"^frame\(9\): this time is not in the run, from 0 to 0.47 s$"
+    ):
         result.frame(9)
 
 
@@ -113,7 +115,7 @@ def test_a_film_is_of_all_steps(result, monkeypatch):
 
 def test_the_viewer_needs_an_extra_and_a_notebook(result, monkeypatch):
     monkeypatch.setattr("servo.result.find_spec", lambda name: name)
-    with pytest.raises(Mistake, match=r"^Run.view works in a notebook only; elsewhere record with"):
+    with pytest.raises(Mistake, match=r"^Run.view: this is no notebook; record with"):
         result.view()
     monkeypatch.setattr("servo.result.find_spec", lambda name: None)
     with pytest.raises(Mistake, match=r"^view: .*pip install 'servobench\[notebook\]'$"):
@@ -128,7 +130,7 @@ def test_a_notebook_shows_a_mistake_as_one_sentence():
 
 
 def test_a_loaded_scenario_takes_no_changes():
-    with pytest.raises(Mistake, match=r"^a loaded scenario takes no changes: "):
+    with pytest.raises(Mistake, match=r"^a loaded scenario cannot be changed: "):
         servo.simulate(servo.load("still"), gain=2.0)
 
 

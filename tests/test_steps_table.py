@@ -110,7 +110,10 @@ def test_two_runs_do_not_write_into_one_folder(tmp_path):
         first = RunFolder(tmp_path, episode, rerun=False)
         with pytest.raises(Mistake) as refused:
             RunFolder(tmp_path, episode, rerun=False)
-        assert str(refused.value) == f"{tmp_path}: another run is writing into this folder"
+        assert (
+            str(refused.value)
+            == f"{tmp_path}: another run is writing into this folder; choose another with --out"
+        )
         first.close()
     assert [path.name for path in tmp_path.iterdir()] == ["steps.parquet"]
 

@@ -98,9 +98,27 @@ def test_no_flipped_bit_changes_what_is_read(small, folder):
 
 
 @pytest.mark.parametrize("content", [bytes(5000), b"SQLite format 3" + bytes(5000), b"no"])
-def test_a_file_that_is_no_database_is_one_sentence(small, folder, content):
+def test_a_file_that_is_no_database_is_one_sentence(small, folder, content, monkeypatch):
+    opened_now = set()
+
+    class Counted(store.sqlite3.Connection):
+        def __init__(self, *words, **more):
+            super().__init__(*words, **more)
+            opened_now.add(self)
+
+        def close(self):
+            super().close()
+            opened_now.discard(self)
+
     (folder / RUNS).write_bytes(content)
+    connect = store.sqlite3.connect
+    monkeypatch.setattr(
+        store.sqlite3, "connect", lambda *words, **more: connect(*words, **more, factory=Counted)
+    )
     assert refused(small, folder).startswith(f"{folder / RUNS}: this file is damaged (")
+    with pytest.raises(Mistake, match="this file is damaged"):
+        store.Store(folder).find()
+    assert not opened_now
 
 
 def test_a_folder_that_is_read_only_can_be_read(small, folder, monkeypatch):

@@ -255,7 +255,7 @@ def test_a_dry_run_tells_how_many_runs_and_keeps_nothing(tmp_path, monkeypatch, 
     out, err = capsys.readouterr()
     first, second = out.splitlines()
     assert first == "40 runs, 0 of them finished"
-    assert re.fullmatch(r"one takes \d+\.\d s here, 40 of them about \d+ s, 2 at once", second)
+    assert re.fullmatch(r"a run takes \d+\.\d s here, 40 runs about \d+ s, 2 at once", second)
     assert err == ""
     assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
 

@@ -66,8 +66,8 @@ def test_a_truth_of_one_line_is_the_start(monkeypatch, capfd, folder):
     code, _, err = call(monkeypatch, capfd, "in", "--out", "out", "--tracker", "frozen")
     assert (code, err) == (
         0,
-        "servobench: in/groundtruth.txt: its masks are replaced by the boxes around them\n"
-        f"servobench: the truth has one line for {FRAMES} pictures: there are no measures\n",
+        "servobench: in/groundtruth.txt: the masks of this truth are replaced by the boxes around them\n"
+        f"servobench: the truth has only one line for {FRAMES} pictures, so no measures are computed\n",
     )
     found = rows_of(folder / "out" / "track.csv")
     assert [float(found[-1][k]) for k in ("x1", "y1", "x3", "y3")] == [40, 30, 70, 50]
@@ -135,19 +135,19 @@ BAD = {
     ),
     "no numbers": (
         ["in", "--region", "40,30,big,20"],
-        "--region 40,30,big,20: this should be X,Y,W,H or X,Y,W,H,DEG in px",
+        "--region 40,30,big,20: this is no region: write X,Y,W,H or X,Y,W,H,DEG [px, deg]",
     ),
     "too many numbers": (
         ["in", "--region", "1,2,3,4,5,6"],
-        "--region 1,2,3,4,5,6: this should be X,Y,W,H or X,Y,W,H,DEG in px",
+        "--region 1,2,3,4,5,6: this is no region: write X,Y,W,H or X,Y,W,H,DEG [px, deg]",
     ),
     "another section after a good one": (
         ["in", "--region", REGION, "--set", "tracker.particles=9", "--set", "foo=1"],
-        "--set foo=1: here only tracker.KEY=VALUE can be set",
+        "--set foo=1: track sets only settings of the tracker: write tracker.KEY=VALUE",
     ),
     "another section": (
         ["in", "--region", REGION, "--set", "camera.fx=3"],
-        "--set camera.fx=3: here only tracker.KEY=VALUE can be set",
+        "--set camera.fx=3: track sets only settings of the tracker: write tracker.KEY=VALUE",
     ),
     "an unknown preset": (
         ["in", "--region", REGION, "--set", "tracker.preset=book"],
@@ -181,7 +181,7 @@ BAD = {
     ),
     "a folder that is no text": (
         ["in", "--region", REGION, "--out", "o\udcff"],
-        "o\\udcff: recordings need a folder whose name is UTF-8; choose another with --out",
+        "o\\udcff: the name of this folder is not UTF-8; choose another with --out",
     ),
     "two targets": (
         ["two"],

@@ -106,7 +106,9 @@ def test_the_camera_does_not_turn_with_an_angle_that_nobody_sees(disc):
 
 
 def test_features_that_need_the_angle_are_refused_in_one_sentence(disc):
-    with pytest.raises(Mistake, match="the tracker follows no angle of this target, without which"):
+    with pytest.raises(
+        Mistake, match="the tracker follows no angle of this target, and without it"
+    ):
         circle_over(disc, "features.kind=points", "controller.feed_forward=[]")
 
 

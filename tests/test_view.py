@@ -100,7 +100,7 @@ def test_what_the_viewer_cannot_do_is_one_sentence(viewer, tmp_path, monkeypatch
     )
     assert 30.0 < clock[0] - began < 31.0
     gone = tmp_path / "gone" / "out.png"
-    assert refused(tmp_path, gone) == f"{gone}: there is no such folder to write to"
+    assert refused(tmp_path, gone) == f"{gone}: there is no folder {gone.parent}: make it first"
 
     def fails(**_):
         raise RuntimeError("no Vulkan")

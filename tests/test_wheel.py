@@ -87,5 +87,5 @@ def test_a_package_that_another_one_has_written_over_is_named(installed, tmp_pat
     ended = subprocess.run(
         command, cwd=tmp_path, capture_output=True, text=True, env=where, check=False
     )
-    said = f"servobench: {copy / 'tracking'} is not whole: install servobench again\n"
+    said = f"servobench: {copy / 'tracking'} is not complete: install servobench again\n"
     assert (ended.returncode, ended.stderr) == (2, said)

@@ -236,14 +236,14 @@ def test_no_table_is_printed_for_a_robot_that_cannot_begin(tmp_path):
     up = ["scara", "--flange", "eye", "--out", str(tmp_path / "a.png")]
     done = CliRunner().invoke(app, ["robot", *up])
     assert "it never looks down: turn it with --mount." in done.output
-    assert "1 m above the target only nearly: 0.99 m and 180 deg are left" in done.output
+    assert "1 m above the target: 0.99 m and 180 deg are left" in done.output
     assert NO_BASE in done.output
     assert "[robot]" not in done.output
 
 
 def test_the_command_refuses_what_cannot_be_a_robot(urdf):
     done = CliRunner().invoke(app, ["robot", str(urdf), "--base", "1,2,x,4"])
-    assert "should be 4 numbers, with commas" in done.output
+    assert "is not 4 numbers with commas between them" in done.output
 
 
 def test_a_flange_that_nothing_moves_is_refused(tmp_path):
@@ -268,7 +268,7 @@ def test_the_command_reports_a_camera_behind_the_robot(tmp_path, seven):
     behind = ["--flange", "link7", "--mount", "0,0,-0.1,0,0,0"]
     done = CliRunner().invoke(app, ["robot", str(seven), *behind, "--out", str(tmp_path / "a.png")])
     assert re.search(
-        r"The robot itself fills \d+ % of the picture: move it with --mount", done.output
+        r"The robot itself fills \d+ % of the picture: move the camera with --mount", done.output
     )
 
 

@@ -1,1 +1,3 @@
-"""The command line: one file a command. Everything that prints is here."""
+"""The command line `servobench`: one module for each command. Only this package prints on the
+terminal.
+"""

@@ -1,4 +1,6 @@
-"""The command `servobench benchmark`: run contestants in a public benchmark, publish and verify."""
+"""The command `servobench benchmark`: run trackers or control laws in a public benchmark, write the
+results of each as a file to publish, and verify a published file.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -53,16 +55,18 @@ def run(
     quiet: bool,
     dry_run: bool,
 ) -> int:
-    """Run contestants in a benchmark and write their rows, or verify a published row.
+    """Run contestants (trackers or control laws) in the worlds (drawn scenarios) of a benchmark,
+    and write a row for each, a JSON file of its scores; or verify a published row.
 
     Args:
         name: The benchmark.
-        given: The contestants, as `contestants` takes them.
+        given: The contestants as the command line has them, such as "kams" or "mine=module:Class";
+            empty: all shipped ones.
         changes: Changes of settings of all contestants, such as "controller.gain=2".
-        band: The set of worlds: "dev" (also None) or "v1".
+        band: The set of worlds: "dev" to tune on (also None), or "v1" of the published table.
         sealed: A public value from which other worlds are drawn; None: those of the band.
-        quick: Whether to run two worlds of each condition only.
-        submit: A file for the contestant's row.
+        quick: Whether to run only two worlds of each condition.
+        submit: A file to write for the only contestant's row.
         verify: The file of a row to verify.
         workers: Number of processes.
         out: The folder; None: runs/benchmark-NAME.
@@ -85,7 +89,9 @@ def run(
         rng = np.random.default_rng()
         return _verify(benchmark, verify, chosen if given else None, workers, console, rng)
     if submit is not None and len(chosen) != 1:
-        raise Mistake("--submit writes the row of one contestant: name one with --contestant")
+        raise Mistake(
+            "--submit needs one contestant, and there are several: name one with --contestant"
+        )
     of = _sealed(sealed, chosen) if sealed is not None else Band("v1" if band == "v1" else "dev")
     worlds = benchmark.every_world(of, QUICK if quick else None)
     for one in chosen:  # what is wrong with it is said before anything is run
@@ -140,14 +146,14 @@ def run(
         if submit is not None and not failed:
             _submit(submit, rows[-1], records)
             plain(console, f"  {submit}")
-        plain(console, f"for a page, run: servobench report {store.folder}")
+        plain(console, f"for a page of results, run: servobench report {store.folder}")
     return 1 if failed else 0
 
 
 def _try_out(scenario: Scenario, console: Console) -> None:
-    """Start a guest's tracker on a picture of noise, and end it.
+    """Start the tracker of a scenario on a picture of noise and end it, if it is a user's.
 
-    A program that is silent would fail in every world, after its time limit.
+    A program that does not answer would fail in every world, each time after its time limit.
 
     Raises:
         Mistake: The tracker cannot be loaded or started.
@@ -156,7 +162,10 @@ def _try_out(scenario: Scenario, console: Console) -> None:
     if not isinstance(settings, GuestSettings):
         return
     if isinstance(settings, program.Config | trax.Config):
-        plain(console, f"'{settings.command}' has {settings.loading:g} s to load")
+        plain(
+            console,
+            f"waiting at most {settings.loading:g} s for the first answer of '{settings.command}'",
+        )
     noise = np.random.default_rng(0).integers(0, 256, (240, 320, 3), np.uint8)
     with as_mistake():
         guest = settings.guest(seed=0)
@@ -164,23 +173,28 @@ def _try_out(scenario: Scenario, console: Console) -> None:
 
 
 def _sealed(value: str, chosen: Sequence[Contestant]) -> Band:
-    """Return the worlds that are drawn for one contestant from a public value.
+    """Return the sealed set of worlds: they are drawn from a public value and the digest of one
+    contestant's code, so that nobody could tune on them.
 
     Raises:
         Mistake: There are several contestants, or the code of the contestant was not found.
     """
     if len(chosen) != 1:
-        raise Mistake("sealed worlds are drawn for one contestant: name one with --contestant")
+        raise Mistake(
+            "--sealed needs one contestant, and there are several: name one with --contestant"
+        )
     if chosen[0].is_unknown:
         raise Mistake(
-            f"sealed worlds follow from the code of '{chosen[0].name}', but no code was found: "
-            "name the contestant's file or module"
+            f"--sealed draws worlds from the code of '{chosen[0].name}', but this code was not "
+            "found: name the contestant's file or module"
         )
     return Band("sealed", value, chosen[0].digest)
 
 
 def _keep(store: Store, rows: Sequence[Row]) -> None:
-    """Write the rows and the table of all runs into the folder of a store."""
+    """Write the contestants' rows (JSON files) and the table of all runs into the folder of a
+    store.
+    """
     atomic.folder(store.folder, benchmark_section.ROWS)
     for row in rows:
         name = f"{benchmark_section.ROWS}/{file_name(row.contestant)}"
@@ -190,7 +204,9 @@ def _keep(store: Store, rows: Sequence[Row]) -> None:
 
 
 def _scale_rows(benchmark: Benchmark) -> list[Row]:
-    """Return the shipped rows of the contestants that fix the scale; none unless all are there."""
+    """Return the shipped rows of the reference contestants that fix the scale of the scores; an
+    empty list unless all are there.
+    """
     names = {one.name for one in scale_of(benchmark)}
     rows = [row for row in shipped_rows(benchmark) if row.contestant in names]
     return rows if len(rows) == len(names) else []
@@ -204,7 +220,7 @@ def _rows(
     records: Sequence[Record],
     command: str,
 ) -> list[Row]:
-    """Return the rows of the contestants that have a record of each world."""
+    """Return a row of scores for each contestant that has a record of every world."""
     keys = {world.key for world in worlds}
     found = list[Row]()
     for one in chosen:
@@ -224,12 +240,15 @@ def _print(console: Console, benchmark: Benchmark, rows: Sequence[Row]) -> None:
     if benchmark_section.is_whole(benchmark, rows) and here - {benchmark.rendering}:
         plain(
             console,
-            "the pictures differ from the frozen ones: these rows stand in a table of their own",
+            "this machine renders other pictures than the benchmark's frozen ones: its results are "
+            "in a table of their own",
         )
 
 
 def _submit(file: Path, row: Row, records: Sequence[Record]) -> None:
-    """Write a row, and beside it the errors of each picture as Parquet."""
+    """Write a contestant's row to a JSON file, and the errors of its runs in each picture to a
+    Parquet file beside it.
+    """
     own = [r for r in records if r.settings[CONTESTANT] == row.contestant]
     with writing(file, "this row"):
         atomic.write(file.parent, file.name, row.text())
@@ -244,22 +263,24 @@ def _verify(
     console: Console,
     rng: np.random.Generator,
 ) -> int:
-    """Audit a row, and repeat a tenth of its worlds.
+    """Check a published row for contradictions, run a tenth of its worlds (at least ten) again, and
+    print which results differ.
 
     Args:
         benchmark: The benchmark that the row should be of.
         file: The row's file.
-        given: Contestants of the command line; None without any.
-        count: Number of workers.
+        given: Contestants of the command line, of which the first is run; None: the shipped
+            contestant of the row's name.
+        count: Number of processes.
         console: The output of the command.
-        rng: Draws the worlds.
+        rng: Generator that draws the worlds to run again.
 
     Returns:
         The exit code: 1 if a world differs or the row contradicts itself, else 0.
 
     Raises:
-        Mistake: The file is not a row of this version, a guest's command is not given again, or a
-            run failed.
+        Mistake: The file is not a row of this version, the contestant is neither shipped nor given
+            again, or a run failed.
     """
     row = Row.read(file)
     check_version(benchmark, row)
@@ -282,9 +303,11 @@ def _verify(
     differing = {run.world for run in runs if not run.agrees}
     rounded = {run.world for run in runs if run.agrees and not run.exactly} - differing
     agree = len(every) - len(differing) - len(rounded)
-    plain(console, f"{row.contestant}: {agree} of {len(every)} worlds agree, bit for bit")
+    plain(console, f"{row.contestant}: {agree} of {len(every)} repeated worlds agree, bit for bit")
     if rounded:
-        plain(console, f"  {len(rounded)} more agree except for rounding by another processor")
+        plain(
+            console, f"  {len(rounded)} more worlds agree except for rounding by another processor"
+        )
     plain(console, *(f"  {key} differs" for key in sorted(differing)))
     plain(console, *(f"  wrong: {sentence}" for sentence in faults))
     plain(console, *(f"  note: {sentence}" for sentence in remarks))
@@ -292,9 +315,10 @@ def _verify(
 
 
 def _contestant(benchmark: Benchmark, row: Row, given: Sequence[Contestant] | None) -> Contestant:
-    """Return the contestant of a row: that of the command line, or a shipped one by its name.
+    """Return the contestant that made a row: the first of the command line, or without any the
+    shipped one of the same name.
 
-    Code that a row's file names is not run.
+    Code that the row's file names is not run.
     """
     if given is not None:
         return given[0]

@@ -1,4 +1,6 @@
-"""The command `servobench check`: test scenarios against their bounds, and report to programs."""
+"""The command `servobench check`: run scenarios, compare their measures with their bounds, and
+write the results as JSON or JUnit files for other programs.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -38,7 +40,7 @@ NO_BOUNDS = "No verdict: this scenario has no bounds."
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckFile(Made):
-    """The file that --json writes: the results of a check."""
+    """The JSON file that `servobench check --json` writes: the results of all runs."""
 
     FILE: ClassVar[str] = "check.json"
     KIND: ClassVar[str] = "check"
@@ -52,7 +54,9 @@ class CheckFile(Made):
 
 
 def _described(job: Job, end: Record | Failure) -> Entry:
-    """Return the entry of a run for --json and --junit."""
+    """Return the entry of a run for --json and --junit: outcome, measures and missed bounds, or the
+    reason why the run failed.
+    """
     name = job.subject.name
     if isinstance(end, Failure):
         return _entry(name, job.seed, job.command, end.reason)
@@ -67,7 +71,9 @@ def _described(job: Job, end: Record | Failure) -> Entry:
 
 
 def _entry(name: str, seed: int, command: str, failed: str = "") -> Entry:
-    """Return the entry of a run without a result for --json and --junit."""
+    """Return the entry of a run that has no result, for --json and --junit; `failed` is the reason,
+    `command` repeats the run.
+    """
     run = {"scenario": name, "seed": seed, "command": command, "seconds": 0.0, "outcome": ""}
     return run | {"measures": {}, "missed": [], "failed": failed, "unjudged": ""}
 
@@ -98,7 +104,7 @@ def check_scenarios(
 
     Returns:
         The exit code: 1 if a bound was missed or a run failed, 2 if a run failed because of the
-        user's mistake.
+        user's mistake, else 0.
     """
     chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
     check_number(len(chosen) * count)
@@ -155,17 +161,23 @@ def _check_changes(changes: Sequence[str]) -> None:
     for item in changes:
         key, value = assignment(item)
         if key == "run.seed" or (key == "run" and isinstance(value, dict) and "seed" in value):
-            raise Mistake(f"--set {item}: use --seed and --seeds in place of it")
+            raise Mistake(
+                f"--set {item}: check sets this key by --seed and --seeds: use these options"
+            )
 
 
 def _print_short(errors: Console, jobs: Sequence[Job]) -> None:
-    """Print doubts about scenarios: measures without a value, bounds that decide nothing."""
+    """Print on stderr, by scenario, which measures have no value because the run is too short, and
+    which bounds every run keeps or every run misses.
+    """
     found = {job.subject.name: measures_lines(_scenario(job)) for job in jobs}
     plain(errors, *(f"{name}: {line}" for name, lines in found.items() for line in lines))
 
 
 def _print_unjudged(errors: Console, records: Sequence[tuple[Job, Record]], count: int) -> None:
-    """Print how many of `count` runs have no verdict because they have no bounds."""
+    """Print which runs have no verdict because their scenarios have no bounds; `count` is the
+    number of all runs.
+    """
     without = [job for job, _ in records if not _scenario(job).expect]
     if without:
         names = ", ".join(dict.fromkeys(job.subject.name for job in without))
@@ -174,7 +186,9 @@ def _print_unjudged(errors: Console, records: Sequence[tuple[Job, Record]], coun
 
 
 def _shares(records: Sequence[tuple[Job, Record]], count: int) -> list[DrawnShare]:
-    """Return the shares of drawn seeds that are judged; each scenario has `count` runs."""
+    """Return, for each scenario that bounds it, how many of its drawn seeds ended as expected;
+    `records` are sorted by scenario, with `count` runs each.
+    """
     groups = groupby(records, lambda run: run[0].number // count)
     judged = ([(_scenario(job), end.success) for job, end in runs] for _, runs in groups)
     return [share for share in map(DrawnShare.of, judged) if share is not None]
@@ -210,7 +224,7 @@ def _carry_out(jobs: Sequence[Job], workers: int, console: Console, ends: dict[i
                 ended(f"{job.subject.name}, seed {job.seed}")
         except ClusterLost as error:
             raise Refused(
-                f"{error}; the check was stopped without a result: run it again"
+                f"{error}; the check was stopped without a result: run the check again"
             ) from None
 
 
@@ -258,8 +272,8 @@ def _table(ends: Sequence[End]) -> Table:
 
 
 def _junit(runs: list[Entry], shares: Sequence[DrawnShare], command: str) -> str:
-    """Return JUnit's XML: a test case for each run and each share, with what it missed and the
-    command that repeats it.
+    """Return JUnit's XML: a test case for each run and for each scenario's share of drawn seeds,
+    with the missed bounds and the command that repeats it.
     """
     of_shares = [_entry(s.scenario, 0, command) | {"missed": [s] * s.missed} for s in shares]
     names = [f"seed {run['seed']}" for run in runs] + ["drawn seeds"] * len(shares)

@@ -1,4 +1,6 @@
-"""The command `servobench compare`: a study of variants (parts, settings) with page and figures."""
+"""The command `servobench compare`: run scenarios with other trackers, laws, estimators or
+settings, and compare them on a page, in a LaTeX table and in figures.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -42,21 +44,22 @@ def run(
     dry_run: bool,
     quiet: bool,
 ) -> int:
-    """Do the missing runs of a comparison, and write page, table and figures.
+    """Do the missing runs of a comparison of variants, and write its page, LaTeX table and PDF
+    figures.
 
     Args:
         scenarios: Shipped scenarios or TOML files.
-        tracker: Variants NAME=TRACKER.
-        controller: Variants NAME=CONTROLLER.
-        estimator: Variants NAME=ESTIMATOR.
-        set_of: Variants NAME=KEY=VALUE,... of settings.
+        tracker: Variants with another tracker, as NAME=TRACKER.
+        controller: Variants with another control law, as NAME=CONTROLLER.
+        estimator: Variants with another estimator, as NAME=ESTIMATOR.
+        set_of: Variants with other settings, as NAME=KEY=VALUE,...
         measured: Whether the tracker's time on this machine delays the loop.
         changes: Changes of settings of all variants, such as "run.duration=5".
         seeds: Number of seeds: 0, 1, 2, ...
         workers: Number of processes on this machine.
         scheduler: Address of a Dask scheduler to work on instead; None: this machine.
         out: The folder; None: runs/compare.
-        measures: Columns of the tables, with commas between them; None: a few.
+        measures: Names of the measures in the tables, with commas between them; None: a few.
         dry_run: Whether to print only how many runs there are and how long they take.
         quiet: Whether to print nothing but mistakes.
 
@@ -106,7 +109,8 @@ def study_of(
     seeds: int,
     name: str,
 ) -> Study:
-    """Return the study of a comparison: one axis of variants, over scenarios and seeds.
+    """Return the study that compares variants: a run of each variant in each scenario with each
+    seed.
 
     Args:
         scenarios: Shipped scenarios or TOML files.
@@ -129,11 +133,12 @@ def study_of(
 
 
 def variants_of(parts: Mapping[str, Sequence[str]], set_of: Sequence[str]) -> dict[str, Settings]:
-    """Return the settings of each variant by its name; a single one gets "as it is" beside it.
+    """Return the changed settings of each variant by its name; a single variant is joined by one
+    without changes, "as it is".
 
     Args:
-        parts: Texts NAME=PART for each section of a scenario.
-        set_of: Texts NAME=KEY=VALUE,...
+        parts: Texts such as "mine=kams" (NAME=KIND), by the section of a scenario ("tracker").
+        set_of: Texts such as "slow=controller.gain=0.5" (NAME=KEY=VALUE,...).
 
     Raises:
         Mistake: There is no variant, two have one name, or a text has another form.
@@ -146,15 +151,20 @@ def variants_of(parts: Mapping[str, Sequence[str]], set_of: Sequence[str]) -> di
         if names.count(name) > 1:
             raise Mistake(f"two variants are called '{name}': write another name before the =")
     if not found:
-        raise Mistake("nothing to compare: give --tracker, --controller, --estimator or --set-of")
+        raise Mistake(
+            "there is nothing to compare: give --tracker, --controller, --estimator or --set-of"
+        )
     return dict([("as it is", {}), *found] if len(found) == 1 else found)
 
 
 def _settings(text: str) -> tuple[str, Settings]:
-    """Return name and settings of a variant NAME=KEY=VALUE,..."""
+    """Return the name and the settings, by dotted key, of a variant that is given as
+    NAME=KEY=VALUE,...
+    """
     name, _, settings = text.partition("=")
     if not name.strip() or "=" not in settings:
         raise Mistake(
-            f"--set-of {text}: write NAME=KEY=VALUE,..., such as slow=controller.gain=0.5"
+            f"--set-of {text}: there is no name or no setting: write NAME=KEY=VALUE,..., such as "
+            "slow=controller.gain=0.5"
         )
     return name.strip(), dict(map(assignment, NEXT.split(settings)))

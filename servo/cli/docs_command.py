@@ -10,12 +10,13 @@ ROOT = Path(servo.__file__).parents[1]
 
 
 def build(out: Path, *, still: bool = False, run: bool = False) -> Path:
-    """Build the pages of the documentation that are missing or have changed; return the first page.
+    """Build the documentation's HTML pages that are missing or have changed, and return the path of
+    the first page.
 
     Args:
         out: The folder to write.
-        still: Whether the gallery's pictures need not move, which takes a minute less.
-        run: Whether to run the tutorials, for notebooks with outputs.
+        still: Whether the gallery shows still pictures, not animations; this saves a minute.
+        run: Whether to run the tutorials, so that their notebooks have outputs.
 
     Raises:
         Mistake: There are no manuals here, Sphinx or a kernel for notebooks is missing, a page has
@@ -36,5 +37,5 @@ def build(out: Path, *, still: bool = False, run: bool = False) -> Path:
     options += ["-D", "gallery_seconds=0"] * still
     options += ["-D", "run_tutorials=1"] * run
     if build_main([*options, str(ROOT), str(out)]):
-        raise Mistake("the documentation has mistakes, which Sphinx names above")
+        raise Mistake("the documentation has mistakes: correct those that Sphinx names above")
     return out / "index.html"

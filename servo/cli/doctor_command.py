@@ -24,7 +24,8 @@ FINE = "All is well. To begin with: servobench run reversal"
 
 
 def examine() -> int:
-    """Print OpenGL back end, renderer, versions and speed of this machine.
+    """Print the OpenGL back end, the renderer, the versions of packages and the rendered frames a
+    second of this machine.
 
     Returns:
         The exit code: 1 if a package is broken, else 0.
@@ -54,7 +55,9 @@ def examine() -> int:
 
 
 def _overwritten() -> list[str]:
-    """Return a sentence for each package of servobench that another package has overwritten."""
+    """Return a sentence for each package of servobench (servo, sim, tracking, scenes) whose
+    __init__.py another distribution has overwritten.
+    """
     found: list[str] = []
     for file in files("servobench") or []:
         place = Path(str(file.locate()))
@@ -69,7 +72,9 @@ def _overwritten() -> list[str]:
 
 
 def _broken() -> list[str]:
-    """Return a sentence for each kind of an installed package that cannot be used."""
+    """Return a sentence for each kind of component (tracker, robot, ...) of an installed plug-in
+    package that cannot be loaded.
+    """
     reasons: list[str] = []
     for kinds in [registry for registry, _ in PLUGINS.values()] + list(LISTS.values()):
         for kind in filter(kinds.package_of, kinds.names()):

@@ -112,7 +112,9 @@ def run(
 
 
 def _forget_lost_tracks(jobs: Sequence[Job], store: Store) -> None:
-    """Forget the records of jobs whose track files are missing or damaged: they are done again."""
+    """Remove the records of jobs whose track files are missing or damaged from the store, so that
+    these jobs are done again.
+    """
     done = [job for job in jobs if job.key in store.done]
     for job, record in zip(done, store.records(done), strict=True):
         if not isinstance(job.subject, TrackedSequence):
@@ -127,7 +129,7 @@ def _forget_lost_tracks(jobs: Sequence[Job], store: Store) -> None:
 
 
 def subjects_of(suite: str, trackers: str | None) -> list[TrackedSequence]:
-    """Return each tracker on each sequence of a suite.
+    """Return each pair of a tracker and a sequence of a suite, to be run.
 
     Args:
         suite: A shipped suite, a folder of sequences, or a TOML file.
@@ -171,7 +173,9 @@ def _write(
 
 
 def print_ranks(console: Console, ranks: Sequence[Rank]) -> None:
-    """Print the table of all trackers, and, if it fits, their success by sequence."""
+    """Print the ranking of all trackers, and, if it is not too wide, a table of their success AUC
+    by sequence.
+    """
     print_table(console, bench_section.trackers_table(ranks))
     families = bench_section.families_table(ranks)
     if families is not None and len(families.head) <= WIDE + 1:
@@ -180,8 +184,8 @@ def print_ranks(console: Console, ranks: Sequence[Rank]) -> None:
 
 
 def _sheets(subjects: Sequence[TrackedSequence], best: str, folder: Path) -> Path:
-    """Write a contact sheet of each sequence with the best tracker's estimates of seed 0; return
-    the folder.
+    """Write a contact sheet (PNG) of each sequence, with the truth and the best tracker's estimates
+    of seed 0; return the sheets' folder.
     """
     place = atomic.folder(folder, bench_section.SHEETS)
     for subject in subjects:

@@ -1,4 +1,6 @@
-"""The command `servobench film`: run two scenarios and film them side by side."""
+"""The command `servobench film`: run two scenarios and write one film (MP4) of both, beside each
+other.
+"""
 
 import shlex
 from collections.abc import Callable
@@ -20,11 +22,12 @@ from servo.study.run_report import RunReport
 def write(
     runs: tuple[str, str], asked: Callable[[list[str]], Scenario], out: Path, *, quiet: bool
 ) -> None:
-    """Run two scenarios and write a film of both, side by side.
+    """Run two scenarios and write one film (MP4) of both, beside each other.
 
     Args:
-        runs: Each the folder of a run to repeat, or the words after `servobench run`.
-        asked: Returns the scenario of the words after `servobench run`.
+        runs: Each the folder of a run to repeat, or the arguments of `servobench run` as a text.
+        asked: Function that returns the scenario that a list of arguments of `servobench run`
+            names.
         out: The film's file.
         quiet: Whether to print nothing but mistakes.
 
@@ -42,7 +45,9 @@ def write(
 
 
 def _words(run: str) -> list[str]:
-    """Return the words after `servobench run`, as given or from the report in a run's folder."""
+    """Return the arguments of `servobench run` as a list: those of the given text, or those in the
+    report of the run whose folder is given.
+    """
     if run and Path(run).is_dir():
         run = RunReport.read(Path(run) / RunReport.FILE).command.removeprefix("servobench run ")
     try:

@@ -1,5 +1,5 @@
-"""The end of every command: a failure prints one sentence and gives an exit code, and a signal
-raises an exception, as Ctrl-C does, so that files are closed.
+"""The end of every command: each failure prints one sentence and gives an exit code, and each
+ending signal raises an exception, as Ctrl-C does, so that files are closed.
 """
 
 import errno
@@ -34,7 +34,9 @@ failure. Values that the user has set stay."""
 
 
 def guarded(command: Callable[[], object]) -> None:
-    """Run a command; print a failure as one sentence on stderr, and exit with its code."""
+    """Run a command; print a failure as one sentence on stderr, and exit with 2 for a mistake of
+    the user or 1 for a failure of the machine.
+    """
     os.environ.update(ENVIRONMENT | os.environ)
     os.environ["MPLBACKEND"] = "agg"  # plots never open a window
     if sys.platform == "linux":
@@ -47,7 +49,7 @@ def guarded(command: Callable[[], object]) -> None:
     sys.stderr = cast(TextIO, Printer(sys.stderr))
     try:
         if platform.system() == "Windows":
-            raise Mistake("this runs on Linux and macOS; on Windows use WSL (wsl --install)")
+            raise Mistake("Windows is not supported: run servobench in WSL (wsl --install)")
         check_environment()
         command()
     except SystemExit as end:  # of every command that click has run
@@ -62,11 +64,16 @@ def guarded(command: Callable[[], object]) -> None:
     except OSError as error:
         _end(refusal(error), MISTAKEN if error.errno in MISPLACED else REFUSED)
     except MemoryError:
-        _end("there is not enough memory for this", REFUSED)
+        _end(
+            "this machine has too little memory for the command: end other programs first",
+            REFUSED,
+        )
 
 
 def _say_warnings_in_a_line() -> None:
-    """Print warnings of servobench as one line, without the place in the code that Python adds."""
+    """Make Python print each warning of servobench (`Notice`) as one line, without the place in the
+    code.
+    """
     of_python = warnings.formatwarning
 
     def formatted(
@@ -90,14 +97,14 @@ def _end(sentence: str, code: int) -> NoReturn:
 
 
 class Printer:
-    """A standard stream that accepts text in any state: closed, full, or with a small character
-    set.
+    """Wrapper of stdout or stderr that never raises on writing: it ignores a closed stream, keeps
+    the error of a full disk in `refused`, and replaces characters that the encoding lacks.
 
     A command writes its files before it prints; an error in printing does not interrupt it.
     """
 
     def __init__(self, stream: TextIO | None) -> None:
-        """Print to a standard stream; None stands for one that was closed before the start."""
+        """Wrap a standard stream; None: the stream was closed before the program started."""
         self._stream = stream or io.StringIO()
         self.refused: OSError | None = None
         """The error of a text that was not printed; that of a closed pipe (`| head`) is ignored."""
@@ -110,7 +117,7 @@ class Printer:
         return len(text)
 
     def flush(self) -> None:
-        """Flush the stream; keep its error in `refused`."""
+        """Flush the stream; keep its error in `refused` in place of raising it."""
         self._try(lambda: self._stream.flush())
 
     def __getattr__(self, name: str) -> Any:
@@ -138,7 +145,7 @@ SOON = 0.02
 
 
 class StopSignal(KeyboardInterrupt):
-    """Raised by a signal that ends the command: SIGINT, SIGTERM or SIGHUP."""
+    """Exception that a signal to end the command raises: SIGINT, SIGTERM or SIGHUP."""
 
     def __init__(self, number: int) -> None:
         super().__init__()
@@ -149,18 +156,22 @@ CTRL_C = 128 + signal.SIGINT
 
 
 def exit_code(cause: KeyboardInterrupt) -> int:
-    """Return the exit code of a program that a signal ended, as shells give it: 128 + number."""
+    """Return the exit code of a command that a signal stopped: 128 + number of the signal, as
+    shells do.
+    """
     return 128 + (cause.number if isinstance(cause, StopSignal) else signal.SIGINT)
 
 
 @contextmanager
 def ending_signals() -> Generator[list[StopSignal]]:
-    """Raise `StopSignal` at the first ending signal within the block, and ignore all later ones.
+    """Raise `StopSignal` at the first SIGINT, SIGTERM or SIGHUP within the block, and ignore all
+    later ones.
 
     A signal that is ignored from the start (nohup, a background job of a shell) stays ignored.
 
     Yields:
-        The exception that was raised, in a list, since libraries of C may replace it by their own.
+        A list to which the raised `StopSignal` is added, since a C library may replace it by its
+        own exception.
     """
     raised = list[StopSignal]()
 
@@ -194,7 +205,8 @@ def ending_signals() -> Generator[list[StopSignal]]:
 
 
 def stop(cause: KeyboardInterrupt, more: str = "") -> NoReturn:
-    """Print that Ctrl-C or another signal stopped the command, and exit with the signal's code.
+    """Print that Ctrl-C or another signal stopped the command, then `more`, and exit with the
+    signal's code.
 
     This function imports nothing: the signal may have interrupted an import, which then cannot be
     repeated.

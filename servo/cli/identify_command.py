@@ -1,4 +1,6 @@
-"""The command `servobench identify`: from the log of a robot to the settings that simulate it."""
+"""The command `servobench identify`: estimate, from the log of a real robot, the settings that make
+the simulated robot respond alike.
+"""
 
 import tomllib
 from pathlib import Path
@@ -22,10 +24,11 @@ from tracking.files import atomic
 
 
 def run(path: Path, scenario: str, out: Path | None) -> int:
-    """Estimate the settings of the robot that recorded a log; write them and a figure.
+    """Estimate delay, jitter, lag, play and encoder noise of the robot that recorded a log; write
+    them as settings (robot.toml) and draw its response.
 
     Args:
-        path: The log.
+        path: The log: a file .csv, .parquet or .mcap.
         scenario: The scenario whose robot the settings are for.
         out: The folder to write; None: the next free runs/identify-LOG.
 
@@ -48,7 +51,8 @@ def run(path: Path, scenario: str, out: Path | None) -> int:
 
 
 def estimated(log: Log, scenario: str) -> tuple[Identified, str]:
-    """Return the estimates from a log, and the TOML lines that give them to a scenario's robot.
+    """Return the estimates from a robot's log, and the TOML lines that set them for a scenario's
+    robot.
 
     Raises:
         Mistake: The scenario's robot lacks a joint of the log, or the log contradicts itself.
@@ -81,18 +85,21 @@ def _check_names(log: Log, world: World, scenario: str) -> None:
             joints = ", ".join(world.robot.names)
             parts = ", ".join(DOF)
             raise Mistake(
-                f"the robot of '{scenario}' has no joint '{name}'; it has {joints}, and its "
-                f"camera's twist {parts} (--scenario names another robot)"
+                f"the robot of '{scenario}' has no joint '{name}': its joints are {joints}, and "
+                f"the components of its camera's twist {parts}; correct the column's name, or name "
+                "another robot's scenario with --scenario"
             )
         if unit != units[name]:
             raise Mistake(
-                f"the robot of '{scenario}' moves '{name}' in {units[name]}, not in {unit}"
+                f"the robot of '{scenario}' moves '{name}' in {units[name]}, not in {unit}: "
+                "correct the unit in the column's name"
             )
 
 
 def _servo(world: World, channel: LogChannel) -> float:
-    """Return the time constant of a simulated drive's own servo [s]; for a component of the twist
-    the mean of those of the joints that move it.
+    """Return the time constant [s] with which a simulated drive follows its command, for the joint
+    of a channel of the log; for a component of the camera's twist a mean over the joints that move
+    it.
     """
     each = world.robot.servos()
     if channel.name in world.robot.names:

@@ -1,4 +1,4 @@
-"""Settings that a user gives and that have no effect because of other settings."""
+"""Warnings about settings that a user gave and that have no effect because of other settings."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -29,7 +29,9 @@ LAWS = ("ibvs", "qp")
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """A condition without which some settings have no effect."""
+    """A condition that some settings need to have an effect, and the reason to print where it is
+    not met.
+    """
 
     settings: tuple[str, ...]
     """Dotted keys of the settings, or names of tables."""
@@ -75,14 +77,14 @@ def _late(episode: Episode) -> list[str]:
 
 
 def _of_scenario(is_met: Callable[[Setup], object]) -> Callable[[Episode], bool]:
-    """Return a condition on an episode from a condition on its settings."""
+    """Turn a test of a scenario's settings into a test of an episode."""
     return lambda episode: bool(is_met(episode.scenario))
 
 
 def _of_law(is_met: Callable[[LawSettings, Episode], object]) -> Callable[[Episode], bool]:
-    """Return a condition on an episode from one on the settings of a shipped law.
+    """Turn a test of a shipped control law's settings into a test of an episode.
 
-    A user's law, which has its own settings, always meets the condition.
+    The test is always met by a user's law, which has its own settings.
     """
 
     def found(episode: Episode) -> bool:
@@ -93,8 +95,8 @@ def _of_law(is_met: Callable[[LawSettings, Episode], object]) -> Callable[[Episo
 
 
 def _may_see_tilt(episode: Episode) -> bool:
-    """Return whether the tilt of the target's plane may be measured; a tracker that declares no
-    traits may report corners.
+    """Return whether a run may measure the tilt of the target's plane: by the tracker's corners, or
+    with sight.plane = "picture". A tracker that declares no traits may report corners.
     """
     s = episode.scenario
     is_known = traits_of(s.tracker) is not None
@@ -102,8 +104,9 @@ def _may_see_tilt(episode: Episode) -> bool:
 
 
 def _sights(episode: Episode) -> list[Sight]:
-    """Return sights with each combination of known angle, size and tilt that a run may have; the
-    first is that before the tracker's first report.
+    """Return copies of the desired view of the target (`Sight`), one for each combination of
+    measured angle, size and tilt that a run may have; the first is for the time before the
+    tracker's first report.
     """
     goal = episode.running.goal_sight
     is_seen = episode.scenario.sight.plane == "picture"
@@ -117,8 +120,8 @@ def _sights(episode: Episode) -> list[Sight]:
 
 
 def _dof_chooses(law: LawSettings, episode: Episode) -> bool:
-    """Return whether the law may invert the interaction matrix itself, or may move the camera
-    without changing a feature, for a secondary task.
+    """Return whether controller.dof has an effect: the law inverts the interaction matrix (the
+    feature set does not, or not while some features are unknown), or has a secondary task.
     """
     features = episode.loop.features
     known = map(features.known, _sights(episode))
@@ -127,13 +130,15 @@ def _dof_chooses(law: LawSettings, episode: Episode) -> bool:
 
 
 def _weights_forbid(law: LawSettings, episode: Episode) -> bool:
-    """Return whether a weight of 0 holds a component of the twist that the law could else use."""
+    """Return whether some weight is 0 and so forbids a component of the twist that the law could
+    use: the robot has six joints, or the law is `qp`.
+    """
     return 0 in law.weights and (_has_six_joints(episode) or kind_of(law) == "qp")
 
 
 def _weights_choose(law: LawSettings, episode: Episode) -> bool:
-    """Return whether a weight holds a component of the twist that a feature needs, or several
-    components could move one feature, so that weights decide.
+    """Return whether controller.weights change the twist: a weight of 0 forbids a component that a
+    feature needs, or more components than features may move.
     """
     features = episode.loop.features
     stands = np.array(law.weights) == 0
@@ -159,23 +164,28 @@ def _law_among(episode: Episode, *kinds: str) -> bool:
 
 
 def _takes_depth(episode: Episode) -> bool:
-    """Return whether the believed depth may enter an interaction matrix."""
+    """Return whether the depth that the controller believes (scaled by believed.depth_factor) may
+    enter an interaction matrix.
+    """
     of_pose = _features_among(episode, OF_POSE) and _law_among(episode, "ibvs", "broyden")
     of_image = _features_among(episode, OF_IMAGE) and _law_among(episode, "broyden")
     return episode.scenario.run.ego or not (of_pose or of_image)
 
 
 def _takes_plane(episode: Episode) -> bool:
-    """Return whether the target's plane may be used although a law learns the matrix."""
+    """Return whether the target's plane may be used: the law computes the interaction matrix, the
+    features are not of the image alone, a depth picture measures the plane, or run.ego is set.
+    """
     s = episode.scenario
     of_image = _features_among(episode, OF_IMAGE) and _law_among(episode, "broyden")
     return s.run.ego or bool(s.sight.needs) or not of_image
 
 
 def _lacks_corners(episode: Episode) -> bool:
-    """Return whether the plane may have to be estimated without the target's corners.
+    """Return whether the target's plane or depth may have to be found without the corners that a
+    tracker reports.
 
-    A feature set that knows no feature before the first corners servoes nothing until then.
+    A feature set of which no feature is known before the first corners servoes nothing until then.
     """
     s = episode.scenario
     first, *_ = _sights(episode)
@@ -186,8 +196,9 @@ def _lacks_corners(episode: Episode) -> bool:
 
 
 def _size_is_seen(episode: Episode) -> bool:
-    """Return whether the target's believed size may be used: for the region of a tag, or, through a
-    lens, for the goal's depth.
+    """Return whether the size of the target that the controller believes may be used: always,
+    except by a law on pixels, and there for the region of a tag, with a leader tag, or through a
+    lens.
     """
     s = episode.scenario
     of_pixels = _features_among(episode, ("photometric",)) and _law_among(episode, *LAWS)
@@ -195,83 +206,83 @@ def _size_is_seen(episode: Episode) -> bool:
     return is_taken or not of_pixels
 
 
-FEW = "the robot has fewer than six joints, and these decide what moves"
-INVERTS = "these features compute the twist from the error by themselves"
+FEW = "the robot has fewer than six joints, and the joints decide which components can move"
+INVERTS = "this feature set computes the twist from the error by an inverse of its own"
 NEEDS = (
     Need(
         ("goal.change_start", "goal.change_duration"),
         _of_scenario(lambda s: s.goal.depth_to is not None),
-        "the goal stays without goal.depth_to",
+        "goal.depth_to is not set, so the goal does not change",
     ),
     Need(
         ("leader.size", "leader.on", "leader.beside"),
         _of_scenario(lambda s: s.leader.id is not None),
-        "there is no leader without leader.id",
+        "leader.id is not set, so there is no leader (the second tag, which [motion] moves)",
     ),
     Need(
         ("start.tilt_towards_deg",),
         _of_scenario(lambda s: s.start.tilt_deg),
-        "the start is level without start.tilt_deg",
+        "start.tilt_deg is 0, so the camera starts without a tilt",
     ),
     Need(
         ("clutter.shape", "clutter.alike"),
         _of_scenario(lambda s: s.clutter.number),
-        "there is no clutter without clutter.number",
+        "clutter.number is 0, so there is no clutter",
     ),
     Need(
         ("ground.tile",),
         _of_scenario(lambda s: s.ground.kind != "wood"),
-        "wood lies once on the whole table",
+        "the texture wood covers the whole table once and is not repeated",
     ),
     Need(
         ("camera.bands",),
         _of_scenario(lambda s: s.camera.readout_ms),
-        "there is no rolling shutter without camera.readout_ms",
+        "camera.readout_ms is 0, so there is no rolling shutter",
     ),
     Need(
         ("sight.table_height",),
         _of_scenario(lambda s: "known" in (s.sight.plane, s.sight.depth)),
-        'nothing is taken from the table without sight.plane or sight.depth = "known"',
+        'neither sight.plane nor sight.depth is "known", so the height of the table is not used',
     ),
     Need(
         ("sight.plane", "sight.depth", "sight.table_height"),
         lambda episode: not episode.loop.law.uses_pictures,
-        "pixels are servoed",
+        "the controller acts on pixels, and uses no plane or depth of the target",
     ),
     Need(
         ("run.ego",),
         _of_scenario(lambda s: Channel.EGO_MOTION in needs_of(s.tracker, SEES_PICTURES)),
-        "this tracker takes no motion of the camera",
+        "this tracker does not use the motion of the camera",
     ),
     Need(
         ("believed.ignore_distortion",),
         _of_scenario(lambda s: s.camera.lens is not None),
-        "the camera's lens does not distort",
+        "camera.lens is not set, so there is no distortion",
     ),
     Need(
         ("believed.goal",),
         lambda episode: episode.world.camera_believed is not episode.world.camera,
-        "the camera is believed as it is, so all of them are the same",
+        "the believed camera is the true one, so all values give the same goal",
     ),
     Need(
         ("controller.gain_slope",),
         _of_law(lambda law, _: law.gain_far not in (None, law.gain)),
-        "the gain does not adapt without another controller.gain_far",
+        "controller.gain_far is not set or equals controller.gain, so the gain is constant",
     ),
     Need(
         ("controller.secondary_gain",),
         _of_law(lambda law, _: law.secondary),
-        "there is no task without controller.secondary",
+        "controller.secondary is not set, so there is no secondary task",
     ),
     Need(
         ("controller.search_speed",),
         _of_law(lambda law, _: law.search_after is not None),
-        "the camera never searches without controller.search_after",
+        "controller.search_after is not set, so the camera never searches for a lost target",
     ),
     Need(
         ("controller.feed_forward",),
         _of_law(lambda _, episode: kind_of(episode.scenario.estimator) != "none"),
-        'no motion of the target is estimated with estimator.kind = "none"',
+        'estimator.kind is "none", so the motion of the target is not estimated',
     ),
     Need(
         ("controller.dof",),
@@ -296,37 +307,37 @@ NEEDS = (
     Need(
         ("controller.weights",),
         _of_law(_weights_choose),
-        "there are no more parts of the twist to move than features, so none has a choice",
+        "no more components of the twist may move than features need, so weights decide nothing",
     ),
     Need(
         ("features.border",),
         lambda episode: _may_see_tilt(episode) or not _features_among(episode, ("weighted",)),
-        "the corners weigh only where the tracker reports them, or sight.plane measures the tilt",
+        'the tracker reports no corners, and sight.plane is not "picture": no corners are weighted',
     ),
     Need(
         ("estimator",),
         lambda episode: not _law_among(episode, "broyden"),
-        "this law follows no estimate of the target's motion",
+        "the law broyden does not use the estimated motion of the target",
     ),
     Need(
         ("believed.depth_factor",),
         _takes_depth,
-        "no interaction matrix is computed with this depth",
+        "this law and these features compute no interaction matrix with the believed depth",
     ),
     Need(
         ("sight.plane", "sight.depth", "sight.table_height"),
         _takes_plane,
-        "this law learns the interaction matrix, and the features are those of the image",
+        "the law broyden learns the interaction matrix, and these features need no plane or depth",
     ),
     Need(
         ("sight.plane", "sight.depth", "sight.table_height"),
         _lacks_corners,
-        "the tracker's corners say plane and depth, but in what is recorded of the first picture",
+        "plane and depth are computed from the tracker's corners from the second picture on",
     ),
     Need(
         ("believed.size_factor",),
         _size_is_seen,
-        "pixels are servoed, at goal.depth whatever size is believed",
+        "the controller acts on pixels at goal.depth, whatever size of the target is believed",
     ),
     Need(
         ("goal.depth_to", "goal.change_start", "goal.change_duration"),

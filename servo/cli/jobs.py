@@ -1,4 +1,6 @@
-"""The jobs of a command: their estimated time, their progress, and how to continue them."""
+"""Runs that a command does as jobs: the estimate of their time, the display of their progress, and
+the sentence that says how to continue them.
+"""
 
 import os
 import shlex
@@ -70,7 +72,8 @@ def duration(seconds: float) -> str:
 def print_estimate(
     jobs: Sequence[Job], workers: int, console: Console, store: Store | None = None
 ) -> int:
-    """Try a few runs, and print how many runs there are and how long all of them will take.
+    """Do a few of the missing runs, and print how many runs there are and how long the missing ones
+    will take.
 
     Args:
         jobs: All jobs, one for each run.
@@ -92,14 +95,16 @@ def print_estimate(
     whole = duration(spent * len(missing) / at_once)
     plain(
         console,
-        f"one takes {spent:.1f} s here, {len(missing):,} of them about {whole}, {at_once} at once",
+        f"a run takes {spent:.1f} s here, {len(missing):,} runs about {whole}, {at_once} at once",
     )
     complain(*(f"{failure.reason} (again: {job.command})" for job, failure in failed))
     return 1 if failed else 0
 
 
 def go_on(command: str, out: Path | None) -> str:
-    """Return the sentence that says how to continue a stopped command; `out` is its --out."""
+    """Return the sentence that says how to continue a stopped command; `out` is the folder given
+    with --out.
+    """
     return f"go on with: {command}" + (f" --out {shlex.quote(str(out))}" if out else "")
 
 
@@ -119,7 +124,8 @@ def complete_jobs(
         workers: The processes that do the jobs.
         console: The output of the command.
         title: The text beside the progress.
-        again: A sentence that says how to continue, for a stopped command or lost workers.
+        again: A sentence that says how to continue, printed if the command is stopped or the
+            workers are lost.
 
     Returns:
         The number of jobs that failed.
@@ -158,6 +164,6 @@ def complete_jobs(
     if errors := [path for path in finished if path.exists()]:
         complain(
             f"{errors[0].parent}: {len(errors)} of the runs failed first and finished when tried "
-            "again: a part in them does not give the same result each time"
+            "again: a component in them does not give the same result each time"
         )
     return failed

@@ -1,4 +1,6 @@
-"""The command `servobench list`: print scenarios, kinds, and settings of a kind or a section."""
+"""The command `servobench list`: print all scenarios and kinds of components (trackers, robots,
+...), or the settings of one kind or section.
+"""
 
 from __future__ import annotations
 
@@ -31,15 +33,18 @@ PARTS = (*FILES, *FOLDERS)
 
 
 def show_all() -> None:
-    """Print every scenario, study and kind with its first sentence."""
+    """Print the name and the first sentence of every scenario, every study and every kind of
+    component.
+    """
     _show_names((part, name) for part in PARTS for name in _names(part))
 
 
 def show(name: str) -> None:
-    """Print the kinds of a part, or the settings of a section or a kind.
+    """Print the kinds of a part (such as all trackers), the settings of a section or of a kind, or
+    the first sentence of a scenario or study.
 
     Raises:
-        Mistake: There is no part, section or kind of that name.
+        Mistake: Nothing of that name exists.
     """
     from servo.scenario.tables import SECTIONS  # it takes time to import
 
@@ -61,7 +66,9 @@ def _show_names(found: Iterable[tuple[str, str]]) -> None:
 
 
 def _about(part: str, name: str) -> str:
-    """Return the first sentence about a kind, a scenario or a study, after its package's name."""
+    """Return the first sentence of the description of a kind, a scenario or a study; for a kind of
+    another package, that package's name comes first, in brackets.
+    """
     if part in FILES:
         return sentence((FILES[part] / f"{name}.toml").read_text(encoding="utf-8"))
     package = FOLDERS[part].package_of(name)
@@ -123,11 +130,12 @@ def _show_settings(title: str, about: str, rows: list[tuple[str, str, str]]) -> 
 
 
 def settings_rows(prefix: str, settings: type[BaseModel]) -> list[tuple[str, str, str]]:
-    """Return name, default and meaning of every setting of a table, with those of tables in it.
+    """Return (name, default, meaning), as texts, of every setting of a table of a scenario, with
+    those of the tables inside it.
 
     Args:
         prefix: Name of the table, such as "camera".
-        settings: The table's model.
+        settings: The pydantic model of the table.
     """
     rows = list[tuple[str, str, str]]()
     for name, field in settings.model_fields.items():

@@ -43,7 +43,9 @@ def app() -> None:
 @opt.quiet_option
 @click.option("--no-rerun", is_flag=True, help="Write no Rerun recording.")
 @click.option(
-    "--ros2", is_flag=True, help="Let a controller in ROS 2 drive it, in real time (extra ros2)."
+    "--ros2",
+    is_flag=True,
+    help="Let a controller in ROS 2 move the camera, in real time (needs the extra ros2).",
 )
 @output_options
 def run(scenario: str, no_rerun: bool, ros2: bool, outputs: Outputs, **options: Any) -> None:
@@ -98,7 +100,7 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     help="The target in the first picture: top left corner, size [px], rotation about its "
     "centre (default: the truth's first line).",
 )
-@click.option("--topic", help="The topic of a bag, where several have pictures.")
+@click.option("--topic", help="The image topic of a bag that has several.")
 @click.option(
     "--select", is_flag=True, help="Draw the region with the mouse, on a page in your browser."
 )
@@ -110,7 +112,11 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
 )
 @opt.changes_option
 @click.option(
-    "--seed", type=opt.NATURAL, default=0, show_default=True, help="Seed of the tracker's draws."
+    "--seed",
+    type=opt.NATURAL,
+    default=0,
+    show_default=True,
+    help="Seed of the tracker's random numbers.",
 )
 @click.option(
     "--truth",
@@ -133,7 +139,9 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     show_default=True,
     help="Pictures a second of a folder [Hz].",
 )
-@click.option("--frames", type=click.IntRange(1, 1_000_000_000), help="Most pictures to track.")
+@click.option(
+    "--frames", type=click.IntRange(1, 1_000_000_000), help="Largest number of pictures to track."
+)
 @opt.quiet_option
 def track(**options: Any) -> None:
     """Follow a target through any pictures; write its track."""
@@ -160,7 +168,10 @@ def track(**options: Any) -> None:
 @opt.dry_run_option
 @opt.quiet_option
 def evaluate(**options: Any) -> None:
-    """Compare trackers on sequences; the same command continues a stopped evaluation."""
+    """Compare trackers on sequences.
+
+    The same command continues a stopped evaluation.
+    """
     from servo.cli import evaluate_command
 
     sys.exit(evaluate_command.run(**options))
@@ -189,7 +200,7 @@ def evaluate(**options: Any) -> None:
     help="Worlds drawn from a public value of a later date.",
 )
 @opt.changes_option
-@click.option("--quick", is_flag=True, help="Two worlds a condition.")
+@click.option("--quick", is_flag=True, help="Run only two worlds of each condition.")
 @click.option(
     "--submit",
     type=opt.PATH,
@@ -207,7 +218,10 @@ def evaluate(**options: Any) -> None:
 @opt.dry_run_option
 @opt.quiet_option
 def benchmark(**options: Any) -> None:
-    """Run trackers or laws in a public benchmark; the same command continues a stopped one."""
+    """Run trackers or control laws in a public benchmark.
+
+    The same command continues a stopped one.
+    """
     from servo.cli import benchmark_command
 
     sys.exit(benchmark_command.run(**options))
@@ -216,7 +230,7 @@ def benchmark(**options: Any) -> None:
 @app.command(hidden=True, add_help_option=False, context_settings={"ignore_unknown_options": True})
 @click.argument("words", nargs=-1, type=click.UNPROCESSED)
 def bench(**_: object) -> None:
-    """Print which two commands took the place of `bench`."""
+    """Print that `evaluate` and `benchmark` took the place of `bench`, and exit with 2."""
     raise click.UsageError(
         "bench is now two commands: `servobench evaluate SUITE` compares trackers on sequences, "
         "`servobench benchmark loop-v1` (or servo-v1) runs a public benchmark"
@@ -239,7 +253,10 @@ def bench(**_: object) -> None:
 @opt.dry_run_option
 @opt.quiet_option
 def sweep(**options: Any) -> None:
-    """Run a scenario over axes, draws and seeds; the same command continues a stopped study."""
+    """Run a study: scenarios over axes of settings and seeds.
+
+    The same command continues a stopped study.
+    """
     from servo.cli import sweep_command
 
     sys.exit(sweep_command.run(**options))
@@ -285,9 +302,10 @@ def sweep(**options: Any) -> None:
 @opt.dry_run_option
 @opt.quiet_option
 def compare(**options: Any) -> None:
-    """Compare parts or settings in scenarios: a study, its page, LaTeX table and PDF figures.
+    """Compare trackers, laws or settings in scenarios.
 
-    A worker of Dask gets a class by its name only: its module must be installed there as well.
+    Writes a page, a LaTeX table and PDF figures. A worker of Dask gets a class by its name only:
+    its module must be installed there as well.
     """
     from servo.cli import compare_command
 
@@ -340,8 +358,10 @@ def papers(
     "--measures", help="Columns of a study's tables, such as servo_rms_px,age_ms (default: a few)."
 )
 def report(folders: tuple[Path, ...], out: Path | None, **printed: Any) -> None:
-    """Write a page about folders of run, evaluate, benchmark, papers, sweep and compare; loop-v1
-    and servo-v1 name the published rows of a benchmark.
+    """Write an HTML page about folders of results.
+
+    These are folders of run, evaluate, benchmark, papers, sweep and compare; the names loop-v1 and
+    servo-v1 stand for the published results of these benchmarks.
     """
     from servo.cli.report_command import Printed, write
 
@@ -357,7 +377,11 @@ def report(folders: tuple[Path, ...], out: Path | None, **printed: Any) -> None:
     "settings.",
 )
 def list_(what: str | None) -> None:
-    """List scenarios and kinds, or settings with their units and defaults."""
+    """List scenarios and kinds, or the settings of one.
+
+    Kinds are those of trackers, robots, control laws and other parts; settings have units and
+    defaults.
+    """
     from servo.cli.list_command import show, show_all
 
     show_all() if what is None else show(what)
@@ -374,7 +398,7 @@ def schema() -> None:
 @app.command()
 @click.argument("recording", type=opt.PATH, help="A run's folder, or an .rrd file.")
 @click.option("--web", is_flag=True, help="In a browser instead of Rerun's own window.")
-@click.option("--port", type=PORTS, help=f"With --web: of the data (default: {PORT}).")
+@click.option("--port", type=PORTS, help=f"With --web: TCP port of the data (default: {PORT}).")
 @click.option(
     "--png", type=opt.PATH, help="Draw the viewer into this PNG instead; no display needed."
 )
@@ -396,7 +420,7 @@ def view(
     from servo.output.recording import view as viewer
 
     if port is not None and not web:
-        raise Mistake("--port needs --web")
+        raise Mistake("--port has no effect without --web: add --web")
     path = viewer.recording_in(recording) if recording.is_dir() else recording
     viewer.check(path)
     if png is not None:
@@ -418,8 +442,8 @@ def view(
 def film(first: str, second: str, out: Path, quiet: bool) -> None:
     """Film two runs beside each other.
 
-    A RUN is the folder of one, which is repeated, or what follows `servobench run`, in quotes: film
-    reversal 'reversal --set estimator.kind=none'.
+    Each RUN is the folder of an earlier run, which is run again, or the words after `servobench
+    run`, in quotes: film reversal 'reversal --set estimator.kind=none'.
     """
     from servo.cli.film_command import write
     from servo.mistake import Mistake
@@ -439,9 +463,10 @@ def film(first: str, second: str, out: Path, quiet: bool) -> None:
 @click.argument("name")
 @opt.out_option("NAME")
 def new(part: str, name: str, out: Path | None) -> None:
-    """Write a small package with a part of your own, or a repository of scenarios, to begin with.
+    """Write a small package with a part of your own.
 
-    For example: new tracker my_tracker.
+    The part is a tracker, law, feature set, ...; "scenarios" writes a repository of scenarios
+    instead. For example: new tracker my_tracker.
     """
     from servo.cli import new_command
 
@@ -500,7 +525,10 @@ def docs(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
     "--out", type=opt.PATH, help="Picture to write (default: robot.png, or robot-2.png, ...)."
 )
 def robot(model: str, out: Path | None, **given: object) -> None:
-    """Print a robot's joints, flanges, reach and [robot] table; draw it in the room."""
+    """Print a robot's joints and reach, and draw it in the room.
+
+    Also prints the flanges that can carry the camera, and the [robot] table of a scenario.
+    """
     from servo.cli.robot_command import examine
 
     sys.exit(examine({"model": model} | {key: value for key, value in given.items() if value}, out))
@@ -518,7 +546,10 @@ def robot(model: str, out: Path | None, **given: object) -> None:
 )
 @opt.out_option("runs/identify-LOG")
 def identify(log: Path, scenario: str, out: Path | None) -> None:
-    """Estimate delay, jitter, lag, play and encoder noise of a robot; write the settings for it."""
+    """Estimate a robot's delay, lag, play and noise from a log.
+
+    Writes the settings with which the simulated robot responds in the same way.
+    """
     from servo.cli.identify_command import run
 
     sys.exit(run(log, scenario, out))

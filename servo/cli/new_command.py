@@ -1,5 +1,5 @@
-"""The command `servobench new`: write a small package with a part, which installs and runs, or a
-repository of scenarios.
+"""The command `servobench new`: write the files of a small package with a new part (a tracker, law,
+...), which can be installed and run, or of a repository of scenarios.
 """
 
 import keyword
@@ -48,13 +48,14 @@ TAKEN = {
 
 
 def new(part: str, kind: str, folder: Path | None) -> list[Path]:
-    """Write the package of a new part, or a repository of scenarios.
+    """Write the files of a package with a new part (a tracker, law, ...), or of a repository of
+    scenarios, from templates.
 
     Args:
         part: What to begin: "tracker", "law", "features", "estimator", "motion", "robot" or
             "scenarios".
-        kind: Name of the part, and of its package.
-        folder: The folder to write; None: a folder with the part's name.
+        kind: Name of the part and of its package, or of the first scenario.
+        folder: The folder to write; None: a folder of that name.
 
     Returns:
         The paths of the files.
@@ -66,12 +67,12 @@ def new(part: str, kind: str, folder: Path | None) -> list[Path]:
     folder = folder or Path(kind)
     with writing(folder):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise Mistake(f"{folder}: this exists and is not empty; choose another with --out")
+            raise Mistake(f"{folder}: something is there already; choose another folder with --out")
         return [atomic.write(folder, name, text) for name, text in _files(part, kind).items()]
 
 
 def _files(part: str, kind: str) -> dict[str, str]:
-    """Return the text of each file by its name."""
+    """Return the texts of the files to write, by their paths inside the new folder."""
     section = SECTIONS.get(part, "")
     words = {
         "part": part,
@@ -104,7 +105,8 @@ def _check_name(part: str, kind: str) -> None:
     asked = f"new {part} {kind}"
     if not NAME.fullmatch(kind) or keyword.iskeyword(kind):
         raise Mistake(
-            f"{asked}: use small letters, digits and single underscores, such as my_{part}"
+            f"{asked}: '{kind}' cannot be the name of a package: use small letters, digits and "
+            f"single underscores, such as my_{part}"
         )
     if part == "scenarios":
         return
@@ -114,4 +116,6 @@ def _check_name(part: str, kind: str) -> None:
     owner = next((owner for owner, taken in TAKEN.items() if kind in taken), "")
     if owner or find_spec(kind) is not None:
         what = owner or "the module '{}', which is installed here"
-        raise Mistake(f"{asked}: this would hide {what.format(kind)}; choose another name")
+        raise Mistake(
+            f"{asked}: the new package would hide {what.format(kind)}; choose another name"
+        )

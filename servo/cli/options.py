@@ -1,4 +1,6 @@
-"""Types and options of the command line that several commands share, and their group."""
+"""Types and options of the command line that several commands share, and the click group of all
+commands.
+"""
 
 import math
 from collections.abc import Callable
@@ -16,7 +18,7 @@ Command = TypeVar("Command", bound=Callable[..., object])
 
 
 class FiniteRange(click.FloatRange):
-    """A range of numbers without nan, which click's own range accepts."""
+    """Type of an option: a number in a range. Nan, which click's own type accepts, is refused."""
 
     def convert(
         self, value: float, param: click.Parameter | None, ctx: click.Context | None
@@ -29,7 +31,9 @@ class FiniteRange(click.FloatRange):
 
 
 class Numbers(click.ParamType[list[float]]):
-    """A fixed number of finite numbers with commas between them, such as 0,0.5,0.6,-90."""
+    """Type of an option: a fixed number of finite numbers with commas between them, such as
+    0,0.5,0.6,-90.
+    """
 
     name = "numbers"
 
@@ -39,18 +43,23 @@ class Numbers(click.ParamType[list[float]]):
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> list[float]:
-        """Return the numbers, or fail with a usage error of click."""
+        """Return the numbers, or fail with a usage error of click if their count differs or one is
+        not finite.
+        """
         try:
             numbers = [float(part) for part in str(value).split(",")]
         except ValueError:
             numbers = []
         if len(numbers) != self._count or not all(map(math.isfinite, numbers)):
-            self.fail(f"{value!r} should be {self._count} numbers, with commas.", param, ctx)
+            self.fail(
+                f"{value!r} is not {self._count} numbers with commas between them.", param, ctx
+            )
         return numbers
 
 
 class Named(click.Path):
-    """A path, or a word in its place, that is neither empty nor has a NUL character.
+    """Type of an argument: a path or another name of a source, such as camera:0. Empty texts and
+    NUL characters are refused.
 
     A script whose variable is not set passes an empty text, which would be the current folder.
     """
@@ -58,12 +67,14 @@ class Named(click.Path):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the path, or fail with a usage error of click if no file can have this name."""
         if not str(value) or "\0" in str(value):
-            self.fail("no file can have this name." if value else "this is empty.", param, ctx)
+            self.fail("no file can have this name." if value else "the name is empty.", param, ctx)
         return super().convert(value, param, ctx)
 
 
 class Shipped(click.ParamType[str]):
-    """A shipped name or a user's file, which the shell can complete."""
+    """Type of an argument: the name of a shipped scenario or study, or the path of a user's file;
+    the shell can complete both.
+    """
 
     name = "text"
 
@@ -113,7 +124,9 @@ dry_run_option = click.option(
 
 
 def out_option(default: str) -> Callable[[Command], Command]:
-    """Return the option --out, which names the folder to write; `default` is for its help."""
+    """Return the click option --out, which names the folder to write; `default` is the default
+    folder in its help text.
+    """
     return click.option("--out", type=PATH, help=f"Folder to write (default: {default}).")
 
 
@@ -138,7 +151,9 @@ GROUPS = {
 
 
 class Commands(click.Group):
-    """The commands of servobench, listed by purpose; Ctrl-C, TERM and HUP end all in one way."""
+    """The click group of all commands of servobench: its help lists them by purpose, and Ctrl-C,
+    SIGTERM and SIGHUP end each command in the same way.
+    """
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write a section of the help for each group of commands."""

@@ -1,4 +1,6 @@
-"""The options of `servobench run` and `track` for films, logs and viewers, and their outputs."""
+"""The options of `servobench run` and `track` for films, logs and viewers, and the outputs that
+these options ask for.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,7 @@ VIEWER = "the viewer"
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """Values of the options of `run` and `track` for films, logs and viewers."""
+    """Values of the options of `run` and `track` for films (MP4), logs (MCAP) and live viewers."""
 
     video: Path | None = None
     mcap: Path | None = None
@@ -49,7 +51,7 @@ class Outputs:
 
     @property
     def files(self) -> list[Path]:
-        """Paths of the film and the log to write, if they were asked for."""
+        """Paths of the film (MP4) and the log (MCAP) that were asked for."""
         return [path for path in (self.video, self.mcap) if path is not None]
 
     def check(self) -> None:
@@ -59,10 +61,13 @@ class Outputs:
             Mistake: An option needs another one or a package, or a file cannot be written.
         """
         needs = {
-            "--web needs --live": self.web and not self.live,
-            "--light needs --web": self.light is not None and not self.web,
-            "--speed needs --live": self.speed is not None and not self.live,
-            "--port needs --live": self.port is not None and not self.live,
+            "--web has no effect without --live: add --live": self.web and not self.live,
+            "--light has no effect without --web: add --web": self.light is not None
+            and not self.web,
+            "--speed has no effect without --live: add --live": self.speed is not None
+            and not self.live,
+            "--port has no effect without --live: add --live": self.port is not None
+            and not self.live,
         }
         for sentence, is_missing in needs.items():
             if is_missing:
@@ -78,7 +83,8 @@ class Outputs:
             check_writable(path)
 
     def viewer(self) -> LiveViewer | LightPage | None:
-        """Start and return the viewer of --live; None without this option.
+        """Start and return the live viewer (a window or a page in a browser); None without the
+        option --live.
 
         Raises:
             Mistake: There is no display, or a port is in use.
@@ -96,7 +102,9 @@ class Outputs:
     def of_run(
         self, episode: Episode, viewer: LiveViewer | LightPage | None
     ) -> dict[Path | str, Sink]:
-        """Return the outputs that receive each step of a run, by their file or name."""
+        """Return the outputs that get each step of a run (film, log, viewer, ROS 2), by the path of
+        their file or by name.
+        """
         from servo.output.film import RunFilm
 
         found: dict[Path | str, Sink] = {}
@@ -120,7 +128,9 @@ class Outputs:
     def of_track(
         self, region: Region, source: Source, title: str, viewer: LiveViewer | LightPage | None
     ) -> dict[Path | str, Sink]:
-        """Return the outputs that receive each tracked picture (shot), by their file or name."""
+        """Return the outputs that get each picture of a track and its estimate (film, log, viewer),
+        by the path of their file or by name.
+        """
         from tracking.drawing.annotated_video import AnnotatedVideo
 
         found: dict[Path | str, Sink] = {}
@@ -150,12 +160,13 @@ def _shown(
     film: Callable[[NewestPicture], Sink],
     log: Callable[..., Sink],
 ) -> Sink:
-    """Return the output that feeds a viewer.
+    """Return the output that passes frames to a viewer.
 
     Args:
         viewer: The viewer.
         film: Makes the output of the light page, which shows a film.
-        log: Makes the output of Rerun's viewer, given the viewer and the time between pictures.
+        log: Makes the output of Rerun's viewer, given the viewer and, as `every`, the time between
+            two batches of data [s].
     """
     from servo.output.light_page import LightPage, ThrottledSink
 
@@ -167,11 +178,11 @@ def _shown(
 
 
 def announce(viewer: LiveViewer | LightPage | None, console: Console) -> None:
-    """Print the address of a viewer's page in a browser, if it has one."""
+    """Print the address of the viewer's web page, if it has one."""
     if viewer is not None and viewer.page is not None:
         from servo.cli.terminal import plain
 
-        plain(console, f"watch it at {viewer.page}")
+        plain(console, f"the page of the viewer: {viewer.page}")
 
 
 def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
@@ -208,8 +219,8 @@ def serve(recording: Path, port: int) -> None:
 
 
 def check_place(path: Path | None, *suffixes: str) -> None:
-    """Check that a file can be written or replaced at a path, if one is given, and has one of some
-    suffixes.
+    """Check, if a path is given, that a file can be written or replaced there, and that its name
+    ends in one of the suffixes.
 
     Raises:
         Mistake: The folder is missing, the path is not a file, or the suffix differs.
@@ -277,12 +288,12 @@ def output_options(command: Callable[..., None]) -> Callable[..., None]:
         click.option(
             "--speed",
             type=opt.FiniteRange(0.01, 1000.0),
-            help="Times real time, with --live (default: 1).",
+            help="With --live: speed as a multiple of real time (default: 1).",
         ),
         click.option(
             "--port",
             type=PORTS,
-            help=f"Of the data, with --live; Rerun's page has the next one (default: {PORT}).",
+            help=f"With --live: TCP port of the data; Rerun's page has the next (default: {PORT}).",
         ),
     )
     for option in reversed(added):

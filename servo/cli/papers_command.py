@@ -1,4 +1,6 @@
-"""The command `servobench papers`: run the experiments and print the verdict on each claim."""
+"""The command `servobench papers`: run experiments on the claims of the three papers again, and
+print the verdict on each claim.
+"""
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -52,7 +54,7 @@ def run(
 
     Args:
         names: The claims; none: all.
-        effort: Number of seeds, sequences and first seed.
+        effort: Whether one seed of each is enough, a folder of real sequences, and the first seed.
         workers: Number of processes.
         out: The folder; None: runs/papers, or another name for other seeds.
         dry_run: Whether to print only how many runs there are and how long they take.
@@ -135,7 +137,8 @@ def run(
 
 
 def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
-    """Return the claims of these names, or all.
+    """Return the claims of these names, or all without a name; their rules name the seeds from
+    effort.first on, if it is given.
 
     Raises:
         Mistake: There is no such claim, or none of the claims uses the given sequences.
@@ -144,7 +147,7 @@ def _chosen(names: Sequence[str], effort: Effort) -> list[Claim]:
     check_known(names, there, "papers", "claim")
     chosen = [there[name] for name in names] if names else list(CLAIMS)
     if effort.sequences is not None and there[JOINED] not in chosen:
-        raise Mistake(f"papers: --sequences needs the claim {JOINED}: name {JOINED} too")
+        raise Mistake(f"papers: --sequences is only for the claim {JOINED}: name {JOINED} too")
     if effort.first is not None:
         _check_first(effort, effort.first, chosen)
         return [replace(claim, rule=claim.rule.on(effort.first)) for claim in chosen]
@@ -158,7 +161,7 @@ def _check_first(effort: Effort, first: int, chosen: Sequence[Claim]) -> None:
         Mistake: These seeds were used for tuning, a claim is about tuning, or --quick is given.
     """
     if effort.quick:
-        raise Mistake("papers: --quick has its own seed; leave out --first-seed")
+        raise Mistake("papers: --quick has its own seed: leave out --first-seed or --quick")
     if first < FRESH:
         raise Mistake(
             f"papers: --first-seed {first}: the settings were tuned on seeds below {FRESH}; give "
@@ -166,12 +169,16 @@ def _check_first(effort: Effort, first: int, chosen: Sequence[Claim]) -> None:
         )
     tuning = [claim.name for claim in chosen if claim in TUNING]
     if tuning:
-        raise Mistake(f"papers: {tuning[0]} has its own seeds for tuning; leave out --first-seed")
+        raise Mistake(
+            f"papers: {tuning[0]} has its own seeds: leave out --first-seed or {tuning[0]}"
+        )
 
 
 def _print_beside(console: Console, found: Found, first: int) -> None:
-    """Print the verdicts beside those on the registered seeds."""
-    plain(console, f"  seeds from {first} on, beside the registered ones:")
+    """Print a table of the verdicts on the seeds from `first` on, beside the published verdicts on
+    the registered seeds.
+    """
+    plain(console, f"  verdicts on seeds from {first} on, beside those on the registered seeds:")
     before = known()
     rows = [[name, *new, *before.get(name, ("-", "-"))] for name, new in found.items()]
     head = ("claim", "verdict", "effect", "registered", "effect, registered")

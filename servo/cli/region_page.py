@@ -1,4 +1,5 @@
-"""A page on 127.0.0.1 on which the user draws a region, for machines without a desktop.
+"""A web page on 127.0.0.1 on which the user draws the target's region with the mouse, for machines
+without a desktop.
 
 The page's address holds a random token, so that neither other users of the machine nor other pages
 in the browser can answer. The server ends with the first answer.
@@ -67,7 +68,7 @@ def select(
         ValueError: The source cannot be read.
     """
     if region is not None:
-        raise Mistake("give --region or --select, not both")
+        raise Mistake("--region and --select are both given: leave out one")
     first = next(pictures, None)
     if first is None:
         raise Mistake(f"{source}: this source has no pictures")
@@ -75,9 +76,9 @@ def select(
         raise Mistake(f"{first.name}: the first picture cannot be read: {first.reason}")
     box = ask(first.image, source)
     if box is None:
-        raise Mistake("--select was cancelled; give --region X,Y,W,H[,DEG]")
+        raise Mistake("--select: no region was drawn; run again, or give --region X,Y,W,H[,DEG]")
     text = ",".join(f"{number:.6g}" for number in (box if box[4] else box[:4]))
-    plain(Console(stderr=True), f"--region {text} repeats this choice")
+    plain(Console(stderr=True), f"to choose the same region again: --region {text}")
     return text, itertools.chain([first], pictures)
 
 
@@ -100,7 +101,8 @@ def ask(image: Image, name: str) -> Box | None:
         plain(
             Console(stderr=True),
             f"draw the region on this page: {address}",
-            f"  (on another machine: first ssh -L {server.port}:{HOST}:{server.port} THIS-MACHINE)",
+            f"  (to open the page on another machine, first run there: "
+            f"ssh -L {server.port}:{HOST}:{server.port} THIS-MACHINE)",
         )
         if has_display():
             webbrowser.open(address)
@@ -126,7 +128,9 @@ def _page(image: Image, name: str) -> bytes:
 
 
 class _Server(LocalServer):
-    """Server of one page at an address that nobody can guess."""
+    """HTTP server of one page at an address that nobody can guess; its queue `answers` gets the
+    region that the user draws.
+    """
 
     def __init__(self, page: bytes) -> None:
         super().__init__(0, _Handler, f"/{secrets.token_urlsafe(16)}")
@@ -135,7 +139,9 @@ class _Server(LocalServer):
 
 
 class _Handler(LocalHandler):
-    """Handler of requests: GET sends the page, POST takes the user's answer."""
+    """Handler of requests: GET sends the page; POST takes the user's region, or the word that
+    cancels, as JSON.
+    """
 
     server: _Server  # pyright: ignore[reportIncompatibleVariableOverride]
 

@@ -28,12 +28,12 @@ from tracking.files import atomic
 
 FIGURES = "figures"
 """Folder of the figures, beside the page."""
-ONLY_STUDIES = "--measures is only for folders of sweep and compare"
+ONLY_STUDIES = "--measures is only for folders of sweep and compare: leave out --measures"
 
 
 @dataclass(frozen=True, slots=True)
 class Printed:
-    """Files to write beside the page of a report."""
+    """Options of `servobench report`: the files of tables and figures to write beside the page."""
 
     latex: Path | None = None
     """File for the tables as LaTeX."""
@@ -62,7 +62,9 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
     """
     printed = printed or Printed()
     if printed.figure_width is not None and printed.figures is None:
-        raise Mistake("--figure-width needs --figures: give --figures pdf, svg or pgf")
+        raise Mistake(
+            "--figure-width has no effect without --figures: add --figures pdf, svg or pgf"
+        )
     measures = None if printed.measures is None else measures_of(printed.measures)
     of_first = folders[0] / "report.html" if folders[0].is_dir() else Path(f"{folders[0]}.html")
     path = out or of_first
@@ -85,7 +87,8 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
 
 
 def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
-    """Return the section of a page about the results in a folder; `measures` are for studies.
+    """Return the section of a page about the results in a folder, or about the published results of
+    a benchmark by its name; `measures` are the columns of a study's tables.
 
     Raises:
         Mistake: The folder is missing, unknown or damaged.
@@ -113,9 +116,10 @@ def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
         return run_section.section(folder)
     if (folder / RunReport.FILE).exists():
         raise Mistake(
-            f"{folder / RunReport.FILE}: there is no {TABLE} beside it; is this a run's folder?"
+            f"{folder / RunReport.FILE}: there is no {TABLE} beside this report: run its command "
+            "again"
         )
     raise Mistake(
         f"{folder}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, "
-        "`papers` or `sweep`"
+        "`papers` or `sweep`: name a folder that one of them wrote"
     )

@@ -1,4 +1,6 @@
-"""The command `servobench robot`: print a robot's joints and its table for a scenario; draw it."""
+"""The command `servobench robot`: print a robot's joints, its reach and its [robot] table for a
+scenario, and draw it in the room.
+"""
 
 # pyright: reportAttributeAccessIssue=false
 # MuJoCo's names come from compiled modules without stubs.
@@ -127,7 +129,9 @@ def _world(
     renderer: MakeRenderer | None = None,
     motion: PartConfig[Motion] | None = None,
 ) -> World:
-    """Return the world of a robot and a car, which stands without a motion."""
+    """Return a simulated world with a robot, and a car as the target, which stands still without a
+    motion.
+    """
     rng = np.random.default_rng(0)
     design = config.build(rng)
     moved = (motion or still.Config()).build(rng)
@@ -136,7 +140,9 @@ def _world(
 
 
 def _own_camera(model: mujoco.MjModel) -> str:
-    """Return the name of the only camera that joints move; empty if there are more or fewer."""
+    """Return the name of the only camera of the model that joints move; empty if there are more or
+    none.
+    """
     moved = [i for i in range(model.ncam) if model.body_weldid[model.cam_bodyid[i]]]
     return model.camera(moved[0]).name if len(moved) == 1 else ""
 
@@ -144,15 +150,16 @@ def _own_camera(model: mujoco.MjModel) -> str:
 def _begins(config: mjcf.Config, base: tuple[float, float, float, float]) -> bool:
     """Return whether a run can begin from a base (x, y, z [m], yaw [deg]).
 
-    The camera must be above the target or, from the base `BESIDE`, anywhere where it sees it.
+    The camera must be at its pose 1 m above the target within 1 cm; from the base `BESIDE`, any
+    pose will do from which the camera sees the target.
     """
     reach = _begun(dataclasses.replace(config, base=base), still.Config())
     return reach.there and (reach.distance < NEAR or base == BESIDE)
 
 
 def _begun(config: mjcf.Config, motion: PartConfig[Motion]) -> Reach:
-    """Return how near a run's start comes to the camera pose 1 m above the target, and whether the
-    joints can follow a motion of the target from there.
+    """Return how near the start of a run comes to the camera pose 1 m above the target, and whether
+    the joints can follow a motion of the target from there.
     """
     world = _world(config, Unseen, motion)
     facing = Pose(np.eye(3), np.array([0.0, 0.0, DEPTH]))
@@ -164,7 +171,9 @@ def _begun(config: mjcf.Config, motion: PartConfig[Motion]) -> Reach:
 
 
 def _ranges_text(config: mjcf.Config) -> str:
-    """Return a sentence about the usual motions that keep the joints inside their ranges."""
+    """Return a sentence that says, for each of the motions line, circle and wander, whether the
+    joints stay inside their ranges.
+    """
     found = list[str]()
     for motion in MOTIONS:
         reach = _begun(config, motion)
@@ -172,17 +181,19 @@ def _ranges_text(config: mjcf.Config) -> str:
             return f"{ASIDE if config.base == BESIDE else ''}{FEW}"
         name = kind_of(motion)
         if reach.rollout is None:
-            found.append(f"{name} begins out of reach")
+            found.append(f"{name} begins out of the robot's reach")
         elif reach.rollout.joint:
             time = f"{reach.rollout.time:.1f} s"
             found.append(f"{name} takes {reach.rollout.joint} to the end of its range in {time}")
         else:
-            found.append(f"{name} stays inside all ranges")
-    return f"The motions as they are: {'; '.join(found)}."
+            found.append(f"{name} keeps all joints inside their ranges")
+    return f"Motions with default settings: {'; '.join(found)}."
 
 
 def _drawn(config: mjcf.Config) -> tuple[Image, str]:
-    """Return a picture of the room beside the camera's view, and sentences about this view."""
+    """Return a picture of the room with the camera's picture at its right, RGB (H, W, 3), and
+    sentences about the camera's start.
+    """
     world = _world(config)
     model = world.model
     size = PICTURE.width, PICTURE.height
@@ -199,7 +210,7 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
             item.close()
     above = f"{DEPTH:g} m above the target"
     if not reach:
-        text = f"From the base in the picture the camera can be {above} only nearly: {reach}."
+        text = f"From the base in the picture the camera does not get {above}: {reach}."
     elif reach.distance < NEAR:
         text = f"From the base below the camera can be {above}."
     else:
@@ -209,7 +220,9 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
         text += f"\n{_directions(world.robot.jacobian(world.data))}"
     if seen.any():
         share = 100 * seen.mean()
-        text += f"\nThe robot itself fills {share:.0f} % of the picture: move it with --mount."
+        text += (
+            f"\nThe robot itself fills {share:.0f} % of the picture: move the camera with --mount."
+        )
     return np.hstack(views), text
 
 
@@ -233,7 +246,8 @@ def _corners(world: World, geoms: NDArray[np.bool_]) -> Array:
 
 
 def _directions(jacobian: Array) -> str:
-    """Return a sentence about the components of the camera's twist that a few joints can follow.
+    """Return a sentence about the components of the camera's twist that a robot with fewer than six
+    joints can follow.
 
     Args:
         jacobian: Camera twist per joint rate (6, n).
@@ -271,7 +285,9 @@ def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
 
 
 def _actuator(model: mujoco.MjModel, joint: int, *, kept: bool) -> str:
-    """Return the kind of a joint's actuator in the file, and whether the simulation replaces it."""
+    """Return a text about a joint's actuator: its type in the model's file, such as "position", and
+    whether the simulation replaces it.
+    """
     drive = drive_of(model, joint)
     if drive is None:
         return "none: one is added"
@@ -303,7 +319,7 @@ def _reach_text(reach: Workspace) -> str:
 
 
 def _toml(config: mjcf.Config, chain: Chain) -> str:
-    """Return the [robot] table of a scenario."""
+    """Return the [robot] table of a scenario, as TOML, for this robot."""
     flange = {"flange": chain.flange, "mount": list(config.mount)}
     carried = {"camera": config.camera} if config.camera else flange
     table = {"kind": "mjcf", "model": config.model, "base": list(config.base)} | carried

@@ -140,8 +140,8 @@ def run_scenario(
 
 
 def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) -> list[float]:
-    """Add the steps of an episode to `run` and to the output; return the time that writing each
-    step took [s].
+    """Run an episode to its end, and add each step to `run` and to the output; return the time that
+    writing each step took [s].
     """
     writing: list[float] = []
     with closing(output.close), progress_bar(console) as progress:
@@ -160,7 +160,8 @@ def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) 
 def load(
     name: str, changes: Sequence[str], seed: int | None, server: Server | None = None
 ) -> Scenario:
-    """Read a scenario and check its bounds; a `server` of ROS 2 replaces its controller.
+    """Read a scenario and check its bounds; with a `server` of ROS 2, a controller outside this
+    program replaces its own.
 
     Raises:
         Mistake: There is no such scenario, or a setting or a bound is wrong.
@@ -175,8 +176,8 @@ def load(
 
 
 def _outline_line(outline: Array) -> str:
-    """Return a sentence about the rectangle that was found around the target: its corners (4, 3) in
-    the target's frame [m].
+    """Return a sentence about the target's reference rectangle, which was computed from the model:
+    its corners are (4, 3) in the target's frame [m].
     """
     sides = Outline(outline)
     x, y = outline.mean(axis=0)[:2]
@@ -203,7 +204,9 @@ def remarks(episode: Episode) -> list[str]:
 
 
 def _tilt_line(episode: Episode) -> str:
-    """Return a sentence if the tilt of the start is not measured; else an empty text."""
+    """Return a warning if the camera starts with a tilt that the tracker cannot measure; else an
+    empty text.
+    """
     scenario = episode.scenario
     tracker = kind_of(scenario.tracker)
     if traits_of(scenario.tracker) is None or reports_corners(scenario):
@@ -236,8 +239,8 @@ def measures_lines(scenario: Setup) -> list[str]:
 
 
 def _start_lines(episode: Episode) -> list[str]:
-    """Return sentences about a start pose that the robot cannot take, a joint that will reach the
-    end of its range, and a target that is hidden in the first picture.
+    """Return warnings: the robot cannot take the start pose, a joint will reach the end of its
+    range, or the target is hidden in the first picture.
     """
     begun = episode.begun
     visible = episode.world.visible()
@@ -280,7 +283,7 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
 
 
 def _stage_line(run: Columns, writing: Sequence[float]) -> str:
-    """Return a sentence about the median times of a step's stages, and of writing it [s]."""
+    """Return a sentence about the median times of the stages of a step, and of writing it [ms]."""
     seconds = timed(run)
     stages = zip(("render", "track", "control", "physics"), np.median(seconds, axis=0), strict=True)
     parts = "  ".join(f"{stage} {1e3 * spent:.2f}" for stage, spent in stages)

@@ -1,4 +1,4 @@
-"""The command `servobench schema`: the JSON Schema (draft 2020-12) of scenarios and studies.
+"""The command `servobench schema`: print the JSON Schema (draft 2020-12) of scenarios and studies.
 
 Editors check and complete scenarios with the schema. Conditions on several settings together are
 checked by the parser only.
@@ -35,15 +35,17 @@ def text() -> str:
 
 
 def expect_schema() -> Schema:
-    """Return the schema of the table `expect`: bounds on measures, and the outcome."""
+    """Return the JSON Schema of the table `expect` of a scenario: the expected outcome of a run,
+    and upper bounds on its measures.
+    """
     ends = list(Outcome.__members__)
     outcome = {"enum": ends, "description": f"How the run has to end: {', '.join(ends)}."}
     one = {"outcome": outcome} | _bounds()
     about = "Bounds that replace these where a seed has drawn settings."
-    share = SHARE | {"description": "The least share of drawn seeds that end so; others may not."}
+    share = SHARE | {"description": "Least share of drawn seeds that end as expected."}
     bounds = one | {"drawn": table({SUCCESS_RATE: share} | one, about)}
     others = {
-        "description": 'The same of another tracker, by its kind; "*": all without a table.',
+        "description": 'The same for other trackers, by kind; "*": all without a table.',
         "type": "object",
         "additionalProperties": table(bounds),
     }
@@ -52,7 +54,9 @@ def expect_schema() -> Schema:
 
 
 def vary_schema() -> Schema:
-    """Return the schema of the table `vary`: settings that are drawn for each seed."""
+    """Return the JSON Schema of the table `vary` of a scenario: settings that are drawn for each
+    seed, by laws such as `uniform`.
+    """
     nested = {"$ref": "#/properties/vary"}
     return {
         "description": "Settings that are drawn for each seed but 0, by dotted keys, such as "
@@ -63,8 +67,10 @@ def vary_schema() -> Schema:
 
 
 def sweep_schema() -> Schema:
-    """Return the schema of the table `sweep`: a study of the scenario."""
-    share = SHARE | {"description": "Share of good runs."}
+    """Return the JSON Schema of the table `sweep` of a scenario, which makes a study of it: axes,
+    seeds and bounds.
+    """
+    share = SHARE | {"description": "Least share of runs that end as expected."}
     seed = {"type": "integer", "minimum": 0}
     most = {"maximum": parse.MOST_RUNS}
     name = {"type": "string"}
@@ -75,7 +81,7 @@ def sweep_schema() -> Schema:
         },
         "set": {"description": "Settings of all runs, by dotted keys.", "type": "object"},
         "named": {
-            "description": "Axes of groups of settings, by the axis's name and the group's.",
+            "description": "Axes of named groups of settings: AXIS.GROUP = { settings }.",
             "type": "object",
             "additionalProperties": {
                 "type": "object",
@@ -85,7 +91,7 @@ def sweep_schema() -> Schema:
         },
         "axes": _axes(),
         "seeds": {
-            "description": "How many, from 0 on, or a list.",
+            "description": "Number of seeds (0, 1, 2, ...), or a list of seeds.",
             "anyOf": [
                 seed | most,
                 {"type": "array", "items": seed, "minItems": 1, "uniqueItems": True},
@@ -105,7 +111,9 @@ def _bounds() -> Schema:
 
 
 def _laws(counts: Mapping[str, int | None]) -> list[Schema]:
-    """Return a schema of a table for each law of draws, from the number of values that it takes."""
+    """Return, for each law of random draws such as `uniform`, the JSON Schema of a table {law =
+    [values]}; `counts` has the number of its values, None for any number.
+    """
     number = {"type": "number"}
     laws: list[Schema] = []
     for name, count in counts.items():
@@ -116,7 +124,9 @@ def _laws(counts: Mapping[str, int | None]) -> list[Schema]:
 
 
 def _axes() -> Schema:
-    """Return the schema of nested tables of settings with a list of values, a span, or a draw."""
+    """Return the JSON Schema of the axes of a study: tables, also nested, whose settings have a
+    list of values, a law (a span or a random draw), or "*" for all kinds.
+    """
     laws = _laws(COUNTS)
     some = {"type": "array", "minItems": 1, "maxItems": MOST_VALUES}
     nested = {"$ref": "#/properties/sweep/properties/axes"}
@@ -143,7 +153,9 @@ class _Json(GenerateJsonSchema):
 
 
 def scenario_schema(more: Schema) -> Schema:
-    """Return the schema of a scenario's file; `more` has the schemas of tables without settings."""
+    """Return the JSON Schema of a scenario's file; `more` are the schemas of its tables `vary`,
+    `expect` and `sweep`.
+    """
     tables: Schema = {
         **{name: form(config, described=True) for name, config in SECTIONS.items()},
         **{name: _table_of_kind(name, *of) for name, of in PLUGINS.items()},
@@ -157,13 +169,17 @@ def scenario_schema(more: Schema) -> Schema:
 
 
 def table(properties: Schema, description: str = "") -> Schema:
-    """Return the schema of a table that allows these keys only, from their schemas."""
+    """Return the JSON Schema of a TOML table with these keys and no others; `properties` has the
+    schema of each key.
+    """
     about = {"description": description} if description else {}
     return about | {"type": "object", "properties": properties, "additionalProperties": False}
 
 
 def _table_of_kind(name: str, kinds: Kinds[Any], default: str = "") -> Any:
-    """Return the type of a table with a kind: a model for each kind."""
+    """Return the pydantic type of a table with the key `kind`: a union with one model for each
+    kind.
+    """
     models = list[type[BaseModel]]()
     for kind in kinds.names():
         with suppress(UnknownKind):  # of a broken package
@@ -172,11 +188,15 @@ def _table_of_kind(name: str, kinds: Kinds[Any], default: str = "") -> Any:
 
 
 def _model(name: str, kinds: Kinds[Any], kind: str, default: str) -> type[BaseModel]:
-    """Return the model of a table with a kind."""
+    """Return the pydantic model of a table of one kind: its settings, `kind`, and `preset` if the
+    kind has presets.
+    """
     config = kinds.config_of(kind)
     members: Schema = {"kind": (Literal[kind], default if kind == default else ...)}
     if presets := kinds.presets(kind):
-        about = Field(None, description="Settings that are not given.")
+        about = Field(
+            None, description="Name of a set of values for the settings that are not given."
+        )
         members["preset"] = (Literal[*presets], about)
     members |= dict.fromkeys(not_from_file(config), (SkipJsonSchema[Any], None))
     base = form(config, described=True)

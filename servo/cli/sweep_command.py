@@ -81,7 +81,7 @@ def run(
 
 
 def measures_of(text: str) -> list[str]:
-    """Return the names of measures in a text, which has commas between them.
+    """Return the names of measures in a text such as "servo_rms_px,age_ms", each once.
 
     Raises:
         Mistake: There is no such measure.
@@ -112,7 +112,8 @@ def run_study(
         console: The output of the command.
         dry_run: Whether to print only how many runs there are and how long they take.
         measures: Columns of the printed table; None: those that differ most.
-        has_page: Whether the caller writes a page, so that no line says how to.
+        has_page: Whether the caller writes an HTML page; else the command that writes one is
+            printed.
 
     Returns:
         The exit code: 1 if a run failed or a bound was missed, else 0.
@@ -134,12 +135,15 @@ def run_study(
             return 1 if failed else 0
         code = _sum_up(study, store, console, measures)
         if not has_page:
-            plain(console, f"for a page, run: servobench report {shlex.quote(str(store.folder))}")
+            place = shlex.quote(str(store.folder))
+            plain(console, f"for a page of results, run: servobench report {place}")
     return 1 if failed else code
 
 
 def _doubts(study: Study) -> list[str]:
-    """Return a sentence for each bound that decides nothing about runs with some settings."""
+    """Return a sentence for each bound of the study that all runs with some settings miss, or that
+    none can miss.
+    """
     lines = list[str]()
     for job in islice(study.samples() if study.expect else (), MOST_VALUES):
         base = job.subject
@@ -149,7 +153,9 @@ def _doubts(study: Study) -> list[str]:
 
 
 def _sum_up(study: Study, store: Store, console: Console, measures: Sequence[str] | None) -> int:
-    """Write the tables and print a summary; return the exit code: 1 if a bound was missed."""
+    """Write the tables of runs, of cells (combinations of axis values) and of comparisons, and
+    print a summary; return the exit code: 1 if a bound was missed, else 0.
+    """
     table = store.table()
     rows = rows_of(table)
     cells = cells_of(study, rows)
@@ -161,7 +167,7 @@ def _sum_up(study: Study, store: Store, console: Console, measures: Sequence[str
         paths.append(store.write("comparisons.csv", csv_text(COMPARED, [c.cells for c in pairs])))
         for c in [c for c in pairs if c.p_holm < 0.05][:10]:
             console.print(
-                f"{escape(str(c.first))} holds more often than {escape(str(c.second))}: "
+                f"{escape(str(c.first))} succeeds more often than {escape(str(c.second))}: "
                 f"in {c.test.wins} {c.unit}s against {c.test.losses}, p = {c.p_holm:.2g} after Holm"
             )
     print_paths(console, paths)

@@ -1,4 +1,4 @@
-"""Printing for all commands: progress bars, tables and plain lines."""
+"""Printing for all commands on the terminal: progress bars, tables and plain lines."""
 
 from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
@@ -47,7 +47,7 @@ def progress_bar(console: Console) -> Progress:
 
 
 def print_table(console: Console, shown: words.Table) -> None:
-    """Print a table with its note; long texts wrap, so that numbers keep all their digits."""
+    """Print a table, then its note; long texts wrap, so that numbers keep all their digits."""
     table = Table(box=None, pad_edge=False, collapse_padding=len(shown.head) > ROOMY)
     for i, title in enumerate(shown.head):
         is_text = i in shown.words
@@ -72,12 +72,12 @@ def print_table(console: Console, shown: words.Table) -> None:
 
 
 def _text(cell: words.Cell) -> str:
-    """Return the text of a cell without its colour."""
+    """Return the text of a table's cell without its colour."""
     return cell if isinstance(cell, str) else cell.text
 
 
 def _marked(cell: words.Cell) -> str:
-    """Return the text of a cell with rich's markup of its colour."""
+    """Return the text of a table's cell with rich's markup of its colour."""
     text = escape(_text(cell))
     return text if isinstance(cell, str) else f"[{COLOURS[cell.tone]}]{text}[/]"
 

@@ -111,7 +111,9 @@ def run(
             region, pictures = region_page.select(source, pictures, region)
         target, start = _placement(region, source, true)
     if true is not None and len(true) == 1 and stream.count != 1:
-        complain(f"the truth has one line for {stream.count} pictures: there are no measures")
+        complain(
+            f"the truth has only one line for {stream.count} pictures, so no measures are computed"
+        )
         true = None
     guarded = _built(config, seed)
     shots = _shots(itertools.islice(follow(guarded, pictures, target, start), frames))
@@ -166,13 +168,15 @@ def run(
 
 
 def _built(config: PartConfig[Tracker], seed: int) -> Tracker:
-    """Return a new tracker whose errors name it."""
+    """Build a tracker from its settings; an exception in it is raised again as an error that names
+    the tracker.
+    """
     part = Part("tracker", config)
     return part.guarded(part.build(np.random.default_rng(seed)))
 
 
 def _first(shots: Iterator[Shot], source: str, out: Path | None, name: str) -> Shot:
-    """Return the first tracked picture.
+    """Return the first tracked picture with its estimate.
 
     Raises:
         Mistake: The tracker failed, or there is no picture.
@@ -186,7 +190,8 @@ def _first(shots: Iterator[Shot], source: str, out: Path | None, name: str) -> S
 
 
 def _warm_up(config: PartConfig[Tracker], console: Console, *, rerun: bool) -> None:
-    """Compile the tracker and the recording for a live source, by running them on noise.
+    """Run the tracker and the writer of the recording on noise, so that both are compiled before a
+    live source begins.
 
     A live source does not wait: compiling after its first picture would lose a second of it.
     """
@@ -200,7 +205,7 @@ def _warm_up(config: PartConfig[Tracker], console: Console, *, rerun: bool) -> N
 
 
 def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
-    """Yield the tracked pictures; raise a ValueError of source or tracker as a Mistake."""
+    """Yield the tracked pictures; raise a ValueError of the source or the tracker as a Mistake."""
     with as_mistake():
         yield from shots
 
@@ -219,7 +224,9 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[Table, PartConfig[Tra
     for item in changes:
         put(table, *assignment(item), f"--set {item}")
         if len(table) > 1:
-            raise Mistake(f"--set {item}: here only tracker.KEY=VALUE can be set")
+            raise Mistake(
+                f"--set {item}: track sets only settings of the tracker: write tracker.KEY=VALUE"
+            )
     settings = table["tracker"]
     config = fill_plugin(TRACKERS, settings, "tracker")  # refuses what is no table
     assert is_table(settings)
@@ -244,12 +251,13 @@ def _truth(truth: Path | None, form: truths.Format, source: str, stream: Source)
     found = truths.read(path, form, stream.count)
     check_truth(found, stream, str(path), form, start_is_enough=True)
     if truths.has_masks(path):
-        complain(f"{path}: its masks are replaced by the boxes around them")
+        complain(f"{path}: the masks of this truth are replaced by the boxes around them")
     return found
 
 
 def _placement(region: str | None, source: str, truth: Array | None) -> tuple[Region, State]:
-    """Return the target's region and its state in the first picture.
+    """Return the target's region (width, height [px]) and its state in the first picture (centre
+    [px], angle [rad], scale), from --region or else from the truth.
 
     Raises:
         Mistake: Neither the region nor the truth gives them.
@@ -261,7 +269,7 @@ def _placement(region: str | None, source: str, truth: Array | None) -> tuple[Re
             f"{source}: there is no truth file beside this source; give --region X,Y,W,H[,DEG]"
         )
     if not np.isfinite(truth[0]).all():
-        raise Mistake("the target is not in the first picture of the truth; give --region")
+        raise Mistake("the truth has no target in the first picture; give --region X,Y,W,H[,DEG]")
     return placement(truth[0])
 
 
@@ -281,17 +289,20 @@ def region_of(text: str) -> tuple[Region, State]:
         if len(turn) > 1 or not np.isfinite([x, y, w, h, degrees]).all():
             raise ValueError(text)
     except ValueError:
-        raise Mistake(f"--region {text}: this should be X,Y,W,H or X,Y,W,H,DEG in px") from None
+        raise Mistake(
+            f"--region {text}: this is no region: write X,Y,W,H or X,Y,W,H,DEG [px, deg]"
+        ) from None
     return Region(w, h), State(x + w / 2, y + h / 2, float(np.radians(degrees)))
 
 
 def _write(
     files: TrackFolder, truth: Array | None, shots: Iterable[Shot], bar: Progress
 ) -> tuple[list[Shot], int]:
-    """Write all tracked pictures, and show the first task of a progress bar.
+    """Write each tracked picture to the track's files as it comes, and advance the progress bar; a
+    signal ends the tracking.
 
     Returns:
-        The tracked pictures without their images, and the exit code.
+        The tracked pictures without their images, and the exit code: 0, or that of the signal.
     """
     seen: list[Shot] = []
     code = 0
@@ -310,7 +321,8 @@ def _write(
 
 
 def _with_reason(end: End | None, seen: list[Shot], writing: float) -> End | None:
-    """Return the end of a source; if it dropped pictures, with the times that a picture took.
+    """Return the end of a source; if the source dropped pictures, its sentence gets the mean times
+    for tracking and writing a picture.
 
     Args:
         end: How the source ended; None for a usual end.
@@ -362,7 +374,9 @@ def _report(
 
 
 def _notes(seen: list[Shot]) -> list[str]:
-    """Return the notes of the source about its pictures, each once."""
+    """Return the remarks of the source about its pictures (such as the bits that they use), each
+    once.
+    """
     return list(dict.fromkeys(note for shot in seen for note in shot.picture.notes))
 
 

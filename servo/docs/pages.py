@@ -46,7 +46,9 @@ QUALITY = 55
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Connect the extension to a Sphinx application; return properties that Sphinx asks for."""
+    """Connect the extension to a Sphinx application; return that Sphinx may read and write its
+    pages in parallel.
+    """
     app.add_config_value("gallery_seconds", SECONDS, "", int)
     app.add_config_value("run_tutorials", False, "env", bool)
     app.connect("env-get-outdated", lambda *_: PAGES)  # the code may have changed

@@ -1,4 +1,4 @@
-"""The largest gain for a delay: the error after three seconds, by latency and gain."""
+"""Gain against delay: a table of the error after three seconds, by latency and gain."""
 
 import servo
 

@@ -9,15 +9,17 @@ import servo
 
 @dataclass(frozen=True)
 class Config:
-    """No settings."""
+    """Settings of the feature set: it has none."""
 
     def build(self, outline):
-        """Return the features of any target."""
+        """Return the feature set, which is the same for any target."""
         return CentreAndSize()
 
 
 class CentreAndSize:
-    """s = (x, y, ln a), with a the square root of the seen area."""
+    """Feature set s = (x, y, ln a): the target's centre in normalised image coordinates, and the
+    logarithm of a, the square root of its area there.
+    """
 
     names = ("x", "y", "ln a")
     units = ("1", "1", "1")
@@ -26,12 +28,14 @@ class CentreAndSize:
     sole_dof = {"ln a": "vz"}
 
     def values(self, sight):
-        """Return s (3,)."""
+        """Return the features s (3,) of the target as it is seen."""
         m = sight.moments
         return np.array([m.xg, m.yg, np.log(m.area) / 2])
 
     def matrix(self, sight):
-        """Return L (3, 6) for a target that is parallel to the image and small."""
+        """Return the interaction matrix L (3, 6), for a target that is parallel to the image and
+        small.
+        """
         x, y, _ = self.values(sight)
         near = sight.plane.C  # 1 / Z
         rows = [-near, 0, x * near, x * y, -1 - x * x, y]
@@ -39,15 +43,15 @@ class CentreAndSize:
         return np.array([rows, columns, [0, 0, near, 1.5 * y, -1.5 * x, 0]])
 
     def error(self, values, goal):
-        """Return e = s - s* (3,)."""
+        """Return the feature error e = s - s* (3,)."""
         return values - goal
 
     def known(self, sight):
-        """Return flags (3,): which of them are measured."""
+        """Return flags (3,): True for each feature that the tracker measures."""
         return np.array([True, True, sight.size_known])
 
     def scales(self, goal):
-        """Return ones (3,)."""
+        """Return the divisors of the features for the estimator, which are ones (3,)."""
         return np.ones(3)
 
 

@@ -6,7 +6,9 @@ import servo
 
 
 def slow_law(seen, task, gain=2.0, fastest=0.2):
-    """Return the twist (6,) of the camera [m/s, rad/s] for what is seen now."""
+    """Return the camera twist (6,) [m/s, rad/s] for the target as it is seen now, with a linear
+    speed of at most `fastest` [m/s].
+    """
     features = task.features
     error = features.error(features.values(seen), features.values(seen.goal))
     twist = -gain * np.linalg.pinv(features.matrix(seen)) @ error

@@ -6,16 +6,20 @@ import servo
 
 
 class TemplateMatching:
-    """Finds the place that correlates best with the first view of the target."""
+    """Tracker that finds the rectangle of a picture that correlates best with the target in the
+    first picture.
+    """
 
     def init(self, image, rect):
-        """Cut the template out of a BGR picture; rect is left, top, width, height [px]."""
+        """Cut the template out of the first picture (BGR); rect: left, top, width, height [px]."""
         left, top, width, height = map(int, rect)
         self.size = width, height
         self.template = image[top : top + height, left : left + width]
 
     def update(self, image):
-        """Return whether the target is seen, and its rectangle."""
+        """Return whether the target is seen in a picture (BGR), and its rectangle: left, top,
+        width, height [px].
+        """
         scores = cv2.matchTemplate(image, self.template, cv2.TM_CCOEFF_NORMED)
         _, best, _, place = cv2.minMaxLoc(scores)
         return best > 0.5, (*place, *self.size)

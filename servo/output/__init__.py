@@ -1,1 +1,3 @@
-"""Files that commands write: folders, tables, plots, recordings, and their versions."""
+"""The files that commands write: folders, tables, plots, films, logs and recordings, with format
+numbers and package versions.
+"""

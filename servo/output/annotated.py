@@ -1,4 +1,6 @@
-"""Pictures of steps with outlines: truth white, goal red, the estimate in its status's colour."""
+"""Camera pictures of a run's steps with outlines of the target: truth white, goal red, the estimate
+in the colour of its status.
+"""
 
 import cv2
 from matplotlib import pyplot
@@ -16,7 +18,8 @@ BAND = 24
 
 
 def annotated(step: Step) -> Image:
-    """Return the step's picture as RGB (H, W, 3), about 640 px wide, with outlines and text.
+    """Return the picture of a step as RGB (H, W, 3), about 640 px wide, with outlines and a line of
+    text.
 
     The outlines are those of truth, goal and estimate. The text gives time [s], status of the
     tracker, and distance of the true centre from the goal [px].

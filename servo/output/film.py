@@ -1,4 +1,6 @@
-"""Films of runs: the camera's picture with outlines, the room from outside, errors over time."""
+"""Films (MP4) of runs: the camera's picture with outlines, the room from outside, and curves of the
+errors.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import zip_longest
@@ -48,15 +50,16 @@ PARTS = 16
 
 
 class RunViews:
-    """Drawer of two pictures for each step of a run: the camera's picture, the room from outside.
+    """Draws two pictures for each step of a run: the camera's picture, and the room from outside.
 
-    The camera's picture has the outlines, and the paths of the target's corners so far. The room
-    has the camera's field of view as a pyramid, and its path so far, both drawn over everything;
-    in its lower right corner is a second view, which follows the camera.
+    The camera's picture has the outlines of truth, goal and estimate, and the paths of the target's
+    true corners so far. The room has the camera's field of view as a pyramid, and its path so far,
+    both drawn over everything; in its lower right corner is a second picture, which follows the
+    camera.
     """
 
     def __init__(self, camera: Camera, room: MjModel, size: tuple[int, int]) -> None:
-        """Prepare the drawing.
+        """Create the renderers of the room.
 
         Args:
             camera: The run's camera.
@@ -77,7 +80,9 @@ class RunViews:
         self._beside.close()
 
     def draw(self, step: Step) -> tuple[Image, Image]:
-        """Return the pictures of camera and room at a step, RGB (H, W, 3); steps come in order."""
+        """Return the pictures of camera and room at a step, each RGB (H, W, 3); call it once for
+        each step, in order, as the paths grow.
+        """
         self._path.append(step.truth.T_world_camera.translation)
         self._corners.append(step.truth.corners)
         return self._draw_camera(step), self._draw_room(step)
@@ -93,7 +98,9 @@ class RunViews:
         return panel(step.frame.image, *self._size, marks, step.estimate.particles, lines)
 
     def _draw_room(self, step: Step) -> Image:
-        """Return the room as RGB (H, W, 3), with the view that follows the camera in its corner."""
+        """Return the room as RGB (H, W, 3), with the second picture, which follows the camera, in
+        its corner.
+        """
         camera = step.truth.T_world_camera.translation
         target = step.truth.T_world_target.translation
         middle = (camera + target) / 2
@@ -121,7 +128,9 @@ class RunViews:
 
 
 class RunFilm:
-    """Draws the steps of a run as a film, into an MP4 file or to a receiver of frames."""
+    """Sink that draws each step of a run as a frame of a film, for an MP4 file or a receiver of
+    frames.
+    """
 
     def __init__(self, to: Path | FrameReceiver, title: str = "", end: float | None = None) -> None:
         """Prepare a film; the file is opened with the first step.
@@ -157,7 +166,7 @@ class RunFilm:
         self._finish(whole=True)
 
     def abandon(self) -> None:
-        """Close the film before the end of the run; it plays up to its last frame but one."""
+        """Close the film before the end of the run; its last frame but one can still be played."""
         self._finish(whole=False)
 
     def _finish(self, *, whole: bool) -> None:
@@ -196,7 +205,8 @@ def write_film_of_two(
     path: Path,
     written: Callable[[str], None],
 ) -> None:
-    """Run two episodes and film both beside each other; the shorter run keeps its last picture.
+    """Run two episodes and film both beside each other; when the shorter run has ended, its last
+    picture stays.
 
     Args:
         episodes: Two episodes that have not begun.
@@ -212,7 +222,8 @@ def write_film_of_two(
     rates = [1 / world.period for world in worlds]
     if rates[0] != rates[1]:
         raise Mistake(
-            f"film: both cameras need the same rate; they have {rates[0]:g} and {rates[1]:g} Hz"
+            f"film: the cameras have different rates, {rates[0]:g} and {rates[1]:g} Hz: give both "
+            "the same camera.rate"
         )
     end = max(episode.scenario.run.duration for episode in episodes)
     captions = [_shortened(f"{number}: {name}") for number, name in enumerate(names, 1)]

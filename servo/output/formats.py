@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 
 class OtherFormat(Mistake):
-    """A file has another format number than this version of servobench reads."""
+    """Error: a file has another format number than this version of servobench reads."""
 
     def __init__(self, path: Path, found: object, number: int) -> None:
         has = "has no format number" if found is None else f"has format {found!r}"
@@ -36,7 +36,9 @@ class OtherFormat(Mistake):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Document:
-    """Base of JSON files: a subclass has a field for each key of its file, and the file's kind."""
+    """Base class of the JSON files: a subclass has a dataclass field for each key of its file, and
+    the constants FILE (name) and KIND.
+    """
 
     FILE: ClassVar[str]
     """Usual name of the file."""
@@ -70,7 +72,9 @@ class Document:
         if head.get("format") is None:
             raise OtherFormat(path, None, cls.FORMAT)
         if head.get("kind") != cls.KIND:
-            raise Mistake(f"{path}: this file is of `{head.get('kind')}`, not of `{cls.KIND}`")
+            raise Mistake(
+                f"{path}: this is a file of `{head.get('kind')}`, not of `{cls.KIND}`: name another"
+            )
         check_format(path, head["format"], cls.FORMAT)
         return _parsed(path, encoded, cls)
 

@@ -39,7 +39,9 @@ HEADERS = {"Content-Type": "text/html; charset=utf-8", "Cache-Control": "no-stor
 
 
 class NewestPicture:
-    """The newest frame of a film, read by any number of threads; slow readers skip frames."""
+    """Receiver of the frames of a film that keeps the newest one as JPEG, for any number of reading
+    threads; slow readers skip frames.
+    """
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -82,7 +84,9 @@ class NewestPicture:
 
 @final
 class LightPage:
-    """The server of the page; a frame added to its `pictures` appears on the page."""
+    """Web server of the live page; each frame that is added to its attribute `pictures` appears on
+    the page.
+    """
 
     def __init__(self, port: int) -> None:
         """Start to serve at a port of 127.0.0.1; open the page if there is a display.
@@ -135,7 +139,9 @@ class _Server(LocalServer):
 
 
 class _Handler(LocalHandler):
-    """Answers requests for the page, and for its pictures, which come until the run ends."""
+    """Handler of requests: GET sends the page, or its stream of pictures, which lasts until the run
+    ends.
+    """
 
     server: _Server  # pyright: ignore[reportIncompatibleVariableOverride]
 

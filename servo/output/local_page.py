@@ -27,7 +27,7 @@ class LocalServer(ThreadingHTTPServer):
         self.address = f"http://{HOST}:{self.port}{path}"
 
     def begin(self) -> None:
-        """Answer requests in the background until `shutdown` is called."""
+        """Answer requests in a background thread until `shutdown` is called."""
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
     def handle_error(self, request: object, client_address: object) -> None:

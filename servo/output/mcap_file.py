@@ -67,7 +67,7 @@ Corners = Mapping[tuple[int, int, int], Array]
 
 
 def check_installed() -> None:
-    """Check that the optional packages are installed.
+    """Check that the packages for MCAP logs, foxglove-sdk and rosbags, are installed.
 
     Raises:
         Mistake: A package is missing; the sentence names the extra.
@@ -80,7 +80,9 @@ def check_installed() -> None:
 
 
 class McapFile:
-    """An MCAP file with the messages of frames; `at` is a frame's time [ns]."""
+    """Writer of an MCAP log with the messages of each frame: picture, outlines, poses, and a row of
+    numbers; `at` is the frame's time [ns].
+    """
 
     def __init__(self, path: Path, topic: str, columns: Mapping[str, str]) -> None:
         """Open a new file.
@@ -118,14 +120,14 @@ class McapFile:
     def picture(
         self, at: int, image: Image | None, corners: Corners, particles: Array | None
     ) -> None:
-        """Write a picture, with outlines and particles as annotations.
+        """Write a picture, the outlines and particles drawn over it (annotations), and the corners
+        of the estimate.
 
         Args:
             at: Time of the frame [ns].
             image: RGB (H, W, 3); None: there is no picture.
             corners: Corners (4, 2) [px] of outlines by their RGB colour; the last is the estimate.
-            particles: Particles (n, 2 or more), x and y first [px]; None: the tracker has no
-            particles.
+            particles: Particles (n, 2 or more), x and y first [px]; None: the tracker has none.
         """
         header = ros2.header(at, FRAME)
         if image is not None:
@@ -145,7 +147,7 @@ class McapFile:
         self._estimate.log(at, header=header, polygon=polygon)
 
     def depth(self, at: int, depth: DepthPicture) -> None:
-        """Write a depth picture (H, W) [m]."""
+        """Write a depth picture (H, W) [m] as a 32-bit float image."""
         height, width = depth.shape
         self._depth.log(
             at,
@@ -159,7 +161,7 @@ class McapFile:
         )
 
     def calibration(self, at: int, camera: Camera) -> None:
-        """Write the intrinsics of the camera that took a picture."""
+        """Write the intrinsics and distortion of the camera that took a picture (CameraInfo)."""
         region = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
         known = camera_info(camera)
         numbers = {name: np.array(known[name]) for name in ("d", "k", "r", "p")}
@@ -171,7 +173,7 @@ class McapFile:
         )
 
     def transforms(self, at: int, poses: Mapping[tuple[str, str], Pose]) -> None:
-        """Write poses of child frames in parent frames, by the names (parent, child)."""
+        """Write the poses T_parent_child [m] of coordinate frames, by the names (parent, child)."""
         found = [
             ros2.part(
                 "geometry_msgs/TransformStamped",
@@ -184,7 +186,8 @@ class McapFile:
         self._tf.log(at, transforms=found)
 
     def row(self, at: int, values: Mapping[str, object]) -> None:
-        """Write a frame's row, its last message: values by column, of which None is written as nan.
+        """Write a frame's row of numbers and texts, by column, as its last message; None is written
+        as nan.
 
         Raises:
             OSError: This message or an earlier one cannot be written.
@@ -210,7 +213,9 @@ class McapFile:
 
 
 def _fields(columns: Iterable[str]) -> dict[str, str]:
-    """Return a valid and unique name of a message's field for each column, by column."""
+    """Return the name of a message's field for each column of the rows, by column; the names are
+    valid in ROS 2 and unique.
+    """
     found: dict[str, str] = {}
     for number, column in enumerate(columns):
         name = NOT_A_FIELD.sub("_", column)
@@ -259,7 +264,8 @@ class Topic:
         """Write a message with these fields to the topic.
 
         Args:
-            at: Time of the message since the beginning of the run [ns].
+            at: Time of the message [ns]: since the beginning of the run, or by the clock of its
+                source.
             **fields: Values by the names of the message's fields.
         """
         self._channel.log(self._kind.encoded(**fields), log_time=at)
@@ -328,7 +334,7 @@ class RunMcap(McapFile):
 
 
 class TrackMcap(McapFile):
-    """Sink that writes the shots (picture and estimate) of a track into an MCAP log."""
+    """Sink that writes each picture of a track, with its estimate, into an MCAP log."""
 
     def __init__(self, path: Path, region: Region) -> None:
         super().__init__(path, "/shot", SHOT)
@@ -336,7 +342,8 @@ class TrackMcap(McapFile):
         self._zero = 0
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a shot: picture and row; `truth` are the true corners (4, 2) [px], or None.
+        """Write a tracked picture with outlines, and its row; `truth` are the true corners (4, 2)
+        [px], or None.
 
         Raises:
             OSError: The file cannot be written.

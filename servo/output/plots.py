@@ -24,7 +24,9 @@ ABOVE: dict[str, Any] = {
 
 
 def figure(curves: RunCurves, title: str) -> Drawing:
-    """Return one figure of a run: feature errors, distances [px], and the target's motion."""
+    """Return one figure of a run: over time the feature errors, the distances of the true centre
+    from goal and estimate [px], and the target's own motion.
+    """
     rows = len(curves.moving)
     whole, axes = _figure(2 + rows, 5.4 + 2.4 * rows)
     _draw_errors(curves, literal(title), axes[:2])

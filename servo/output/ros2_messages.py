@@ -30,7 +30,9 @@ class Kind:
     """A type of ROS 2 messages, such as "sensor_msgs/Image", with its definition and encoding."""
 
     def __init__(self, name: str, fields: Mapping[str, str] | None = None) -> None:
-        """Look a type up by name; a type of our own is given by its fields and their ROS types."""
+        """Look up a message type of ROS 2 by its name; a type of our own is defined by its fields
+        and their ROS types.
+        """
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
         self.name = name.replace("/", "/msg/")
@@ -53,8 +55,8 @@ class Kind:
 
 @cache
 def _known() -> Any:
-    """Return ROS 2's own types of messages and foxglove_msgs; the ones that are used here are the
-    same in all distributions of ROS 2.
+    """Return the message types of ROS 2 and of foxglove_msgs; those that are used here are the same
+    in all distributions of ROS 2.
     """
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -65,7 +67,7 @@ def _known() -> Any:
 
 
 def part(kind: str, **fields: object) -> object:
-    """Return a message, by type and fields, that is a field of another message."""
+    """Return a message of this type with these fields, for use as a field of another message."""
     return _known().types[kind.replace("/", "/msg/")](**fields)
 
 

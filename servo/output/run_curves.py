@@ -25,7 +25,9 @@ per second.
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """The target's own motion as the rate of one feature over n frames (n,) [feature's unit/s]."""
+    """The rate of change of one feature that the target's own motion causes, over n frames (n,)
+    [feature's unit/s]: measured, estimated and true.
+    """
 
     measured: Array
     estimated: Array
@@ -92,7 +94,9 @@ class RunCurves:
         return self[_name("error", feature, ending(self.units[feature]))]
 
     def motion(self, feature: str) -> Motion:
-        """Return the target's own motion as the rate of a feature; nan in the first frame."""
+        """Return the rate of change of a feature that the target's own motion causes; the true rate
+        is nan in the first frame.
+        """
         rate = ending_of_rate(self.units[feature])
         measured, estimated, true = (
             self[_name(f"motion_{which}", feature, rate)]

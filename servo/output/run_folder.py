@@ -39,7 +39,8 @@ def prepare(asked: Path | None, name: str) -> Path:
 
 
 def with_traceback(error: PartFailed, folder: Path) -> Mistake:
-    """Write the traceback of a part's exception into the folder, if the disk has room.
+    """Write the traceback of an exception in a component, such as a user's tracker, into the
+    folder, if the disk has room.
 
     Returns:
         The error to raise, whose sentence names the file of the traceback.
@@ -67,7 +68,7 @@ def _check_name(folder: Path) -> None:
         str(folder).encode()
     except UnicodeEncodeError:
         raise Mistake(
-            f"{folder}: recordings need a folder whose name is UTF-8; choose another with --out"
+            f"{folder}: the name of this folder is not UTF-8; choose another with --out"
         ) from None
 
 
@@ -89,7 +90,8 @@ def _next_free(runs: Path, name: str) -> Path:
 
 
 class RunFolder:
-    """Writer of a run's files: rows of its steps as they come, report and plots at the end.
+    """Writer of a run's files: a row of the table for each step as it comes; report and plots at
+    the end.
 
     Rows have priority: their space on the disk is reserved, and they are written even if the
     recording no longer can be.
@@ -103,7 +105,7 @@ class RunFolder:
         rerun: bool,
         more: Mapping[Path | str, Sink] | None = None,
     ) -> None:
-        """Open the files.
+        """Open the table of steps and the recording.
 
         Args:
             folder: An empty folder.
@@ -121,10 +123,12 @@ class RunFolder:
         try:
             self._table = StepsTable(folder, episode)
         except FileExistsError:
-            raise Mistake(f"{folder}: another run is writing into this folder") from None
+            raise Mistake(
+                f"{folder}: another run is writing into this folder; choose another with --out"
+            ) from None
         except OSError as error:
             (folder / STREAM).unlink(missing_ok=True)
-            sentence = f"{folder / STREAM}: there is no room for the rows: {error.strerror}"
+            sentence = f"{folder / STREAM}: the disk has no room for the table: {error.strerror}"
             raise Refused(sentence) from None
         self._sinks = Sinks(more or {})
         if rerun:

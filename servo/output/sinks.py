@@ -1,4 +1,5 @@
-"""Receivers ("sinks") of a run's steps or a track's shots: films, recordings, logs, viewers.
+"""Receivers ("sinks") of each step of a run or each picture of a track: films, recordings, logs,
+viewers.
 
 A sink that fails is ended, and the others go on.
 """
@@ -18,8 +19,9 @@ class Sink(Protocol):
 
     @property
     def add(self) -> Callable[..., None]:
-        """The method that takes the next frame: a run's `Step`, or a track's `Shot` with its truth
-        (None without one). It raises an OSError or `Refused` if the frame cannot be written.
+        """The method that takes the next frame: a run's `Step`, or a track's `Shot` (picture and
+        estimate) with the true corners (None without them). It raises an OSError or `Refused` if
+        the frame cannot be written.
         """
         ...
 
@@ -31,7 +33,7 @@ class Sink(Protocol):
 
 
 class Sinks:
-    """Sinks by name (the path of a file, or a word), to which each frame is given.
+    """Several sinks by name (the path of a file, or a word); each frame is given to all of them.
 
     A sink that fails is abandoned, the others go on, and `refused` keeps the first error.
     """
@@ -87,7 +89,7 @@ class Sinks:
 
 
 class Timer:
-    """Timer for periodic work, such as flushes, by the wall clock."""
+    """Timer for work that is repeated at a fixed period of the wall clock, such as flushes."""
 
     def __init__(self, seconds: float = 1.0) -> None:
         self._seconds = seconds
@@ -103,7 +105,9 @@ class Timer:
 
 
 class PacedSink:
-    """A sink that gets frames no faster than they happened, or by a factor faster or slower."""
+    """Sink that passes each frame on to another sink when it is due: in real time, or faster or
+    slower by a factor.
+    """
 
     def __init__(self, sink: Sink, speed: float, time_of: Callable[[Any], float]) -> None:
         """Wrap a sink.
@@ -111,7 +115,8 @@ class PacedSink:
         Args:
             sink: Gets the frames.
             speed: Simulated seconds in a second of the wall clock.
-            time_of: Returns the time of a step or a shot [s].
+            time_of: Returns the time of a frame, given as a step of a run or a picture of a track
+                [s].
         """
         self._sink = sink
         self._speed = speed
@@ -121,7 +126,9 @@ class PacedSink:
         self._began: float | None = None
 
     def add(self, *given: object) -> None:
-        """Wait until the frame's time since the first frame, over the speed, and pass it on."""
+        """Wait until the frame is due (its time since the first frame, divided by the speed), and
+        pass it on.
+        """
         due = self._time_of(given[0]) / self._speed
         now = time.monotonic()
         if self._began is None:

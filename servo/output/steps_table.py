@@ -41,7 +41,9 @@ SPARE = 1 << 19
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """One or more columns of the table whose values are read from a step together."""
+    """One quantity of the table, such as the camera twist: its columns, and a function that reads
+    their values from a step.
+    """
 
     name: str
     columns: list[pa.Field]
@@ -137,12 +139,12 @@ def _schema(found: Sequence[Quantity]) -> pa.Schema:
 
 
 def table_of(steps: Sequence[Step], found: Sequence[Quantity]) -> pa.Table:
-    """Return a table with a row for each step and the columns of these quantities."""
+    """Return the table with a row for each step; its columns are those of these quantities."""
     return pa.Table.from_pylist([row_of(step, found) for step in steps], schema=_schema(found))
 
 
 def row_of(step: Step, found: Sequence[Quantity]) -> dict[str, object]:
-    """Return the values of a step by the columns of these quantities."""
+    """Return the values of a step by column name, for the columns of these quantities."""
     return {
         column.name: value
         for quantity in found
@@ -230,12 +232,16 @@ def _features(features: FeatureSet) -> Iterator[Quantity]:
 
 
 def ending(unit: str) -> str:
-    """Return a unit as the ending of a column's name; empty for "1", a number without unit."""
+    """Return a unit as the ending of a column's name, such as "rad"; empty for "1", a number
+    without unit.
+    """
     return "" if unit == "1" else unit
 
 
 def ending_of_rate(unit: str) -> str:
-    """Return the unit of a rate of change [unit/s] as the ending of a column's name."""
+    """Return the unit of a rate of change as the ending of a column's name: "rad_s" for "rad",
+    "per_s" for "1".
+    """
     return "per_s" if unit == "1" else f"{unit}_s"
 
 
@@ -265,7 +271,9 @@ def _vector(
 
 
 class StepsTable:
-    """Writer of the steps of one run: into a stream as they come, into the table at the end."""
+    """Writer of the steps of one run: into an Arrow stream as they come, and at the end into the
+    table steps.parquet.
+    """
 
     def __init__(self, folder: Path, episode: Episode) -> None:
         """Open the stream in a folder, and reserve space on the disk for all rows of the episode.

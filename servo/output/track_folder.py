@@ -31,9 +31,9 @@ SPARE = 1 << 18
 
 
 class TrackFolder:
-    """Writes the pictures and estimates of one track: a row per picture to track.csv, at the end as
-    Parquet, and other outputs such as a recording or a film. If one of these fails, the rows are
-    still written.
+    """Writer of the files of one track: a row for each picture to track.csv, the same rows as
+    Parquet at the end, and other outputs such as a recording or a film. If one of these fails, the
+    rows are still written.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class TrackFolder:
             folder: An existing folder.
             region: The target's region in the first picture.
             recording: Whether to write a recording.
-            more: Other sinks of the shots, by path of their file or by name.
+            more: Other sinks of pictures and estimates, by path of their file or by name.
 
         Raises:
             OSError: A file cannot be written.
@@ -77,7 +77,8 @@ class TrackFolder:
         return self._sinks.refused
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a shot; `truth` are the target's true corners (4, 2) [px], or None.
+        """Write a tracked picture and its estimate; `truth` are the target's true corners (4, 2)
+        [px], or None.
 
         Raises:
             OSError: The row cannot be written.
@@ -112,7 +113,9 @@ def _rows(file: Path) -> pa.Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackReport(Made):
-    """The report of a track: source, tracker, losses and measures."""
+    """The file report.json of a track: source, tracker, numbers of lost and unsure frames, and
+    measures.
+    """
 
     FILE: ClassVar[str] = "report.json"
     KIND: ClassVar[str] = "track"

@@ -1,4 +1,4 @@
-"""Versions of the packages that decide the numbers, and a digest of our own source."""
+"""Versions of the packages on which the results of a run depend, and a digest of our own source."""
 
 import functools
 import hashlib
@@ -38,10 +38,10 @@ DIGITS = 12
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of all packages that decide the numbers, by name.
+    """Return the versions, by name, of all packages on which the results of a run depend.
 
     Further entries are a digest of servobench's source, whether OpenGL is hidden ("pictures"), and
-    packages that add kinds by entry points.
+    packages that add kinds of components by entry points.
     """
     pictures = "exact, without OpenGL" if gl.WITHOUT in os.environ else "as set"
     return {**_own(), "pictures": pictures, **packages()}
@@ -64,8 +64,8 @@ def is_installed(name: str) -> bool:
 
 
 def clash() -> str:
-    """Return a sentence that tells to remove all but one distribution of OpenCV; empty if only one
-    is installed.
+    """Return a sentence that tells to uninstall all distributions of OpenCV and install one of
+    them; empty if at most one is installed.
     """
     there = [name for name in OPENCV if is_installed(name)]
     if len(there) < 2:

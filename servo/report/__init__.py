@@ -1,1 +1,1 @@
-"""Result folders as one HTML page: `servobench report`."""
+"""The HTML report that `servobench report` writes about folders of results."""

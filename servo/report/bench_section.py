@@ -1,4 +1,6 @@
-"""The page's section about `evaluate`: trackers compared on sequences or in the closed loop."""
+"""The section of an HTML report about `servobench evaluate`: trackers compared on sequences or in
+the closed loop.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,7 +33,8 @@ SURE = 0.05
 
 
 def section(folder: Path, study: StudyFile) -> Section:
-    """Return the section about a folder that `evaluate` wrote.
+    """Return the section of an HTML report about a folder that `evaluate` wrote: ranking, curves,
+    contact sheets and runs.
 
     Args:
         folder: The folder.
@@ -98,7 +101,9 @@ def _compared(trackers: Sequence[Rank]) -> list[str]:
 
 
 def trackers_table(trackers: Sequence[Rank]) -> Table:
-    """Return a table of trackers: means of their measures, and McNemar's test against the best."""
+    """Return the table of trackers in the order of their ranks: means of their measures, and
+    McNemar's test against the best.
+    """
     rows: list[list[str]] = []
     for t in trackers:
         means = {title: t.means.get(name) for title, name in ranking.SHOWN.items()}
@@ -127,7 +132,9 @@ def _curves(records: Sequence[Record], trackers: Sequence[str]) -> list[Figure]:
 
 
 def _mean(mean: Interval | None, units: int) -> str:
-    """Return a mean as text, with the number of its sequences if that is not all `units`."""
+    """Return a mean over sequences as text; if it is over fewer sequences than `units`, with their
+    number: "0.61 (3 of 5)".
+    """
     if mean is None:
         return shown(None)
     return shown(mean.value) + f" ({mean.units} of {units})" * (0 < mean.units < units)

@@ -1,4 +1,6 @@
-"""The page's section about a public benchmark: table, curves, conditions, factors, failures."""
+"""The section of an HTML report about a public benchmark: table of contestants, curves, conditions,
+factors, failures.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -34,7 +36,7 @@ COLUMNS = {
 
 
 def section(folder: Path, study: StudyFile) -> Section:
-    """Return the section about a folder that `benchmark` wrote.
+    """Return the section of an HTML report about a folder that `servobench benchmark` wrote.
 
     Args:
         folder: The folder.
@@ -53,7 +55,9 @@ def section(folder: Path, study: StudyFile) -> Section:
 
 
 def published_section(name: str) -> Section:
-    """Return the section about the shipped results of the benchmark of this name."""
+    """Return the section of an HTML report about the published (shipped) results of the benchmark
+    of this name.
+    """
     benchmark = load(name)
     return _section(benchmark, shipped_rows(benchmark), Path(name), [])
 
@@ -79,14 +83,16 @@ def _section(
 
 
 def is_whole(benchmark: Benchmark, rows: Sequence[Row]) -> bool:
-    """Return whether all rows have all worlds of the published table (band v1)."""
+    """Return whether all rows (each the results of a contestant) have all worlds of the published
+    table (band v1).
+    """
     whole = len(benchmark.conditions) * benchmark.worlds
     return all(row.band == "v1" and len(row.worlds) == whole for row in rows)
 
 
 def beside_published(benchmark: Benchmark, rows: Sequence[Row]) -> list[Row]:
-    """Return these rows, followed by the shipped rows of other contestants if the worlds are the
-    same.
+    """Return these rows of results, followed by the shipped rows of all other contestants if the
+    worlds are the same.
     """
     names = {row.contestant for row in rows}
     whole = is_whole(benchmark, rows)
@@ -95,10 +101,11 @@ def beside_published(benchmark: Benchmark, rows: Sequence[Row]) -> list[Row]:
 
 
 def by_pictures(benchmark: Benchmark, rows: Sequence[Row]) -> dict[str, list[Row]]:
-    """Return rows in groups that can be compared, by the digest of their rendered pictures.
+    """Return rows of results in groups, by the digest of their rendered pictures: only results on
+    the same pictures can be compared.
 
     The group with the benchmark's own (frozen) pictures is first. Rows without pictures, such as
-    those that fix the scale, are in each group.
+    those of the reference contestants that fix the scale, are in each group.
     """
     seen = {row.rendering for row in rows} - {""} or {""}
     order = sorted(seen, key=lambda one: (one != benchmark.rendering, one))
@@ -106,7 +113,9 @@ def by_pictures(benchmark: Benchmark, rows: Sequence[Row]) -> dict[str, list[Row
 
 
 def _unfinished(folder: Path, study: StudyFile) -> Section:
-    """Return the section about a benchmark in which no contestant has run in all worlds yet."""
+    """Return the section of an HTML report about a benchmark in which no contestant has run in all
+    worlds yet.
+    """
     store = Store(folder)
     store.find()
     done = Counter(record.settings["contestant"] for record in store.read(store.done))
@@ -127,7 +136,8 @@ def _unfinished(folder: Path, study: StudyFile) -> Section:
 def blocks_of(
     benchmark: Benchmark, worlds: Sequence[World], groups: Mapping[str, Sequence[Row]]
 ) -> list[Block]:
-    """Return the blocks with table, curves, conditions and factors of each group of rows.
+    """Return, for each group of rows, the blocks of the report with its table, curves, conditions
+    and factors.
 
     Args:
         benchmark: The benchmark.
@@ -152,7 +162,9 @@ def blocks_of(
 
 
 def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
-    """Return the table of contestants from their rows, with the best score first."""
+    """Return the table of contestants (score, rank, measures) from their rows of results, with the
+    best score first.
+    """
     is_loop = benchmark.score == "held"
     head = ["contestant", "division", "score", "held" if is_loop else "arrived", "rank", "P"]
     head += ["slowest"] if is_loop else list(COLUMNS)
@@ -185,15 +197,15 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
 
 
 def is_home(row: Row) -> bool:
-    """Return whether a row is of a tracker or law that servobench ships; pages draw these in grey
-    beside those of other people.
+    """Return whether a row of results is of a tracker or law that servobench ships; reports draw
+    these in grey beside those of other people.
     """
     return row.division == Division.HOME.name
 
 
 def difficulty_of(rows: Sequence[Row]) -> str:
-    """Return a sentence with the numbers of worlds that nobody and everybody won; an empty text for
-    few rows.
+    """Return a sentence with the numbers of worlds in which nobody and in which everybody
+    succeeded; an empty text for few rows.
     """
     found = Difficulty.of(standings(rows))
     if found is None:
@@ -206,8 +218,8 @@ def difficulty_of(rows: Sequence[Row]) -> str:
 
 
 def _curves(rows: Sequence[Row], table: Sequence[Standing]) -> Figure:
-    """Return the share of time over distance from the goal: named contestants in colour, those that
-    fix the scale dashed, all others grey.
+    """Return the figure of the share of time within a distance of the goal, over this distance:
+    some contestants named in colour, the references that fix the scale dashed, all others grey.
     """
     drawn, note = _drawn(table, TAUS, lambda row: np.array(row.curve))
     scale = [row for row in rows if row.division == Division.SCALE.name]
@@ -222,8 +234,8 @@ def _drawn(
 ) -> tuple[list[Curve], str]:
     """Return the curve y(row) over x (n,) of each contestant, and a note if some are grey.
 
-    Guests are named and coloured, as many as there are colours; if there are no guests, those
-    named are spread over all ranks. All others are grey.
+    Contestants of other people are named and coloured, as many as there are colours; without any,
+    shipped contestants from all ranks are. All others are grey.
     """
     of = [s.row for s in table if not is_home(s.row)] or [s.row for s in table]
     shares = np.linspace(0, len(of) - 1, min(len(of), len(LIGHT)))
@@ -250,8 +262,8 @@ def _conditions(benchmark: Benchmark, table: Sequence[Standing]) -> Figure:
 
 
 def _sizes(benchmark: Benchmark, worlds: Sequence[World], table: Sequence[Standing]) -> Figure:
-    """Return the figure of the share of worlds reached over the size of the task (its rank in its
-    condition, 0..1), as means over all conditions.
+    """Return the figure of the share of worlds in which the goal was reached, over the size of the
+    task (its rank in its condition, 0..1), as means over all conditions.
     """
     parts = min(PARTS, sum(w.condition == worlds[0].condition for w in worlds))
 
@@ -273,8 +285,8 @@ def _effects(worlds: Sequence[World], table: Sequence[Standing]) -> Table:
 
 
 def _failures(folder: Path) -> list[Block]:
-    """Return a block with contact sheets of worlds in which a contestant failed; an empty list if
-    no run has one.
+    """Return a block of the report with contact sheets of worlds in which a contestant failed; an
+    empty list if no run has a sheet.
     """
     store = Store(folder)
     store.find()

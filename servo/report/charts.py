@@ -1,4 +1,4 @@
-"""The figures of a page as SVG: curves and heat maps.
+"""The figures of an HTML report as SVG: curves and heat maps.
 
 The background is transparent. Matplotlib draws with the colours of light mode, which are also those
 of files to print. In the page's SVG these colours are replaced by `currentColor` and by the page's
@@ -81,7 +81,9 @@ Shade = tuple[Array, NDArray[np.bool_]]
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A line of n points, with an optional band from `low` to `high` (n,)."""
+    """A line through n points (x, y), with an optional shaded band from `low` to `high` (n,) and
+    its style.
+    """
 
     label: str
     x: Array
@@ -98,7 +100,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Title, limits and scale of an axis."""
+    """Title and limits of an axis, and when it is logarithmic."""
 
     title: str
     low: float | None = None
@@ -231,7 +233,9 @@ def _draw(axes: Axes, curve: Curve) -> None:
 
 
 def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x", "y"]) -> None:
-    """Set the limits of an axis; make it logarithmic if `scale` demands it for these values."""
+    """Set the limits of an axis; make it logarithmic if the ratio of these values is above
+    `scale.log_from`.
+    """
     every = np.concatenate([np.zeros(0), *values])
     above = every[np.isfinite(every) & (every > 0)]
     if scale.log_from is not None and len(above) and _range(above) > scale.log_from:
@@ -243,12 +247,14 @@ def _scale(axes: Axes, scale: Scale, values: Sequence[Array], which: Literal["x"
 
 
 def _range(values: Array) -> float:
-    """Return the largest value over the lower quartile: a few values near 0 do not count."""
+    """Return the ratio of the largest value to the lower quartile, on which a few values near 0
+    have no influence.
+    """
     return float(values.max() / np.percentile(values, 25))
 
 
 def colour(i: int) -> str:
-    """Return the colour (#rrggbb) of series i; after the last colour they repeat."""
+    """Return the colour (#rrggbb) of curve number i; after the last colour they repeat."""
     return LIGHT[i % len(LIGHT)]
 
 
@@ -289,7 +295,7 @@ def svg(figure: Drawing, title: str) -> Markup:
 
 
 def saved(figure: Figure, kind: str, width: float | None = None) -> bytes:
-    """Return the bytes of a file to print with a figure of a page and its legend.
+    """Return the content of a PDF, SVG or PGF file with a figure of a report and its legend.
 
     Args:
         figure: A figure that has a drawing.

@@ -1,4 +1,6 @@
-"""The parts of a page as values, and their HTML."""
+"""The parts of an HTML report (sections, blocks, figures, pictures) as dataclasses, and the HTML of
+the whole page.
+"""
 
 import base64
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -55,7 +57,7 @@ MOST_ROWS = 500
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A number or word in the summary of a section, with a label and a note."""
+    """A number or word at the head of a section of a report, with a label and a note."""
 
     label: str
     value: Cell
@@ -64,7 +66,7 @@ class Fact:
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """An entry of a figure's legend."""
+    """An entry of a figure's legend: label, colour and whether the line is dashed."""
 
     label: str
     colour: str
@@ -74,7 +76,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure of a page: an SVG element, with title, legend and note."""
+    """A figure of a report: an SVG element, with title, legend and note."""
 
     title: str
     svg: Markup
@@ -86,7 +88,7 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class PageImage:
-    """A picture that is embedded in the page."""
+    """A picture that is embedded in an HTML report, as a data URI."""
 
     title: str
     uri: str
@@ -98,12 +100,14 @@ class PageImage:
 
     @staticmethod
     def read(path: Path, title: str = "", *, sheet: bool = False) -> "PageImage":
-        """Return the picture in a PNG or JPEG file; raise the errors of `of` and of reading."""
+        """Return the picture in a PNG or JPEG file; a file that is missing or is no picture raises
+        a Mistake.
+        """
         return PageImage.of(title, content(path), str(path), sheet=sheet)
 
     @staticmethod
     def of(title: str, encoded: bytes, place: str, *, sheet: bool) -> "PageImage":
-        """Return the picture of encoded bytes.
+        """Return the picture that a PNG or JPEG file holds, from the bytes of the file.
 
         Args:
             title: Title of the picture.
@@ -129,7 +133,9 @@ class PageImage:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A part of a section under a heading: texts, tables, figures and pictures in this order."""
+    """A part of a section of a report, under a heading: texts, tables, figures and pictures in this
+    order.
+    """
 
     title: str
     text: Sequence[str] = ()
@@ -145,7 +151,7 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """The part of a page about one folder of results."""
+    """The part of an HTML report about one folder of results."""
 
     kind: str
     """The command that wrote the folder, such as "run"."""
@@ -158,7 +164,9 @@ class Section:
 
 
 def again(made: Made) -> Block:
-    """Return the block "Again": the command line and the package versions that made a file."""
+    """Return the block "Again" of a report: the command line and the package versions that made a
+    file of results.
+    """
     table = Table(("package", "version"), list(made.versions.items()), words=range(2))
     if not made.command:
         return Block("Again", ["This was made from Python, not by a command."], tables=[table])
@@ -168,7 +176,8 @@ def again(made: Made) -> Block:
 def rows_of(
     what: str, head: Sequence[str], rows: Iterable[list[str]], count: int, words: Collection[int]
 ) -> Block:
-    """Return a folded block with a table of at most 500 rows.
+    """Return a block of a report with a table of at most 500 rows, which is closed until the reader
+    opens it.
 
     Args:
         what: Plural noun for the rows, such as "runs": the title.
@@ -193,5 +202,5 @@ def template(name: str, **filters: Callable[[str], str]) -> Template:
 
 
 def render(sections: Sequence[Section]) -> str:
-    """Return the HTML of a whole page with these sections."""
+    """Return the HTML of a whole report with these sections."""
     return template("page.html.jinja").render(sections=sections, light=LIGHT, dark=DARK)

@@ -1,4 +1,4 @@
-"""The page's section about the papers' claims: sentences, rules, effects and verdicts."""
+"""The section of an HTML report about the papers' claims: rules, effects and verdicts."""
 
 from collections import Counter
 from pathlib import Path
@@ -13,7 +13,7 @@ TONES = {WORDS[Finding.HOLDS]: Tone.GOOD, WORDS[Finding.DOES_NOT_HOLD]: Tone.BAD
 
 
 def section(folder: Path) -> Section:
-    """Return the section about a folder that `papers` wrote.
+    """Return the section of an HTML report about a folder that `servobench papers` wrote.
 
     Raises:
         Mistake: A file is missing or damaged.
@@ -44,7 +44,9 @@ def section(folder: Path) -> Section:
 
 
 def _other_seeds(papers: PapersReport) -> list[Fact]:
-    """Return a fact about the first seed if it is not the registered one, else nothing."""
+    """Return a list with the first seed as a fact of the report, if it is not the registered one;
+    else an empty list.
+    """
     first = papers.first_seed
     return [] if first is None else [Fact("first seed", str(first), "not the registered seeds")]
 

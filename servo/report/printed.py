@@ -1,4 +1,4 @@
-"""A page's tables as LaTeX, and its figures as files to print."""
+"""The tables of a report as LaTeX, and its figures as PDF, SVG or PGF files."""
 
 import re
 from collections.abc import Iterator, Sequence

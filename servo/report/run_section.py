@@ -1,4 +1,6 @@
-"""The page's section about a run: measures and bounds, errors over time, pictures, settings."""
+"""The section of an HTML report about a run: measures and bounds, errors over time, pictures,
+settings.
+"""
 
 from pathlib import Path
 
@@ -33,7 +35,7 @@ SHADED = "Shaded: the tracker was not sure of the target, or the frame was dropp
 
 
 def section(folder: Path) -> Section:
-    """Return the section about a folder that `run` wrote.
+    """Return the section of an HTML report about a folder that `servobench run` wrote.
 
     Raises:
         Mistake: The run is not finished, or a file is damaged.
@@ -175,7 +177,9 @@ def _pictures(folder: Path) -> Block:
         # Rerun takes half a second to import; before 0.38 it read no recordings.
         from servo.output.recording.recorded_frames import pictures
     except ImportError:
-        return Block(title, ["To read the pictures of a recording takes rerun-sdk 0.38 or newer."])
+        return Block(
+            title, ["To show pictures, install rerun-sdk 0.38 or newer, which can read recordings."]
+        )
     found = pictures(path, TILES)
     if not found:
         return Block(title, ["There are no pictures in this recording."])

@@ -1,4 +1,6 @@
-"""A study's results, read from its folder: rows, errors over time, and contact sheets."""
+"""The results of a study, read from its folder: a row of values for each run, errors over time, and
+contact sheets.
+"""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -24,7 +26,9 @@ Series = dict[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class StudyResults:
-    """The content of a study's folder; contact sheets are read when they are asked for."""
+    """The results of a study, read from its folder; contact sheets are read when they are asked
+    for.
+    """
 
     store: Store
     plan: StudyFile
@@ -49,24 +53,28 @@ class StudyResults:
 
     @property
     def compared(self) -> str | None:
-        """Setting of the axis that is compared, in colours: the study's choice, or its first axis;
-        None without an axis.
+        """Setting of the axis whose values have different colours in figures: the one that the
+        study compares, or the first axis; None without an axis.
         """
         if self.plan.compare in self.axes:
             return self.plan.compare
         return next(iter(self.axes), None)
 
     def units(self, rows: list[Row]) -> Units:
-        """Return rows grouped by independent units (scenarios, draws or seeds), for intervals."""
+        """Return the rows of runs, grouped by the independent units (scenarios, draws or seeds)
+        over which intervals are computed.
+        """
         return Units.of(rows, self.axes, bool(self.plan.draws))
 
     def planned(self, key: str | None) -> int:
-        """Return the planned number of runs of each value of an axis; of all runs for None."""
+        """Return how many runs the study plans for each value of an axis; for None, how many in
+        all.
+        """
         return self.plan.runs // (1 if key is None else len(self.axes[key]))
 
     def groups(self, key: str | None) -> dict[str, list[Row]]:
-        """Return the rows by the values of an axis, in their order; all in one group if `key` is
-        None. A value whose runs have all failed has an empty group.
+        """Return the rows of the runs, by the values of an axis in their order; all in one group if
+        `key` is None. A value whose runs have all failed has an empty group.
         """
         if key is None:
             return {"all runs": self.rows}
@@ -137,8 +145,8 @@ def median(rows: list[Row], name: str) -> float:
 
 
 def cell_row(cell: Cell, measures: Iterable[str]) -> list[str]:
-    """Return a study's cell as texts: axis values, number of units, success rate with its interval,
-    and means of these measures.
+    """Return a row of a study's table as texts, for one cell (a combination of axis values): these
+    values, the number of units, the success rate with its interval, and means of these measures.
 
     A mean over a part of the runs is followed by their number: "2.1 (1 of 10)".
     """

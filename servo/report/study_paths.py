@@ -24,8 +24,9 @@ CELL = 2.1
 
 
 def paths(study: StudyResults) -> list[Figure]:
-    """Return a figure for each combination of the axes that are not compared, with a column for
-    each value of the compared axis, from the runs of the first seed.
+    """Return figures of the paths of the camera and of the target's corners, from the runs of the
+    first seed: a figure for each combination of the axes that are not compared, with a column for
+    each value of the compared axis.
 
     The list is empty if the study does not compare named groups of settings.
     """
@@ -55,7 +56,9 @@ def _size(study: StudyResults) -> tuple[int, int]:
 
 
 def _figure(title: str, runs: dict[str, tuple[Row, Series]], size: tuple[int, int]) -> Figure:
-    """Return the figure of runs by name; `size` is width and height of their pictures [px]."""
+    """Return the figure of the paths in some runs, by their name: above those of the camera in
+    space, below those of the corners in the picture, of width and height `size` [px].
+    """
     paths = {n: np.column_stack([s[k] for k in CAMERA]) for n, (_, s) in runs.items()}
     arrived = [path for name, path in paths.items() if runs[name][0]["success"]]
     most = 1.1 * np.max([np.abs(path).max(axis=0) for path in arrived or paths.values()], axis=0)

@@ -1,4 +1,4 @@
-"""The page's section about a study: bounds, comparisons, errors, contact sheets, tables."""
+"""The section of an HTML report about a study: bounds, comparisons, errors, sheets, tables."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -54,7 +54,8 @@ BOUNDS = (
 
 
 def section(folder: Path, measures: Sequence[str] | None = None) -> Section:
-    """Return the section about a folder that `sweep` wrote.
+    """Return the section of an HTML report about a folder that `servobench sweep` or `compare`
+    wrote.
 
     Args:
         folder: The folder.
@@ -147,7 +148,9 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
 
 
 def _median_words(rows: list[Row], name: str) -> str:
-    """Return the median of a measure as text, with the number of its runs if that is not all."""
+    """Return the median of a measure as text; if not all runs have the measure, with their number:
+    "1.2 (3 of 5)".
+    """
     found = len(values(rows, name))
     return shown(median(rows, name)) + f" ({found} of {len(rows)})" * (0 < found < len(rows))
 
@@ -192,7 +195,9 @@ def _compared(study: StudyResults, columns: Sequence[str]) -> Block:
 
 
 def _unsure(study: StudyResults) -> list[str]:
-    """Return sentences about missing values, and about runs that failed and were tried again."""
+    """Return sentences about values that are missing, and about runs that failed and finished when
+    they were tried again.
+    """
     found = list[str]()
     if short := uncounted(study.rows):
         found.append(short)
@@ -266,7 +271,7 @@ def _runs(study: StudyResults) -> Block:
 
 
 def _cell(value: Any) -> str:
-    """Return a value of a run's row as text; of missed bounds, their names."""
+    """Return a value of a run's row as text; for a list of missed bounds, their names."""
     if isinstance(value, list) and all(isinstance(bound, dict) for bound in value):
         return ", ".join(bound["name"] for bound in value)
     return shown(value)

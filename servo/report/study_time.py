@@ -1,4 +1,6 @@
-"""Figures of a study: errors and survival over time, and errors against its axes."""
+"""Figures of a study: errors over time, share of runs whose tracker is still on the target over
+time, and errors against the axes.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -51,7 +53,8 @@ DISTANCES = {
 
 
 def figures(study: StudyResults) -> list[Figure]:
-    """Return figures of errors and survival over time, with a colour for each compared value.
+    """Return figures of the errors, and of the share of runs still on the target, over time; each
+    compared value has a colour.
 
     Runs of different scenarios or durations are in different figures.
     """
@@ -100,8 +103,9 @@ def band(runs: Sequence[Series], name: str) -> tuple[Array, Array] | None:
 
 
 def survival(runs: Sequence[Series]) -> tuple[Array, Array] | None:
-    """Return times (n,) [s], and the share (n,) of the runs lasting until each time whose estimate
-    was never off the target before; None if no run has this series.
+    """Return times (n,) [s], and at each the share (n,) of the runs that last until then and whose
+    tracker was never off the target since the first second; None if no run has the series
+    "on_target".
     """
     having = [run for run in runs if ON_TARGET in run]
     if not having:
@@ -153,8 +157,8 @@ def _survival(groups: dict[str, list[Series]], where: str, note: str) -> Figure 
 
 
 def against(study: StudyResults) -> list[Figure]:
-    """Return figures of error and success rate against each numeric axis, with a colour for each
-    value of the compared axis.
+    """Return figures of error and success rate against each axis of numbers; each value of the
+    compared axis has a colour.
     """
     numeric = [key for key in study.axes if _numeric(study.axes[key])]
     found: list[Figure] = []

@@ -1,4 +1,4 @@
-"""Values as text, badges and tables, for a page or a terminal."""
+"""Values as text, badges (coloured words) and tables, for an HTML report or a terminal."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Tone(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Badge:
-    """A short text on a coloured ground."""
+    """A short text on a coloured ground, such as a verdict."""
 
     text: str
     tone: Tone

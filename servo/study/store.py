@@ -208,6 +208,9 @@ def _readable(path: Path) -> sqlite3.Connection:
     except sqlite3.OperationalError:  # the folder is read-only
         database.close()
         database = sqlite3.connect(f"{place}&immutable=1", uri=True)
+    except sqlite3.Error:
+        database.close()
+        raise
     database.text_factory = _text
     return database
 

@@ -1,4 +1,6 @@
-"""Destinations of a Rerun recording: a file, or a notebook; `live` has the viewers."""
+"""Destinations of a Rerun recording: a file or a notebook. The module `live` has the third, a
+viewer.
+"""
 
 import ctypes
 import inspect
@@ -22,7 +24,7 @@ ROOM = 1 << 18
 
 
 class Recording(Protocol):
-    """Protocol of the destination of a Rerun recording, such as a file."""
+    """Protocol of the destination of a Rerun recording: a file, a notebook or a viewer."""
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
         """Open the destination, with a layout for the viewer; return the stream to log to."""
@@ -58,7 +60,7 @@ def new_stream(app: str, name: str | None) -> rr.RecordingStream:
 
 
 class SentRecording(ABC):
-    """Base of destinations that get the data while it is logged: files and servers."""
+    """Base class of destinations to which data is sent while it is logged: files and servers."""
 
     _stream: rr.RecordingStream
 
@@ -83,8 +85,8 @@ class SentRecording(ABC):
         self._stream.disconnect()
 
     def abandon(self) -> None:
-        """Keep the stream alive until the process ends: deleting the stream, or Rerun's shutdown,
-        would wait for ever for bytes that the disk refuses.
+        """End the recording after an error, at once. The stream is kept alive until the process
+        ends, as deleting it would wait for ever for bytes that the disk refuses.
         """
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._stream))
         rr.unregister_shutdown()
@@ -116,7 +118,9 @@ class RecordingFile(SentRecording):
         return self._stream
 
     def refusal(self) -> Refused:
-        """Return the error of a disk that is full, or that cannot be written."""
+        """Return the error that the recording ends too early, because the disk is full or refuses
+        more data.
+        """
         full = shutil.disk_usage(self.path.parent).free < FULL
         why = "the disk is full" if full else "the disk refuses more"
         return Refused(f"{self.path}: the recording ends too early: {why}")

@@ -1,4 +1,4 @@
-"""Viewers of a recording, also while it is made: Rerun's window, or a browser.
+"""Live viewers of a Rerun recording: its window, or a page in a browser.
 
 A second process serves the logged data on 127.0.0.1. A viewer can therefore be closed and opened
 again, and gets everything whenever it connects. The second process ends with this one.
@@ -90,8 +90,8 @@ class LiveViewer(SentRecording):
         return self._stream
 
     def refusal(self) -> Refused:
-        """Return the error that the server has ended."""
-        return Refused("the viewer: Rerun's server has ended")
+        """Return the error to raise when Rerun's server has ended."""
+        return Refused("the viewer: Rerun's server has ended; run the command again")
 
     def wait(self) -> None:
         """Wait until the viewer's window is closed; for a browser, until Ctrl-C.

@@ -73,7 +73,9 @@ LEVELS = {Event.LOST: "ERROR"} | dict.fromkeys(
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """The lines of one plot: its entity, and how the lines' values are read from a step."""
+    """The lines of one plot: its entity, the names and colours of the lines, and a function that
+    reads their values from a step.
+    """
 
     path: str
     names: Sequence[str]
@@ -179,7 +181,9 @@ class RerunLog:
         self._log_paths(steps)
 
     def _send_pictures(self) -> None:
-        """Send the pictures of the newest steps, which were not sent yet."""
+        """Send the camera and depth pictures that were not sent yet; they belong to the newest
+        steps.
+        """
         count = len(self._jpegs)
         index = _times(self._steps[-count:])
         images = rr.EncodedImage.columns(blob=self._jpegs, media_type=["image/jpeg"] * count)
@@ -225,8 +229,8 @@ class RerunLog:
             self._send_poses(path, index, poses[:, i, :, 3], poses[:, i, :, :3])
 
     def _log_paths(self, steps: list[Step]) -> None:
-        """Extend the paths of camera and corners by some steps: log their newest pieces again, as
-        lines that are shown at all times.
+        """Extend the paths of the camera and of the target's corners by some steps: log the newest
+        piece of each path again, as a line that is shown at all times.
         """
         self._places += [s.truth.T_world_camera.translation for s in steps]
         self._corners += [s.truth.corners for s in steps]

@@ -1,4 +1,4 @@
-"""Reader of the camera's pictures in a recording, with the outlines of truth and estimate."""
+"""Reader of the camera's pictures in a Rerun recording, with the outlines of truth and estimate."""
 
 import warnings
 from collections.abc import Iterator
@@ -86,7 +86,7 @@ def _recorded(
     time, blob = found[BLOB][frame]
     image = cv2.imdecode(np.frombuffer(bytes(blob.as_py()[0]), np.uint8), cv2.IMREAD_COLOR)
     if image is None:
-        raise Mistake(f"{path}: frame {frame} is not a picture")
+        raise Mistake(f"{path}: the picture of frame {frame} cannot be decoded")
     truth, estimate = (_corners(found[who].get(frame)) for who in ("truth", "estimate"))
     return RecordedFrame(
         time, cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8), truth, estimate

@@ -15,7 +15,9 @@ from tracking.types import Region
 
 
 class TrackLog:
-    """Sink that writes the shots of a track (picture and estimate) into a Rerun recording."""
+    """Sink that writes each picture of a track, with its estimate and truth, into a Rerun
+    recording.
+    """
 
     def __init__(self, recording: Recording, region: Region, every: float = 1.0) -> None:
         """Begin a recording.

@@ -1,4 +1,4 @@
-"""Display of a recording's file in Rerun's window, or in a PNG file."""
+"""Shows the file of a Rerun recording in Rerun's window, or draws it into a PNG file."""
 
 import socket
 import subprocess
@@ -75,7 +75,7 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
     """
     check_suffix(png, ".png")
     if not png.absolute().parent.is_dir():
-        raise Mistake(f"{png}: there is no such folder to write to")
+        raise Mistake(f"{png}: there is no folder {png.parent}: make it first")
     try:
         with _viewer() as viewer:
             viewer.open(str(path.resolve()))
