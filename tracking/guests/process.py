@@ -2,6 +2,7 @@
 when its connection is closed or our own process is killed.
 """
 
+import fcntl
 import os
 import shlex
 import shutil
@@ -27,6 +28,8 @@ LAST_LINES = 3
 LONGEST_LINE = 1 << 24
 """Most bytes of a program's output that are read at once: output without an end of line cannot fill
 the memory."""
+PIPE = 1 << 20
+"""Size of the pipe to a program [bytes]: a picture of 640 x 480 pixels fits into it."""
 GRACE = 0.5
 """Time between the request to quit and the kill of a program [s]."""
 KEEPER = 'read -r _; kill -s KILL -- "-$1"; rm -rf -- "$2"'
@@ -60,6 +63,7 @@ class GuestProcess:
         """A temporary folder, removed with the program."""
         self._log = self.folder / "stderr.txt"
         process = self._process = self._started(command, environment)
+        _enlarge(process)
         script = ["sh", "-c", KEEPER, "sh", str(process.pid), str(self.folder)]
         keeper = subprocess.Popen(
             script, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True
@@ -152,6 +156,17 @@ class GuestProcess:
         """Return the next line of output, or its first `LONGEST_LINE` bytes; b"" at the end."""
         assert self._process.stdout is not None  # a pipe
         return self._process.stdout.readline(LONGEST_LINE)
+
+
+def _enlarge(process: subprocess.Popen[bytes]) -> None:
+    """Let a picture fit into the pipe to a program, if the system can: it is then sent at once, and
+    not in pieces for which both processes wait in turn.
+    """
+    assert process.stdin is not None  # a pipe
+    set_size = getattr(fcntl, "F_SETPIPE_SZ", None)  # Linux
+    if set_size is not None:
+        with suppress(OSError):  # beyond the user's limit
+            fcntl.fcntl(process.stdin, set_size, PIPE)
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:

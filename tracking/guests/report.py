@@ -91,10 +91,9 @@ def report_of_corners(corners: Array) -> Report:
     """Return the report of the corners (4, 2) [px] of a quadrilateral with an area. Those of an
     upright rectangle are reported as its box: they show neither angle nor tilt.
     """
-    found = corners.round(DIGITS)
-    if is_upright(found):
-        return Report(box=box_around(found).round(DIGITS))
-    return Report(corners=found)
+    if is_upright(corners):
+        return Report(box=box_around(corners).round(DIGITS))
+    return Report(corners=corners.round(DIGITS))
 
 
 def gives_in(declared: object, name: str) -> frozenset[Gives] | None:

@@ -17,7 +17,6 @@ import numpy as np
 from sim.files.bit_depth import BitDepth
 from sim.files.picture_file import check_size, decoded, read_image
 from sim.types import Array, Image
-from tracking.guests.report import DIGITS
 from tracking.types import FARTHEST
 
 PREFIX = "@@TRAX:"
@@ -28,14 +27,18 @@ NOT_SEEN = "0"
 """Argument seen=0 by which our server reports that its tracker did not see the target; TraX itself
 has no message for this."""
 TYPES = {"hello", "initialize", "frame", "state", "status", "quit"}
-ARGUMENT = re.compile(r'"((?:[^"\\]|\\.)*+)"|(\S+)')
-"""An argument with or without quotes. The possessive repetition takes linear time on a line whose
-quotes are not closed, as a crashing server leaves it."""
+ARGUMENT = re.compile(r'"([^"\\]*+(?:\\.[^"\\]*+)*+)"|(\S+)')
+"""An argument with or without quotes. The possessive repetitions take linear time on a line whose
+quotes are not closed, as a crashing server leaves it, and pass over a picture's text at once."""
 NAMED = re.compile(r"([\w.]{1,64})=(.*)", re.ASCII | re.DOTALL)
 SPECIAL = re.compile(r'[\\"\n]')
+ESCAPE = re.compile(r"\\(.)")
 ESCAPED = {"\\": "\\\\", '"': '\\"', "\n": "\\n"}
 BOX = 4
 """Number of numbers of a box: x, y, width, height."""
+DECIMALS = 9
+"""Decimals of a number [px] in the text of a region: more than a report keeps, so that the sides of
+a box follow exactly from its corners."""
 MASK = "m"
 """First letter of a mask's text. Whole numbers follow: left, top, width, height of the part of the
 picture that it covers, and the lengths of its runs of zeros and ones, row by row, zeros first."""
@@ -73,7 +76,7 @@ def message_in(line: str) -> Message | None:
     if name.lower() not in TYPES:
         return None
     texts = [
-        plain or re.sub(r"\\(.)", lambda m: "\n" if m[1] == "n" else m[1], quoted)
+        plain or (ESCAPE.sub(_unescaped, quoted) if "\\" in quoted else quoted)
         for quoted, plain in ARGUMENT.findall(rest)
     ]
     pairs = [NAMED.fullmatch(text) for text in texts]
@@ -82,11 +85,16 @@ def message_in(line: str) -> Message | None:
     return Message(kind, arguments, {p[1]: p[2] for p in pairs if p})
 
 
+def _unescaped(found: re.Match[str]) -> str:
+    """Return the character that a backslash and a letter stand for."""
+    return "\n" if found[1] == "n" else found[1]
+
+
 def region_text(numbers: Array) -> str:
     """Return a box (4,) x, y, width, height, or corners (n, 2) [px] as the text of a region, with
-    six decimals at most.
+    nine decimals at most.
     """
-    texts = (f"{number:.{DIGITS}f}" for number in numbers.ravel().tolist())
+    texts = (f"{number:.{DECIMALS}f}" for number in numbers.ravel().tolist())
     return ",".join(text.rstrip("0").rstrip(".") for text in texts)
 
 

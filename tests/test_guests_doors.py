@@ -1,0 +1,134 @@
+"""One tracker of another author by every way to connect it: the same estimates, bit for bit."""
+
+import dataclasses
+import shlex
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from followed import REGION, START, frame
+
+from servo.cli.main import app
+from servo.loop.episode import Episode
+from servo.scenario.load import load
+from servo.scenario.part_names import changes_of, settings_of
+from tracking import configured
+from tracking.trackers.program import Config as Program
+from tracking.trackers.trax import Config as Trax
+
+TOOLS = Path(__file__).parent / "tools"
+PYTHON = shlex.quote(sys.executable)
+SERVED = "guests:Drifting"
+
+
+@pytest.fixture(autouse=True)
+def found_by_programs(monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(TOOLS))
+
+
+def by_class(kind=SERVED):
+    return configured(kind)
+
+
+def by_process(kind=SERVED):
+    return Program(command=f"{PYTHON} -m tracking.exported.program_server {kind}")
+
+
+def by_trax(kind=SERVED, region="rectangle"):
+    return Trax(command=f"{PYTHON} -m guests trax {region} {kind}")
+
+
+def by_our_trax(kind=SERVED):
+    """A polygon is sent, and corners come back."""
+    return Trax(command=f"{PYTHON} -m tracking.exported.trax_server {kind}")
+
+
+def by_lines(kind=SERVED):
+    return Program(command=f"{PYTHON} -m guests lines rectangle {kind}")
+
+
+DOORS = {
+    "a class in GOT-10k's convention": lambda: by_class("guests:DriftingFromOne"),
+    "a class in a process of its own": by_process,
+    "a program that speaks lines of JSON": by_lines,
+    "TraX with rectangles": by_trax,
+    "TraX with polygons": lambda: by_trax(region="polygon"),
+    "our own server of TraX": by_our_trax,
+}
+
+
+def numbers(estimate):
+    status = estimate.status.name
+    return (*estimate.state.vector.tolist(), estimate.distance, status, estimate.follows)
+
+
+def followed(config, count=12):
+    tracker = config.build(np.random.default_rng(3))
+    tracker.start(frame(0), REGION, START)
+    found = [tracker.update(frame(k)) for k in range(1, count)]
+    assert {e.corners is None for e in found} == {True}
+    return [numbers(e) for e in found]
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_a_guest_gives_the_same_by_every_door(door):
+    expected = followed(by_class())
+    assert expected[0][0] != expected[-1][0]
+    assert expected[-1][6] == (False, True)
+    assert {e[5] for e in expected} == {"LOCKED", "UNSURE"}
+    assert followed(DOORS[door]()) == expected
+
+
+def run(config, condition):
+    scenario = load(condition, ["run.duration=0.5"])
+    with Episode(dataclasses.replace(scenario, tracker=config)) as episode:
+        return [numbers(step.estimate) for step in episode]
+
+
+def test_it_closes_the_loop_with_the_same_numbers_by_two_doors():
+    assert run(by_class(), "circle") == run(by_process(), "circle")
+
+
+def test_a_guest_with_an_angle_is_the_same_in_a_process_of_its_own():
+    kind = "guests:Turning"
+    expected = followed(by_class(kind))
+    assert expected[-1][2] != 0
+    assert followed(by_process(kind)) == expected
+
+
+def test_a_class_that_draws_gets_the_same_seed_in_any_process():
+    kind = "guests:Drawing"
+    expected = followed(by_class(kind))
+    assert len({e[0] for e in expected}) > 1
+    assert followed(by_process(kind)) == expected
+
+
+@pytest.mark.parametrize(
+    ("section", "what", "expected"),
+    [
+        ("tracker", "kams:paper", {"kind": "kams", "preset": "paper"}),
+        ("tracker", "mine:Class", {"kind": "mine:Class"}),
+        ("tracker", "trax:python s.py", {"kind": "trax", "command": "python s.py"}),
+        ("tracker", "program:python s.py", {"kind": "program", "command": "python s.py"}),
+        ("tracker", "onnx:v.onnx", {"kind": "opencv", "name": "Vit", "model": "v.onnx"}),
+        ("tracker", "onnx:a,b", {"kind": "opencv", "name": "Nano", "model": ["a", "b"]}),
+        ("controller", "onnx:p.onnx", {"kind": "onnx", "file": "p.onnx"}),
+        ("controller", "qp", {"kind": "qp"}),
+    ],
+)
+def test_a_part_is_named_in_one_way_by_every_command(section, what, expected):
+    found = {
+        key.removeprefix(f"{section}."): value for key, value in settings_of(section, what).items()
+    }
+    assert found == expected
+    changes = list(changes_of(section, what))
+    assert len(changes) == len(expected)
+
+
+def test_run_takes_a_tracker_and_a_controller(tmp_path, capsys):
+    words = ["run", "still", "--tracker", "guests:Drifting", "--controller", "hold"]
+    words += ["--set", "run.duration=0.3", "--no-rerun", "--out", str(tmp_path / "run"), "--quiet"]
+    with pytest.raises(SystemExit):
+        app(words)
+    assert '"kind": "guests:Drifting"' in (tmp_path / "run" / "report.json").read_text()
