@@ -1,4 +1,4 @@
-"""DDS readers and writers of the topics of ROS 2."""
+"""A node of ROS 2, with DDS readers and writers of topics."""
 
 import os
 

@@ -77,7 +77,9 @@ ROI = ("x_offset", "y_offset", "width", "height")
 
 
 def _data(value: object) -> object:
-    """Return the numbers of a matrix, which the file has as a list or as a table with `data`."""
+    """Return the numbers of a matrix, given as a list or as a table whose key `data` has the
+    list.
+    """
     return value.get("data") if is_table(value) else value
 
 
@@ -98,7 +100,9 @@ class Calibration(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Intrinsics:
-    """Settings of [camera] that a calibration file gives."""
+    """Settings of [camera] that a calibration file gives: focal lengths, principal point, image
+    size and distortion.
+    """
 
     width: int
     """Image width [px]."""
@@ -270,7 +274,7 @@ def _of_yaml(text: str, path: Path) -> list[tuple[object, object]]:
 
 
 def _of_opencv(text: str, path: Path) -> list[tuple[str, object]]:
-    """Return the keys and values of a file that OpenCV's FileStorage wrote, in YAML or XML.
+    """Return the keys and values of a YAML or XML file that OpenCV's FileStorage wrote.
 
     Raises:
         Mistake: OpenCV cannot read the text; the message names the file `path`.
@@ -285,8 +289,8 @@ def _of_opencv(text: str, path: Path) -> list[tuple[str, object]]:
 
 
 def _value(node: cv2.FileNode) -> object:
-    """Return the value of a node: a number, a text, a list, a table, or a list of a matrix's
-    numbers.
+    """Return the value of a node of OpenCV's FileStorage: a number, a text, a list, a table, or the
+    list of a matrix's numbers.
     """
     if node.isInt():
         return int(node.real())
@@ -342,5 +346,7 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
 
 
 def _letters(text: object) -> str:
-    """Return a word in lower case, with only its letters, digits and dots, as spellings differ."""
+    """Return a text in lower case with only its letters, digits and dots, so that spellings of one
+    name are equal.
+    """
     return re.sub("[^a-z0-9.]", "", str(text).lower())

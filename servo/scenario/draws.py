@@ -42,8 +42,8 @@ class Draw:
 
     @property
     def ends(self) -> tuple[Value, ...]:
-        """Return the values that are checked before a run: both ends of the range, the mean, or all
-        choices.
+        """Return values that are checked before a run: both ends of the range of a uniform
+        distribution, the mean of a normal one, or all choices.
         """
         return self.numbers[:1] if self.law == "normal" else self.numbers
 
@@ -87,7 +87,8 @@ def draws_of(table: object, place: str) -> tuple[Draw, ...]:
 
 
 def law_of(given: Table, at: str, counts: Mapping[str, int | None]) -> tuple[str, tuple[Any, ...]]:
-    """Return name and values of the distribution in a table such as { uniform = [0, 1] }.
+    """Return the name and the values of the distribution in a table: "uniform" and (0, 1) for {
+    uniform = [0, 1] }.
 
     Args:
         given: The table.
@@ -155,8 +156,8 @@ def flat(table: Mapping[str, object], place: str, ends: Collection[str] = ()) ->
 
 
 def leaves(table: Mapping[str, object], ends: Collection[str] = ()) -> Iterable[tuple[str, object]]:
-    """Yield dotted keys, some of which may be equal, and values of nested tables; a table with a
-    key from `ends` is a value, as an empty one is.
+    """Yield the dotted key and the value of each setting in nested tables; keys may repeat. A table
+    with a key from `ends`, such as "uniform", is one value, and so is an empty table.
     """
     for key, value in table.items():
         if is_table(value) and value and value.keys().isdisjoint(ends):

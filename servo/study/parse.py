@@ -49,7 +49,7 @@ SEEDS = 3
 
 
 class StudyTable(BaseModel):
-    """The keys of a study's file."""
+    """The keys of a study's TOML file with their types, as pydantic checks them."""
 
     model_config = STRICT
     scenario: str | Annotated[list[str], MinLen(1)]
@@ -278,7 +278,9 @@ def _seeds(given: int | list[int], place: str) -> tuple[int, ...]:
 
 
 def _expect(bounds: dict[str, float], place: str) -> dict[str, float]:
-    """Check the names of a study's bounds and the range of the success rate; return the bounds."""
+    """Check that a study's bounds name known measures and that its success rate is from 0 to 1;
+    return the bounds.
+    """
     check_known(bounds, (SUCCESS_RATE, *MEASURES), f"{place}: expect")
     if not 0 <= bounds.get(SUCCESS_RATE, 1.0) <= 1:
         raise Mistake(f"{place}: expect.{SUCCESS_RATE} should be a share from 0 to 1")

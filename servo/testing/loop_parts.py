@@ -1,4 +1,4 @@
-"""Checks of feature sets, estimators and controllers."""
+"""Checks whether feature sets, estimators and controllers work as servobench needs them."""
 
 from dataclasses import replace
 from functools import partial
@@ -28,7 +28,8 @@ DT = 0.1
 
 @contract
 def check_features(features: object) -> None:
-    """Check that a feature set has all that `servo.parts.FeatureSet` requires.
+    """Check that a feature set works as `servo.parts.FeatureSet` requires: features that repeat, no
+    error at the goal, and a right interaction matrix.
 
     The interaction matrix is compared with finite differences of the features, except for features
     that are computed from the picture's pixels.
