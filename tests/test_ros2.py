@@ -271,7 +271,8 @@ def test_a_robot_knows_its_posture_from_joint_states_and_sends_twists():
 def test_what_never_comes_is_one_sentence(monkeypatch):
     monkeypatch.setattr("servo.ros2.node.PATIENCE", 0.05)
     with pytest.raises(
-        Mistake, match=r"^/c/info: no message has come within 0.05 s: start what publishes it$"
+        Mistake,
+        match=r"^/c/info: no message has come within 0.05 s: start the program that publishes on this topic$",
     ):
         Camera(info="/c/info").calibration()
 

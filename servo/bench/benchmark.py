@@ -204,8 +204,8 @@ class Benchmark:
             if now.get(key) != value:
                 raise Mistake(
                     f"{self.name}: {key} is {now.get(key)!r} in this version, and was "
-                    f"{value!r} when the benchmark was frozen: new rows could not be compared with "
-                    "old ones"
+                    f"{value!r} when the benchmark was frozen: new results could not be "
+                    "compared with old ones"
                 )
 
     def every_world(self, band: Band, count: int | None = None) -> list[World]:

@@ -207,7 +207,8 @@ def named_part(text: str) -> tuple[str, str]:
     name, _, what = text.partition("=") if "=" in text else (text, "", text)
     if not name.strip() or not what.strip():
         raise Mistake(
-            f"'{text}': write NAME=KIND, NAME=module:Class, NAME='trax:COMMAND' or NAME=onnx:FILE"
+            f"'{text}': a name or a tracker is missing; write NAME=KIND, NAME=module:Class, "
+            "NAME='trax:COMMAND' or NAME=onnx:FILE"
         )
     return name.strip(), what.strip()
 
@@ -264,7 +265,7 @@ def _guest(benchmark: Benchmark, text: str, served: bool) -> Contestant:
     kind = str(settings["tracker.kind"])
     # A class by its path is imported in the process that it runs in, never here.
     if kind in TRACKERS.names() and not follows_any_target(TRACKERS.config(kind)):
-        raise Mistake(f"the tracker '{kind}' cannot compete: it uses more than pictures")
+        raise Mistake(f"the tracker '{kind}' cannot take part, because it uses more than pictures")
     if kind in home:
         return Contestant(name, settings, Division.HOME)
     if served:

@@ -260,7 +260,7 @@ def check_version(benchmark: Benchmark, row: Row) -> None:
     if (row.benchmark, row.hash) != (benchmark.name, benchmark.hash):
         raise Mistake(
             f"this row is of {row.benchmark} {row.hash}, but {benchmark.name} {benchmark.hash} is "
-            "installed: rows of two versions cannot be compared"
+            "installed: results of two versions cannot be compared"
         )
 
 

@@ -78,8 +78,8 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
         worlds = [key for key in worlds if key in perfect.worlds]
     if not worlds:
         raise Mistake(
-            f"the row '{row.contestant}' shares no world with the rows that fix the scale: run it "
-            "in the same band"
+            f"'{row.contestant}' was run in none of the worlds of the contestants that fix the "
+            f"scale: run '{row.contestant}' in the same band"
         )
     own, least = (np.array([of.worlds[key].area for key in worlds]) for of in (row, null))
     top = [1.0 if perfect is None else perfect.worlds[key].area for key in worlds]

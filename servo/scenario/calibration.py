@@ -144,8 +144,8 @@ def calibrated(camera: object, place: str) -> object:
     if is_number(width) and is_number(height):
         if width * found.height != height * found.width:
             raise Mistake(
-                f"{place}: {width} x {height} px has not the shape of the {found.width} x "
-                f"{found.height} px of {path}"
+                f"{place}: {width} x {height} px has another aspect ratio than the {found.width} x "
+                f"{found.height} px of {path}: correct camera.width or camera.height"
             )
         scaled = {
             key: getattr(found, key) * width / found.width for key in ("fx", "fy", "cx", "cy")
@@ -213,10 +213,10 @@ def _read(path: Path) -> Intrinsics:
     for written, value in pairs:
         key = KEYS.get(_letters(written), str(written))
         if key in document:
-            raise Mistake(f"{path}: {key} is there twice; a calibration is that of one camera")
+            raise Mistake(f"{path}: {key} is given twice: leave only the calibration of one camera")
         document[key] = value
     if document.keys().isdisjoint(KEYS.values()):
-        raise Mistake(f"{path}: this is no calibration: it should have camera_matrix")
+        raise Mistake(f"{path}: this is no calibration of a camera: camera_matrix is missing")
     return intrinsics_of(document, str(path))
 
 
@@ -234,7 +234,10 @@ def intrinsics_of(document: Table, place: str) -> Intrinsics:
     given = validated(Calibration, document, f"{place}: ")
     size = (given.image_width, given.image_height)
     if tuple(given.roi.get(key, 0) for key in ROI) not in ((0, 0, 0, 0), (0, 0, *size)):
-        raise Mistake(f"{place}: roi = {given.roi} should be the whole picture")
+        raise Mistake(
+            f"{place}: roi = {given.roi} is a part of the picture; give the calibration of "
+            "the whole picture"
+        )
     K, values = given.camera_matrix, given.distortion_coefficients
     if len(K) != 9 or K[1] or K[3] or K[6:] != [0.0, 0.0, 1.0] or min(K[0], K[4]) <= 0:
         raise Mistake(
@@ -341,7 +344,10 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
         return next(iter(named))
     name = document.get("distortion_model")
     if name is not None and _letters(name) == NO_DISTORTION and any(values):
-        raise Mistake(f"{place}: distortion_model = {name!r}, but distortion_coefficients has some")
+        raise Mistake(
+            f"{place}: distortion_model = {name!r}, but distortion_coefficients are given: "
+            "leave one out"
+        )
     return "rational" if any(values[COEFFICIENTS["plumb_bob"] :]) else "plumb_bob"
 
 

@@ -77,7 +77,7 @@ def draws_of(table: object, place: str) -> tuple[Draw, ...]:
         if (key.endswith(".kind") and key != GROUND) or any(
             key == f or key.startswith(f"{f}.") for f in FIXED
         ):
-            raise Mistake(f"{at}: this cannot be drawn; draw a setting, such as start.x")
+            raise Mistake(f"{at}: this setting cannot be drawn at random; draw one such as start.x")
         if not is_table(given):
             raise Mistake(
                 f"{at} = {given!r}: expected a distribution, such as {{ uniform = [-5, 5] }}"
@@ -111,15 +111,15 @@ def law_of(given: Table, at: str, counts: Mapping[str, int | None]) -> tuple[str
     if law == "choice":
         return law, tuple(numbers)
     if not all(is_number(n) for n in numbers):
-        raise Mistake(f"{at}.{law} = {numbers!r}: these should be finite numbers")
+        raise Mistake(f"{at}.{law} = {numbers!r}: one of these is not a finite number")
     if max(abs(n) for n in numbers) > LARGEST_NUMBER:
-        raise Mistake(f"{at}.{law} = {numbers!r}: these should be at most {LARGEST_NUMBER:g}")
+        raise Mistake(f"{at}.{law} = {numbers!r}: a number is above {LARGEST_NUMBER:g}")
     if law in ("geomspace", "log_uniform") and min(numbers[:2]) <= 0:
-        raise Mistake(f"{at}.{law} = {numbers!r}: these should be above 0")
+        raise Mistake(f"{at}.{law} = {numbers!r}: a number is not above 0")
     if law in ("uniform", "log_uniform") and numbers[0] > numbers[1]:
-        raise Mistake(f"{at}.{law} = {numbers!r}: the first number should not be the larger one")
+        raise Mistake(f"{at}.{law} = {numbers!r}: the first number is larger than the second")
     if law == "normal" and numbers[1] < 0:
-        raise Mistake(f"{at}.{law} = {numbers!r}: a standard deviation should not be below 0")
+        raise Mistake(f"{at}.{law} = {numbers!r}: the standard deviation is below 0")
     return law, tuple(numbers)
 
 

@@ -102,7 +102,10 @@ def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
     if len(found) > 1:
         table, _, key = found[0].rpartition(".")
         choices = ", ".join(found)
-        raise Mistake(f"{name} may be {choices}; give one of them, as {table}={{'{key}': ...}}")
+        raise Mistake(
+            f"{name} is the name of several settings, {choices}: give one of them with its table, "
+            f"as {table}={{'{key}': ...}}"
+        )
     return found[0]
 
 

@@ -239,7 +239,7 @@ def _check_drawn(file: Table, place: str) -> None:
     expect = file.get("expect", {})
     if is_table(expect) and expect.get("drawn") and not file.get("vary"):
         raise Mistake(
-            f"{place}: expect.drawn is for runs with drawn settings, and there is no [vary]"
+            f"{place}: expect.drawn is for runs with drawn settings, and no table [vary] draws any"
         )
 
 

@@ -118,7 +118,7 @@ def assignment(item: str) -> tuple[str, object]:
     path, equals, text = item.partition("=")
     names = names_of(path)
     if not equals or not all(names):
-        raise Mistake(f"--set {item}: this should be key=value, such as tracker.kind=frozen")
+        raise Mistake(f"--set {item}: this is not key=value, such as tracker.kind=frozen")
     value = _value(text.strip())
     if names[-1] == "kind" and not isinstance(value, str | dict):  # "true" is a word there
         value = Trusted(text.strip())

@@ -125,7 +125,9 @@ def _span(law: str, numbers: tuple[Any, ...], at: str) -> list[float]:
     """
     count = numbers[2]
     if not isinstance(count, int) or not 1 <= count <= MOST_VALUES:
-        raise Mistake(f"{at}.{law}: the count should be a whole number from 1 to {MOST_VALUES:,}")
+        raise Mistake(
+            f"{at}.{law}: the count is {count!r}; give a whole number from 1 to {MOST_VALUES:,}"
+        )
     return SPANS[law](*numbers).tolist()
 
 

@@ -203,7 +203,7 @@ def _doubt(name: str, bound: float, setup: Setup) -> str:
     if measure.of_joints and kind_of(setup.robot) == "free":
         return "no run misses this bound, because the free camera has no joints with limits"
     if bound < ROUNDING and not (measure.share or measure.exact):
-        return f"rounding exceeds this bound; it should be above {ROUNDING:g}"
+        return f"rounding errors exceed this bound; raise it above {ROUNDING:g}"
     if bound >= 100 and (measure.share or name == "joint_range_peak_pct"):
         return "no run misses this bound, because the measure is at most 100 %"
     if bound >= 180 and measure.unit == "deg":

@@ -96,7 +96,7 @@ def load(
         table.setdefault("scenario", str(path))
     if seeds is not None:
         if seeds > MOST_RUNS:
-            raise Mistake(f"--seeds {seeds}: the limit is {MOST_RUNS:,}")
+            raise Mistake(f"--seeds {seeds}: give at most {MOST_RUNS:,}")
         table["seeds"] = seeds
     if trackers is not None:
         table |= {"axes": {}, "named": {TRACKERS: trackers}, "compare": TRACKERS}
@@ -145,7 +145,7 @@ def parsed(table: Table, changes: Sequence[str], path: Path, place: str, title: 
     )
     if study.size > MOST_RUNS:
         runs = f"{study.size:,}" if study.size < COUNTABLE else f"more than {COUNTABLE:.0e}"
-        raise Mistake(f"{place}: this makes {runs} runs; the limit is {MOST_RUNS:,}")
+        raise Mistake(f"{place}: this study has {runs} runs; the limit is {MOST_RUNS:,}")
     study = _compared(study, file.compare, place)
     _check(study, place)
     return study
@@ -199,7 +199,10 @@ def _compared(study: Study, asked: str | None, place: str) -> Study:
     if asked is None:
         return replace(study, compare="tracker.kind" if "tracker.kind" in keys else None)
     if asked in [draw.key for draw in study.draws]:
-        raise Mistake(f"{place}: compare = {asked!r}: this setting is drawn; expected an axis")
+        raise Mistake(
+            f"{place}: compare = {asked!r}: this setting is drawn at random; name an axis of "
+            "the study"
+        )
     if not keys:
         raise Mistake(f"{place}: compare = {asked!r}: this study has no axis to compare")
     check_known([asked], keys, f"{place}: compare", "axis")

@@ -100,7 +100,7 @@ def uncounted(rows: Sequence[Row]) -> str:
     """
     if not rows or any(len(values(rows, name)) for name in COUNTED):
         return ""
-    return "No run reaches measure.after: what counts from there on has no value."
+    return "No run reaches the time measure.after: measures from this time on have no value."
 
 
 def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:

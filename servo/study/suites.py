@@ -185,7 +185,7 @@ def _entries(item: Table, beside: Path, place: str) -> Sequence[Entry]:
         Mistake: The table has neither or both of `path` and `kind`, or a setting is wrong.
     """
     if ("path" in item) == ("kind" in item):
-        raise Mistake(f"{place} should have either a path or a kind")
+        raise Mistake(f"{place} has both a path and a kind, or neither: give one of them")
     if "kind" in item:
         return [_entry(item, place)]
     recorded = validated(RecordedTable, item, f"{place}.")

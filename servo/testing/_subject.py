@@ -30,7 +30,7 @@ def contract(check: Callable[..., None]) -> Callable[..., None]:
         except BrokenContract:
             raise
         except (Exception, SystemExit) as error:
-            raise BrokenContract(f"it raised {type(error).__name__}: {error}") from error
+            raise BrokenContract(f"the component raised {type(error).__name__}: {error}") from error
 
     return checked
 

@@ -77,7 +77,7 @@ def _check_pictures_are_kept(subject: _Subject) -> None:
         list(subject.track(subject.film(6)))
     except ValueError as error:
         if "read-only" in str(error):
-            raise BrokenContract("it writes into frame.image; work on a copy") from error
+            raise BrokenContract("the tracker writes into frame.image; work on a copy") from error
         raise
 
 
@@ -137,5 +137,6 @@ def _check_refusal(subject: _Subject) -> None:
     except ValueError:
         return
     raise BrokenContract(
-        "start took a region of 0 x 20 px; raise a ValueError, as tracking.types.check_region does"
+        "start accepted a region of 0 x 20 px; raise a ValueError, as "
+        "tracking.types.check_region does"
     )
