@@ -417,7 +417,7 @@ WRONG = {
     "a part of the picture": (
         "image_width",
         "roi: {x_offset: 50, y_offset: 40, height: 200, width: 300}\nimage_width",
-        "cam.yaml: roi = {'x_offset': 50, 'y_offset': 40, 'height': 200, 'width': 300} is a part of the picture; give the calibration of the whole picture",
+        "cam.yaml: roi = {'x_offset': 50, 'y_offset': 40, 'height': 200, 'width': 300} is not the whole picture; give the calibration of the whole picture",
     ),
     "no width": ("image_width", "breadth", "cam.yaml: image_width: a value is missing"),
     "a width of zero": ("640", "0", "cam.yaml: image_width = 0: input should be greater than 0"),

@@ -210,8 +210,8 @@ WRONG = [
     ),
     (
         {"roi": messages.RegionOfInterest(40, 50, 200, 300, False)},
-        "roi = {'x_offset': 40, 'y_offset': 50, 'height': 200, 'width': 300, 'do_rectify': 0} should "
-        "be the whole picture",
+        "roi = {'x_offset': 40, 'y_offset': 50, 'height': 200, 'width': 300, 'do_rectify': 0} is "
+        "not the whole picture; give the calibration of the whole picture",
     ),
 ]  # fmt: skip
 

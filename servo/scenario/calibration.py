@@ -235,7 +235,7 @@ def intrinsics_of(document: Table, place: str) -> Intrinsics:
     size = (given.image_width, given.image_height)
     if tuple(given.roi.get(key, 0) for key in ROI) not in ((0, 0, 0, 0), (0, 0, *size)):
         raise Mistake(
-            f"{place}: roi = {given.roi} is a part of the picture; give the calibration of "
+            f"{place}: roi = {given.roi} is not the whole picture; give the calibration of "
             "the whole picture"
         )
     K, values = given.camera_matrix, given.distortion_coefficients
