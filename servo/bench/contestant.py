@@ -49,8 +49,8 @@ OF_CONTROLLERS: Settings = {"features.kind": "points"}
 
 
 class Division(Enum):
-    """The way in which a contestant was run; results of different divisions are marked in the
-    table. Each member's value is a sentence about it.
+    """The way in which a contestant was run: its process and its settings. Each member's value is a
+    sentence about it.
     """
 
     HOME = (

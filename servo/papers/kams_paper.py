@@ -61,9 +61,7 @@ FEW_LAYERS = 3
 
 
 def clutter(level: str) -> Generated:
-    """Return the painted (synthetic) sequences in clutter of one level, from "a" (easiest) to "h"
-    (hardest).
-    """
+    """Return the painted (synthetic) sequences in clutter of one level, from "a" to "h"."""
     return generated("clutter", level=level)
 
 
