@@ -56,7 +56,8 @@ def decode(text: str, place: str) -> Table:
 
 
 def check(value: object, place: str, depth: int = 0) -> None:
-    """Check that a value of TOML, tables and lists included, can be quoted and written as JSON.
+    """Check that a value of TOML, and all values in its tables and lists, can be quoted in messages
+    and written as JSON.
 
     Args:
         value: The value.
@@ -117,7 +118,7 @@ def assignment(item: str) -> tuple[str, object]:
     path, equals, text = item.partition("=")
     names = names_of(path)
     if not equals or not all(names):
-        raise Mistake(f"--set {item}: this should be key=value, such as tracker.kind=frozen")
+        raise Mistake(f"--set {item}: this is not key=value, such as tracker.kind=frozen")
     value = _value(text.strip())
     if names[-1] == "kind" and not isinstance(value, str | dict):  # "true" is a word there
         value = Trusted(text.strip())
@@ -125,7 +126,8 @@ def assignment(item: str) -> tuple[str, object]:
 
 
 def put(table: Table, path: str, value: object, place: str) -> None:
-    """Set a value in a scenario's table, in place, and remove the setting's draw in [vary].
+    """Set a value in a scenario's table, in place, and remove the distribution of this setting from
+    [vary].
 
     Args:
         table: The scenario's table.
@@ -168,7 +170,9 @@ def with_settings(table: Table, settings: Table, place: str) -> Table:
 
 
 def drop(table: Table, path: str) -> None:
-    """Remove a setting such as "run.latency", and its draw in [vary], from a scenario's table."""
+    """Remove a setting such as "run.latency" from a scenario's table, in place, and also its
+    distribution in [vary].
+    """
     section, name = names_of(path)
     at = table.get(section)
     if is_table(at):
@@ -177,7 +181,9 @@ def drop(table: Table, path: str) -> None:
 
 
 def _forget(table: Table, keys: list[str]) -> None:
-    """Remove the draw of a setting, given by the names in its path, from [vary], in place."""
+    """Remove the distribution of a setting from a scenario's table [vary], in place; `keys` are the
+    names in the setting's dotted path.
+    """
     at = table.get("vary")
     for key in keys[:-1]:
         at = at.get(key) if is_table(at) else None
@@ -186,8 +192,8 @@ def _forget(table: Table, keys: list[str]) -> None:
 
 
 def _inside(at: Table | list[object], key: str, usual: object) -> object:
-    """Return the value under a key of a table, which is set to `usual` if it is missing, or the
-    item of a list at an index such as "0", else None.
+    """Return the value under a key of a table, which is first set to `usual` if it is missing. Of a
+    list, return the item at an index such as "0"; None if there is none.
     """
     if isinstance(at, dict):
         return at.setdefault(key, usual)
