@@ -81,15 +81,19 @@ class LawSettings:
             twice = next((item for i, item in enumerate(given) if item in given[:i]), None)
             if twice is not None:
                 raise ValueError(f"{name} has '{twice}' twice")
-        if not any(
-            weight
-            for name, weight in zip(DOF, self.weights, strict=True)
-            if name in (UNTILTED if self.dof is None else self.dof)
-        ):
+        if not self.may_move(six=True):
             raise ValueError(
-                "dof and weights let no part of the twist move; for a camera that stands still "
-                'set controller.kind = "hold"'
+                "dof and weights let no component of the twist move: give one that may move a "
+                'weight above 0; for a camera that stands still set controller.kind = "hold"'
             )
+
+    def may_move(self, *, six: bool) -> bool:
+        """Return whether some component of the camera twist may move and has a weight above 0.
+
+        Args:
+            six: Whether the features control all six degrees of freedom, or four (vx, vy, vz, wz).
+        """
+        return bool((self.moves(six=six) & (np.array(self.weights) > 0)).any())
 
     def moves(self, *, six: bool) -> NDArray[np.bool_]:
         """Return True (6,) for each degree of freedom (vx, vy, vz, wx, wy, wz) of the camera that

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from servo.controllers._inverse import Inverse, servoed_by, twist_of
-from servo.controllers._law_settings import LawSettings, adaptive_gain
+from servo.controllers._law_settings import UNTILTED, LawSettings, adaptive_gain
 from servo.controllers._limits import DesiredTwist, Guard, LimitedTwist, Limits, excess
 from servo.controllers._pending_commands import PendingCommands
 from servo.controllers._range_ends import RangeEnds
@@ -33,6 +33,11 @@ from sim.types import Array, Posture
 FORESEEN = 3.0
 """Number of frames over which the change of the interaction matrix is extrapolated; chosen by
 hand."""
+NO_TILT = (
+    f"controller.weights: {', '.join(UNTILTED)} have the weight 0, and with fewer than six "
+    "features only these move by default, so the camera would stand still: give one of them a "
+    "weight above 0, or name wx or wy in controller.dof"
+)
 PRESETS = {"paper": {"gain": 1.0, "dof": DOF, "feed_forward": ("xn", "yn", "an", "theta")}}
 """The law as Teuliere, Marchand and Eck print it."""
 
@@ -104,10 +109,13 @@ class Ibvs:
         """Begin a run.
 
         Raises:
-            ValueError: feed_forward names a feature that the set does not have.
+            ValueError: feed_forward names a feature that the set does not have, or the weights of
+                all components that may move with these features are 0.
         """
         c = self._config
         self._features = task.features
+        if not c.may_move(six=len(self._features.names) >= len(DOF)):
+            raise ValueError(NO_TILT)
         self._own_inverse = task.features if isinstance(task.features, OwnInverse) else None
         self._camera = task.camera
         self._estimator = task.estimator
