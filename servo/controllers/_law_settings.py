@@ -1,4 +1,4 @@
-"""Settings that the control laws `ibvs` and `qp` share, and their adaptive gain."""
+"""Settings that the control laws `ibvs` and `qp` share, and the adaptive gain that they use."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -24,7 +24,9 @@ LimitOfChange = Annotated[float, Ge(1e-3), Le(1e6)]
 
 @dataclass(frozen=True, slots=True)
 class LawSettings:
-    """Settings of a control law v = -gain L# e: gains, degrees of freedom, limits."""
+    """Settings of a control law v = -gain L# e: gains, degrees of freedom, secondary tasks, limits
+    of speed and acceleration, and what the camera does while the target is not seen.
+    """
 
     gain: Gain = 2.0
     """Gain lambda at the goal [1/s]; with one frame of delay and period T the loop is unstable from
@@ -88,7 +90,8 @@ class LawSettings:
             )
 
     def may_move(self, *, six: bool) -> bool:
-        """Return whether some component of the camera twist may move and has a weight above 0.
+        """Return whether at least one component of the camera twist may move and has a weight above
+        0.
 
         Args:
             six: Whether the features control all six degrees of freedom, or four (vx, vy, vz, wz).
@@ -96,11 +99,11 @@ class LawSettings:
         return bool((self.moves(six=six) & (np.array(self.weights) > 0)).any())
 
     def moves(self, *, six: bool) -> NDArray[np.bool_]:
-        """Return True (6,) for each degree of freedom (vx, vy, vz, wx, wy, wz) of the camera that
-        may move.
+        """Return True (6,) for each component of the camera twist (vx, vy, vz, wx, wy, wz) that
+        `dof` names; without `dof`, for all six or for vx, vy, vz, wz. Weights are not considered.
 
         Args:
-            six: Whether the features control all six, or four (vx, vy, vz, wz).
+            six: Whether all six may move if `dof` is not set; otherwise vx, vy, vz, wz.
         """
         chosen = self.dof if self.dof is not None else DOF if six else UNTILTED
         return np.array([name in chosen for name in DOF])
@@ -108,13 +111,15 @@ class LawSettings:
     def moves_for(
         self, features: FeatureSet, known: NDArray[np.bool_], *, tilt_seen: bool
     ) -> NDArray[np.bool_]:
-        """Return True (6,) for each degree of freedom of the camera that may move with the features
-        of a picture. One that a single feature controls may not while this is not measured.
+        """Return True (6,) for each component of the camera twist that may move with the features
+        of a picture. If a feature alone controls a component (as `an` controls vz), this component
+        stands still while the feature is not measured.
 
         Args:
             features: The feature set.
-            known: True (k,) for each feature that is measured.
-            tilt_seen: Whether the tilt of the target's plane is measured.
+            known: True (k,) for each feature that is measured in the picture.
+            tilt_seen: Whether the tilt of the target's plane is measured; without that only vx, vy,
+                vz, wz may move, if `dof` is not set.
         """
         moves = self.moves(six=tilt_seen and len(known) >= len(DOF))
         for name, dof in features.sole_dof.items():
@@ -123,11 +128,13 @@ class LawSettings:
 
 
 def adaptive_gain(config: LawSettings, ahead: Array) -> float:
-    """Return the gain lambda(x) = (l0 - linf) exp(-l0' x / (l0 - linf)) + linf [1/s], as in ViSP.
+    """Return the gain lambda(x) = (l0 - linf) exp(-l0' x / |l0 - linf|) + linf [1/s], as ViSP's
+    vpAdaptiveGain does: l0 at the goal, towards linf far from it.
 
     Args:
-        config: Gives l0 (gain), linf (gain_far) and l0' (gain_slope).
-        ahead: The twist L# e (6,); x is its largest component.
+        config: Settings with l0 (`gain`), linf (`gain_far`) and l0' (`gain_slope`); without
+            `gain_far` the gain is l0.
+        ahead: The twist L# e (6,), in m and rad; x is the largest absolute value in it.
     """
     if config.gain_far is None or config.gain_far == config.gain:
         return config.gain
