@@ -315,7 +315,9 @@ def checked(config: Config, place: str) -> Config:
 
 def _check_config(config: ConfigClass, name: str) -> None:
     if not dataclasses.is_dataclass(config):
-        raise UnknownKind(f"'{name}' has a method build(rng), but is no dataclass of settings")
+        raise UnknownKind(
+            f"'{name}' has a method build(rng), but is no dataclass of settings: make it one"
+        )
     missing = dataclasses.MISSING
     bare = [
         f.name
@@ -323,7 +325,9 @@ def _check_config(config: ConfigClass, name: str) -> None:
         if f.init and f.default is missing and f.default_factory is missing
     ]
     if bare:
-        raise UnknownKind(f"'{name}': its settings {', '.join(bare)} have no defaults")
+        raise UnknownKind(
+            f"'{name}': the settings {', '.join(bare)} have no defaults: give each one"
+        )
     presets = getattr(config, "PRESETS", {})
     if not isinstance(presets, dict) or not all(isinstance(p, dict) for p in presets.values()):
         raise UnknownKind(f"'{name}': PRESETS should be a table of settings for each name")

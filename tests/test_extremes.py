@@ -68,7 +68,7 @@ REFUSED = (
     "a home has 6 values",
     "has 2 values; it should",
     "cannot read this calibration",
-    "this is not shipped",
+    "no file of this name is shipped",
     "a colour is",
     "nothing is left of a picture",
     "pose sets the whole start pose",

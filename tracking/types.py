@@ -289,11 +289,13 @@ def check_picture(image: object) -> None:
         ValueError: The image is not an array (H, W, 3) of uint8, or has no pixels.
     """
     if not isinstance(image, np.ndarray):
-        raise ValueError(f"a picture is an array (height, width, 3) of uint8, not {image!r:.40}")
+        raise ValueError(
+            f"expected a picture, an array (height, width, 3) of uint8, got {image!r:.40}"
+        )
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
         shape = " x ".join(map(str, image.shape))
         raise ValueError(
-            f"a picture is RGB, an array (height, width, 3) of uint8; this one is {shape} of "
+            f"expected an RGB picture, an array (height, width, 3) of uint8, got one of {shape} of "
             f"{image.dtype}"
         )
 
@@ -345,11 +347,12 @@ def _check_numbers(region: Region, state: State) -> None:
     if not plain or not all(abs(number) <= FARTHEST for number in numbers):  # nan is not
         given = ", ".join(f"{number:.6g}" if plain else repr(number) for number in numbers)
         raise ValueError(
-            f"the region's width, height, x, y, theta are {given}; the limit is {FARTHEST:g}"
+            f"the region's width, height, x, y, theta are {given}: expected numbers up to "
+            f"{FARTHEST:g}"
         )
     least = math.exp(-LARGEST_LOG)
     most = math.exp(LARGEST_LOG)
     if not least <= state.scale <= most:
         raise ValueError(
-            f"the region's scale is {state.scale:.6g}; it must be {least:.3g} to {most:.3g}"
+            f"the region's scale is {state.scale:.6g}: expected {least:.3g} to {most:.3g}"
         )

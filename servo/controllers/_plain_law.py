@@ -112,7 +112,7 @@ class PolicyLaw:
         if self._reset is not None:
             self._reset()
         if task.goal.picture is None:
-            raise ValueError("there is no picture of the goal; give Loop.start one")
+            raise ValueError("there is no picture of the goal: give it to Loop.start as `goal`")
         self._goal = task.goal.picture.image
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:

@@ -64,7 +64,7 @@ def _fed_forward(config: LawSettings, features: FeatureSet) -> Array:
     if missing is not None and chosen == PRESETS["paper"]["feed_forward"]:
         raise ValueError(
             f'controller.feed_forward: {", ".join(chosen)} (as in preset = "paper") are '
-            f"features of 'moments'; there is {', '.join(names)}"
+            f"features of 'moments'; the features of this set are {', '.join(names)}"
         )
     if missing is not None:
         raise ValueError(f"controller.feed_forward: {unknown(missing, names, 'feature')}")

@@ -107,7 +107,10 @@ class Network:
         try:
             found = self._session.run(None, inputs, options)
         except Exception as error:
-            late = f"the network gave no twist within {self._timeout:g} s"
+            late = (
+                f"the network gave no twist within {self._timeout:g} s: correct the network, or "
+                "set a longer controller.timeout"
+            )
             raise ValueError(late if options.terminate else _sentence(error)) from None
         finally:
             limit.cancel()
@@ -121,7 +124,9 @@ def _check_input(file: str, name: str, kind: str, shape: Sequence[int | str | No
         ValueError: The name is none of `INPUTS`, or type or shape do not fit it.
     """
     if name not in INPUTS:
-        raise ValueError(f"{file}: the input '{name}' is none of {', '.join(INPUTS)}")
+        raise ValueError(
+            f"{file}: the network's input '{name}' is none of {', '.join(INPUTS)}: rename the input"
+        )
     wanted = INPUTS[name]
     fits = len(shape) == len(wanted) and all(
         has == want or not (isinstance(has, int) and isinstance(want, int))
@@ -129,7 +134,7 @@ def _check_input(file: str, name: str, kind: str, shape: Sequence[int | str | No
     )
     if not fits or kind != "tensor(float)":
         raise ValueError(
-            f"{file}: the input '{name}' is {tuple(shape)} of {kind}; it should be "
+            f"{file}: the network's input '{name}' is {tuple(shape)} of {kind}; expected "
             f"({', '.join(map(str, wanted))}) of tensor(float)"
         )
 

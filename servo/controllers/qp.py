@@ -88,7 +88,7 @@ class Programme:
         if self._margin >= most:
             raise ValueError(
                 f"controller.margin = {self._margin:g}: nothing is left of a picture of "
-                f"{task.camera.width} x {task.camera.height} px; it should be less than {most:g}"
+                f"{task.camera.width} x {task.camera.height} px: set a margin below {most:g}"
             )
 
     def limited(self, desired: DesiredTwist) -> LimitedTwist:

@@ -116,12 +116,13 @@ def _inside(whole: Array) -> Array:
     if min(whole.shape) <= 2 * BORDER:
         raise Mistake(
             f"a picture of {whole.shape[1]} x {whole.shape[0]} px is too small for features made "
-            f"of pixels, which leave out {BORDER} px at each side"
+            f"of pixels, which leave out {BORDER} px at each side: set a larger camera.width and "
+            "camera.height"
         )
     return whole[BORDER:-BORDER, BORDER:-BORDER]
 
 
 def _picture(sight: Sight) -> CameraImage:
     if sight.picture is None:
-        raise ValueError("there is no picture of the goal; give Loop.start one")
+        raise ValueError("there is no picture of the goal: give it to Loop.start as `goal`")
     return sight.picture

@@ -25,7 +25,7 @@ class Shown:
         if goal.moved_by:
             raise ValueError(
                 f"{goal.moved_by}: features made of pixels compare with one picture, taken at the "
-                "first goal, so the goal must not move"
+                f"first goal, so the goal must not move: leave {goal.moved_by} out"
             )
         self._goal = goal
         self._picture = picture

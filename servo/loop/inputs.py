@@ -62,7 +62,7 @@ def check_frame(frame: Frame, camera: Camera) -> None:
     if frame.depth is not None:
         _check_depth(frame.depth, (camera.height, camera.width))
     if not isfinite(frame.time):
-        raise ValueError(f"frame: expected a finite time, got {frame.time}")
+        raise ValueError(f"frame.time: expected a finite number [s], got {frame.time}")
 
 
 def check_picture(name: str, image: Image, camera: Camera) -> None:
@@ -116,14 +116,15 @@ def check_posture(posture: Posture) -> None:
     _check_numbers("posture.T_base_camera.rotation", R, (3, 3))
     _check_numbers("posture.T_base_camera.translation", p.T_base_camera.translation, (3,))
     if not is_rotation(R, ROUNDING):
-        raise ValueError(f"posture.T_base_camera: expected a rotation, got {R.tolist()}")
+        raise ValueError(f"posture.T_base_camera: expected a rotation matrix, got {R.tolist()}")
     n = np.size(p.joints)
     _check_numbers("posture.joints", p.joints, (n,))
     if np.shape(p.jacobian) != (6, n):
         raise ValueError(f"posture.jacobian: expected shape {(6, n)}, got {np.shape(p.jacobian)}")
     if not (np.shape(p.lower) == np.shape(p.upper) == (n,) and np.all(p.lower <= p.upper)):
         raise ValueError(
-            f"posture: expected {n} limits with lower <= upper, got {p.lower} and {p.upper}"
+            f"posture.lower, posture.upper: expected {n} limits each, with lower <= upper, got "
+            f"{p.lower} and {p.upper}"
         )
     _check_numbers("posture.twist", p.twist, (6,))
     twists = {"accepted": p.accepted, "asked": p.asked}

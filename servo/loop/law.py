@@ -18,8 +18,8 @@ from sim.types import Array, Camera, Posture
 from tracking.types import Estimate
 
 NO_TRUTH = (
-    "this estimator needs the true motion of the target (true_motion), which only a simulation "
-    "knows; with a real camera choose another one, such as kalman_cv"
+    "estimator: this kind needs the true motion of the target (true_motion), which only a "
+    "simulation knows: with a real camera choose another estimator, such as kalman_cv"
 )
 
 
@@ -94,15 +94,15 @@ class Law:
         """
         if Channel.DEPTH in self._scenario.sight.needs and not depths:
             raise ValueError(
-                'sight: "picture" needs a depth picture: camera.depth = true, or Frame.depth of a '
-                "camera of yours"
+                'sight: plane or depth = "picture" needs a depth picture, and there is none: set '
+                "camera.depth = true, or give Frame.depth with a camera of your own"
             )
         if Channel.TRUE_MOTION not in self.needs:
             return
         if self.uses_pictures:
             raise ValueError(
-                "estimator: it needs the true motion, which is not known for features made of "
-                "pixels; choose another one, such as none"
+                "estimator: this kind needs the target's true motion, which is not known for "
+                "features made of pixels: choose another estimator, such as none"
             )
         if not true_motion:
             raise ValueError(NO_TRUTH)

@@ -222,7 +222,10 @@ class Running:
         first = self._goals.sight(frame, by_corners=False)
         if first is None:
             number = self._loop.scenario.leader.id
-            raise ValueError(f"leader: no tag {number} is seen in the first picture")
+            raise ValueError(
+                f"leader: no tag {number} is seen in the first picture: move the tag into view, or "
+                "correct leader.id"
+            )
         self.goal_sight = first
         """The desired sight at the time of the last picture."""
         self._law.start(first, self._frames_late)
@@ -264,7 +267,10 @@ class Running:
         """
         began = perf_counter()
         if self._loop.latest() is not self:
-            raise ValueError("this run is over: its loop was started again")
+            raise ValueError(
+                "this run is over, because its loop was started again: use the newest result of "
+                "Loop.start"
+            )
         check_frame(frame, self._loop.camera)
         check_posture(posture)
         interval = self._period

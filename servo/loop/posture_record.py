@@ -27,7 +27,9 @@ def elapsed(last: float, now: float, period: float) -> float:
         ValueError: The second picture is not later than the first.
     """
     if now <= last:
-        raise ValueError(f"expected a frame later than {last} s, got one of {now} s")
+        raise ValueError(
+            f"frame.time: expected a time after that of the frame before, {last} s, got {now} s"
+        )
     frames = (now - last) / period
     whole = round(frames)
     return whole * period if abs(frames - whole) < REGULAR else now - last

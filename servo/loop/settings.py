@@ -116,8 +116,8 @@ class StartConfig:
     def __post_init__(self) -> None:
         if self.pose is not None and replace(self, pose=None) != StartConfig():
             raise ValueError(
-                "pose sets the whole start pose; leave out x, y, angle_deg, scale, tilt_deg and "
-                "tilt_towards_deg"
+                "pose sets the whole start pose: leave out x, y, angle_deg, scale, tilt_deg and "
+                "tilt_towards_deg, or pose"
             )
 
 
@@ -201,14 +201,23 @@ class Setup:
         number = self.leader.id
         if number is None:
             moves = stands and kind_of(self.motion) != "still"
-            return "motion: the robot holds the target, so nothing else moves it" if moves else ""
+            held = (
+                'motion: the robot holds the target (camera.mounted = "world"), so that no motion '
+                "can move the target: leave [motion] out"
+            )
+            return held if moves else ""
         if not stands:
-            return 'leader: it leads a target that the robot holds, so camera.mounted = "world"'
+            return (
+                "leader: a leader needs a target that the robot holds, and the robot holds the "
+                'camera: set camera.mounted = "world", or leave [leader] out'
+            )
         if self.goal != GoalConfig():
-            return "goal: it is beside the leader, so leave [goal] out"
+            return (
+                "goal: the goal is beside the leader, where leader.beside puts it: leave [goal] out"
+            )
         marker = marker_of(self.target)
         if marker is not None and marker.id == number:
-            return f"leader.id: {number} is the target's own tag; choose another one"
+            return f"leader.id: {number} is the target's own tag: choose another number"
         return ""
 
     @property

@@ -241,7 +241,7 @@ class Robot:
 
     @property
     def has_ranges(self) -> bool:
-        """True if a joint has a limited range."""
+        """True if at least one joint has a limited range."""
         return bool(self._limited.any())
 
     def servos(self) -> Array:
@@ -297,7 +297,7 @@ class Robot:
         return np.divide(nearer, self.upper - self.lower, out=room, where=self._limited)
 
     def rates_measured(self, data: mujoco.MjData) -> Array:
-        """Return the joint velocities (n,) in `data` [m/s or rad/s]."""
+        """Return the present joint velocities (n,) in `data` [m/s or rad/s]."""
         return data.qvel[self._dof].copy()
 
     def jacobian(self, data: mujoco.MjData) -> Array:
@@ -558,7 +558,9 @@ def _stopping(room: float, acceleration: float) -> float:
 
 
 def _slowed(wanted: Array, box: list[tuple[float, float]]) -> float:
-    """Return the largest factor, at most 1, that brings all wanted rates (n,) into a box."""
+    """Return the largest factor, at most 1, that brings all wanted rates (n,) between the least and
+    the largest rate of each joint.
+    """
     pairs = zip(wanted.tolist(), box, strict=True)
     factors = ((high if rate > 0 else low) / rate for rate, (low, high) in pairs if rate)
     return min(1.0, *factors)

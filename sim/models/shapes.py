@@ -62,7 +62,7 @@ def show(
 
 
 def _twin(geom: mujoco.MjsGeom, mesh: str) -> mujoco.MjsGeom:
-    """Add a geom of another mesh at the place of a geom, without mass; return it."""
+    """Add a geom with another mesh at the place of a geom, without mass, and return it."""
     return geom.parent.add_geom(
         type=geom.type, meshname=mesh, pos=geom.pos, quat=geom.quat, group=geom.group, mass=0
     )

@@ -1,5 +1,5 @@
-"""The target moves above the table in all six degrees of freedom, smoothly; frequencies and
-directions are drawn from the seed.
+"""Motion: the target moves above the table in all six degrees of freedom, smoothly, with
+frequencies and directions that are drawn from the seed.
 """
 
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
-"""A mesh of an OBJ or STL file as the target, scaled to a size, with its own materials, one colour,
-or another picture.
+"""Target: a mesh of an OBJ or STL file, scaled to a size, with its own materials, one colour, or
+another picture.
 """
 
 from dataclasses import dataclass, replace

@@ -121,7 +121,7 @@ def read(path: Path) -> Track:
     try:
         header, *rows = csv.reader(io.StringIO(text, newline=""))
     except (ValueError, csv.Error):
-        raise ValueError(f"{path}: this is not a track") from None
+        raise ValueError(f"{path}: this is not a track file of servobench") from None
     if tuple(header) != HEADER:
         raise ValueError(
             f"{path}: this is not a track of format {FORMAT}, which this version reads: its "

@@ -56,7 +56,10 @@ class Tag:
         check_region(frame, region, state)
         found = self._detector.nearest(frame.image, np.array([state.x, state.y]))
         if found is None:
-            raise ValueError("no AprilTag 36h11 is seen in the first picture")
+            raise ValueError(
+                "no AprilTag 36h11 is seen in the first picture: begin with a picture that shows "
+                "the whole tag"
+            )
         self._seen: Array | None
         self._number, self._seen = found
         self._region = region
