@@ -184,7 +184,7 @@ def test_a_line_that_would_be_read_as_something_else_is_refused(tmp_path, line, 
         ("x,y,w,h\n1,2", "AUTO", "line 2: the line has 2 columns, but the header has 4; correct "),
         ("x,y,w,h\n1,5,2,5,3,4", "AUTO", "line 2: the line has 6 columns, but the header has 4; "),
         ("x,y,w,h\n1,2,,4", "AUTO", "line 2: '1;2;nan;4' is not a position in a picture"),
-        ("x,y,w,h\n1,2,-3,4", "AUTO", "line 2: the target is -3 x 4 px; both sides must be"),
+        ("x,y,w,h\n1,2,-3,4", "AUTO", "line 2: the target is -3 x 4 px: both sides should be"),
     ],
 )
 def test_each_format_refuses_what_it_has_not(tmp_path, text, form, message):

@@ -85,7 +85,7 @@ def test_a_setting_that_does_not_fit_the_model_is_a_sentence(tmp_path, urdf, lin
 UNFIT = {
     "<freejoint/>": "the body 'link1' has a free joint: remove the joint or the body",
     '<joint name="ball" type="ball"/>': (
-        "the joint 'ball' between base and flange is a ball joint: replace it by hingesonly"
+        "the joint 'ball' between base and flange is a ball joint: replace it by hinges"
     ),
 }
 

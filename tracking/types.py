@@ -22,7 +22,7 @@ precision rounds by so much."""
 
 
 class _SetByStart:
-    """Default of an attribute that `Tracker.start` replaces; reading the default raises a
+    """Default of an attribute that `Tracker.start` replaces; reading it before `start` raises a
     ValueError.
     """
 
@@ -124,7 +124,9 @@ def goes_around(corners: Array) -> bool:
 
 
 class Status(Enum):
-    """Whether a tracker sees its target in a frame; the value of each member explains it."""
+    """Whether a tracker sees its target in a frame (LOCKED, UNSURE or LOST); the value of each
+    member explains it.
+    """
 
     LOCKED = "The target is seen and followed."
     UNSURE = (
@@ -135,7 +137,9 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Result of a tracker for one frame."""
+    """Result of a tracker for one frame: state, covariance, distance from the target's appearance,
+    status, and corners if the tracker finds them.
+    """
 
     state: State
     """Position [px], angle [rad] and scale of the target in the image."""
@@ -337,10 +341,11 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
 
 
 def _check_numbers(region: Region, state: State) -> None:
-    """Check that a region's numbers are finite and at most `FARTHEST`, and the scale in range.
+    """Check that a region's numbers are finite and at most `FARTHEST`, and that the state's scale
+    is in its range.
 
     Raises:
-        ValueError: One of them is not.
+        ValueError: A number is not finite or too large, or the scale is out of its range.
     """
     numbers = (region.width, region.height, state.x, state.y, state.theta)
     plain = all(isinstance(number, Real) for number in (*numbers, state.scale))

@@ -94,15 +94,14 @@ class OpenCVTracker:
         preset: str | None = None,
         **settings: object,
     ) -> None:
-        """Choose a tracker.
+        """Store the kind and the settings of the tracker; `init` starts it.
 
         Args:
             kind: Kind of the tracker, such as "mk_ssd".
             seed: Seed of the tracker's random draws.
             rate: Rate of the pictures [1/s].
             preset: "paper" for the settings in the paper that describes the tracker; None for the
-                best settings known.
-            **settings: Settings of the tracker.
+                best settings known. **settings: Settings of the tracker.
 
         Raises:
             ValueError: There is no such kind or preset, or a setting has a wrong value.
@@ -146,15 +145,14 @@ class Got10kTracker:
         preset: str | None = None,
         **settings: object,
     ) -> None:
-        """Choose a tracker.
+        """Store the kind and the settings of the tracker; `init` starts it.
 
         Args:
             kind: Kind of the tracker, such as "mk_ssd".
             seed: Seed of the tracker's random draws.
             rate: Rate of the pictures [1/s].
             preset: "paper" for the settings in the paper that describes the tracker; None for the
-                best settings known.
-            **settings: Settings of the tracker.
+                best settings known. **settings: Settings of the tracker.
 
         Raises:
             ValueError: There is no such kind or preset, or a setting has a wrong value.

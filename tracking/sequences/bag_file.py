@@ -197,7 +197,8 @@ def _check_links(folder: Path) -> None:
     for file in folder.iterdir():
         if file.resolve().parent != folder.resolve():
             raise ValueError(
-                f"{folder}: {file.name} is a link out of the folder of this bag: replace the link by its file"
+                f"{folder}: {file.name} is a link out of the folder of this bag: replace the link "
+                "by its file"
             )
 
 

@@ -86,7 +86,8 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
         return Bag(path, topic)
     if topic is not None:
         raise ValueError(
-            f"{stream.shown(text)}: this is not a bag, which alone has topics: leave the topic '{topic}' out"
+            f"{stream.shown(text)}: this is not a bag, which alone has topics: leave the topic "
+            f"'{topic}' out"
         )
     if is_address:
         return stream.stream(text)

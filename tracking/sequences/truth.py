@@ -236,7 +236,8 @@ def _corners(row: Array, form: Format, place: str) -> Array:
         return np.full((4, 2), np.nan)
     if width <= 0 or height <= 0:
         raise ValueError(
-            f"{place}: the target is {width:g} x {height:g} px: both sides should be positive; correct that line"
+            f"{place}: the target is {width:g} x {height:g} px: both sides should be positive; "
+            "correct that line"
         )
     # OTB counts pixels from 1.
     return corners_of(row) - (1.0 if form is Format.OTB else 0.0)

@@ -12,7 +12,9 @@ SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) / 2
 
 
 def homography(source: Array, target: Array) -> Array:
-    """Return the homography (3, 3) that maps four source points (4, 2) to target points (4, 2)."""
+    """Return the homography (3, 3), with its last element 1, that maps four source points (4, 2) to
+    target points (4, 2).
+    """
     H = cv2.getPerspectiveTransform(source.astype(np.float32), target.astype(np.float32))
     return H.astype(np.float64)
 

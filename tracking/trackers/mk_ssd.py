@@ -1,5 +1,5 @@
 """Tracker by the histograms of multiple kernels, without random numbers: Newton's descent from the
-last state.
+predicted state.
 
 Hager, Dewan, Stewart 2004; Teuliere, Marchand, Eck, section III.
 """
@@ -57,7 +57,9 @@ class Config:
 
 @final
 class MkSsd:
-    """A tracker of one Newton descent a frame; a hidden target is expected at its last state."""
+    """Tracker with one Newton descent in each frame; a hidden target is expected at its last
+    state.
+    """
 
     _velocity: Velocity = SET_BY_START
 

@@ -29,7 +29,7 @@ share of the side."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings: the tag nearest the region is followed."""
+    """Settings of the tracker `tag`: it has none. The tag nearest to the region is followed."""
 
     traits = frozenset({Trait.MARKER, Trait.CORNERS})
 
@@ -40,7 +40,9 @@ class Config:
 
 @final
 class Tag:
-    """A tracker that reports the region's corners, which are fixed in the tag's plane."""
+    """Tracker of the tag nearest to the region: it reports the region's corners, which are fixed in
+    the tag's plane.
+    """
 
     _state: State = SET_BY_START
 

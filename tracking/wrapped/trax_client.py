@@ -245,7 +245,9 @@ def _messages(process: subprocess.Popen[bytes]) -> Iterator[Message]:
 
 
 def _end(process: subprocess.Popen[bytes], keeper: subprocess.Popen[bytes]) -> None:
-    """End a server and the processes that it has started, and remove its folder."""
+    """End a server and the processes that it has started, by the process `keeper`, which also
+    removes the server's folder.
+    """
     _send(process, Message("quit"))
     with suppress(subprocess.TimeoutExpired):
         process.wait(GRACE)
