@@ -42,9 +42,7 @@ UNSTABLE = tuple(
 
 @dataclass(frozen=True, slots=True)
 class WorldConfig:
-    """Settings of the simulation: rates of physics and drives [Hz], and whether the visible
-    fraction of the target is measured.
-    """
+    """Settings of the simulation: physics and drive rates [Hz], and measuring of visibility."""
 
     physics_rate: Annotated[float, Ge(240), Le(100_000)] = 480.0
     """Physics steps a second [Hz]; a few more where the camera's rate does not divide it."""

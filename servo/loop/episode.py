@@ -92,8 +92,8 @@ class Episode:
             seen: Whether the caller uses the pictures. They are black if neither the caller nor the
                 loop does.
             shows_goal: Whether to take the picture at the goal even if the loop does not need it.
-            kept: Robot and target of an earlier episode. This episode uses them again if their
-                settings are the same, and replaces them otherwise; so it is changed.
+            kept: Dictionary of robot and target of an earlier episode. This episode uses them again
+                if their settings are the same, and otherwise replaces them in the dictionary.
         """
         check_type("scenario", scenario, Setup)
         self.scenario = scenario
@@ -179,7 +179,8 @@ class Episode:
 
         Args:
             part: Section of the scenario, and its settings.
-            draws: Name of the random stream that the component is given; "": none of its own.
+            draws: Name of the random stream that the component is given; "": the name of its
+                section.
         """
         before, built = self._kept.get(part.place, (None, None))
         # Building a robot or a target reads meshes and compiles a model, which takes seconds.
@@ -200,8 +201,9 @@ class Episode:
         return self.world.look().image
 
     def _way(self) -> list[Pose]:
-        """Return the poses of the camera in the world frame along the run, one for each frame, as
-        if it were always exactly at its goal.
+        """Return the desired poses of the camera in the first seconds of the run, every `STEP` s,
+        as if the camera were always exactly at its goal: T_world_camera, or T_target_camera if the
+        robot holds the target.
         """
         # A camera whose features do not control the angle keeps its heading.
         known = self.loop.law.features.known

@@ -112,7 +112,7 @@ class Law:
 
         Args:
             goal: The desired view of the target.
-            frames_late: Delay from a picture to the effect of its command [frame intervals].
+            frames_late: Delay from an estimate to the effect of its command [frame intervals].
 
         Raises:
             ValueError: A setting does not fit the features.

@@ -123,9 +123,7 @@ class StartConfig:
 
 @dataclass(frozen=True, slots=True)
 class RegionConfig:
-    """Errors of the region that the tracker is given in the first picture; by default it is the
-    true one.
-    """
+    """Errors of the first region that the tracker is given; by default it is the true one."""
 
     x: Pixels = 0.0
     """Shift of the region to the right [px]."""
@@ -151,9 +149,7 @@ class RegionConfig:
 
 @dataclass(frozen=True, slots=True)
 class MeasureConfig:
-    """Settings of the measures of a run: the time from which errors count, and the error from which
-    the target counts as missed.
-    """
+    """Settings of the measures: from when errors count, and which error is a missed target."""
 
     after: Time = 0.0
     """Time from which errors count [s]."""

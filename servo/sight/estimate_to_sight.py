@@ -25,9 +25,7 @@ from tracking.types import Estimate, Region, State, Status
 
 @dataclass(frozen=True, slots=True)
 class SightConfig:
-    """Settings of where the plane and the depth of the target come from: its metric size, the
-    table's height, or depth pictures.
-    """
+    """Sources of the target's plane and depth: its size, the table's height, depth pictures."""
 
     plane: Literal["parallel", "known", "estimated", "picture"] = "parallel"
     """Normal of the target's plane: "parallel" to the image, "known" from the robot's posture (the
