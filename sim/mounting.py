@@ -1,5 +1,5 @@
-"""The mounting: the robot carries the camera, or it carries the target before a camera that stands
-in the room.
+"""The mounting of the camera: the robot carries the camera, or it carries the target in front of a
+camera that stands in the room.
 
 The kinematics of a camera in the hand hold for a target in the hand, too, if camera poses and
 twists are taken relative to the target: moving the target by a twist moves the camera, seen from

@@ -86,9 +86,9 @@ def speed_bounds(fastest: float, fastest_turn: float) -> Bounds:
 
 def joint_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
     """Return bounds of the joint rates that a camera twist v needs, J# v with the pseudo-inverse J#
-    of the robot's Jacobian: a joint may approach the end of its range with at most 8 times the
-    distance left per second, and no joint may exceed its largest rate. A twist of zero always
-    satisfies them.
+    of the robot's Jacobian. A joint may approach the end of its range with at most 8 times the
+    distance left per second (with the frame rate, if that is lower), and no joint may exceed its
+    largest rate. A twist of zero always satisfies the bounds.
 
     Args:
         posture: Joints, limits and Jacobian of the robot.

@@ -90,8 +90,8 @@ class LawSettings:
             )
 
     def may_move(self, *, six: bool) -> bool:
-        """Return whether at least one component of the camera twist may move and has a weight above
-        0.
+        """Return whether at least one component of the camera twist may move and has a positive
+        weight.
 
         Args:
             six: Whether the features control all six degrees of freedom, or four (vx, vy, vz, wz).

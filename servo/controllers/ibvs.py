@@ -254,8 +254,9 @@ class Ibvs:
     def _asked(
         self, inverse: Inverse, predicted: Prediction, made: Array | None
     ) -> tuple[Array, Array, Array]:
-        """Return three camera twists (6,) [m/s, rad/s]: that of the law, -lambda L# e - L# de/dt,
-        and the two terms lambda L# e and L# de/dt alone, with a positive sign.
+        """Return three camera twists (6,) [m/s, rad/s]: that of the law, -lambda L# e - L# de/dt
+        with the compensation of `made`, and the two terms lambda L# e and L# de/dt alone, with a
+        positive sign.
 
         Args:
             inverse: Inverse L# for the motions that are allowed.
@@ -331,8 +332,8 @@ class Ibvs:
 
     def _inverse(self, posture: Posture) -> Inverse:
         """Return the inverse L# for the features that are measured and the components of the twist
-        that may move; for a robot with one to five joints, J (L J)+ of its joints; for a feature
-        set with an inverse of its own, that one.
+        that may move. For a robot with one to five joints it is J (L J)+; for a feature set with an
+        inverse of its own, all of whose features are measured, it is that one.
         """
         if 0 < posture.jacobian.shape[1] < len(DOF):  # 0: a robot that takes any twist
             rows = self._measured.known & self._servoed_by(posture)

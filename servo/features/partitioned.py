@@ -88,8 +88,8 @@ class PartitionedFeatures(OfCorners):
 
 
 def _area(corners: Array) -> float:
-    """Return the area inside the corners (4, 2), in the square of their unit; negative if they go
-    round the other way, from x to -y.
+    """Return the area inside the corners (4, 2), in the square of their unit: positive for corners
+    that run clockwise in the image, as the target's do, negative otherwise.
     """
     (x, y) = corners.T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2

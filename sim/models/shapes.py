@@ -42,8 +42,8 @@ def show(
     geoms: Sequence[mujoco.MjsGeom],
     parts: Sequence[tuple[Triangles, Material | None]],
 ) -> None:
-    """Show a mesh of several materials, of which MuJoCo draws one a geom: each part becomes a mesh
-    of its own, with a geom beside each geom of the whole mesh.
+    """Show a mesh that has several materials. MuJoCo draws one material for each geom, so each part
+    of one material becomes a mesh of its own, with a geom beside each geom of the whole mesh.
 
     Args:
         spec: The model, which is changed.

@@ -117,7 +117,9 @@ def _bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
 
 
 def _hits(model: mujoco.MjModel, data: mujoco.MjData, low: Array, high: Array) -> Array:
-    """Return the points (n, 3) where rays straight down, one a cell of a grid, meet the model."""
+    """Return the points (n, 3) [m] where vertical rays from above, one for each cell of a grid,
+    meet the model; rays that meet nothing have none.
+    """
     middles = (np.arange(RAYS) + 0.5) / RAYS
     xs, ys = (low[i] + middles * (high[i] - low[i]) for i in (0, 1))
     down = np.array([0.0, 0.0, -1.0])
