@@ -28,8 +28,8 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: obje
             for a class of your own.
         seed: Seed of the tracker's random draws.
         preset: "paper" for the settings in the paper that describes the tracker; None for the best
-            settings known. **settings: Fields of the kind's `Config`; `servobench list KIND` prints
-            them.
+            settings known.
+        **settings: Fields of the kind's `Config`; `servobench list KIND` prints them.
 
     Raises:
         UnknownKind: There is no such kind or preset, and the message lists those that exist; or the
@@ -37,6 +37,16 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: obje
         TypeError: The kind has no such setting.
         ValueError: The seed is not a whole number from 0 on, or a setting has the wrong type or is
             out of range.
+
+    Example:
+        >>> import numpy as np
+        >>> from sim.types import Frame
+        >>> from tracking.types import Region, State
+        >>> image = np.random.default_rng(0).integers(0, 256, (120, 160, 3), dtype=np.uint8)
+        >>> tracker = create("mk_ssd")
+        >>> tracker.start(Frame(image, 0.0, 0), Region(40.0, 30.0), State(80.0, 60.0))
+        >>> tracker.update(Frame(image, 0.03, 1)).status.name
+        'LOCKED'
     """
     import numpy as np  # not before it is needed: `servobench list` only looks at files
 
@@ -54,8 +64,8 @@ def configured(kind: str, preset: str | None = None, **settings: object) -> Part
         kind: Name of a file in tracking/trackers, a kind of an installed package, or "module:Name"
             for a class of your own.
         preset: "paper" for the settings in the paper that describes the tracker; None for the best
-            settings known. **settings: Fields of the kind's `Config`; `servobench list KIND` prints
-            them.
+            settings known.
+        **settings: Fields of the kind's `Config`; `servobench list KIND` prints them.
 
     Raises:
         UnknownKind: There is no such kind or preset, and the message lists those that exist; or the

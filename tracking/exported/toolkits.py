@@ -101,7 +101,8 @@ class OpenCVTracker:
             seed: Seed of the tracker's random draws.
             rate: Rate of the pictures [1/s].
             preset: "paper" for the settings in the paper that describes the tracker; None for the
-                best settings known. **settings: Settings of the tracker.
+                best settings known.
+            **settings: Settings of the tracker.
 
         Raises:
             ValueError: There is no such kind or preset, or a setting has a wrong value.
@@ -152,7 +153,8 @@ class Got10kTracker:
             seed: Seed of the tracker's random draws.
             rate: Rate of the pictures [1/s].
             preset: "paper" for the settings in the paper that describes the tracker; None for the
-                best settings known. **settings: Settings of the tracker.
+                best settings known.
+            **settings: Settings of the tracker.
 
         Raises:
             ValueError: There is no such kind or preset, or a setting has a wrong value.
