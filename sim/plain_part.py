@@ -47,7 +47,7 @@ def config_for(part: object, make: Callable[..., object], **attributes: object) 
 
 
 def has_methods(part: object, *names: str) -> bool:
-    """Return whether a class or an object has all these methods."""
+    """Return whether a class or an object has all methods of these names."""
     return all(callable(getattr(part, name, None)) for name in names)
 
 

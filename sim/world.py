@@ -291,7 +291,9 @@ class World:
         return tuple(slowed_by)
 
     def posture(self) -> Posture:
-        """Return the exact posture of the robot at the present time."""
+        """Return the robot's exact posture at the present time: camera pose, twist, joints, limits
+        and Jacobian.
+        """
         return self.robot.posture(self.data, self._mean_twist, self._accepted)
 
     def believed(self, posture: Posture) -> Posture:

@@ -305,7 +305,9 @@ class Backdrop:
 
 
 def _aim(model: mujoco.MjModel, name: str, view: Camera) -> None:
-    """Set the intrinsics of a model's camera; `pinhole` reads them back."""
+    """Write the intrinsics of a pinhole camera into the camera of a MuJoCo model, by its name;
+    `pinhole` reads them from there.
+    """
     camera = model.camera(name).id
     size = np.array([view.width, view.height])
     offset = size / 2 - (view.cx, view.cy)

@@ -193,7 +193,9 @@ def _frames(body: mujoco.MjsBody) -> list[str]:
 
 
 def _joints(body: mujoco.MjsBody) -> list[mujoco.MjsJoint]:
-    """Return the joints between the base and a body, base first."""
+    """Return the joints between the base and a body, that of the base first, that of the body
+    last.
+    """
     return [*_joints(body.parent), *body.joints] if body.parent else []
 
 

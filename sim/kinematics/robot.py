@@ -284,7 +284,7 @@ class Robot:
         return self.eye(data)
 
     def joints(self, data: mujoco.MjData) -> Array:
-        """Return the joint positions (n,) in `data` [m or rad]."""
+        """Return the present joint positions (n,) in `data` [m or rad]."""
         return data.qpos[self.qpos].copy()
 
     def room(self, data: mujoco.MjData) -> Array:
@@ -512,7 +512,9 @@ class Robot:
         return False
 
     def refresh(self, data: mujoco.MjData) -> None:
-        """Compute body poses and Jacobians in `data` from its joint positions."""
+        """Compute the poses and Jacobians of all bodies in `data` anew, from its joint
+        positions.
+        """
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_comPos(self.model, data)
 
@@ -523,7 +525,7 @@ class Robot:
         return self.mounting.eye(self.hand(data))
 
     def camera(self, data: mujoco.MjData) -> Pose:
-        """Return T_world_camera, as of the last kinematics."""
+        """Return the camera's pose T_world_camera, as of the last kinematics of `data`."""
         standing = self.mounting.standing
         return self.hand(data) if standing is None else standing
 

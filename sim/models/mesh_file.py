@@ -275,7 +275,7 @@ def _joined(
 
 
 def _material(visual: Any, used: set[str] | None) -> Material | None:
-    """Return the material of a part; None if it has none."""
+    """Return the material of a part of a mesh, its colour or picture; None if it has none."""
     if visual.kind is None:
         return None
     if visual.kind != "texture":
