@@ -176,12 +176,13 @@ def unknown_covariance() -> Array:
 
 
 class Tracker(Protocol):
-    """A method that follows one target through the frames of a sequence.
+    """A method that follows one target through the frames of a sequence: the protocol of all
+    trackers.
 
-    `start` is called once with the first frame, then `update` once for each further frame in
-    order. A tracker keeps its state between calls and copies the pixels that it needs later (the
-    caller may reuse the buffer). It returns an estimate for every frame: a target that it does not
-    see is reported by the status, not by an exception.
+    `start` is called once with the first frame, then `update` once for each further frame in order.
+    A tracker keeps its state between calls and copies the pixels that it needs later (the caller
+    may reuse the buffer). It returns an estimate for every frame: a target that it does not see is
+    reported by the status, not by an exception.
 
     >>> class Fixed:
     ...     def start(self, frame: Frame, region: Region, state: State) -> None:
@@ -305,7 +306,8 @@ def check_picture(image: object) -> None:
 
 
 def check_region(frame: Frame, region: Region, state: State) -> None:
-    """Check the arguments of `Tracker.start`.
+    """Check the arguments of `Tracker.start`: their types, the picture, and the numbers of region
+    and state.
 
     Raises:
         ValueError: The region is too small, has numbers that are not finite, or lies mostly outside

@@ -77,7 +77,9 @@ class Bins(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ColourBins:
-    """Bins of colour: equal intervals of each channel of RGB."""
+    """Bins of colour: each channel of RGB is divided into equal intervals, and a bin is one
+    interval of each.
+    """
 
     levels: int = 8
     """Bins a channel, 1 to `MOST_LEVELS`."""

@@ -32,13 +32,13 @@ class Views:
     """
 
     def __init__(self, image: Image, region: Region, state: State, count: int) -> None:
-        """Store the first view.
+        """Store the first view, a small picture of the target in the first frame.
 
         Args:
             image: First frame (H, W, 3).
             region: The template.
             state: State of the target there.
-            count: Largest number of views.
+            count: Largest number of stored views.
         """
         self._points = lattice(SIDE, region)
         self._region = region

@@ -93,7 +93,7 @@ class TrackFile:
             self._file.flush()
 
     def close(self) -> None:
-        """Close the file.
+        """Write the last rows to the disk, and close the CSV file.
 
         Raises:
             OSError: The last rows cannot be written.

@@ -32,7 +32,7 @@ THERE = "folder, video file, bag, camera:NUMBER, or address such as rtsp://HOST/
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """Pictures with the target's true outlines."""
+    """Pictures with the target's true outline in each of them."""
 
     name: str
     source: Source

@@ -53,7 +53,7 @@ class McNemar:
 
     @property
     def p(self) -> float:
-        """Exact two-sided p value (binomial)."""
+        """Exact two-sided p value of McNemar's test, from the binomial distribution."""
         discordant = self.wins + self.losses
         if discordant == 0:
             return 1.0
@@ -64,7 +64,9 @@ class McNemar:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A value with its 95 % confidence interval."""
+    """A value with its 95 % confidence interval, and the number of independent repetitions behind
+    it.
+    """
 
     value: float
     low: float
@@ -208,7 +210,7 @@ def holm(p_values: Array) -> Array:
 def pairs_of(
     names: Sequence[Name], compare: Callable[[Name, Name], McNemar]
 ) -> list[tuple[Name, Name, McNemar, float]]:
-    """Compare every two of some methods.
+    """Compare every two methods of a list by McNemar's test.
 
     Returns:
         The earlier method, the later one, their test, and its p value, which is corrected for the

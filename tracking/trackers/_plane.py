@@ -20,7 +20,7 @@ def homography(source: Array, target: Array) -> Array:
 
 
 def through(H: Array, points: Array) -> Array:
-    """Return points (n, 2) mapped by a homography (3, 3)."""
+    """Return the points (n, 2) to which a homography (3, 3) maps points (n, 2)."""
     seen = np.column_stack([points, np.ones(len(points))]) @ H.T
     return seen[:, :2] / seen[:, 2:]
 

@@ -72,8 +72,9 @@ class TruthTracker:
         self._state = state
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the true state with drawn errors; LOST where the target is outside the picture,
-        UNSURE in a dropout.
+        """Return the true state with drawn errors, as LOCKED. In a dropout (UNSURE), or with the
+        target outside the picture (LOST), return the last state, moved by the camera's motion if
+        that is given.
         """
         if self._truth is None:
             raise ValueError(NO_TRUTH)

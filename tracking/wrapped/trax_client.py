@@ -55,7 +55,7 @@ class TraxClient:
     """Connection to a TraX server (a `RegionSource`); the server is ended with this object."""
 
     def __init__(self, command: str, timeout: float) -> None:
-        """Start a server and wait for its hello.
+        """Start a server, a tracker in another process, and wait for its first message (hello).
 
         Args:
             command: The program and its arguments, quoted as in a shell; no shell runs it.
