@@ -85,7 +85,9 @@ class MomentFeatures:
         return of_moments(sight.moments, self.scale)
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (4, 6)."""
+        """Return the interaction matrix L (4, 6), whose row of theta is zero for a round
+        silhouette.
+        """
         return interaction(sight.moments, sight.plane, self.scale)
 
     def error(self, values: Array, goal: Array) -> Array:

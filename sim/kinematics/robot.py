@@ -203,7 +203,7 @@ class Robot:
         """Read the joints and their drives from a model.
 
         Raises:
-            ValueError: The model is no robot of this kind; the message says what is wrong.
+            ValueError: The model cannot be used as a robot; the message says what is wrong in it.
         """
         _check_drives(model, design)
         self.model = model

@@ -219,7 +219,7 @@ def _stream(address: str) -> Generator[Feed]:
 
 
 def _pictures(container: InputContainer, video: VideoStream) -> Generator[Picture]:
-    """Yield the pictures of an open stream.
+    """Yield the pictures of an open stream as they come, without names and times.
 
     Raises:
         SourceLost: The stream breaks off.

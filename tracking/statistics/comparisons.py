@@ -45,7 +45,9 @@ class McNemar:
 
     @property
     def z(self) -> float:
-        """(|wins - losses| - 1) / sqrt(wins + losses) (Naeem, Pridmore, Mills: the KAMS paper)."""
+        """Test statistic z = (|wins - losses| - 1) / sqrt(wins + losses) of McNemar's test (Naeem,
+        Pridmore, Mills: the KAMS paper).
+        """
         discordant = self.wins + self.losses
         if discordant == 0:
             return 0.0

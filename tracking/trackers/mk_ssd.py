@@ -35,7 +35,7 @@ PRESETS = {"paper": {"span": 1.0, "inset": 0.0, "velocity_memory": 1.0}}
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the kernels and of the prediction."""
+    """Settings of the histograms and kernels, and of the prediction of constant velocity."""
 
     levels: Levels = 8
     """Colour bins a channel."""

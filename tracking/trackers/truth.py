@@ -38,7 +38,7 @@ class Config:
 
     @property
     def traits(self) -> Traits:
-        """The trait CORNERS if the tracker reports corners."""
+        """Traits of the tracker: CORNERS if it reports corners, otherwise none."""
         return frozenset({Trait.CORNERS}) if self.corners else frozenset()
 
     def build(self, rng: np.random.Generator) -> "TruthTracker":
