@@ -108,8 +108,8 @@ def test_a_plane_of_the_picture_levels_a_camera_whose_tracker_sees_no_tilt(featu
     [
         (
             ("sight.depth=picture",),
-            'still: sight: "picture" needs a depth picture: camera.depth = true, or Frame.depth of '
-            "a camera of yours",
+            'still: sight: plane or depth = "picture" needs a depth picture, and there is none: set '
+            "camera.depth = true, or give Frame.depth with a camera of your own",
         ),
         (
             ("believed.size_factor=1.2", "believed.goal=shown"),

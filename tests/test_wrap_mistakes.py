@@ -49,7 +49,7 @@ def test_what_is_no_box_is_refused_with_what_it_is(answer, message):
 def test_what_is_no_score_is_refused(score):
     with pytest.raises(ValueError) as refused:
         follow(wrap(Moving, score=lambda tracker: score, name="theirs")())
-    assert str(refused.value) == (f"theirs: the score is {score!r}; it must be a number of 0 to 1")
+    assert str(refused.value) == (f"theirs: the score is {score!r}: expected a number from 0 to 1")
 
 
 def test_the_trackers_own_exceptions_are_not_hidden():

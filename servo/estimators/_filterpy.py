@@ -1,7 +1,5 @@
-"""filterpy's Kalman filter, imported without the rest of filterpy.
-
-`import filterpy` imports scipy.stats and scipy.ndimage, 0.6 s of CPU in each process, for densities
-and filters that are not used here.
+"""filterpy's Kalman filter, imported without the rest of filterpy: that would import scipy.stats
+and scipy.ndimage, 0.6 s of CPU in each process, for densities and filters that are not used here.
 """
 
 import importlib

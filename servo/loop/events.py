@@ -1,4 +1,6 @@
-"""Events of a run as sentences for its log, such as that the target is lost or found again."""
+"""Events of a run, such as that the target is lost or found again, as sentences for the run's
+log.
+"""
 
 from enum import Enum
 
@@ -29,7 +31,7 @@ STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED:
 
 
 def events(before: Step | None, step: Step) -> list[Event]:
-    """Return the events that begin in a step, by comparison with the step before.
+    """Return the events that happen at a step: what differs from the step before.
 
     Args:
         before: The previous step; None for the first step.
@@ -54,8 +56,8 @@ def events(before: Step | None, step: Step) -> list[Event]:
 
 
 def uncertain(run: Columns) -> str:
-    """Return a sentence that counts the pictures in which the tracker stated a centre, an angle or
-    a size with a variance too large for servoing; "" if there were none.
+    """Return a sentence that counts the pictures in which the tracker stated a variance of centre,
+    angle or size that was too large for servoing; "" if there were none, or pixels are servoed.
     """
     last = run.final[-1]
     if last.goal_sight.picture is not None:

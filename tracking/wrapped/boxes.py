@@ -83,7 +83,7 @@ def score_in(answer: Any, name: str) -> float:
     except (TypeError, ValueError):
         score = float("nan")
     if not -SLACK <= score <= 1 + SLACK:
-        raise ValueError(f"{name}: the score is {shown(answer)}; it must be a number of 0 to 1")
+        raise ValueError(f"{name}: the score is {shown(answer)}: expected a number from 0 to 1")
     return min(max(score, 0.0), 1.0)
 
 

@@ -82,7 +82,7 @@ class RegionSource(Protocol):
 
 @final
 class ForeignTracker:
-    """A `tracking.types.Tracker` around a tracker of another author.
+    """Tracker with our interface (`tracking.types.Tracker`) around a tracker of another author.
 
     Boxes of the other tracker move and scale the region; its quadrilaterals also turn the region,
     and are reported as corners. The camera's motion is ignored.

@@ -55,7 +55,7 @@ class TraxClient:
     """Connection to a TraX server (a `RegionSource`); the server is ended with this object."""
 
     def __init__(self, command: str, timeout: float) -> None:
-        """Start a server and wait for its hello.
+        """Start a server, a tracker in another process, and wait for its first message (hello).
 
         Args:
             command: The program and its arguments, quoted as in a shell; no shell runs it.
@@ -245,7 +245,9 @@ def _messages(process: subprocess.Popen[bytes]) -> Iterator[Message]:
 
 
 def _end(process: subprocess.Popen[bytes], keeper: subprocess.Popen[bytes]) -> None:
-    """End a server and the processes that it has started, and remove its folder."""
+    """End a server and the processes that it has started, by the process `keeper`, which also
+    removes the server's folder.
+    """
     _send(process, Message("quit"))
     with suppress(subprocess.TimeoutExpired):
         process.wait(GRACE)

@@ -40,7 +40,7 @@ class Foreign(Protocol):
         """Learn the target in a box of the first picture; return False to refuse the box."""
 
     def update(self, image: Any, /) -> object:
-        """Return the target's box [px] in the next picture, or (ok, box)."""
+        """Find the target in the next picture; return its box [px], or (ok, box)."""
 
 
 @dataclass(frozen=True, slots=True)
