@@ -1,5 +1,6 @@
 """What several tests need: a renderer of one thread, the shared measurements, a painted picture."""
 
+import gc
 import json
 import os
 import shutil
@@ -105,6 +106,17 @@ def pytest_ignore_collect(collection_path, config):
     if config.option.markexpr != "processes" or collection_path.suffix != ".py":
         return None
     return True if "mark.processes" not in collection_path.read_text() else None
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Half a million objects live until the end: do not search them for garbage again and again."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)
