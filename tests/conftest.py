@@ -208,6 +208,20 @@ def no_progress(monkeypatch):
     monkeypatch.setattr(jobs, "FIRST", np.inf)
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures of pages have their titles and no lines: drawing takes half of the time of a page."""
+    from markupsafe import Markup
+
+    from servo.report import charts, study_paths
+
+    def titled(_figure, title):
+        return Markup('<svg role="img" aria-label="{}"></svg>').format(title)
+
+    monkeypatch.setattr(charts, "svg", titled)
+    monkeypatch.setattr(study_paths, "svg", titled)
+
+
 @pytest.fixture(scope="session")
 def ran(made_once):
     """The folder of a real run of half a second that misses one of two bounds; copy it to change
