@@ -4,6 +4,7 @@
 and filters that are not used here.
 """
 
+import functools
 import importlib
 import sys
 from importlib.util import find_spec
@@ -14,6 +15,7 @@ from typing import Any
 PACKAGES = ("filterpy", "filterpy.kalman")
 
 
+@functools.cache  # each run asks, and this import is forgotten again
 def kalman_filter() -> Any:
     """Return the class `filterpy.kalman.KalmanFilter`."""
     if PACKAGES[-1] in sys.modules:
