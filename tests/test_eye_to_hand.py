@@ -141,8 +141,8 @@ def test_a_filter_ends_the_lag_behind_a_leader():
     """Without one it is f v / (Z gain); a filter of de/dt knows no difference between a target that
     drives and a goal that does.
     """
-    drives = ["motion.kind=line", "motion.x=-0.3", "motion.speed=0.04", "run.duration=3.0"]
-    drives += ["leader.on=[0.0, 0.0, 0.58, 80.0, 0.0, 0.0]", "measure.after=2.0"]
+    drives = ["motion.kind=line", "motion.x=-0.3", "motion.speed=0.04", "run.duration=2.2"]
+    drives += ["leader.on=[0.0, 0.0, 0.58, 80.0, 0.0, 0.0]", "measure.after=1.8"]
     lag = {}
     for kind in ("none", "kalman_cv", "true"):
         steps, summary = measured_run(load("hand_follow", [*drives, f"estimator.kind={kind}"]))

@@ -190,8 +190,20 @@ def entities(path):
     return {chunk.entity_path.strip("/") for chunk in RrdReader(str(path)).stream()}
 
 
-@pytest.mark.parametrize("estimator", ["kalman_cv", "error_kalman", "imm"])
-@pytest.mark.parametrize("kind", ["points", "pose", "hybrid", "segment"])
+SCHEMES = ("points", "pose", "hybrid", "segment")
+PAIRED = ("kalman_cv", "error_kalman", "imm", "kalman_cv")
+"""The filter with which the plain command runs each scheme."""
+
+
+def paired():
+    """Every scheme with every kind of filter."""
+    for kind, plain in zip(SCHEMES, PAIRED, strict=True):
+        for estimator in dict.fromkeys(PAIRED):
+            marks = () if estimator == plain else pytest.mark.wide
+            yield pytest.param(kind, estimator, marks=marks)
+
+
+@pytest.mark.parametrize(("kind", "estimator"), [*paired()])
 def test_every_scheme_follows_a_moving_tag_with_every_kind_of_filter(kind, estimator):
     """In six degrees of freedom; without a filter the centre is 14 px behind (f v / Z lambda).
 

@@ -265,14 +265,15 @@ def _off(step: Step) -> dict[str, float]:
     that are too far from the goal for convergence, each with its distance from the goal.
     """
     angle, size = step.servoed
-    apart = np.array([step.truth.theta - step.goal.theta])
-    turned = abs(_servo_angles(apart, step)[0])
     grown = abs(step.truth.size / step.goal.size - 1)
     found = dict[str, float]()
     if step.servo_error > CONVERGED_PX:
         found["centre"] = step.servo_error
-    if angle and turned > CONVERGED_RAD:
-        found["angle"] = np.degrees(turned)
+    if angle:
+        apart = np.array([step.truth.theta - step.goal.theta])
+        turned = abs(_servo_angles(apart, step)[0])
+        if turned > CONVERGED_RAD:
+            found["angle"] = np.degrees(turned)
     if size and grown > CONVERGED_SCALE:
         found["size"] = 100 * grown
     if step.rotation_error > CONVERGED_RAD and step.servoes_pose:

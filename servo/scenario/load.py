@@ -1,6 +1,5 @@
 """Loads scenarios from TOML files as frozen values; each error names the file or the option."""
 
-import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -19,7 +18,7 @@ from servo.scenario.fill import WrongSetting, fill, fill_plugin
 from servo.scenario.keywords import Change
 from servo.scenario.named_files import read
 from servo.scenario.tables import KEYS, SECTIONS, SETTABLE, TABLES, config_of, section_of
-from servo.scenario.toml import Table, is_table, put, with_settings
+from servo.scenario.toml import Table, copied, is_table, put, with_settings
 from sim import kinds
 from sim.installed import Trusted
 from sim.timing import Rates
@@ -127,7 +126,7 @@ def _changed(file: Table, changes: Sequence[Change]) -> Table:
     Raises:
         Mistake: A value is not one of TOML, or a setting is inside a value that is not a table.
     """
-    table = copy.deepcopy(file)
+    table = copied(file)
     for change in changes:
         if change.key in SAME_TIME:
             toml.drop(table, SAME_TIME[change.key])

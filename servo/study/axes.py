@@ -77,12 +77,18 @@ def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...
             raise Mistake(f"{at} = {given!r}: expected a list of values, or one of {forms}")
         if len(given) > MOST_VALUES:
             raise Mistake(f"{at} has {len(given):,} values; the limit is {MOST_VALUES:,}")
-        # For Python True equals 1, which is another value of a setting.
-        values = [(isinstance(value, bool), value) for value in given]
-        if any(value in values[:place] for place, value in enumerate(values)):
+        if _has_equal(given):
             raise Mistake(f"{at} has the same value twice")
         axes.append(Axis(key, tuple(given)))
     return tuple(axes), tuple(draws)
+
+
+def _has_equal(values: list[Any]) -> bool:
+    """Return whether two of the values are equal; for Python True is 1, which is another value."""
+    typed = [(isinstance(value, bool), value) for value in values]
+    whole = [pair for pair in typed if not isinstance(pair[1], list | dict)]
+    made = [pair for pair in typed if isinstance(pair[1], list | dict)]  # they have no hash
+    return len(set(whole)) < len(whole) or any(pair in made[:at] for at, pair in enumerate(made))
 
 
 def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:

@@ -1,6 +1,5 @@
 """Runs scenarios in the closed loop as jobs of a study, and makes the records of the runs."""
 
-import copy
 import functools
 import platform
 import time
@@ -23,7 +22,7 @@ from servo.scenario.draws import Value
 from servo.scenario.expected import tracker_of
 from servo.scenario.load import Scenario
 from servo.scenario.named_files import digest_of
-from servo.scenario.toml import Table, assignment, put
+from servo.scenario.toml import Table, assignment, copied, put
 from servo.study.axes import SCENARIO, Named
 from servo.study.bounds import check_expect, missed_bounds, unjudged
 from servo.study.run import Job, Record, Series
@@ -104,7 +103,7 @@ class StudiedScenario:
             seed: The run's seed.
             settings: Values of the study's axes and drawn settings, by name.
         """
-        table = copy.deepcopy(self.table)
+        table = copied(self.table)
         table.pop("sweep", None)
         for key, value in _ordered(self.changes | self._own(settings)).items():
             put(table, key, value, self.study)
