@@ -86,7 +86,7 @@ class Declares(Protocol):
 
     @property
     def needs(self) -> Channels:
-        """Channels that the component uses."""
+        """Channels of data that the component uses besides the arguments of its methods."""
         ...
 
 

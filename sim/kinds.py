@@ -69,7 +69,7 @@ class KeptOutOfFiles(Protocol):
 
     @property
     def not_from_file(self) -> tuple[str, ...]:
-        """Names of the settings that a file may not give."""
+        """Names of the settings that a file may not give, only the command line or Python."""
         ...
 
 
@@ -95,7 +95,7 @@ class UnknownKind(ValueError):
 
 @functools.cache  # parsing a scenario asks 40 times, 0.25 ms each
 def _modules_in(paths: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the public modules in the folders of a package, sorted."""
+    """Return the names of the modules in folders, without those that begin with "_", sorted."""
     return tuple(sorted(m.name for m in pkgutil.iter_modules(paths) if m.name[0] != "_"))
 
 
@@ -240,7 +240,9 @@ class Kinds(Generic[Config]):
         return _modules_in(tuple(importlib.import_module(self.folder).__path__))
 
     def _added(self) -> dict[str, Installed]:
-        """Return the kinds of installed packages by their names in this folder."""
+        """Return the kinds that installed packages add to this folder, by the names that they have
+        here.
+        """
         found = installed(self.group) if self.group else ()
         count = Counter([*self._own(), *(k.kind for k in found)]) if found else Counter[str]()
         return {k.kind if count[k.kind] == 1 else f"{k.package}:{k.kind}": k for k in found}
@@ -315,7 +317,9 @@ def checked(config: Config, place: str) -> Config:
 
 def _check_config(config: ConfigClass, name: str) -> None:
     if not dataclasses.is_dataclass(config):
-        raise UnknownKind(f"'{name}' has a method build(rng), but is no dataclass of settings")
+        raise UnknownKind(
+            f"'{name}' has a method build(rng), but is no dataclass of settings: make it one"
+        )
     missing = dataclasses.MISSING
     bare = [
         f.name
@@ -323,7 +327,9 @@ def _check_config(config: ConfigClass, name: str) -> None:
         if f.init and f.default is missing and f.default_factory is missing
     ]
     if bare:
-        raise UnknownKind(f"'{name}': its settings {', '.join(bare)} have no defaults")
+        raise UnknownKind(
+            f"'{name}': the settings {', '.join(bare)} have no defaults: give each one"
+        )
     presets = getattr(config, "PRESETS", {})
     if not isinstance(presets, dict) or not all(isinstance(p, dict) for p in presets.values()):
         raise UnknownKind(f"'{name}': PRESETS should be a table of settings for each name")

@@ -1,5 +1,5 @@
-"""The leader: a tag in the room that the scenario's `[motion]` moves. The robot is to keep the
-target that it holds beside the tag, before a camera that stands in the room.
+"""The leader: a tag in the room that the scenario's `[motion]` moves, while the robot is to keep
+the target that it holds beside this tag, in front of a camera that stands in the room.
 """
 
 from dataclasses import dataclass

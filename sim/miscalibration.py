@@ -90,7 +90,7 @@ class BelievedConfig:
 
     @property
     def is_body_right(self) -> bool:
-        """True if hand-eye pose and joint positions have no errors."""
+        """True if these settings give the hand-eye pose and the joint positions no errors."""
         errors = *self.hand_eye_rotation_deg, *self.hand_eye_mm, *np.ravel(self.joint_offsets)
         return not any(errors)
 
@@ -168,7 +168,9 @@ class BelievedRobot:
         return self._robot.posture(self._data, twist, accepted)
 
     def _read(self, data: mujoco.MjData) -> None:
-        """Set the state of the believed robot to what the encoders read."""
+        """Set the state of the robot's wrong model to the joint positions that the encoders read,
+        with their noise and offsets.
+        """
         q = self._true.joints(data) + self._play
         if self._noise.any():
             q += self._rng.normal(0.0, self._noise)

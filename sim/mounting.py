@@ -1,5 +1,5 @@
-"""The mounting: the robot carries the camera, or it carries the target before a camera that stands
-in the room.
+"""The mounting of the camera: the robot carries the camera, or it carries the target in front of a
+camera that stands in the room.
 
 The kinematics of a camera in the hand hold for a target in the hand, too, if camera poses and
 twists are taken relative to the target: moving the target by a twist moves the camera, seen from
@@ -64,11 +64,15 @@ class CameraInHand:
         placement.check_above_table(eye)
 
     def eye(self, hand: Pose) -> Pose:
-        """Return T_world_camera from T_world_hand: the same pose."""
+        """Return T_world_camera for a hand at T_world_hand: the same pose, because the camera is
+        the hand.
+        """
         return hand
 
     def hand(self, eye: Pose) -> Pose:
-        """Return T_world_hand for a camera at T_world_camera: the same pose."""
+        """Return T_world_hand for a camera at T_world_camera: the same pose, because the camera is
+        the hand.
+        """
         return eye
 
     def target(self, moved: Pose, hand: Callable[[], Pose]) -> Pose:
@@ -119,17 +123,21 @@ class TargetInHand:
 
     @property
     def standing(self) -> Pose:
-        """T_world_camera of the camera, which stands in the room."""
+        """Pose T_world_camera of the camera, which does not move."""
         return self.T_world_camera
 
     def check(self, model: mujoco.MjModel, place: str) -> None:
-        """Accept every model: its camera is moved into the room."""
+        """Accept every robot model, because its camera is moved into the room; the arguments are
+        not used.
+        """
 
     def check_start(self, eye: Pose) -> None:
         """Accept every start pose: a held target may be below the table's top."""
 
     def eye(self, hand: Pose) -> Pose:
-        """Return T_target_camera from T_world_hand."""
+        """Return T_target_camera, the pose of the standing camera as seen from the held target, for
+        a hand at T_world_hand.
+        """
         return (hand @ self.T_hand_target).inverse() @ self.T_world_camera
 
     def hand(self, eye: Pose) -> Pose:
@@ -166,7 +174,9 @@ Mounting = CameraInHand | TargetInHand
 
 
 def mounting_of(camera: CameraConfig) -> Mounting:
-    """Return the mounting that the camera's settings describe."""
+    """Return the mounting that the setting `camera.mounted` names: the camera in the hand, or the
+    target in the hand.
+    """
     if camera.mounted == "robot":
         return CameraInHand()
     return TargetInHand(mount_pose(camera.pose), mount_pose(camera.held))

@@ -27,17 +27,17 @@ class Outline:
 
     @property
     def length(self) -> float:
-        """Side along the target's nose [m]."""
+        """Length of the rectangle along the target's nose [m]."""
         return float(np.ptp(self.corners[:, 0]))
 
     @property
     def width(self) -> float:
-        """Side across the target's nose [m]."""
+        """Length of the rectangle across the target's nose [m]."""
         return float(np.ptp(self.corners[:, 1]))
 
     @property
     def height(self) -> float:
-        """Height over the table [m]."""
+        """Height of the rectangle over the table, z in the target's frame [m]."""
         return float(self.corners[0, 2])
 
     @property

@@ -47,7 +47,7 @@ def config_for(part: object, make: Callable[..., object], **attributes: object) 
 
 
 def has_methods(part: object, *names: str) -> bool:
-    """Return whether a class or an object has all these methods."""
+    """Return whether a class or an object has all methods of these names."""
     return all(callable(getattr(part, name, None)) for name in names)
 
 
@@ -68,8 +68,8 @@ def _settings_of(taken: Mapping[str, inspect.Parameter]) -> dict[str, object]:
 
 
 def _type_of(default: object) -> object:
-    """Return the type of a setting by its default: whole and other numbers are both allowed for a
-    number, and any value for other types than bool and str.
+    """Return the type of a setting by its default value: bool or str for one of these, `int |
+    float` for any number, and Any for other values.
     """
     of = type(default)
     return int | float if of in (int, float) else of if of in (bool, str) else Any

@@ -99,7 +99,7 @@ class Stage:
         self._board_parked = model.body(BOARD).pos.copy()
 
     def effect(self, time: float) -> Effect:
-        """Return the combined effect of all disturbances at a time [s]."""
+        """Return what all disturbances change at a time of the run [s], combined."""
         return reduce(or_, (d.at(time) for d in self._disturbances), Effect())
 
     def target(self, time: float) -> Pose:
@@ -107,7 +107,9 @@ class Stage:
         return self._mounting.target(self._at(time), self._hand)
 
     def goal(self, time: float) -> Pose | None:
-        """Return the desired T_world_target at a time [s]; None without a leader."""
+        """Return the desired pose T_world_target of the held target at a time of the run [s]; None
+        without a leader.
+        """
         return None if self._leader is None else self._at(time) @ self._leader.T_moved_goal
 
     def place(self, data: mujoco.MjData, time: float, eye: Pose) -> None:

@@ -100,7 +100,9 @@ class LightConfig:
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """The ground under the target, the clutter around it and the light."""
+    """What surrounds the target: ground, clutter and light, with the generator that draws the
+    clutter.
+    """
 
     ground: GroundConfig = field(default_factory=GroundConfig)
     clutter: ClutterConfig = field(default_factory=ClutterConfig)

@@ -100,7 +100,7 @@ class Pose:
     def __post_init__(self) -> None:
         found = np.shape(self.rotation), np.shape(self.translation)
         if found != ((3, 3), (3,)):
-            raise ValueError(f"a rotation (3, 3) and a translation (3,) expected, got {found}")
+            raise ValueError(f"a pose needs a rotation (3, 3) and a translation (3,), got {found}")
 
     @staticmethod
     def planar(x: float, y: float, heading: float) -> Pose:
@@ -123,11 +123,11 @@ class Pose:
         return Pose(self.rotation @ other.rotation, self.apply(other.translation))
 
     def inverse(self) -> Pose:
-        """Return the inverse transform T_b_a."""
+        """Return the inverse transform T_b_a of T_a_b."""
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 
     def apply(self, points: Array) -> Array:
-        """Return points (..., 3), given in frame b, in frame a."""
+        """Return points (..., 3) [m], given in frame b, in frame a."""
         return points @ self.rotation.T + self.translation
 
 

@@ -42,7 +42,7 @@ UNSTABLE = tuple(
 
 @dataclass(frozen=True, slots=True)
 class WorldConfig:
-    """Settings of the simulation: rates of physics and drives [Hz], measuring of visibility."""
+    """Settings of the simulation: physics and drive rates [Hz], and measuring of visibility."""
 
     physics_rate: Annotated[float, Ge(240), Le(100_000)] = 480.0
     """Physics steps a second [Hz]; a few more where the camera's rate does not divide it."""
@@ -233,7 +233,9 @@ class World:
         return placement.camera_facing(self.outline, target, T_camera_object)
 
     def _target_seen(self, time: float = 0.0) -> Pose:
-        """Return the target's pose at a time [s], in the frame in which `Robot.eye` is given."""
+        """Return the target's pose at a time of the run [s], in the frame of `Robot.eye`: the
+        world, or the held target itself.
+        """
         return self.robot.mounting.seen_from(self._stage.target(time))
 
     def _go(self, T_world_camera: Pose, way: Callable[[], Sequence[Pose]] | None) -> Reach:
@@ -278,8 +280,8 @@ class World:
             mujoco.mj_step(self.model, self.data, until - k)
         if any(self.data.warning[w].number for w in UNSTABLE):
             raise Unstable(
-                "its simulation became unstable: drives or masses are too extreme "
-                "for world.physics_rate"
+                "the simulation became unstable: drives or masses are too extreme for "
+                "world.physics_rate; raise that rate"
             )
         self._frames += 1
         self._accepted = np.mean(accepted, axis=0)
@@ -289,7 +291,9 @@ class World:
         return tuple(slowed_by)
 
     def posture(self) -> Posture:
-        """Return the exact posture of the robot at the present time."""
+        """Return the robot's exact posture at the present time: camera pose, twist, joints, limits
+        and Jacobian.
+        """
         return self.robot.posture(self.data, self._mean_twist, self._accepted)
 
     def believed(self, posture: Posture) -> Posture:
@@ -390,13 +394,17 @@ class World:
         return np.concatenate([rotations, self.data.xpos[1:, :, None]], axis=2)
 
     def _set_stage(self, time: float) -> Pose:
-        """Set mocap bodies and lights for a time [s]; return T_world_camera."""
+        """Set the prescribed bodies (target, leader, board) and the lights for a time of the run
+        [s]; return T_world_camera.
+        """
         eye = self._refreshed()
         self._stage.place(self.data, time, eye)
         return self._refreshed()
 
     def _refreshed(self) -> Pose:
-        """Update all poses, outdated after mj_step or new body poses; return T_world_camera."""
+        """Compute all poses of the scene anew, which are outdated after a physics step or new body
+        poses; return T_world_camera.
+        """
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)

@@ -1,5 +1,6 @@
 """What several tests need: a renderer of one thread, the shared measurements, a painted picture."""
 
+import gc
 import json
 import os
 import shutil
@@ -107,6 +108,17 @@ def pytest_ignore_collect(collection_path, config):
     return True if "mark.processes" not in collection_path.read_text() else None
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Half a million objects live until the end: do not search them for garbage again and again."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: -LONGEST_FIRST.get(item.path.stem, 0.0))
@@ -194,6 +206,20 @@ def no_progress(monkeypatch):
     from servo.cli import jobs
 
     monkeypatch.setattr(jobs, "FIRST", np.inf)
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures of pages have their titles and no lines: drawing takes half of the time of a page."""
+    from markupsafe import Markup
+
+    from servo.report import charts, study_paths
+
+    def titled(_figure, title):
+        return Markup('<svg role="img" aria-label="{}"></svg>').format(title)
+
+    monkeypatch.setattr(charts, "svg", titled)
+    monkeypatch.setattr(study_paths, "svg", titled)
 
 
 @pytest.fixture(scope="session")

@@ -126,7 +126,7 @@ def test_seeds_of_the_command_line(tmp_path, monkeypatch):
 
 
 def test_numbers_of_runs_are_written_out_up_to_a_limit(tmp_path):
-    path, end = tmp_path / "mine.toml", ": this makes {} runs; the limit is 1,000,000"
+    path, end = tmp_path / "mine.toml", ": this study has {} runs; the limit is 1,000,000"
     axes = "\n".join(
         f"axes.start.{k} = {{ linspace = [1, 2, 10000] }}" for k in ("x", "y", "scale")
     )

@@ -269,7 +269,7 @@ def test_holding_and_arriving_are_judged_from_a_record():
 
 
 def test_a_row_of_another_version_is_refused(public):
-    with pytest.raises(Mistake, match="rows of two versions cannot be compared"):
+    with pytest.raises(Mistake, match="results of two versions cannot be compared"):
         check_version(public, row("a", [1.0]))
 
 
@@ -307,7 +307,7 @@ def test_a_law_is_entered_by_the_name_of_its_features_or_its_controller(given, s
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        (["truth"], "the tracker 'truth' cannot compete"),
+        (["truth"], "the tracker 'truth' cannot take part"),
         (["x="], "write NAME=KIND"),
         (["kams", "kams"], "two contestants are called 'kams'"),
         (["still=kams"], "two contestants are called 'still'"),
@@ -689,7 +689,7 @@ def test_a_row_without_a_world_of_the_others_is_a_sentence():
         row("still", [0.0] * 3),
         replace(row("a", [1.0]), worlds={"x-00": WorldScore(1.0, True)}),
     ]
-    sentence = "^the row 'a' shares no world with the rows that fix the scale: run it in the same"
+    sentence = "^'a' was run in none of the worlds of the contestants that fix the scale: run 'a' in the same"
     with pytest.raises(Mistake, match=sentence):
         standings(rows)
 

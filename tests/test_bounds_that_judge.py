@@ -15,7 +15,7 @@ def test_every_shipped_bound_can_be_kept_and_missed(name):
 
 
 SETTINGS = ("run.duration=12", "measure.after=2", "robot.kind=arm")
-ROUNDING = "rounding exceeds this bound; it should be above 1e-09"
+ROUNDING = "rounding errors exceed this bound; raise it above 1e-09"
 PERCENT = "no run misses this bound, because the measure is at most 100 %"
 ANGLE = "no run misses this bound, because no angle is above 180 deg"
 
@@ -99,7 +99,8 @@ def test_a_check_says_it(tmp_path, capsys, monkeypatch):
         main.main()
     said = " ".join(capsys.readouterr().err.split())
     assert (
-        "mine: expect.retreat_m = 0: rounding exceeds this bound; it should be above 1e-09" in said
+        "mine: expect.retreat_m = 0: rounding errors exceed this bound; raise it above 1e-09"
+        in said
     )
     assert "mine: expect.lost_pct = 100: no run misses this bound" in said
 
@@ -114,7 +115,7 @@ def test_a_study_says_it_of_its_own_bounds(tmp_path, capsys, monkeypatch):
     with pytest.raises(SystemExit):
         main.main()
     said = " ".join(capsys.readouterr().out.split())
-    assert said.count("expect.retreat_m = 0: rounding exceeds this bound") == 1
+    assert said.count("expect.retreat_m = 0: rounding errors exceed this bound") == 1
     assert (
         "expect.settle_s = 0.15: a run of 0.1 s misses this bound only if it never settles" in said
     )

@@ -397,17 +397,17 @@ WRONG = {
     "no distortion, and its numbers": (
         "plumb_bob",
         "none",
-        "cam.yaml: distortion_model = 'none', but distortion_coefficients has some",
+        "cam.yaml: distortion_model = 'none', but distortion_coefficients are given: leave one out",
     ),
     "a model twice": (
         "head",
         "head\ndistortion_model: equidistant",
-        "cam.yaml: distortion_model is there twice; a calibration is that of one camera",
+        "cam.yaml: distortion_model is given twice: leave only the calibration of one camera",
     ),
     "two cameras": (
         "camera_name: head\n",
         "camera_name: head\n---\nimage_width: 320\n",
-        "cam.yaml: image_width is there twice; a calibration is that of one camera",
+        "cam.yaml: image_width is given twice: leave only the calibration of one camera",
     ),
     "binning": (
         "image_width",
@@ -417,7 +417,7 @@ WRONG = {
     "a part of the picture": (
         "image_width",
         "roi: {x_offset: 50, y_offset: 40, height: 200, width: 300}\nimage_width",
-        "cam.yaml: roi = {'x_offset': 50, 'y_offset': 40, 'height': 200, 'width': 300} should be the whole picture",
+        "cam.yaml: roi = {'x_offset': 50, 'y_offset': 40, 'height': 200, 'width': 300} is not the whole picture; give the calibration of the whole picture",
     ),
     "no width": ("image_width", "breadth", "cam.yaml: image_width: a value is missing"),
     "a width of zero": ("640", "0", "cam.yaml: image_width = 0: input should be greater than 0"),
@@ -457,12 +457,12 @@ def test_a_wrong_calibration_is_a_sentence(here, name):
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        (b"", "cam.yaml: this is no calibration: it should have camera_matrix"),
+        (b"", "cam.yaml: this is no calibration of a camera: camera_matrix is missing"),
         (
             b"cam0: {intrinsics: [1, 1, 0, 0], distortion_model: equidistant}",
-            "cam.yaml: this is no calibration: it should have camera_matrix",
+            "cam.yaml: this is no calibration of a camera: camera_matrix is missing",
         ),
-        (b"[1, 2]", "cam.yaml: this is no calibration: it should have camera_matrix"),
+        (b"[1, 2]", "cam.yaml: this is no calibration of a camera: camera_matrix is missing"),
         (b"\xff\xfe\x00", "cam.yaml: cannot read this calibration: it is not UTF-8 text"),
         (
             b"#" * 20_001,
@@ -489,8 +489,14 @@ def test_a_file_that_is_no_calibration_is_a_sentence(here, content, sentence):
             "camera.distortion=fisheye",
             "distortion and calibration both give the lens; leave one out",
         ),
-        ("camera.width=320", "320 x 480 px has not the shape of the 640 x 480 px of cam.yaml"),
-        ("camera.height=640", "640 x 640 px has not the shape of the 640 x 480 px of cam.yaml"),
+        (
+            "camera.width=320",
+            "320 x 480 px has another aspect ratio than the 640 x 480 px of cam.yaml: correct camera.width or camera.height",
+        ),
+        (
+            "camera.height=640",
+            "640 x 640 px has another aspect ratio than the 640 x 480 px of cam.yaml: correct camera.width or camera.height",
+        ),
     ],
 )
 def test_what_does_not_fit_a_calibration_is_a_sentence(here, change, sentence):

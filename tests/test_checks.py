@@ -114,7 +114,7 @@ TRACKERS = {
     "it should be an array (4, 4); a tracker without one": changed(covariance=np.zeros(4)),
     "its variances cannot be negative": changed(covariance=-np.eye(4)),
     "it should be an array of four points (4, 2)": changed(corners=np.zeros((4, 3))),
-    "it writes into frame.image; work on a copy": Writes,
+    "the tracker writes into frame.image; work on a copy": Writes,
     "the same pictures gave other states the second time": Dice,
     "a second start did not forget the first; reset in start all that a run changes": Counts,
     "the states differ where the caller uses one buffer for all pictures": Identity,
@@ -122,7 +122,7 @@ TRACKERS = {
     "the status is LOCKED two seconds after the target has disappeared": changed(
         status=Status.LOCKED
     ),
-    "start took a region of 0 x 20 px; raise a ValueError": AnyRegion,
+    "start accepted a region of 0 x 20 px; raise a ValueError": AnyRegion,
     "build returned Namespace, which has no method start": lambda rng: Namespace(),
 }
 

@@ -28,13 +28,17 @@ FEATURES = {
     "noise is not an array of 2 numbers above 0": {"noise": np.zeros(2)},
     "values returned (3,); it should be (2,)": {"values": lambda self, sight: np.zeros(3)},
     "matrix returned (6, 2); it should be (2, 6)": {"matrix": lambda self, sight: np.zeros((6, 2))},
-    "error(s, s) is [1. 1.]; it should be zero": {"error": lambda self, s, g: np.ones(2)},
+    "error(s, s) is [1. 1.]; return zeros for equal features": {
+        "error": lambda self, s, g: np.ones(2)
+    },
     "known returned bool; it should be (2,)": {"known": lambda self, sight: True},
     "scales returned [0. 0.]; all must be above 0": {"scales": lambda self, goal: np.zeros(2)},
-    "the same sight gave other values the second time": {
+    "the same view of the target gave other values the second time": {
         "values": lambda self, sight: np.full(2, float(next(NUMBERS)))
     },
-    "its values change by": {"matrix": lambda self, s: 1.01 * Centre.matrix(self, s)},
+    "but finite differences of the values give": {
+        "matrix": lambda self, s: 1.01 * Centre.matrix(self, s)
+    },
 }
 
 
@@ -110,10 +114,10 @@ OTHER_PARTS = {
     "the outline: expected the four corners of a rectangle, clockwise as seen from above": (check_target, config_for(
         lambda rng: dataclasses.replace(
             car.Config().build(rng), outline=rectangle(np.zeros(3), 0.2, 0.1)[::-1]))),
-    "the outline is 20 x 0.1 m; its sides go from 0.001 to 2": (check_target, config_for(
+    "the outline is 20 x 0.1 m; its sides have to be from 0.001 to 2": (check_target, config_for(
         lambda rng: dataclasses.replace(
             car.Config().build(rng), outline=rectangle(np.zeros(3), 20.0, 0.1)))),
-    "its model has no geoms": (check_target, config_for(
+    "the target's model has no geoms": (check_target, config_for(
         lambda rng: dataclasses.replace(car.Config().build(rng), spec=type(
             car.Config().build(rng).spec)()))),
 }  # fmt: skip

@@ -6,7 +6,7 @@ import sys
 import pytest
 from kept import found
 
-from servo.cli import compare_command, main
+from servo.cli import compare_command, main, report_command
 from servo.cli.compare_command import MEASURED, study_of, variants_of
 from servo.mistake import Mistake
 from servo.study.store import StudyFile
@@ -14,6 +14,12 @@ from servo.study.store import StudyFile
 PARTS = ("tracker", "controller", "estimator")
 PLAIN = {"set_of": (), "changes": (), "measured": False, "seeds": 2, "workers": 1}
 PLAIN |= {"scheduler": None, "measures": None, "dry_run": False, "quiet": True}
+
+
+@pytest.fixture
+def unprinted(monkeypatch):
+    """No figures are written beside a page."""
+    monkeypatch.setattr(report_command, "figures", lambda *_: [])
 
 
 def compared(*scenarios, **options):
@@ -70,7 +76,7 @@ def test_a_single_variant_stands_beside_the_scenario_as_it_is():
         ),
         (
             {"tracker": ["a="]},
-            "'a=': write NAME=KIND, NAME=module:Class, NAME='trax:COMMAND' or NAME=onnx:FILE",
+            "'a=': a name or a tracker is missing; write NAME=KIND, NAME=module:Class, NAME='trax:COMMAND' or NAME=onnx:FILE",
         ),
         (
             {"set_of": ["slow"]},
@@ -109,6 +115,7 @@ def test_one_command_writes_study_page_table_and_figures(monkeypatch, tmp_path):
     assert found(folder) == {"000000", "000001"}
 
 
+@pytest.mark.usefixtures("undrawn", "unprinted")
 def test_scenarios_of_different_lengths_share_no_curve_over_time(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     asked = dict.fromkeys(PARTS, ()) | {"set_of": ["calm=controller.gain=0.5"], "seeds": 1}

@@ -16,6 +16,7 @@ PICTURE = ("camera.depth=true", "camera.depth_noise=0.0014", "camera.depth_holes
 PLATE = ("target.kind=plate", "features.kind=hybrid", "run.duration=5")
 SMALL = ("camera.width=160", "camera.height=120", "start.x=30")
 """Pictures of a quarter of the pixels, for runs whose tracker does not look at them."""
+TILTED = ("start.tilt_deg=20", "run.duration=3")
 SURFACE = 0.002
 """Height of the plate's surface, whose distance is held, over its origin [m]."""
 
@@ -81,6 +82,7 @@ def last(*settings: str) -> Step:
 )
 def test_a_wrong_size_does_no_harm_where_the_depth_is_measured(tracker: str, features: str) -> None:
     wrong = ("believed.size_factor=1.2", f"tracker.kind={tracker}", f"features.kind={features}")
+    wrong += ("run.duration=4",)
     wrong += SMALL if tracker == "truth" else ()
     by_size = last(*wrong).truth.depth - SURFACE
     by_picture = last(*wrong, *PICTURE, "sight.depth=picture").truth.depth - SURFACE
@@ -98,7 +100,7 @@ def test_a_depth_picture_stands_in_for_a_tracker_that_follows_no_size() -> None:
 @pytest.mark.parametrize("features", ["hybrid", "points"])
 def test_a_plane_of_the_picture_levels_a_camera_whose_tracker_sees_no_tilt(features: str) -> None:
     kinds = ("robot.kind=free", "tracker.kind=truth", f"features.kind={features}")
-    tilted = (*kinds, *SMALL, "start.tilt_deg=20", *PICTURE, "sight.depth=picture")
+    tilted = (*kinds, *SMALL, *TILTED, *PICTURE, "sight.depth=picture")
     assert np.degrees(last(*tilted).tilt) == pytest.approx(20.0, abs=0.1)
     assert np.degrees(last(*tilted, "sight.plane=picture").tilt) < 0.5
 
@@ -108,8 +110,8 @@ def test_a_plane_of_the_picture_levels_a_camera_whose_tracker_sees_no_tilt(featu
     [
         (
             ("sight.depth=picture",),
-            'still: sight: "picture" needs a depth picture: camera.depth = true, or Frame.depth of '
-            "a camera of yours",
+            'still: sight: plane or depth = "picture" needs a depth picture, and there is none: set '
+            "camera.depth = true, or give Frame.depth with a camera of your own",
         ),
         (
             ("believed.size_factor=1.2", "believed.goal=shown"),

@@ -4,16 +4,18 @@ import itertools
 
 import numpy as np
 import pytest
-from servoing import ROOT_AREA, facing, posture_of, task
+from servoing import OUTLINE, ROOT_AREA, facing, posture_of, task
 
 from servo.controllers._inverse import Inverse
 from servo.controllers.ibvs import Config
-from servo.estimators import kalman_cv
+from servo.estimators import kalman_cv, none
 from servo.features._interaction import interaction
+from servo.features.points import PointFeatures
 from servo.mistake import Mistake
 from servo.scenario import load as s
-from servo.sight import shape_moments
+from servo.sight import exact, shape_moments
 from servo.types import DOF, Mode, Sight
+from sim.types import Pose
 from tracking.types import Region, State
 
 RNG = np.random.default_rng(0)
@@ -72,13 +74,12 @@ def test_where_nothing_may_move_the_inverse_is_zero():
 
 
 STANDS = (
-    "controller: dof and weights let no part of the twist move; for a camera that stands still set "
-    'controller.kind = "hold"'
+    "controller: dof and weights let no component of the twist move: give one that may move a "
+    'weight above 0; for a camera that stands still set controller.kind = "hold"'
 )
 REFUSED = {
     "controller.dof=[]": STANDS,
     "controller.weights=[0, 0, 0, 0, 0, 0]": STANDS,
-    "controller.weights=[0, 0, 0, 1, 1, 0]": STANDS,
     "controller={ kind = 'ibvs', dof = ['wz'], weights = [1, 1, 1, 1, 1, 0] }": STANDS,
     "controller.dof=['vx', 'vy', 'vx']": "controller: dof has 'vx' twice",
     "controller.secondary=['level', 'level']": "controller: secondary has 'level' twice",
@@ -96,3 +97,32 @@ def test_a_camera_that_cannot_move_and_a_name_twice_are_refused(change):
 def test_no_secondary_task_and_nothing_fed_forward_are_allowed():
     found = s.load("line", ["controller.secondary=[]", "controller.feed_forward=[]"]).controller
     assert (found.secondary, found.feed_forward) == ((), ())
+
+
+TURNS = (0.0, 0.0, 0.0, 1.0, 1.0, 0.0)
+"""Weights that let the camera only tilt."""
+
+
+def test_weights_that_only_tilt_the_camera_move_it_with_six_features():
+    config = s.load("line", [f"controller.weights={list(TURNS)}"]).controller
+    controller = config.build(RNG)
+    features = PointFeatures()
+    goal = exact.sight_of(Pose(np.eye(3), np.array([0.0, 0.0, 1.0])), OUTLINE)
+    seen = exact.sight_of(Pose(np.eye(3), np.array([0.05, -0.03, 1.0])), OUTLINE)
+    controller.start(task(goal, none.Config().build(RNG), latency=1, features=features))
+    twist = controller.command(seen, STILL, 1 / 30).twist
+    assert twist[[3, 4]].all()
+    np.testing.assert_array_equal(twist[[0, 1, 2, 5]], 0.0)
+
+
+def test_weights_that_only_tilt_the_camera_are_refused_with_four_features():
+    controller = Config(weights=TURNS).build(RNG)
+    with pytest.raises(ValueError) as refused:
+        controller.start(task(sight(), kalman_cv.Config().build(RNG), latency=1))
+    assert str(refused.value) == (
+        "controller.weights: vx, vy, vz, wz have the weight 0, and with fewer than six features "
+        "only these move by default, so the camera would stand still: give one of them a weight "
+        "above 0, or name wx or wy in controller.dof"
+    )
+    named = Config(weights=TURNS, dof=("wx", "wy")).build(RNG)
+    named.start(task(sight(), kalman_cv.Config().build(RNG), latency=1))

@@ -141,8 +141,8 @@ def test_a_filter_ends_the_lag_behind_a_leader():
     """Without one it is f v / (Z gain); a filter of de/dt knows no difference between a target that
     drives and a goal that does.
     """
-    drives = ["motion.kind=line", "motion.x=-0.3", "motion.speed=0.04", "run.duration=3.0"]
-    drives += ["leader.on=[0.0, 0.0, 0.58, 80.0, 0.0, 0.0]", "measure.after=2.0"]
+    drives = ["motion.kind=line", "motion.x=-0.3", "motion.speed=0.04", "run.duration=2.2"]
+    drives += ["leader.on=[0.0, 0.0, 0.58, 80.0, 0.0, 0.0]", "measure.after=1.8"]
     lag = {}
     for kind in ("none", "kalman_cv", "true"):
         steps, summary = measured_run(load("hand_follow", [*drives, f"estimator.kind={kind}"]))
@@ -225,7 +225,8 @@ def test_a_motion_of_a_held_target_is_refused_at_once():
     with pytest.raises(Mistake) as refused:
         load("hand_tag", ["motion.kind=line"])
     assert str(refused.value) == (
-        "hand_tag: motion: the robot holds the target, so nothing else moves it"
+        'hand_tag: motion: the robot holds the target (camera.mounted = "world"), so that no '
+        "motion can move the target: leave [motion] out"
     )
 
 
@@ -234,10 +235,14 @@ def test_a_motion_of_a_held_target_is_refused_at_once():
     [
         (
             ["camera.mounted=robot", "camera.pose=[0, -1, 0.8, -100, 0, 0]"],
-            'leader: it leads a target that the robot holds, so camera.mounted = "world"',
+            "leader: a leader needs a target that the robot holds, and the robot holds the "
+            'camera: set camera.mounted = "world", or leave [leader] out',
         ),
-        (["goal.x=3"], "goal: it is beside the leader, so leave [goal] out"),
-        (["target.id=1"], "leader.id: 1 is the target's own tag; choose another one"),
+        (
+            ["goal.x=3"],
+            "goal: the goal is beside the leader, where leader.beside puts it: leave [goal] out",
+        ),
+        (["target.id=1"], "leader.id: 1 is the target's own tag: choose another number"),
     ],
 )
 def test_a_leader_leads_what_is_held_and_nothing_else_does(changes, sentence):
@@ -251,12 +256,13 @@ def test_a_leader_leads_what_is_held_and_nothing_else_does(changes, sentence):
     [
         (
             ["motion.frequency=0", "leader.on=[-0.12, 0.0, 0.28, -100.0, 0.0, 0.0]"],
-            "leader: no tag 1 is seen in the first picture",
+            "leader: no tag 1 is seen in the first picture: move the tag into view, or correct "
+            "leader.id",
         ),
         (
             ["features.kind=photometric", "controller.feed_forward=[]"],
             "leader.id: features made of pixels compare with one picture, taken at the first "
-            "goal, so the goal must not move",
+            "goal, so the goal must not move: leave leader.id out",
         ),
     ],
 )

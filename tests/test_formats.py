@@ -173,7 +173,7 @@ run.latency = [0, 1]
 """
 
 
-@pytest.mark.usefixtures("no_workers")
+@pytest.mark.usefixtures("no_workers", "undrawn")
 @pytest.mark.parametrize("kind", COMMANDS)
 def test_the_page_of_each_folder_shows_the_stored_command(kind, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)

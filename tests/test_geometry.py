@@ -97,5 +97,5 @@ def test_what_is_no_rotation_and_translation_is_refused(given, shapes):
     with pytest.raises(ValueError) as refused:
         Pose(*given)
     assert str(refused.value) == (
-        f"a rotation (3, 3) and a translation (3,) expected, got {shapes}"
+        f"a pose needs a rotation (3, 3) and a translation (3,), got {shapes}"
     )

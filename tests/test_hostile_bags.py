@@ -108,7 +108,10 @@ def test_a_link_out_of_a_bag_is_not_followed(tmp_path):
     (file,) = path.glob("*.db3")
     shutil.move(file, tmp_path / "elsewhere.db3")
     file.symlink_to(tmp_path / "elsewhere.db3")
-    assert refusal(path) == f"{path}: {file.name} is a link out of the folder of this bag"
+    assert (
+        refusal(path)
+        == f"{path}: {file.name} is a link out of the folder of this bag: replace the link by its file"
+    )
 
 
 def test_a_link_to_a_whole_bag_and_a_link_inside_it_are_followed(tmp_path):

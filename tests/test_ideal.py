@@ -32,6 +32,6 @@ def test_ideal_feed_forward_knows_the_motion_while_its_command_acts():
     with pytest.raises(ValueError) as refused:
         loop.start(first.frame, scene.region, first.true_state)
     assert str(refused.value) == (
-        "this estimator needs the true motion of the target (true_motion), which only a simulation "
-        "knows; with a real camera choose another one, such as kalman_cv"
+        "estimator: this kind needs the true motion of the target (true_motion), which only a "
+        "simulation knows: with a real camera choose another estimator, such as kalman_cv"
     )

@@ -124,7 +124,7 @@ def test_what_a_table_of_steps_cannot_show_is_said(ran, tmp_path):
         "# encoder_noise",
     ]
     shutil.copy(ran / "steps.parquet", tmp_path / "short.parquet")
-    with pytest.raises(Mistake, match=r"this log is 0.467 s long; 2 to 600 s are needed$"):
+    with pytest.raises(Mistake, match=r"this log is 0.467 s long: record 2 to 600 s$"):
         read(tmp_path / "short.parquet")
 
 

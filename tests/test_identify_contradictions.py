@@ -7,10 +7,11 @@ import pytest
 from gear_log import gear_log
 
 from servo.cli.identify_command import estimated
-from servo.identify.doubts import doubts
+from servo.identify.doubts import _too_long, doubts
 from servo.identify.fit import identify
 from servo.identify.log import read
 from servo.mistake import Mistake
+from tracking.statistics.comparisons import Interval
 
 COMMAND = "command_x_m_s"
 JOINT = "joint_x_m"
@@ -106,7 +107,7 @@ CLOCKS = {
     ),
     "few arrivals": (
         lambda stamps, arrived: np.where(stamps < 0.2, arrived, np.nan),
-        "20 rows have arrived_s, fewer than 40; it is not used",
+        "only 20 rows have arrived_s, and 40 are needed, so it is not used",
         None,
     ),
 }
@@ -134,7 +135,10 @@ def test_arrivals_of_the_clock_of_the_rows_are_not_doubted(tmp_path, columns):
 
 def test_arrivals_that_are_slow_for_a_camera_are_doubted_and_used(tmp_path, columns):
     log = read(written(tmp_path, columns, arrived_s=columns["arrived_s"] + 0.3))
-    assert log.clock == "pictures arrive 0.313 s after their stamps or later: is this one clock?"
+    assert (
+        log.clock
+        == "pictures arrive 0.313 s after their stamps or later: is arrived_s on the clock of time_s?"
+    )
     assert log.transport.min() == pytest.approx(0.3 + WAIT, abs=1e-4)
 
 
@@ -180,6 +184,14 @@ def spiked(values, height):
 
 
 UNMOVED = "the encoder of x does not move with its joint"
+GEAR = (
+    "divide its readings by the gear's ratio, with its sign, if the encoder turns before a gear, "
+    "else correct the unit of the encoder's or of the joint's positions"
+)
+UNCERTAIN = (
+    "the delay is too uncertain in this log: record more movements, such as steps of 0.2 to 0.6 s "
+    "in both directions for 40 s"
+)
 WRONG = {
     "a reversed encoder": (
         lambda c: {ENCODER: -c[ENCODER]},
@@ -196,16 +208,25 @@ WRONG = {
     ),
     "counts": (
         lambda c: {ENCODER: 4096 * c[ENCODER]},
-        "the encoder of x moves 4.12e+03 times as far as its joint: the unit of the encoder's or of "
-        "the joint's positions is wrong",
+        f"the encoder of x moves 4.12e+03 times as far as its joint: {GEAR}",
+    ),
+    "an encoder before a gear that reverses": (
+        lambda c: {ENCODER: -50 * c[ENCODER]},
+        f"the encoder of x moves -50.3 times as far as its joint: {GEAR}",
     ),
     "a spike": (
         lambda c: {JOINT: spiked(c[JOINT], 5.0)},
-        "joint_x_m jumps by 5 at time_s = 7, which no command explains: leave out the wrong rows",
+        "joint_x_m jumps by 5, to 5.00417, at time_s = 7, which no command explains: leave out the "
+        "wrong rows",
+    ),
+    "a spike down": (
+        lambda c: {JOINT: spiked(c[JOINT], -5.0)},
+        "joint_x_m jumps by -5, to -4.99583, at time_s = 7, which no command explains: leave out the "
+        "wrong rows",
     ),
     "a spike of the encoder": (
         lambda c: {ENCODER: spiked(c[ENCODER], 0.05)},
-        "encoder_x_m jumps by 0.0503 at time_s = 7, which no command explains: leave out the "
+        "encoder_x_m jumps by 0.0503, to 0.0542648, at time_s = 7, which no command explains: leave out the "
         "wrong rows",
     ),
     "an encoder of another motion": (
@@ -219,7 +240,7 @@ WRONG = {
     ),
     "a delay of 1 s": (
         lambda c: {name: np.append(np.zeros(100), c[name][:-100]) for name in (JOINT, ENCODER)},
-        "the delay is too uncertain in this log, ",
+        UNCERTAIN,
     ),
     "one movement": (
         lambda c: {
@@ -227,7 +248,7 @@ WRONG = {
             JOINT: 0.03 * np.clip(c["time_s"] - 6.1, 0, None),
             ENCODER: 0.03 * np.clip(c["time_s"] - 6.1, 0, None),
         },
-        "the delay is too uncertain in this log, ",
+        UNCERTAIN,
     ),
     "numbers that overflow": (
         lambda c: {JOINT: 1e300 * c[JOINT]},
@@ -263,19 +284,18 @@ def test_an_encoder_of_another_clock_is_doubted(tmp_path, columns):
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_an_encoder_of_half_or_twice_its_joint_is_refused(tmp_path, columns, factor):
     assert refused(tmp_path, columns, **{ENCODER: factor * columns[ENCODER]}) == (
-        f"the encoder of x moves {1.006 * factor:.3g} times as far as its joint: the unit of the "
-        "encoder's or of the joint's positions is wrong"
+        f"the encoder of x moves {1.006 * factor:.3g} times as far as its joint: {GEAR}"
     )
 
 
 @pytest.mark.parametrize(
     ("every", "sentence"),
     [
-        (600, "this log has 2 positions of x; at least 40 are needed, and more than one movement"),
-        (100, "this log has 12 positions of x; at least 40 are needed, and more than one movement"),
+        (600, "this log has 2 positions of x; record at least 40, and more than one movement"),
+        (100, "this log has 12 positions of x; record at least 40, and more than one movement"),
         (
             20,
-            "the positions of x come each 0.2 s; record one each 0.1 s at least for delay and lag",
+            "the positions of x are 0.2 s apart, too far for delay and lag: record one every 0.1 s or more often",
         ),
     ],
 )
@@ -300,6 +320,24 @@ def test_a_joint_that_never_moves_is_named(tmp_path, columns):
     assert doubts(log, identify(log, [1e-4]), {}) == [
         "y is commanded to move, but its positions stay the same; y is left out"
     ]
+
+
+def test_a_position_that_changes_by_rounding_only_does_not_move(tmp_path, columns):
+    """A reading between two numbers of single precision was a motion of 30 nm."""
+    near = np.array([0.3, np.nextafter(np.float32(0.3), np.float32(1))], np.float32)
+    flickers = near[np.arange(len(columns[COMMAND])) // 7 % 2].astype(float)
+    log = read(written(tmp_path, columns, command_y_m_s=columns[COMMAND], joint_y_m=flickers))
+    assert log.still == ["y"]
+
+
+def test_a_delay_at_the_end_of_the_search_is_not_printed_as_an_estimate():
+    near = Interval(0.4999, 0.45, 0.5)
+    assert _too_long("delay", near, near, 0.5) == [
+        "the delay may be above 500 ms, the longest that is searched"
+    ]
+    vague = Interval(0.5, 0.0, 0.5)
+    with pytest.raises(Mistake, match=r"^the lag is too uncertain in this log: record "):
+        _too_long("lag", vague, near, 0.5)
 
 
 def test_settings_that_no_run_takes_are_refused(tmp_path, columns):

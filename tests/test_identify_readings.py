@@ -98,7 +98,7 @@ def test_a_robot_that_is_no_delay_and_lag_is_doubted(path):
     write(path, ([144.0], [1.0, 12.0, 144.0]))
     log = read(path)
     [sentence] = doubts(log, identify(log, [1e-4]), {})
-    assert sentence.startswith("x does not move as with one delay, one lag and a play: it is 0.0")
+    assert sentence.startswith("x does not move as with one delay, one lag and a play: x is 0.0")
     write(path, first_order(0.083))
     log = read(path)
     assert doubts(log, identify(log, [1e-4]), {}) == []

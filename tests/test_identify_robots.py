@@ -142,8 +142,8 @@ def test_names_of_joints_are_any_and_have_to_be_the_robots(tmp_path):
     [
         (
             "t [ms],Axis.Pos_mm\n0,1\n",
-            "this log has no column time_s; it needs time_s, command_NAME_m_s and joint_NAME_m, "
-            "encoder_NAME_m or measured_NAME_m_s (_rad in place of _m for angles); it has t [ms], "
+            "this log has no column time_s; a log needs time_s, command_NAME_m_s and joint_NAME_m, "
+            "encoder_NAME_m or measured_NAME_m_s (_rad in place of _m for angles); this one has t [ms], "
             "Axis.Pos_mm",
         ),
         (
@@ -156,7 +156,7 @@ def test_names_of_joints_are_any_and_have_to_be_the_robots(tmp_path):
         ),
         (
             f"{PLAIN}0,1,2\n1,off,3\n",
-            "command_x_m_s should be one column of numbers: Failed to parse string: 'off' as a scalar "
+            "command_x_m_s is not one column of numbers: Failed to parse string: 'off' as a scalar "
             "of type double",
         ),
     ],

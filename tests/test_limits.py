@@ -151,7 +151,7 @@ def call(monkeypatch, capfd, *arguments):
         ),
         (
             ["evaluate", "closed_loop", "--trackers", "kams", "--seeds", "1000000000000"],
-            "--seeds 1000000000000: the limit is 1,000,000",
+            "--seeds 1000000000000: give at most 1,000,000",
         ),
     ],
 )

@@ -207,7 +207,7 @@ def test_sentences_say_what_was_expected(loop, steps):
     expected = {
         "a twist of nan": "posture.twist: expected finite numbers up to 1e+09, got [",
         "a joint too few": "posture.jacobian: expected shape (6, ",
-        "a stamp that goes back": "expected a frame later than 0.0 s, got one of -1.0 s",
+        "a stamp that goes back": "frame.time: expected a time after that of the frame before, 0.0 s, got -1.0 s",
         "no posture": "posture: expected a Posture, got a NoneType",
         "an array as picture": "frame: expected a Frame, got a ndarray",
     }
@@ -227,7 +227,9 @@ def test_a_second_start_gives_the_same_run_and_ends_the_first(loop, steps):
     np.testing.assert_array_equal(again, twists)
     with pytest.raises(ValueError) as refused:
         first.step(Frame(steps[0].frame.image, 99.0, 99), steps[0].posture)
-    assert str(refused.value) == "this run is over: its loop was started again"
+    assert str(refused.value) == (
+        "this run is over, because its loop was started again: use the newest result of Loop.start"
+    )
 
 
 @pytest.mark.parametrize("given", [None, "still", 5])

@@ -38,7 +38,7 @@ def started(kind, image=RGB, region=(40.0, 30.0)):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("shape", PICTURES)
 def test_what_is_no_picture_is_refused(kind, shape):
-    said = "a picture is RGB, an array (height, width, 3) of uint8; this one is " + shape
+    said = "expected an RGB picture, an array (height, width, 3) of uint8, got one of " + shape
     with pytest.raises(ValueError, match="picture") as refused:
         started(kind, PICTURES[shape])
     assert str(refused.value) == said
@@ -51,7 +51,7 @@ def test_what_is_no_picture_is_refused(kind, shape):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("thing", [None, "picture.png", [[1, 2, 3]]])
 def test_what_is_no_array_is_refused(kind, thing):
-    said = f"a picture is an array (height, width, 3) of uint8, not {thing!r}"
+    said = f"expected a picture, an array (height, width, 3) of uint8, got {thing!r}"
     with pytest.raises(ValueError, match="picture") as refused:
         started(kind, thing)
     assert str(refused.value) == said

@@ -78,13 +78,19 @@ def test_a_network_may_take_the_picture_alone(tmp_path):
 @pytest.mark.parametrize(
     ("shapes", "sentence"),
     [
-        ({"image": PICTURE}, "the input 'image' is none of picture, goal_picture, joints"),
+        (
+            {"image": PICTURE},
+            "the network's input 'image' is none of picture, goal_picture, joints: rename the input",
+        ),
         (
             {"picture": (1, 4, HEIGHT, WIDTH)},
-            "the input 'picture' is (1, 4, 24, 32) of tensor(float); it should be "
+            "the network's input 'picture' is (1, 4, 24, 32) of tensor(float); expected "
             "(1, 3, height, width) of tensor(float)",
         ),
-        ({"picture": (1, 3, HEIGHT)}, "the input 'picture' is (1, 3, 24) of tensor(float)"),
+        (
+            {"picture": (1, 3, HEIGHT)},
+            "the network's input 'picture' is (1, 3, 24) of tensor(float)",
+        ),
     ],
 )
 def test_a_network_that_takes_something_else_is_refused(tmp_path, shapes, sentence):
@@ -121,7 +127,8 @@ def test_a_network_that_never_ends_is_a_sentence(tmp_path):
     path.write_bytes(endless())
     began = time.monotonic()
     assert refused(path, "controller.timeout=0.3") == (
-        "controller 'onnx': the network gave no twist within 0.3 s"
+        "controller 'onnx': the network gave no twist within 0.3 s: correct the network, or set a "
+        "longer controller.timeout"
     )
     assert time.monotonic() - began < 20.0
 

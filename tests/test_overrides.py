@@ -15,7 +15,7 @@ def mistake(name, changes):
 @pytest.mark.parametrize(
     ("item", "message"),
     [
-        ("tracker.kind", "this should be key=value, such as tracker.kind=frozen"),
+        ("tracker.kind", "this is not key=value, such as tracker.kind=frozen"),
         ("run.seed.x=3", "'run.seed.x' leads through 'seed', which is not a table"),
         (
             "disturbances.5.start=1",

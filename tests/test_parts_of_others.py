@@ -153,8 +153,8 @@ def test_names_that_two_packages_use_are_written_with_the_package(package):
 @pytest.mark.parametrize(
     ("of", "sentence"),
     [
-        ("Bare", "'x': its settings size have no defaults"),
-        ("Plain", "'x' has a method build(rng), but is no dataclass of settings"),
+        ("Bare", "'x': the settings size have no defaults: give each one"),
+        ("Plain", "'x' has a method build(rng), but is no dataclass of settings: make it one"),
         (
             "VALUE",
             "'x' is no Config: that is a dataclass with a method build(rng); nor has it the two "

@@ -147,7 +147,7 @@ def test_it_needs_a_picture_of_the_goal_that_stands():
     scenario = servo.load("still", SHORT, controller=towards)
     with Episode(scenario) as episode:
         loop = servo.Loop(scenario, episode.world.camera, episode.world.outline)
-        with pytest.raises(ValueError, match="there is no picture of the goal; give"):
+        with pytest.raises(ValueError, match="there is no picture of the goal: give it to Loop"):
             loop.start(*episode.shown)
     with pytest.raises(Mistake, match="so the goal must not move"):
         servo.simulate("still", ["goal.depth_to=0.8"], controller=towards)

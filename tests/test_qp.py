@@ -249,6 +249,6 @@ def test_a_margin_that_leaves_nothing_is_refused():
     with pytest.raises(ValueError, match="nothing is left") as refused:
         law(margin=240.0)
     assert str(refused.value) == (
-        "controller.margin = 240: nothing is left of a picture of 640 x 480 px; it should be less "
-        "than 240"
+        "controller.margin = 240: nothing is left of a picture of 640 x 480 px: set a margin "
+        "below 240"
     )

@@ -113,7 +113,9 @@ def test_runs_that_finish_when_they_are_tried_again_are_told(monkeypatch, tmp_pa
         "servobench: out/failures: 2 of the runs failed first and finished when tried again: "
         "a component in them does not give the same result each time\n"
     ) in err
-    assert "No run reaches measure.after: what counts from there on has no value.\n" in out
+    assert (
+        "No run reaches the time measure.after: measures from this time on have no value.\n" in out
+    )
 
 
 def test_failed_runs_are_told_with_their_last_line(broken, capfd):

@@ -36,7 +36,7 @@ def test_values_that_are_equal_count_as_the_same(values, twice):
     ("text", "said"),
     [
         ('x,y,w,h\n"1"2,3,4,5\n', "this is not CSV: "),
-        ("x,y,w,h\n", ": this truth is empty"),
+        ("x,y,w,h\n", ": this truth file is empty"),
     ],
 )
 def test_tables_of_truth_that_are_none(tmp_path, text, said):

@@ -81,6 +81,7 @@ def text_of(folder, tmp_path):
     return write([folder], tmp_path / "page.html")[0].read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_study_tells_what_held_and_what_did_not(tmp_path):
     section = study_section.section(make_study(tmp_path / "study"))
     facts = {
@@ -121,6 +122,7 @@ def test_a_study_tells_what_held_and_what_did_not(tmp_path):
     ]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_difference_that_is_sure_is_a_sentence(tmp_path):
     section = study_section.section(make_study(tmp_path / "study", seeds=10))
     (compared,) = (block for block in section.blocks if block.title == "Compared")
@@ -129,6 +131,7 @@ def test_a_difference_that_is_sure_is_a_sentence(tmp_path):
     ]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_unfinished_study_is_made_of_the_runs_there_are(tmp_path):
     folder = make_study(tmp_path / "study")
     drop(folder, 1)
@@ -142,6 +145,7 @@ def test_an_unfinished_study_is_made_of_the_runs_there_are(tmp_path):
     assert "<li>run 1, seed = 1: Oops: &lt;b&gt;</li>" in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_run_that_failed_first_and_then_finished_is_told(tmp_path):
     folder = make_study(tmp_path / "study")
     (folder / "failures").mkdir()
@@ -155,6 +159,7 @@ def test_a_run_that_failed_first_and_then_finished_is_told(tmp_path):
     assert "runs that failed" not in page
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_tracker_whose_runs_all_failed_has_a_row(tmp_path):
     folder = make_study(tmp_path / "study")
     rows = load(folder).rows
@@ -194,6 +199,7 @@ def test_a_study_without_runs_still_has_a_page(tmp_path):
     assert "0 of 8 runs" in text_of(folder, tmp_path)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_too_much_is_cut_and_said(tmp_path):
     folder = make_study(tmp_path / "study", seeds=7)
     pictures = next(b for b in study_section.section(folder).blocks if b.title == "Contact sheets")
@@ -262,6 +268,7 @@ def test_the_page_opens_in_a_browser_and_fits_a_phone(whole, browser):
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_click_on_a_head_sorts_the_rows_and_a_second_one_turns_them(browser, tmp_path):
     page = write([make_study(tmp_path / "study")], tmp_path / "page.html")[0]
     browser.get(page.as_uri())
@@ -311,6 +318,7 @@ def test_tables_and_figures_of_a_page_are_files_with_the_measures_asked_for(tmp_
     assert 3.2 < points / 72 <= 3.6  # less or more by what is cut off and the margin
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_tables_have_labels_and_those_too_wide_say_so(tmp_path):
     folder = make_study(tmp_path / "study")
     write([folder], tmp_path / "page.html", Printed(latex=tmp_path / "tables.tex"))
@@ -325,6 +333,7 @@ def test_tables_have_labels_and_those_too_wide_say_so(tmp_path):
     assert f"{wide}." in latex([replace(section, kind="evaluate")])  # which refuses --measures
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_measures_and_tables_are_refused_where_they_do_not_fit(make_papers, tmp_path):
     folder = make_study(tmp_path / "study")
     cases = [

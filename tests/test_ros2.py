@@ -210,8 +210,8 @@ WRONG = [
     ),
     (
         {"roi": messages.RegionOfInterest(40, 50, 200, 300, False)},
-        "roi = {'x_offset': 40, 'y_offset': 50, 'height': 200, 'width': 300, 'do_rectify': 0} should "
-        "be the whole picture",
+        "roi = {'x_offset': 40, 'y_offset': 50, 'height': 200, 'width': 300, 'do_rectify': 0} is "
+        "not the whole picture; give the calibration of the whole picture",
     ),
 ]  # fmt: skip
 
@@ -271,7 +271,8 @@ def test_a_robot_knows_its_posture_from_joint_states_and_sends_twists():
 def test_what_never_comes_is_one_sentence(monkeypatch):
     monkeypatch.setattr("servo.ros2.node.PATIENCE", 0.05)
     with pytest.raises(
-        Mistake, match=r"^/c/info: no message has come within 0.05 s: start what publishes it$"
+        Mistake,
+        match=r"^/c/info: no message has come within 0.05 s: start the program that publishes on this topic$",
     ):
         Camera(info="/c/info").calibration()
 

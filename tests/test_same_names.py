@@ -101,7 +101,9 @@ def test_a_scenario_and_a_study_of_a_shipped_name_are_said():
 
 
 def test_a_bare_name_that_is_nothing_lists_the_shipped_ones():
-    with pytest.raises(ValueError, match="'arm8': this is not shipped; there is arm, arm7, free"):
+    with pytest.raises(
+        ValueError, match="'arm8': no file of this name is shipped; give arm, arm7, free"
+    ):
         mjcf.model_path("arm8")
     with pytest.raises(Mistake, match="no scenario 'lines'"):
         servo.load("lines")

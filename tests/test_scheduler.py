@@ -81,7 +81,7 @@ def test_what_is_no_address_is_refused_before_anything_is_written(
 ):
     assert sweep(monkeypatch, capfd, address) == (
         2,
-        f"servobench: --scheduler {address}: this should be tcp://HOST:PORT or tls://HOST:PORT\n",
+        f"servobench: --scheduler {address}: this is no address of a scheduler: write tcp://HOST:PORT or tls://HOST:PORT\n",
     )
     assert not Path("o").exists()
 

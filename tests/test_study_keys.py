@@ -24,11 +24,11 @@ BAD = {
     ),
     "too large a range": (
         STILL + "axes.start.x = { uniform = [-1e308, 1e308] }",
-        "axes.start.x.uniform = [-1e+308, 1e+308]: these should be at most 1e+100",
+        "axes.start.x.uniform = [-1e+308, 1e+308]: a number is above 1e+100",
     ),
     "a count of true": (
         STILL + "axes.start.x = { linspace = [0.0, 1.0, true] }",
-        "axes.start.x.linspace = [0.0, 1.0, True]: these should be finite numbers",
+        "axes.start.x.linspace = [0.0, 1.0, True]: one of these is not a finite number",
     ),
     "an end of a draw out of range": (
         STILL + "axes.start.scale = { uniform = [0.5, 500.0] }",
@@ -112,11 +112,11 @@ BAD = {
     ),
     "more runs than can be written out": (
         STILL + "[axes]\n" + "\n".join(f"goal.x{i} = [1, 2]" for i in range(20_000)),
-        "this makes more than 1e+15 runs; the limit is 1,000,000",
+        "this study has more than 1e+15 runs; the limit is 1,000,000",
     ),
     "comparing what is drawn": (
         STILL + "compare = 'start.x'\naxes.start.x = { uniform = [1, 2] }",
-        "compare = 'start.x': this setting is drawn; expected an axis",
+        "compare = 'start.x': this setting is drawn at random; name an axis of the study",
     ),
     "comparing a list": (
         STILL + "compare = []\naxes.run.latency = [1, 2]",
@@ -172,7 +172,7 @@ def test_a_mistake_in_a_change_of_a_study_names_it(change, tmp_path):
 def test_more_seeds_than_runs_are_refused():
     with pytest.raises(Mistake) as told:
         load("particles", seeds=10**18)
-    assert str(told.value) == "--seeds 1000000000000000000: the limit is 1,000,000"
+    assert str(told.value) == "--seeds 1000000000000000000: give at most 1,000,000"
 
 
 def test_a_wrong_scenario_is_blamed_and_not_a_cell(tmp_path):

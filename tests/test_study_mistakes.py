@@ -61,23 +61,23 @@ BAD = {
     ),
     "numbers turned": (
         STILL + "axes.start.x = { uniform = [2.0, 1.0] }",
-        "axes.start.x.uniform = [2.0, 1.0]: the first number should not be the larger one",
+        "axes.start.x.uniform = [2.0, 1.0]: the first number is larger than the second",
     ),
     "logarithm of zero": (
         STILL + "axes.start.scale = { log_uniform = [0.0, 1.0] }",
-        "axes.start.scale.log_uniform = [0.0, 1.0]: these should be above 0",
+        "axes.start.scale.log_uniform = [0.0, 1.0]: a number is not above 0",
     ),
     "not finite": (
         STILL + "axes.start.x = { normal = [0.0, inf] }",
-        "axes.start.x.normal = [0.0, inf]: these should be finite numbers",
+        "axes.start.x.normal = [0.0, inf]: one of these is not a finite number",
     ),
     "a count that is none": (
         STILL + "axes.start.x = { linspace = [0.0, 1.0, 1e9] }",
-        "axes.start.x.linspace: the count should be a whole number from 1 to 10,000",
+        "axes.start.x.linspace: the count is 1000000000.0; give a whole number from 1 to 10,000",
     ),
     "too many runs": (
         STILL + "seeds = 1000\naxes.start.x = { linspace = [0.0, 1.0, 5000] }",
-        "this makes 5,000,000 runs; the limit is 1,000,000",
+        "this study has 5,000,000 runs; the limit is 1,000,000",
     ),
     "seeds": (
         STILL + "seeds = -1",

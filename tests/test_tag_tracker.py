@@ -196,7 +196,9 @@ def test_it_is_lost_at_once_and_found_at_once_with_a_continuous_angle():
 
 
 def test_without_a_tag_it_refuses_to_start():
-    with pytest.raises(ValueError, match=r"^no AprilTag 36h11 is seen in the first picture$"):
+    with pytest.raises(
+        ValueError, match=r"^no AprilTag 36h11 is seen in the first picture: begin "
+    ):
         create("tag").start(flat(), REGION, State(60.0, 60.0))
 
 

@@ -43,8 +43,8 @@ def test_csv_is_read_by_its_header(tmp_path, text):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "this truth is empty"),
-        ("1,2,3\n", "groundtruth.txt, line 1: a line has 4 or 8 numbers, not 3"),
+        ("", "this truth file is empty"),
+        ("1,2,3\n", "groundtruth.txt, line 1: the line has 3 numbers: expected 4 or 8"),
         ("1,2,3,4\n1,2,x,4\n", "groundtruth.txt, line 2: '1,2,x,4' is not a line of numbers"),
         ("a,b\n1,2\n", "groundtruth.txt: the columns are a, b; a truth needs x1..y4, or left, top"),
     ],
@@ -115,7 +115,7 @@ def test_boxes_that_leave_the_picture_but_fit_as_corners_are_not_guessed(tmp_pat
 def test_the_one_number_of_vots_is_an_absent_target(tmp_path):
     found = truth.read(written(tmp_path, "m10,20,3,2,0,6\n0\n0.0\n1,2,3,4\n"))
     assert np.isfinite(found).all(axis=(1, 2)).tolist() == [True, False, False, True]
-    with pytest.raises(ValueError, match="line 2: a line has 4 or 8 numbers, not 1"):
+    with pytest.raises(ValueError, match="line 2: the line has 1 numbers: expected 4 or 8"):
         truth.read(written(tmp_path, "1,2,3,4\n2\n"))
 
 
@@ -130,8 +130,14 @@ NAME = "groundtruth.txt, line 2"
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("50,20,-30,40", f"{NAME}: the target is -30 x 40 px; both sides must be positive"),
-        ("50,20,30,0", f"{NAME}: the target is 30 x 0 px; both sides must be positive"),
+        (
+            "50,20,-30,40",
+            f"{NAME}: the target is -30 x 40 px: both sides should be positive; correct that line",
+        ),
+        (
+            "50,20,30,0",
+            f"{NAME}: the target is 30 x 0 px: both sides should be positive; correct that line",
+        ),
         ("10,5;20,5;30;40", "'10,5;20,5;30;40' is not a line of numbers (a decimal point, not a"),
         ("10,5 20,5 30,0 40,0", "'10,5 20,5 30,0 40,0' is not a line of numbers (a decimal point"),
         (
@@ -147,7 +153,7 @@ NAME = "groundtruth.txt, line 2"
             "50,20,inf,40",
             "'50,20,inf,40' is not a position in a picture: all numbers must be at most 1e+06",
         ),
-        ("", f"{NAME}: a line has 4 or 8 numbers, not 0"),
+        ("", f"{NAME}: the line has 0 numbers: expected 4 or 8"),
     ],
 )
 def test_a_line_that_would_be_read_as_something_else_is_refused(tmp_path, line, message):
@@ -160,8 +166,16 @@ def test_a_line_that_would_be_read_as_something_else_is_refused(tmp_path, line, 
     ("text", "form", "message"),
     [
         ("50,20,30,40", "TLD", "line 1: 50,20,30,40 is not x1,y1,x2,y2: x2 > x1 and y2 > y1 do"),
-        ("10,20,40,20,40,60,10,60", "TLD", "line 1: a line of TLD has 4 numbers, not 8"),
-        ("10,20,40,20,40,60,10,60", "OTB", "line 1: a line of OTB has 4 numbers, not 8"),
+        (
+            "10,20,40,20,40,60,10,60",
+            "TLD",
+            "line 1: the line has 8 numbers: expected 4, as in format TLD",
+        ),
+        (
+            "10,20,40,20,40,60,10,60",
+            "OTB",
+            "line 1: the line has 8 numbers: expected 4, as in format OTB",
+        ),
         (
             "10,20,40,20",
             "CSV",
@@ -170,7 +184,7 @@ def test_a_line_that_would_be_read_as_something_else_is_refused(tmp_path, line, 
         ("x,y,w,h\n1,2", "AUTO", "line 2: the line has 2 columns, but the header has 4; correct "),
         ("x,y,w,h\n1,5,2,5,3,4", "AUTO", "line 2: the line has 6 columns, but the header has 4; "),
         ("x,y,w,h\n1,2,,4", "AUTO", "line 2: '1;2;nan;4' is not a position in a picture"),
-        ("x,y,w,h\n1,2,-3,4", "AUTO", "line 2: the target is -3 x 4 px; both sides must be"),
+        ("x,y,w,h\n1,2,-3,4", "AUTO", "line 2: the target is -3 x 4 px: both sides should be"),
     ],
 )
 def test_each_format_refuses_what_it_has_not(tmp_path, text, form, message):

@@ -38,10 +38,14 @@ NO_PICTURE = (
 )
 WRONG = [
     ("mesh", {"file": "gone.obj"}, "gone.obj: cannot read this mesh: No such file or directory"),
-    ("mesh", {"file": "."}, ".: a target's mesh has to be .obj or .stl"),
+    ("mesh", {"file": "."}, ".: this is not a mesh of a target: give an .obj or .stl file"),
     ("mesh", {"file": "dir.obj"}, "dir.obj: cannot read this mesh: it is a folder"),
-    ("mesh", {"file": "duk"}, "file = 'duk': this is not shipped; there is duck (or a path)"),
-    ("mesh", {"file": "a.ply"}, "a.ply: a target's mesh has to be .obj or .stl"),
+    (
+        "mesh",
+        {"file": "duk"},
+        "file = 'duk': no file of this name is shipped; give duck, or a path",
+    ),
+    ("mesh", {"file": "a.ply"}, "a.ply: this is not a mesh of a target: give an .obj or .stl file"),
     ("mesh", {"file": "a.obj"}, "a.obj: there is no triangle in this mesh"),
     (
         "mesh",
@@ -88,7 +92,7 @@ WRONG = [
     (
         "mesh",
         {"colour": "blue"},
-        "colour = 'blue': a colour is '#rrggbb', or three numbers from 0 to 1",
+        "colour = 'blue': this colour is not known: give '#rrggbb', or three numbers from 0 to 1",
     ),
     ("mesh", {"texture": "a.png"}, NO_PICTURE),
     (
@@ -99,13 +103,13 @@ WRONG = [
     (
         "plate",
         {"picture": "stones"},
-        "picture = 'stones': this is not shipped; there is duck, pebbles (or a path)",
+        "picture = 'stones': no file of this name is shipped; give duck, pebbles, or a path",
     ),
     ("box", {"picture": "a.png"}, NO_PICTURE),
     (
         "mjcf",
         {"model": "lorry"},
-        "model = 'lorry': this is not shipped; there is truck (or a path)",
+        "model = 'lorry': no file of this name is shipped; give truck, or a path",
     ),
     ("mjcf", {"model": "gone.xml"}, "gone.xml: cannot read this target"),
     ("mjcf", {"model": "a.xml"}, "a.xml: cannot read this target: XML parse error 6"),

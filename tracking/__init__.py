@@ -1,7 +1,7 @@
 """Trackers: each estimates where one target is in the frames of a camera.
 
 A tracker sees frames only, never the simulated world. `create` returns one of our trackers by its
-kind; `wrap` turns a class written for OpenCV or GOT-10k into a tracker of ours.
+kind; `wrap` turns a class written for OpenCV or GOT-10k into a `Config` of a tracker of ours.
 """
 
 from __future__ import annotations
@@ -32,9 +32,11 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: obje
         **settings: Fields of the kind's `Config`; `servobench list KIND` prints them.
 
     Raises:
-        UnknownKind: There is no such kind or preset; the message lists those that exist.
+        UnknownKind: There is no such kind or preset, and the message lists those that exist; or the
+            class that `kind` names cannot be imported.
         TypeError: The kind has no such setting.
-        ValueError: A setting has the wrong type, or is out of range.
+        ValueError: The seed is not a whole number from 0 on, or a setting has the wrong type or is
+            out of range.
 
     Example:
         >>> import numpy as np
@@ -66,7 +68,8 @@ def configured(kind: str, preset: str | None = None, **settings: object) -> Part
         **settings: Fields of the kind's `Config`; `servobench list KIND` prints them.
 
     Raises:
-        UnknownKind: There is no such kind or preset; the message lists those that exist.
+        UnknownKind: There is no such kind or preset, and the message lists those that exist; or the
+            class that `kind` names cannot be imported.
         TypeError: The kind has no such setting.
         ValueError: A setting has the wrong type, or is out of range.
     """

@@ -46,7 +46,9 @@ TINY = 1e-12
 
 
 class Recogniser:
-    """Views of one target, and the confidence that the tracker follows this target."""
+    """Stored views (small pictures) of one target, and the confidence, from 0 (lost) to 1
+    (certain), that the tracker follows this target.
+    """
 
     def __init__(
         self, count: int, image: Image, region: Region, state: State, model: SampledModel
@@ -70,7 +72,8 @@ class Recogniser:
     def doubt(
         self, image: LabelledImage, state: State, cloud: ParticleFilter, time: float
     ) -> float:
-        """Return 1 - the confidence, 0..1, that a state shows the target, smoothed over `MEMORY` s.
+        """Return 1 - the confidence that a state shows the target, from 0 (certain) to 1 (lost),
+        smoothed over `MEMORY` s.
 
         Args:
             image: Current picture.

@@ -24,7 +24,9 @@ Turn = Annotated[float, Ge(0), Le(4)]
 
 @dataclass(frozen=True)
 class ParticleSettings:
-    """Settings that all particle filters share."""
+    """Settings that all particle filters share: number of particles, noise of their motion,
+    sharpness of their weights, memory of the velocity, and how a lost target is found again.
+    """
 
     particles: Count = 200
     """Number of particles."""

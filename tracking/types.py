@@ -22,7 +22,7 @@ precision rounds by so much."""
 
 
 class _SetByStart:
-    """Default of an attribute that `Tracker.start` replaces; reading the default raises a
+    """Default of an attribute that `Tracker.start` replaces; reading it before `start` raises a
     ValueError.
     """
 
@@ -124,7 +124,9 @@ def goes_around(corners: Array) -> bool:
 
 
 class Status(Enum):
-    """Whether a tracker sees its target in a frame; the value of each member explains it."""
+    """Whether a tracker sees its target in a frame (LOCKED, UNSURE or LOST); the value of each
+    member explains it.
+    """
 
     LOCKED = "The target is seen and followed."
     UNSURE = (
@@ -135,7 +137,9 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Result of a tracker for one frame."""
+    """Result of a tracker for one frame: state, covariance, distance from the target's appearance,
+    status, and corners if the tracker finds them.
+    """
 
     state: State
     """Position [px], angle [rad] and scale of the target in the image."""
@@ -175,12 +179,13 @@ def unknown_covariance() -> Array:
 
 
 class Tracker(Protocol):
-    """A method that follows one target through the frames of a sequence.
+    """A method that follows one target through the frames of a sequence: the protocol of all
+    trackers.
 
-    `start` is called once with the first frame, then `update` once for each further frame in
-    order. A tracker keeps its state between calls and copies the pixels that it needs later (the
-    caller may reuse the buffer). It returns an estimate for every frame: a target that it does not
-    see is reported by the status, not by an exception.
+    `start` is called once with the first frame, then `update` once for each further frame in order.
+    A tracker keeps its state between calls and copies the pixels that it needs later (the caller
+    may reuse the buffer). It returns an estimate for every frame: a target that it does not see is
+    reported by the status, not by an exception.
 
     >>> class Fixed:
     ...     def start(self, frame: Frame, region: Region, state: State) -> None:
@@ -292,17 +297,20 @@ def check_picture(image: object) -> None:
         ValueError: The image is not an array (H, W, 3) of uint8, or has no pixels.
     """
     if not isinstance(image, np.ndarray):
-        raise ValueError(f"a picture is an array (height, width, 3) of uint8, not {image!r:.40}")
+        raise ValueError(
+            f"expected a picture, an array (height, width, 3) of uint8, got {image!r:.40}"
+        )
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
         shape = " x ".join(map(str, image.shape))
         raise ValueError(
-            f"a picture is RGB, an array (height, width, 3) of uint8; this one is {shape} of "
+            f"expected an RGB picture, an array (height, width, 3) of uint8, got one of {shape} of "
             f"{image.dtype}"
         )
 
 
 def check_region(frame: Frame, region: Region, state: State) -> None:
-    """Check the arguments of `Tracker.start`.
+    """Check the arguments of `Tracker.start`: their types, the picture, and the numbers of region
+    and state.
 
     Raises:
         ValueError: The region is too small, has numbers that are not finite, or lies mostly outside
@@ -338,21 +346,23 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
 
 
 def _check_numbers(region: Region, state: State) -> None:
-    """Check that a region's numbers are finite and at most `FARTHEST`, and the scale in range.
+    """Check that a region's numbers are finite and at most `FARTHEST`, and that the state's scale
+    is in its range.
 
     Raises:
-        ValueError: One of them is not.
+        ValueError: A number is not finite or too large, or the scale is out of its range.
     """
     numbers = (region.width, region.height, state.x, state.y, state.theta)
     plain = all(isinstance(number, Real) for number in (*numbers, state.scale))
     if not plain or not all(abs(number) <= FARTHEST for number in numbers):  # nan is not
         given = ", ".join(f"{number:.6g}" if plain else repr(number) for number in numbers)
         raise ValueError(
-            f"the region's width, height, x, y, theta are {given}; the limit is {FARTHEST:g}"
+            f"the region's width, height, x, y, theta are {given}: expected numbers up to "
+            f"{FARTHEST:g}"
         )
     least = math.exp(-LARGEST_LOG)
     most = math.exp(LARGEST_LOG)
     if not least <= state.scale <= most:
         raise ValueError(
-            f"the region's scale is {state.scale:.6g}; it must be {least:.3g} to {most:.3g}"
+            f"the region's scale is {state.scale:.6g}: expected {least:.3g} to {most:.3g}"
         )

@@ -1,1 +1,3 @@
-"""The public benchmarks: worlds that are drawn in frozen conditions, scores, ranks and rows."""
+"""The public benchmarks of trackers and control laws: random scenarios (worlds) in frozen
+conditions, scores, ranks, and published results.
+"""

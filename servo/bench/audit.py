@@ -1,4 +1,6 @@
-"""Audit of a contestant's published results: comparison with stored errors and with new runs."""
+"""Audit of a contestant's published results (its row of the benchmark's table): they are compared
+with stored errors and with new runs.
+"""
 
 import math
 from collections.abc import Sequence
@@ -35,12 +37,16 @@ Errors = dict[tuple[str, float], Array]
 
 
 def errors_file(row: Path) -> Path:
-    """Return the path of the Parquet file with a row's errors, beside the row's JSON file."""
+    """Return the path of the Parquet file with the errors of all pictures, beside the JSON file
+    `row` of a contestant's results.
+    """
     return row.with_suffix(".parquet")
 
 
 def errors_parquet(records: Sequence[Record]) -> bytes:
-    """Return a Parquet file with the error of each picture of some runs [target sizes]."""
+    """Return the contents of a Parquet file with the error in each picture of some runs, in target
+    sizes (square root of the target's area in the goal picture).
+    """
     table = pa.table(
         {
             WORLD: [r.settings[WORLD] for r in records],
@@ -52,7 +58,8 @@ def errors_parquet(records: Sequence[Record]) -> bytes:
 
 
 def read_errors(path: Path) -> Errors:
-    """Read the error of each picture [target sizes] from the Parquet file beside a row.
+    """Read the error in each picture [target sizes] from the Parquet file that `errors_parquet`
+    made.
 
     Raises:
         Mistake: The file cannot be read, or lacks a column of errors, worlds or times.
@@ -68,7 +75,8 @@ def read_errors(path: Path) -> Errors:
 def audit(
     benchmark: Benchmark, row: Row, one: Contestant, errors: Errors | None
 ) -> tuple[list[str], list[str]]:
-    """Compare a contestant's row with its benchmark and with the errors of its pictures.
+    """Compare a contestant's published results (its row) with the benchmark and with the errors of
+    all pictures.
 
     Args:
         benchmark: The benchmark, in the row's version.
@@ -106,23 +114,28 @@ def audit(
 
 
 def expected_worlds(benchmark: Benchmark, row: Row) -> list[World]:
-    """Return the worlds that a row should have: all of its band, or the few of --quick."""
+    """Return the worlds (random scenarios) that a contestant's results should contain: all of its
+    band, or the few of --quick.
+    """
     band = Band(row.band, row.value, row.digest)
     quick = benchmark.every_world(band, QUICK)
     return quick if len(row.worlds) <= len(quick) else benchmark.every_world(band)
 
 
 def sample(worlds: Sequence[World], rng: np.random.Generator) -> list[World]:
-    """Draw the worlds that an audit repeats: a tenth of the given ones, and ten at least.
+    """Draw the worlds (random scenarios) that an audit repeats: a tenth of the given ones, and ten
+    at least.
 
-    An audit draws them when it begins, so that the author of a row cannot know them.
+    An audit draws them when it begins, so that the author of the results cannot know them.
     """
     count = min(len(worlds), max(LEAST, math.ceil(len(worlds) / TENTH)))
     return [worlds[i] for i in sorted(rng.choice(len(worlds), count, replace=False))]
 
 
 def _contradictions(benchmark: Benchmark, row: Row, errors: Errors) -> list[str]:
-    """Return a sentence for each contradiction of a row to its errors."""
+    """Return a sentence for each contradiction between a contestant's results (its row) and the
+    errors in its pictures.
+    """
     at_once = {world: e for (world, ms), e in errors.items() if ms == 0.0}
     faults = list[str]()
     if other := at_once.keys() ^ row.worlds.keys():
@@ -142,14 +155,16 @@ def _is_close(now: WorldScore, before: WorldScore) -> bool:
 
 
 def _some(keys: Sequence[str] | set[str]) -> str:
-    """Return a text with the first few of some worlds' names, and how many more there are."""
+    """Return a text with the first few names of some worlds, and the number of the others."""
     first = sorted(keys)[:NAMED]
     return ", ".join(first) + (f" and {len(keys) - NAMED} more" if len(keys) > NAMED else "")
 
 
 @dataclass(frozen=True, slots=True)
 class WorldComparison:
-    """Result of comparing a new run of one world with a contestant's row."""
+    """Agreement of a new run of one world (random scenario) with a contestant's published
+    results.
+    """
 
     world: str
     agrees: bool
@@ -161,7 +176,9 @@ class WorldComparison:
 def compare_run(
     benchmark: Benchmark, row: Row, errors: Errors | None, record: Record
 ) -> WorldComparison:
-    """Compare the record of a new run of a world with a row and, if given, the row's errors."""
+    """Compare the record of a new run of a world with a contestant's published results and, if
+    given, with the errors in its pictures.
+    """
     world, ms = record.settings[WORLD], float(record.settings[SLOW])
     now = np.asarray(record.series[ERROR], np.float32).astype(float)
     exactly = agrees = True

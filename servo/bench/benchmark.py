@@ -1,4 +1,6 @@
-"""A public benchmark: frozen conditions, the worlds (scenarios) drawn from them, and a hash."""
+"""A public benchmark: frozen conditions, the worlds (random scenarios) drawn from them, and a
+hash.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,9 @@ Ranges = dict[str, list[float]]
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A condition of a benchmark, such as a motion, with the ranges of settings drawn in it."""
+    """A condition of a benchmark, such as "rain": its settings, and the ranges from which other
+    settings are drawn for each world.
+    """
 
     name: str
     about: str
@@ -67,7 +71,9 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A world of a benchmark: settings and seed of a scenario, drawn from a condition."""
+    """A world of a benchmark: a scenario whose settings and seed are drawn at random from a
+    condition.
+    """
 
     condition: str
     number: int
@@ -81,7 +87,9 @@ class World:
 
     @property
     def key(self) -> str:
-        """Name of the world, unique in its band, such as "rain-03"."""
+        """Name of the world from its condition and number, such as "rain-03"; unique among worlds
+        of equal seeds (a band).
+        """
         return f"{self.condition}-{self.number:02}"
 
 
@@ -92,7 +100,8 @@ def condition_of(world: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """A set of worlds: "dev" to tune on, "v1" to publish, or sealed ones.
+    """A set of a benchmark's worlds with seeds of its own: "dev" to tune on, "v1" to publish, or
+    "sealed".
 
     Sealed seeds follow from the benchmark's hash, the contestant's digest and a public value of a
     later date, so that they are unknown while the contestant is written, and can be drawn again
@@ -108,7 +117,9 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Slow:
-    """Further runs of one condition's worlds, with slower and slower trackers."""
+    """Further runs of all contestants in one condition's worlds, in which the tracker takes longer
+    and longer for a picture.
+    """
 
     condition: str
     setting: str
@@ -173,14 +184,17 @@ class Benchmark:
         return flat(as_json(found), self.name) | _constants(self.score)
 
     def resolved(self, contestant: Settings) -> Settings:
-        """Return, by dotted key, every setting of a contestant's own tables, defaults included."""
+        """Return, by dotted key, every setting of the tables that a contestant may set, such as
+        [tracker], defaults included.
+        """
         world = self.every_world(Band(), 1)[0]
         found = self.scenario_of(world, contestant).settings()
         own = {part: found[part] for part in OF_CONTESTANTS[self.contestant]}
         return flat(as_json(own), self.name)
 
     def check_frozen(self) -> None:
-        """Check that defaults and measures are those with which the benchmark was frozen.
+        """Check that default settings and constants of measures have the values with which the
+        benchmark was frozen.
 
         Raises:
             Mistake: A value differs; settings that were added later do not count.
@@ -190,16 +204,19 @@ class Benchmark:
             if now.get(key) != value:
                 raise Mistake(
                     f"{self.name}: {key} is {now.get(key)!r} in this version, and was "
-                    f"{value!r} when the benchmark was frozen: new rows could not be compared with "
-                    "old ones"
+                    f"{value!r} when the benchmark was frozen: new results could not be "
+                    "compared with old ones"
                 )
 
     def every_world(self, band: Band, count: int | None = None) -> list[World]:
-        """Return the worlds of a band, the first `count` of each condition or all."""
+        """Return the worlds of a band (worlds with seeds of their own): the first `count` of each
+        condition, or all if it is None.
+        """
         return [w for c in self.conditions for w in self.worlds_of(c, band)[:count]]
 
     def worlds_of(self, condition: Condition, band: Band) -> list[World]:
-        """Return all worlds of a condition in a band, in order of their number.
+        """Return all worlds of a condition in a band (worlds with seeds of their own), in order of
+        their number.
 
         The draws are balanced: among n worlds each n-th part of a range, and each level of a
         factor, occurs equally often (McKay, Beckman and Conover, A comparison of three methods for
@@ -307,7 +324,9 @@ def parsed(
 
 
 def _constants(score: str) -> Settings:
-    """Return the constants that a score depends on, named as settings are."""
+    """Return the constants of measures that a score ("held" or "arrives") depends on, by a dotted
+    key.
+    """
     of_scores = {
         "held": {"farthest": FARTHEST, "held_size": HELD_SIZE, "held_share": HELD_SHARE},
         "arrives": {
@@ -321,7 +340,9 @@ def _constants(score: str) -> Settings:
 
 
 def _spread(rng: np.random.Generator, count: int) -> Array:
-    """Return values (count,) from 0 to 1 in random order, one in each of `count` equal parts."""
+    """Return numbers (count,) from 0 to 1 in random order, one in each of `count` equal parts of
+    this range.
+    """
     return (rng.permutation(count) + rng.uniform(size=count)) / count
 
 
@@ -332,8 +353,8 @@ def _world(
     columns: Mapping[str, Array],
     levels: Mapping[str, Array],
 ) -> World:
-    """Return a world of a condition from balanced numbers (n,), 0 to 1, for each drawn setting and
-    each factor.
+    """Return a world of a condition with the given number. `columns` and `levels` have balanced
+    numbers (n,) from 0 to 1 for all n worlds, for each drawn setting and each factor.
     """
     drawn = {
         key: round(low + float(columns[key][number]) * (high - low), 6)

@@ -1,4 +1,6 @@
-"""The contestants of a benchmark: shipped ones by name, guests (a user's) by class or command."""
+"""The contestants of a benchmark: trackers or control laws that come with servobench, by name, and
+those of a user, by class or command.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ OF_CONTROLLERS: Settings = {"features.kind": "points"}
 
 
 class Division(Enum):
-    """How a contestant was run; the value of each member explains it in a sentence."""
+    """The way in which a contestant was run: its process and its settings. Each member's value is a
+    sentence about it.
+    """
 
     HOME = (
         "shipped with servobench, and run in the process of the simulation; its settings are part "
@@ -55,7 +59,9 @@ class Division(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Contestant:
-    """A tracker or control law that takes part in a benchmark."""
+    """A tracker or control law that takes part in a benchmark: its name, its settings, and the way
+    in which it is run.
+    """
 
     name: str
     settings: Settings
@@ -76,7 +82,9 @@ class Contestant:
         return named and not self._files()
 
     def _words(self) -> Iterator[str]:
-        """Yield the words of the contestant's settings that may name a file or a module."""
+        """Yield the texts in the contestant's settings that may name a file or a module, such as
+        the words of a command.
+        """
         for key, value in self.settings.items():
             if key == "tracker.command":
                 yield from shlex.split(str(value))
@@ -84,8 +92,9 @@ class Contestant:
                 yield from value if isinstance(value, list) else [str(value)]
 
     def _files(self) -> set[Path]:
-        """Return the files of a guest: those that its settings name with all behind them, the
-        modules beside a script and those in the package of a class or of a module.
+        """Return the files that a user's contestant is made of: those that its settings name, with
+        the files that these refer to, the modules beside a script, and those in the package of a
+        class or module.
         """
         if self.division in (Division.HOME, Division.SCALE):
             return set()
@@ -103,8 +112,8 @@ class Contestant:
 
 
 def _package(name: str) -> set[Path]:
-    """Return the modules of a package; of a single module also those beside it, unless it is an
-    installed one.
+    """Return the files of a package's modules. For a single module, return its file and the modules
+    beside it; an installed module is returned alone.
     """
     spec = None if name in OURS else PathFinder.find_spec(name, [str(Path.cwd()), *sys.path])
     if spec is None:
@@ -117,7 +126,9 @@ def _package(name: str) -> set[Path]:
 
 
 def _modules(folder: Path) -> set[Path]:
-    """Return the modules in a folder and below, without those of environments and of servobench."""
+    """Return the Python files in a folder and its folders, except in virtual environments, hidden
+    folders and servobench.
+    """
     found = set[Path]()
     for place, folders, files in os.walk(folder):
         found |= {Path(place, name) for name in files if name.endswith(".py")}
@@ -132,13 +143,17 @@ def _modules(folder: Path) -> set[Path]:
 
 
 def scale_of(benchmark: Benchmark) -> list[Contestant]:
-    """Return the contestants that fix the scale of scores: 0 and, if the benchmark has one, 100."""
+    """Return the contestants that fix the ends of the scale of scores: one that has the score 0
+    and, if the benchmark has one, one that has 100.
+    """
     ends = {NULL: benchmark.null, PERFECT: benchmark.perfect}
     return [Contestant(name, s, Division.SCALE) for name, s in ends.items() if s is not None]
 
 
 def home_of(benchmark: Benchmark) -> list[Contestant]:
-    """Return the shipped contestants of a benchmark: trackers, or control laws."""
+    """Return the contestants of a benchmark that come with servobench: trackers, or control
+    laws.
+    """
     if benchmark.contestant == "law":
         return [Contestant(name, s, Division.HOME) for name, s in benchmark.home.items()]
     own = [k for k in general_kinds() if ":" not in k and not TRACKERS.package_of(k)]
@@ -211,7 +226,7 @@ def _guest(benchmark: Benchmark, text: str, served: bool) -> Contestant:
     kind = str(settings["tracker.kind"])
     # A class by its path is imported in the process that it runs in, never here.
     if kind in TRACKERS.names() and not follows_any_target(TRACKERS.config(kind)):
-        raise Mistake(f"the tracker '{kind}' cannot compete: it uses more than pictures")
+        raise Mistake(f"the tracker '{kind}' cannot take part, because it uses more than pictures")
     if kind in home:
         return Contestant(name, settings, Division.HOME)
     if served:

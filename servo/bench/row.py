@@ -59,7 +59,9 @@ Milliseconds = Annotated[str, StringConstraints(pattern=r"^\d{1,6}(\.\d{1,6})?$"
 
 @dataclass(frozen=True, slots=True)
 class WorldScore:
-    """The result of a contestant in one world of a benchmark."""
+    """The result of a contestant in one world (random scenario) of a benchmark: its score, success,
+    and digests of two pictures.
+    """
 
     area: Share
     """Score in this world, 0 to 1."""
@@ -73,7 +75,9 @@ class WorldScore:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row(Made):
-    """The published results of a contestant in all worlds of a band of a benchmark."""
+    """The published results of a contestant in all worlds of a band (a set of worlds with seeds of
+    its own), as its JSON file has them.
+    """
 
     KIND: ClassVar[str] = "benchmark row"
 
@@ -103,7 +107,9 @@ class Row(Made):
 
     @property
     def rendering(self) -> str:
-        """Digest of the first pictures of all worlds of the row; empty if none were rendered."""
+        """Digest of the first pictures of all worlds in these results; empty if no pictures were
+        rendered.
+        """
         scores = sorted(self.worlds.items())
         seen = [f"{key} {score.picture}" for key, score in scores if score.picture]
         return hashlib.sha256("\n".join(seen).encode()).hexdigest()[:DIGITS] if seen else ""
@@ -138,22 +144,24 @@ def world_score(benchmark: Benchmark, record: Record) -> WorldScore:
 
 
 def score_errors(errors: Array) -> WorldScore:
-    """Return the result of holding a target, from the error in each picture [target sizes]."""
+    """Return the result of holding a target in one world, from the error in each picture (n,)
+    [target sizes].
+    """
     errors = np.asarray(errors, float)
     held = float(np.mean(errors <= HELD_SIZE)) >= HELD_SHARE
     return WorldScore(area_within(errors, FARTHEST), held)
 
 
 def curve_of(errors: Sequence[Array]) -> list[float]:
-    """Return, for each distance of `TAUS`, the share of pictures of all runs whose error is at most
-    as large [target sizes].
+    """Return for each distance in `TAUS` [target sizes] the share, from 0 to 1, of the pictures of
+    all runs whose error is at most this distance.
     """
     every = np.concatenate([np.asarray(each, float) for each in errors])
     return [round(float(np.mean(every <= tau)), 4) for tau in TAUS]
 
 
 def is_within(record: Record, position: float, rotation: float) -> bool:
-    """Return whether a run's camera ends within a distance [mm] and an angle [deg] of its goal."""
+    """Return True if a run's camera ended within a distance [mm] and an angle [deg] of its goal."""
     measures = record.measures
     near = measures["end_position_mm"] <= position
     return bool(near and measures["end_rotation_deg"] <= rotation)
@@ -166,7 +174,9 @@ def row_of(
     records: Sequence[Record],
     command: str,
 ) -> Row:
-    """Return the row of a contestant, from the records of all runs, also of others'."""
+    """Return the published results (the row) of a contestant, from the records of all runs; records
+    of other contestants are left out.
+    """
     own = [r for r in records if r.settings[CONTESTANT] == contestant.name]
     at_once = [r for r in own if r.settings[SLOW] == 0.0]
     errors = {(r.settings[WORLD], r.settings[SLOW]): r.series[ERROR] for r in own}
@@ -192,7 +202,8 @@ def row_of(
 
 
 def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> dict[str, float]:
-    """Return the share of worlds held (0 to 1), by the time that a tracker takes a picture [ms].
+    """Return the share of worlds (0 to 1) in which the target was held, by the time that the
+    tracker takes for a picture [ms].
 
     Args:
         benchmark: The benchmark, whose `slow` names the condition that counts, if any.
@@ -208,8 +219,8 @@ def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> 
 
 
 def _measures(records: Sequence[Record]) -> dict[str, float | None]:
-    """Return medians of a law's measures over all worlds, and the share of arrivals in the wider
-    sense [%].
+    """Return medians of a control law's measures over all worlds, and the share of worlds [%] in
+    which the camera arrived within wider limits than those of the score.
     """
     found: dict[str, float | None] = {}
     for name in MEASURES:
@@ -221,7 +232,9 @@ def _measures(records: Sequence[Record]) -> dict[str, float | None]:
 
 
 def shipped_rows(benchmark: Benchmark) -> list[Row]:
-    """Return the published rows of a benchmark's version, which come with servobench."""
+    """Return the published results (rows of the table) of a benchmark's version, which come with
+    servobench.
+    """
     folder = resources.files("scenes") / FOLDER / "rows" / benchmark.name
     with resources.as_file(folder) as path:
         rows = rows_in(path.glob("*.json")) if path.is_dir() else []
@@ -229,7 +242,8 @@ def shipped_rows(benchmark: Benchmark) -> list[Row]:
 
 
 def rows_in(paths: Iterable[Path]) -> list[Row]:
-    """Return the rows in some JSON files, in the order of their paths.
+    """Return the contestants' results (rows of the table) in some JSON files, in the order of their
+    paths.
 
     Raises:
         Mistake: A file cannot be read, or is not a row.
@@ -238,7 +252,7 @@ def rows_in(paths: Iterable[Path]) -> list[Row]:
 
 
 def check_version(benchmark: Benchmark, row: Row) -> None:
-    """Check that a row is of a benchmark, in this version.
+    """Check that a contestant's results (its row) are of a benchmark, in this version.
 
     Raises:
         Mistake: The row is of another benchmark or version.
@@ -246,7 +260,7 @@ def check_version(benchmark: Benchmark, row: Row) -> None:
     if (row.benchmark, row.hash) != (benchmark.name, benchmark.hash):
         raise Mistake(
             f"this row is of {row.benchmark} {row.hash}, but {benchmark.name} {benchmark.hash} is "
-            "installed: rows of two versions cannot be compared"
+            "installed: results of two versions cannot be compared"
         )
 
 

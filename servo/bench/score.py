@@ -30,7 +30,7 @@ LIGHT = ("light.azimuth_deg", "light.elevation_deg")
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """A contestant's place in the table of a benchmark, with score and ranks."""
+    """A contestant's place in the table of a benchmark: its results, score, ranks and points."""
 
     row: Row
     score: Interval
@@ -56,16 +56,19 @@ class Standing:
         return self.row.contestant
 
     def mean_in(self, condition: str) -> float:
-        """Return the contestant's mean points in the worlds of a condition; nan without one."""
+        """Return the contestant's mean points, from 0 to 100, in the worlds of a condition; nan if
+        it has no result there.
+        """
         of = [p for key, p in self.points.items() if condition_of(key) == condition]
         return float(np.mean(of)) if of else float("nan")
 
 
 def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
-    """Return the points of a contestant by world; the mean of its points is its score.
+    """Return the points of a contestant by world (random scenario); their mean is its score.
 
-    0 points are the mean of `null`, 100 that of `perfect` or, without it, of a score of 1, over the
-    worlds that all these rows have.
+    0 points are the mean of `null`, the contestant whose camera stands still; 100 points are the
+    mean of `perfect` or, without it, a score of 1. Means are over the worlds that all these results
+    have.
 
     Raises:
         Mistake: The rows have no world in common.
@@ -75,8 +78,8 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
         worlds = [key for key in worlds if key in perfect.worlds]
     if not worlds:
         raise Mistake(
-            f"the row '{row.contestant}' shares no world with the rows that fix the scale: run it "
-            "in the same band"
+            f"'{row.contestant}' was run in none of the worlds of the contestants that fix the "
+            f"scale: run '{row.contestant}' in the same band"
         )
     own, least = (np.array([of.worlds[key].area for key in worlds]) for of in (row, null))
     top = [1.0 if perfect is None else perfect.worlds[key].area for key in worlds]
@@ -85,7 +88,8 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
 
 
 def standings(rows: Sequence[Row]) -> list[Standing]:
-    """Rank the contestants of some rows, the best first, without those that fix the scale.
+    """Rank the contestants whose results are given, the best first, without those that fix the
+    scale.
 
     Ranks are intervals: each pair is compared over the worlds of both by Student's paired test,
     with Holm's correction for all pairs. The test compares means, as the score does: signed ranks
@@ -147,7 +151,7 @@ def _better(
 
 
 def _chance(gaps: Array) -> float:
-    """Return the two-sided p-value of Student's test of a mean of 0."""
+    """Return the two-sided p-value of Student's test that the mean of the differences (n,) is 0."""
     from scipy.special import stdtr  # takes a second
 
     spread = float(gaps.std(ddof=1)) if len(gaps) > 1 else np.inf
@@ -164,7 +168,9 @@ def _gaps(first: Mapping[str, float], second: Mapping[str, float]) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """The mean points of all contestants at a level of a factor."""
+    """The mean points of all contestants in the worlds at one level of a factor, such as one kind
+    of light.
+    """
 
     factor: str
     level: str
@@ -190,7 +196,7 @@ def effects(worlds: Sequence[World], table: Sequence[Standing]) -> list[Effect]:
 
 
 def _levels(worlds: Sequence[World]) -> dict[tuple[str, str], list[str]]:
-    """Return the worlds of each factor and level."""
+    """Return the names of the worlds at each factor and level, by (factor, level)."""
     chosen = sorted({level for world in worlds for level in world.levels.items()})
     found = {(f, of): [w.key for w in worlds if w.levels.get(f) == of] for f, of in chosen}
     for name in LIGHT:
@@ -206,7 +212,9 @@ def _levels(worlds: Sequence[World]) -> dict[tuple[str, str], list[str]]:
 
 @dataclass(frozen=True, slots=True)
 class Difficulty:
-    """Numbers of worlds that nobody or everybody holds, which do not distinguish contestants."""
+    """Numbers of worlds in which no contestant, or every one, holds the target: they do not
+    distinguish contestants.
+    """
 
     nobody: int
     """Worlds that no contestant held."""
@@ -216,7 +224,9 @@ class Difficulty:
 
     @staticmethod
     def of(table: Sequence[Standing]) -> Difficulty | None:
-        """Count the worlds that nobody or everybody holds; None of fewer than three contestants."""
+        """Count the worlds in which no contestant, or every one, holds the target; return None for
+        fewer than three contestants.
+        """
         rows = [standing.row.worlds for standing in table if standing.name != FROZEN]
         if len(rows) < FEWEST_CONTESTANTS:
             return None

@@ -1,4 +1,4 @@
-"""A run of a benchmark: one contestant in one world, as a job of a study."""
+"""A run of a benchmark: one contestant in one world (random scenario), as a job of a study."""
 
 import hashlib
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ ERROR = "error_sizes"
 
 @dataclass(frozen=True, slots=True)
 class WorldRun:
-    """A contestant in a world, as the subject of a study's job."""
+    """A contestant in a world (random scenario) of a benchmark, as the subject of a study's job."""
 
     benchmark: str
     """Name and hash of the benchmark."""
@@ -44,7 +44,9 @@ class WorldRun:
     """The scenario's TOML table."""
 
     def describe(self) -> Table:
-        """Return the benchmark's name with its hash, and the scenario's table, by these words."""
+        """Return a table with the benchmark's name and hash under "benchmark", and the scenario's
+        table under "scenario".
+        """
         return {"benchmark": self.benchmark, "scenario": self.table}
 
     def perform(self, job: Job, folder: Path) -> Record:

@@ -1,4 +1,6 @@
-"""Controllers, one a file: `Config.build(rng)` returns a `Controller`."""
+"""Package of the controllers, one module each: `Config.build(rng)` returns a `Controller`, which
+commands a camera twist after each picture.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ if TYPE_CHECKING:
 
 
 def _adapted(found: Any) -> type[Any] | None:
-    """Return a `Config` class for a user's law that has none; None for an object that is no law."""
+    """Return a `Config` class for a user's control law or policy that has none; None for an object
+    that is neither.
+    """
     from servo.controllers._plain_law import adapted  # `servobench list` only looks at files
 
     return adapted(found)

@@ -1,4 +1,6 @@
-"""Named linear bounds on a camera twist: of its speed, of the joints and of the view."""
+"""Linear bounds lower <= A v <= upper of a camera twist v, each with a name: of its speed, of the
+joints' rates, and of the velocities of the target's corners in the picture.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -28,7 +30,7 @@ SIDES = (*[("view left", "view right")] * 4, *[("view top", "view bottom")] * 4)
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Bounds lower <= A v <= upper of a camera twist v (6,)."""
+    """Linear bounds lower <= A v <= upper of a camera twist v (6,), with the name of each bound."""
 
     A: Array
     """Rows (m, 6), one for each bound."""
@@ -55,11 +57,12 @@ class Bounds:
         return at - at.clip(self.lower, self.upper)
 
     def names_at(self, sides: NDArray[np.generic]) -> tuple[str, ...]:
-        """Return the names of the bounds that are marked, each name once.
+        """Return the names of the bounds that `sides` marks, in the order of the rows, each name
+        once.
 
         Args:
-            sides: Marks (m,): positive for the upper bound of a row, negative for its lower bound,
-                0 for neither.
+            sides: Marks (m,), one for each row of A: positive for its upper bound, negative for its
+                lower bound, 0 for neither.
         """
         found = (self.names[i][int(sides[i] > 0)] for i in np.flatnonzero(sides))
         return tuple(dict.fromkeys(found))
@@ -70,8 +73,8 @@ UNBOUNDED = Bounds(np.zeros((0, 6)), np.zeros(0), np.zeros(0), ())
 
 
 def speed_bounds(fastest: float, fastest_turn: float) -> Bounds:
-    """Return bounds of each component of the camera twist, so that neither its speed nor its
-    angular speed along an axis exceeds a limit.
+    """Return bounds of each component of the camera twist by itself: |vx|, |vy|, |vz| <= fastest
+    and |wx|, |wy|, |wz| <= fastest_turn.
 
     Args:
         fastest: Largest speed [m/s].
@@ -82,13 +85,16 @@ def speed_bounds(fastest: float, fastest_turn: float) -> Bounds:
 
 
 def joint_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
-    """Return bounds of the joint rates J# v of a camera twist v, from the joints' ranges and
-    largest rates. A twist of zero always satisfies them.
+    """Return bounds of the joint rates that a camera twist v needs, J# v with the pseudo-inverse J#
+    of the robot's Jacobian. A joint may approach the end of its range with at most 8 times the
+    distance left per second (with the frame rate, if that is lower), and no joint may exceed its
+    largest rate. A twist of zero always satisfies the bounds.
 
     Args:
         posture: Joints, limits and Jacobian of the robot.
-        way: Displacement (6,) of the camera before the twist acts [m, rad].
-        dt: Time since the last frame [s].
+        way: Displacement (6,) of the camera until the twist acts, which earlier commands cause [m,
+            rad].
+        dt: Time since the last picture [s].
 
     Returns:
         The bounds; None if the robot has no joints, or no finite Jacobian.
@@ -103,8 +109,8 @@ def joint_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
 
 
 def range_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
-    """Return bounds of the joint rates of a camera twist from the joints' ranges alone; arguments
-    and result are those of `joint_bounds`.
+    """Return bounds as `joint_bounds` does, from the joints' ranges alone, without their largest
+    rates; arguments and result are those of `joint_bounds`.
     """
     p = posture
     J = posture.jacobian
@@ -122,7 +128,9 @@ def range_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
 
 
 def inverse_of(J: Array) -> Array:
-    """Return the pseudo-inverse J# (n, 6) of a Jacobian (6, n); singular directions map to zero."""
+    """Return the pseudo-inverse J# (n, 6) of a Jacobian (6, n). Singular values below 1 % of the
+    largest count as zero, so that their directions map to zero.
+    """
     plain = inverse_if_strong(J, SINGULAR) if J.shape[0] == J.shape[1] else None
     return np.linalg.pinv(J, SINGULAR).astype(np.float64) if plain is None else plain
 
@@ -131,14 +139,16 @@ def view_bounds(
     desired: DesiredTwist, seen: Sight, camera: Camera, margin: float, gain: float
 ) -> Bounds:
     """Return bounds of a camera twist that keep the target's corners in the picture: each corner's
-    velocity towards a side is bounded [px/s].
+    velocity [px/s] towards a side of the picture is at most `gain` times its distance from the
+    margin there.
 
     Args:
-        desired: The law's twist, with the motions of camera and target.
-        seen: The target, with its corners.
-        camera: Size of the picture, and intrinsics.
-        margin: Distance that the corners keep from the sides [px].
-        gain: Largest velocity towards a side, over the distance left [1/s].
+        desired: The law's twist, with the displacement of the camera until it acts and the motion
+            of the target.
+        seen: The target in the picture, with its four corners.
+        camera: Size of the picture [px], and intrinsics.
+        margin: Distance that the corners keep from the sides of the picture [px].
+        gain: Largest velocity of a corner towards a side, over the distance left [1/s].
     """
     pixels = camera.to_pixels(corners_of(seen))
     A = _pixel_rows(seen, camera)
@@ -150,8 +160,8 @@ def view_bounds(
 
 
 def _pixel_rows(seen: Sight, camera: Camera) -> Array:
-    """Return the interaction matrix (8, 6) of the four corners' pixels: four rows of u, then four
-    of v.
+    """Return the interaction matrix (8, 6) of the four corners' pixel coordinates, through the
+    lens: four rows of u, then four of v [px/s per m/s or rad/s].
     """
     rows = corner_rows(seen)
     if camera.distortion is None:

@@ -1,4 +1,6 @@
-"""The weighted pseudo-inverse of an interaction matrix, and secondary tasks in its null space."""
+"""Weighted pseudo-inverse L# of an interaction matrix, and secondary tasks for its null space, the
+camera twists that change no feature.
+"""
 
 from dataclasses import dataclass
 from math import sqrt
@@ -25,7 +27,9 @@ threshold of Chaumette and Marchand 2001)."""
 
 @dataclass(frozen=True, slots=True)
 class Inverse:
-    """Matrix that maps a desired de/dt of the features to a camera twist."""
+    """Pseudo-inverse L# of an interaction matrix: it maps a desired de/dt of the features to a
+    camera twist.
+    """
 
     pseudo: Array
     """L# (6, k), which gives the twist of least weighted norm for a desired de/dt."""
@@ -36,19 +40,20 @@ class Inverse:
 
     @property
     def free(self) -> Array:
-        """The projection I - L# L (6, 6): it maps a camera twist to its part that changes no
-        feature. Degrees of freedom that may not move are zero.
+        """Projection I - L# L (6, 6), which maps a camera twist to its part that changes no
+        feature. Rows of degrees of freedom that may not move are zero.
         """
         return (np.eye(len(self.moves)) - self.pseudo @ self.L) * self.moves
 
     @staticmethod
     def through_joints(L: Array, rows: NDArray[np.bool_], jacobian: Array) -> "Inverse":
-        """Return the inverse J (L J)+ of a robot with few joints: the twist of the joint rates that
-        come nearest to the desired de/dt.
+        """Return the inverse J (L J)+ for a robot with fewer than six joints: the joint rates whose
+        features come nearest, by least squares, to the desired de/dt, mapped to the camera twist
+        that they make.
 
         Args:
             L: Interaction matrix (k, 6).
-            rows: Features (k,) that are servoed; the others are left out.
+            rows: True (k,) for each feature that is servoed; the others have columns of zero.
             jacobian: J (6, n), camera twist per joint rate.
         """
         pseudo = np.zeros(L.shape[::-1])
@@ -59,16 +64,17 @@ class Inverse:
     def of(
         L: Array, rows: NDArray[np.bool_], moves: NDArray[np.bool_], weights: Array
     ) -> "Inverse":
-        """Return the inverse over some features and some degrees of freedom.
+        """Return the inverse for the features and the degrees of freedom that are marked.
 
-        W (L W)+ minimises |W^-1 v|: a degree of freedom with a small weight moves little, with the
-        weight zero not at all. Only the ratios of the weights matter.
+        With the weights W it is W (L W)+, which minimises |W^-1 v|: a degree of freedom with a
+        small weight moves little, and one with the weight zero stands. Only the ratios of the
+        weights matter.
 
         Args:
             L: Interaction matrix (k, 6).
-            rows: Features (k,) that are known; the others are left out.
-            moves: Degrees of freedom (6,) that may move.
-            weights: Weights (6,) of the degrees of freedom.
+            rows: True (k,) for each feature that is measured; the others have columns of zero.
+            moves: True (6,) for each degree of freedom that may move.
+            weights: Weights (6,) of the degrees of freedom, 0 or more.
         """
         (known,) = rows.nonzero()
         (moving,) = moves.nonzero()
@@ -81,8 +87,9 @@ class Inverse:
 
 def servoed_by(L: Array, jacobian: Array) -> NDArray[np.bool_]:
     """Return True (k,) for each feature that the joints of a robot can servo. Of up to six
-    features, these are the ones that the joints move independently of those before them; more than
-    six are all servoed, by least squares.
+    features, these are the ones that the joints can move independently of the features before them
+    in the set; more than six are all servoed, by least squares, and so are all features of a robot
+    with six or more joints.
 
     Args:
         L: Interaction matrix (k, 6).
@@ -102,7 +109,10 @@ def servoed_by(L: Array, jacobian: Array) -> NDArray[np.bool_]:
 
 
 def _pinv(A: Array) -> Array:
-    """Return the pseudo-inverse of a matrix; its inverse if it is square and well-conditioned."""
+    """Return the Moore-Penrose pseudo-inverse (n, m) of a matrix (m, n): the plain inverse of a
+    square matrix that is well-conditioned, else by singular values, of which those below 1e-6 of
+    the largest count as zero.
+    """
     if A.size == 0:
         return A.T
     if A.shape[0] == A.shape[1]:
@@ -117,27 +127,28 @@ def _pinv(A: Array) -> Array:
 
 
 def level(posture: Posture) -> Array:
-    """Return the camera twist (6,), per unit of gain [1/s], that turns the optical axis z towards
-    straight down: its angular velocity is z x down.
+    """Return the camera twist (6,) of the secondary task "level", for a gain of 1 per second: its
+    angular velocity z x down [rad/s] turns the optical axis z towards straight down; its linear
+    part is zero.
     """
     x, y, _ = posture.down.tolist()
     return np.array([0.0, 0.0, 0.0, -y, x, 0.0])
 
 
 def centre(posture: Posture) -> Array:
-    """Return the camera twist (6,), per unit of gain [1/s], that moves all joints with limits
-    towards the middle of their ranges.
+    """Return the camera twist (6,) [m/s, rad/s] of the secondary task "centre", for a gain of 1 per
+    second: it moves all joints with limits towards the middle of their ranges.
     """
     limited, away, half = _ranges(posture)
     return -posture.jacobian[:, limited] @ (away * half)
 
 
 def avoid_limits(posture: Posture) -> Array:
-    """Return the camera twist (6,), per unit of gain [1/s], that moves joints away from limits that
-    are near.
+    """Return the camera twist (6,) [m/s, rad/s] of the secondary task "avoid_limits", for a gain of
+    1 per second: it moves joints away from a limit that is near.
 
-    It is the negative gradient of h = sum max(0, |away| - FAR)^2 / 2, over the joints' ranges
-    (Chaumette and Marchand 2001).
+    It follows the negative gradient of h = sum max(0, |away| - 0.75)^2 / 2, with `away` the
+    distance of a joint from mid-range over half its range (Chaumette and Marchand 2001).
     """
     limited, away, half = _ranges(posture)
     excess = np.sign(away) * np.maximum(np.abs(away) - FAR, 0.0)
@@ -145,8 +156,9 @@ def avoid_limits(posture: Posture) -> Array:
 
 
 def _ranges(posture: Posture) -> tuple[NDArray[np.intp], Array, Array]:
-    """Return the indices (m,) of the joints with limits, their positions in their ranges (m,) from
-    -1 to 1, and half the lengths of the ranges (m,) [m or rad].
+    """Return, for the m joints with limits: their indices (m,), their positions in their ranges
+    (m,) from -1 (lower limit) to 1 (upper limit), and half the lengths of their ranges (m,) [m or
+    rad].
     """
     limited = np.flatnonzero(np.isfinite(posture.lower) & np.isfinite(posture.upper))
     low = posture.lower[limited]
@@ -159,5 +171,7 @@ TASKS = {"level": level, "avoid_limits": avoid_limits, "centre": centre}
 
 
 def twist_of(tasks: tuple[Secondary, ...], posture: Posture) -> Array:
-    """Return the sum (6,) of the camera twists of secondary tasks, per unit of gain [1/s]."""
+    """Return the sum (6,) [m/s, rad/s] of the camera twists of secondary tasks, for a gain of 1 per
+    second.
+    """
     return sum((TASKS[name](posture) for name in tasks), start=np.zeros(6))

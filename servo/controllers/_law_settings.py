@@ -1,4 +1,4 @@
-"""Settings that the control laws `ibvs` and `qp` share, and their adaptive gain."""
+"""Settings that the control laws `ibvs` and `qp` share, and the adaptive gain that they use."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -24,7 +24,9 @@ LimitOfChange = Annotated[float, Ge(1e-3), Le(1e6)]
 
 @dataclass(frozen=True, slots=True)
 class LawSettings:
-    """Settings of a control law v = -gain L# e: gains, degrees of freedom, limits."""
+    """Settings of a control law v = -gain L# e: gains, degrees of freedom, secondary tasks, limits
+    of speed and acceleration, and what the camera does while the target is not seen.
+    """
 
     gain: Gain = 2.0
     """Gain lambda at the goal [1/s]; with one frame of delay and period T the loop is unstable from
@@ -81,22 +83,27 @@ class LawSettings:
             twice = next((item for i, item in enumerate(given) if item in given[:i]), None)
             if twice is not None:
                 raise ValueError(f"{name} has '{twice}' twice")
-        if not any(
-            weight
-            for name, weight in zip(DOF, self.weights, strict=True)
-            if name in (UNTILTED if self.dof is None else self.dof)
-        ):
+        if not self.may_move(six=True):
             raise ValueError(
-                "dof and weights let no part of the twist move; for a camera that stands still "
-                'set controller.kind = "hold"'
+                "dof and weights let no component of the twist move: give one that may move a "
+                'weight above 0; for a camera that stands still set controller.kind = "hold"'
             )
 
-    def moves(self, *, six: bool) -> NDArray[np.bool_]:
-        """Return True (6,) for each degree of freedom (vx, vy, vz, wx, wy, wz) of the camera that
-        may move.
+    def may_move(self, *, six: bool) -> bool:
+        """Return whether at least one component of the camera twist may move and has a positive
+        weight.
 
         Args:
-            six: Whether the features control all six, or four (vx, vy, vz, wz).
+            six: Whether the features control all six degrees of freedom, or four (vx, vy, vz, wz).
+        """
+        return bool((self.moves(six=six) & (np.array(self.weights) > 0)).any())
+
+    def moves(self, *, six: bool) -> NDArray[np.bool_]:
+        """Return True (6,) for each component of the camera twist (vx, vy, vz, wx, wy, wz) that
+        `dof` names; without `dof`, for all six or for vx, vy, vz, wz. Weights are not considered.
+
+        Args:
+            six: Whether all six may move if `dof` is not set; otherwise vx, vy, vz, wz.
         """
         chosen = self.dof if self.dof is not None else DOF if six else UNTILTED
         return np.array([name in chosen for name in DOF])
@@ -104,13 +111,15 @@ class LawSettings:
     def moves_for(
         self, features: FeatureSet, known: NDArray[np.bool_], *, tilt_seen: bool
     ) -> NDArray[np.bool_]:
-        """Return True (6,) for each degree of freedom of the camera that may move with the features
-        of a picture. One that a single feature controls may not while this is not measured.
+        """Return True (6,) for each component of the camera twist that may move with the features
+        of a picture. If a feature alone controls a component (as `an` controls vz), this component
+        stands still while the feature is not measured.
 
         Args:
             features: The feature set.
-            known: True (k,) for each feature that is measured.
-            tilt_seen: Whether the tilt of the target's plane is measured.
+            known: True (k,) for each feature that is measured in the picture.
+            tilt_seen: Whether the tilt of the target's plane is measured; without that only vx, vy,
+                vz, wz may move, if `dof` is not set.
         """
         moves = self.moves(six=tilt_seen and len(known) >= len(DOF))
         for name, dof in features.sole_dof.items():
@@ -119,11 +128,13 @@ class LawSettings:
 
 
 def adaptive_gain(config: LawSettings, ahead: Array) -> float:
-    """Return the gain lambda(x) = (l0 - linf) exp(-l0' x / (l0 - linf)) + linf [1/s], as in ViSP.
+    """Return the gain lambda(x) = (l0 - linf) exp(-l0' x / |l0 - linf|) + linf [1/s], as ViSP's
+    vpAdaptiveGain does: l0 at the goal, towards linf far from it.
 
     Args:
-        config: Gives l0 (gain), linf (gain_far) and l0' (gain_slope).
-        ahead: The twist L# e (6,); x is its largest component.
+        config: Settings with l0 (`gain`), linf (`gain_far`) and l0' (`gain_slope`); without
+            `gain_far` the gain is l0.
+        ahead: The twist L# e (6,), in m and rad; x is the largest absolute value in it.
     """
     if config.gain_far is None or config.gain_far == config.gain:
         return config.gain

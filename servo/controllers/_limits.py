@@ -1,4 +1,6 @@
-"""Limits of a law's twist: of speed and acceleration, and the protocol of further limits."""
+"""Limits of a control law's twist: largest speed and acceleration, and `Guard`, the protocol of
+further limits, such as those of joints and view.
+"""
 
 from dataclasses import dataclass
 from math import hypot
@@ -14,7 +16,9 @@ from sim.types import Array, Posture
 
 @dataclass(frozen=True, slots=True)
 class DesiredTwist:
-    """The camera twist that a law desires, and the state of robot and target that limits need."""
+    """The camera twist that a control law desires, before any limit, with the state of robot and
+    target from which a guard computes its limits.
+    """
 
     twist: Array
     """Camera twist (6,) of the law, before any limit [m/s, rad/s]."""
@@ -36,7 +40,9 @@ class DesiredTwist:
 
 @dataclass(frozen=True, slots=True)
 class LimitedTwist:
-    """A camera twist inside the limits, and the names of the limits that changed it."""
+    """A camera twist after its limits: the names of the limits that changed it, and of those that
+    it still violates.
+    """
 
     twist: Array
     """Camera twist (6,) [m/s, rad/s]."""
@@ -47,10 +53,10 @@ class LimitedTwist:
 
 
 class Guard(Protocol):
-    """Changes the twist of a control law if it would break a limit."""
+    """Object that replaces the twist of a control law which would break a limit."""
 
     def start(self, task: Task) -> None:
-        """Begin a run.
+        """Begin a run with a task, before the first call of `limited`.
 
         Raises:
             ValueError: A setting does not fit the task.
@@ -58,14 +64,17 @@ class Guard(Protocol):
         ...
 
     def limited(self, desired: DesiredTwist) -> LimitedTwist:
-        """Return the allowed twist that replaces the desired one."""
+        """Return the twist to command in place of the desired one, with the names of the limits
+        that changed it.
+        """
         ...
 
 
 @final
 class Limits:
-    """Limits of a twist's speed and acceleration. A twist that exceeds them is scaled down, so that
-    its direction, or that of its change, stays.
+    """Limits of a twist's speed and acceleration. A twist beyond a speed limit is scaled down as a
+    whole and keeps its direction; beyond an acceleration limit, its change since the last twist is
+    scaled down.
     """
 
     def __init__(
@@ -75,11 +84,11 @@ class Limits:
         acceleration: float | None,
         acceleration_turn: float | None,
     ) -> None:
-        """Create limits for a camera at rest.
+        """Create the limits; the last twist is zero, as of a camera at rest.
 
         Args:
-            speed: Largest speed [m/s].
-            turn: Largest angular speed [rad/s].
+            speed: Largest speed |v| [m/s].
+            turn: Largest angular speed |w| [rad/s].
             acceleration: Largest acceleration [m/s^2]; None: unlimited.
             acceleration_turn: Largest angular acceleration [rad/s^2]; None: unlimited.
         """
@@ -91,11 +100,11 @@ class Limits:
         self._last = np.zeros(6)
 
     def apply(self, twist: Array, dt: float) -> tuple[Array, bool]:
-        """Return the allowed twist (6,), and whether it differs from the given one.
+        """Return the twist (6,) within the limits, and True if it differs from the given one.
 
         Args:
             twist: Camera twist (6,) [m/s, rad/s].
-            dt: Time since the last one [s].
+            dt: Time since the last twist [s].
         """
         allowed = twist / max(1.0, excess(twist, self._speed, self._turn))
         if self._most_change is not None:
@@ -109,8 +118,8 @@ class Limits:
 
 
 def excess(twist: Array, speed: float, turn: float) -> float:
-    """Return the larger of two ratios: the speed of a twist (6,) over its limit [m/s], and its
-    angular speed over its limit [rad/s]; above 1 a limit is exceeded.
+    """Return the larger of two ratios: speed |v| of a twist (6,) over `speed`, and angular speed
+    |w| over `turn`. Above 1 a limit is exceeded.
     """
     vx, vy, vz, wx, wy, wz = twist.tolist()
     return max(hypot(vx, vy, vz) / speed, hypot(wx, wy, wz) / turn)

@@ -1,4 +1,6 @@
-"""Commands that have not acted yet, and the share of them that the robot's limits will allow."""
+"""Record of commanded twists that have not acted yet, with a forecast of how much of each the
+robot's limits will allow.
+"""
 
 from collections import deque
 from math import ceil
@@ -16,29 +18,33 @@ WHOLE = 1 - 1e-6
 
 @final
 class PendingCommands:
-    """The command that acted until the last picture, and those that will act."""
+    """The commanded twist that acted until the last picture, and those that will act after it, for
+    a robot whose commands act late.
+    """
 
     def __init__(self, latency: float) -> None:
-        """Create the record of a robot at rest whose commands act `latency` frame intervals after
-        their pictures.
+        """Create the record of a robot at rest.
+
+        Args:
+            latency: Delay from a picture to the effect of its command [frame intervals].
         """
         count = ceil(latency - WHOLE_FRAMES)
         self._twists = deque([np.zeros(6)] * (count + 1), maxlen=count + 1)
         self._first = latency - (count - 1)
 
     def add(self, twist: Array) -> None:
-        """Add the newest commanded camera twist (6,) [m/s, rad/s]."""
+        """Append the twist (6,) [m/s, rad/s] that was commanded after the newest picture."""
         self._twists.append(twist)
 
     def coming(self, posture: Posture, dt: float) -> list[tuple[Array, float]]:
-        """Return the camera twists (6,) [m/s, rad/s] that will act before the next command, in
-        order, each with its duration as a multiple of dt.
+        """Return the camera twists (6,) [m/s, rad/s] that will act from now until the next command
+        does, the earliest first, each with its duration over dt.
 
-        If the drives accepted only a share of the last command, because a joint is at its limit,
-        they are expected to accept no more of another command in its direction.
+        If the drives accepted only a share of the last command, because a joint is at a limit, no
+        later twist is expected to have a larger component along that command.
 
         Args:
-            posture: The robot; its `accepted` is the twist that the drives accepted.
+            posture: State of the robot; `accepted` is the twist that its drives accepted.
             dt: Time since the last picture [s].
         """
         # Oldest first: `acted` moved the camera until the last picture, `own` are still to act.

@@ -1,9 +1,10 @@
-"""Control laws and policies without a `Config`.
+"""Adapters of control laws and policies that users write without a `Config`.
 
 A law is a class with `start` and `command`, or a function law(seen, task) that is called for each
 picture in which the target is seen and returns the twist (6,) or a `Command`; without a target the
 camera stands still. A policy is a class with a method, or a function, act(picture, goal_picture,
-posture) that is called for each picture. Arguments with a default value are settings.
+posture), which is called for each picture and returns the twist (6,). Arguments with a default
+value are settings of the scenario.
 """
 
 import inspect
@@ -29,7 +30,9 @@ PICTURES = 3
 
 
 def adapted(found: Any) -> type[Any] | None:
-    """Return a `Config` class for a user's law or policy; None for any other object."""
+    """Return a `Config` class for a user's control law or policy, so that a scenario can name it;
+    None for an object that is neither.
+    """
     if has_methods(found, "command"):
         return plain_config(found, "command")
     if has_methods(found, "act"):
@@ -49,26 +52,30 @@ def _of_object(policy: Any) -> "PolicyLaw":
 
 
 def _asks_for(law: Callable[..., Any]) -> int:
-    """Return how many arguments without default values a function takes."""
+    """Return the number of positional arguments without a default value that a function takes."""
     taken = inspect.signature(law).parameters.values()
     return sum(p.default is p.empty and p.kind is p.POSITIONAL_OR_KEYWORD for p in taken)
 
 
 @final
 class FunctionLaw:
-    """A controller whose commands a user's function law(seen, task) returns."""
+    """Controller whose commands a user's function law(seen, task) returns."""
 
     def __init__(self, law: Law, settings: dict[str, Any]) -> None:
-        """Store the function, and the values of its arguments other than `seen` and `task`."""
+        """Store the function, and the values of its settings, the arguments other than `seen` and
+        `task`.
+        """
         self._law = law
         self._settings = settings
 
     def start(self, task: Task) -> None:
-        """Begin a run."""
+        """Begin a run with a task, which the function is given for each picture."""
         self._task = task
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the command of the function; a twist of zero if the target is not seen."""
+        """Return what the function returns, as a `Command`; a twist of zero if the target is not
+        seen. `posture` and `dt` are not used.
+        """
         if seen is None:
             return Command(np.zeros(6), mode=Mode.HOLDING)
         asked = self._law(
@@ -79,39 +86,47 @@ class FunctionLaw:
 
 @final
 class PolicyLaw:
-    """A controller that calls a policy for each picture, whatever the tracker reports."""
+    """Controller that calls a policy with the camera's picture, the goal's picture and the robot's
+    posture, whether the tracker sees the target or not.
+    """
 
     def __init__(self, act: Act, reset: Callable[[], object] | None = None) -> None:
         """Store the policy.
 
         Args:
-            act: Returns the camera twist (6,) in the camera frame [m/s, rad/s] from a picture
-                (H, W, 3), the goal's picture (H, W, 3), and the robot's posture.
-            reset: Called when a run begins, so that the policy forgets the one before.
+            act: Function that returns the camera twist (6,) in the camera frame [m/s, rad/s] from
+                three arguments: the camera's picture (H, W, 3), the goal's picture (H, W, 3), and
+                the robot's posture.
+            reset: Function that makes the policy forget the run before; it is called when a run
+                begins.
         """
         self._act = act
         self._reset = reset
 
     def start(self, task: Task) -> None:
-        """Begin a run.
+        """Begin a run: reset the policy, and store the goal's picture.
 
         Raises:
-            ValueError: There is no picture of the goal.
+            ValueError: The task has no picture of the goal.
         """
         if self._reset is not None:
             self._reset()
         if task.goal.picture is None:
-            raise ValueError("there is no picture of the goal; give Loop.start one")
+            raise ValueError("there is no picture of the goal: give it to Loop.start as `goal`")
         self._goal = task.goal.picture.image
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the command of the policy; a twist of zero for a dropped frame."""
+        """Return the policy's twist as a `Command`; a twist of zero for a frame without a picture.
+        `dt` is not used.
+        """
         if seen is None or seen.picture is None:
             return Command(np.zeros(6), mode=Mode.HOLDING)
         return Command(_floats(self._act(seen.picture.image, self._goal, posture)))
 
 
 def _floats(twist: object) -> Array:
-    """Return a twist as floats; complex numbers stay as they are, and are refused later."""
+    """Return a twist as an array of floats; one of complex numbers is returned unchanged, and the
+    contract check refuses it later.
+    """
     found = np.asarray(twist)
     return found if np.iscomplexobj(found) else np.asarray(twist, float)

@@ -1,4 +1,6 @@
-"""Joints at the ends of their ranges: the law goes on with the other joints alone."""
+"""Joints that are held at an end of their range, so that the law goes on with the other joints
+alone.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -18,7 +20,9 @@ rad/s]; the drives damp such directions, too."""
 
 @dataclass(frozen=True, slots=True)
 class RangeEnds:
-    """Bounds of a robot's joint ranges, and the joints that are held at an end of their range."""
+    """Bounds of the joint rates by the joints' ranges, and the rates of the joints that are held at
+    an end of their range.
+    """
 
     jacobian: Array
     """Camera twist per joint rate (6, n)."""
@@ -29,12 +33,14 @@ class RangeEnds:
 
     @staticmethod
     def of(posture: Posture, way: Array, dt: float) -> "RangeEnds | None":
-        """Return the range ends of a robot, with all joints free; None if it has no ranges.
+        """Return the range ends of a robot, with no joint held yet; None if it has no joints, or no
+        finite Jacobian.
 
         Args:
             posture: Joints, limits and Jacobian of the robot.
-            way: Displacement (6,) of the camera before the twist acts [m, rad].
-            dt: Time since the last frame [s].
+            way: Displacement (6,) of the camera until the twist acts, which earlier commands cause
+                [m, rad].
+            dt: Time since the last picture [s].
         """
         bounds = range_bounds(posture, way, dt)
         if bounds is None:
@@ -47,8 +53,8 @@ class RangeEnds:
         return ~np.isnan(self.rates)
 
     def holding(self, twist: Array) -> "RangeEnds":
-        """Return the range ends that also hold the joints which a twist (6,) would move out of
-        their ranges; the same object if there is no such joint.
+        """Return new range ends that also hold each joint which a camera twist (6,) [m/s, rad/s]
+        would move out of its range; the same object if there is no such joint.
         """
         needed = self.rates.copy()
         free = ~self.held
@@ -58,12 +64,14 @@ class RangeEnds:
         return replace(self, rates=np.where(over, allowed, self.rates)) if over.any() else self
 
     def left(self, moves: NDArray[np.bool_]) -> tuple[Array, Array] | None:
-        """Return camera twists (6, m) that span the motions of the free joints, and the camera
-        twist (6,) that the held joints make; None if the free joints can make every allowed motion.
+        """Return camera twists (6, m) that span the motions of the joints that are not held, and
+        the camera twist (6,) that the held joints make; None if the other joints can make every
+        motion that `moves` allows.
 
         Args:
-            moves: True (6,) for each degree of freedom that may move. It counts for robots of six
-                or more joints: their free joints alone would tilt a camera that has to stay level.
+            moves: True (6,) for each component of the camera twist that may move. Used only for
+                robots of six or more joints, whose free joints alone would tilt a camera that has
+                to stay level.
         """
         others = self.jacobian[:, ~self.held]
         made = self._made()

@@ -1,4 +1,6 @@
-"""The modes of a controller while the target is not seen: coast, hold, search."""
+"""Modes of a controller while the target is not seen: first COASTING, then HOLDING, then
+SEARCHING.
+"""
 
 from typing import final
 
@@ -16,15 +18,18 @@ REACH = 0.6
 
 @final
 class TargetLoss:
-    """Chooses what a controller does (coast, hold, search) by how long the target was not seen."""
+    """Chooses the mode of a controller (coast, hold, search) by the time for which the target has
+    not been seen, and makes the search spiral.
+    """
 
     def __init__(self, coast: float, hold: float | None, speed: float) -> None:
-        """Create it with a visible target.
+        """Create it for a target that is seen.
 
         Args:
-            coast: Time for which the camera follows the predicted motion [s].
-            hold: Time for which it then stands before it searches [s]; None: it never searches.
-            speed: Speed of the search [m/s].
+            coast: Time without the target for which the camera follows the predicted motion [s].
+            hold: Time for which the camera then stands before it searches [s]; None: it never
+                searches.
+            speed: Speed of the camera while it searches [m/s].
         """
         self._coast = coast
         self._hold = hold
@@ -32,13 +37,13 @@ class TargetLoss:
         self._unseen = self._turned = 0.0
 
     def seen(self) -> Mode:
-        """Record that the target is visible, and return the mode."""
+        """Record that the target is seen, and return `Mode.SERVOING`."""
         self._unseen = self._turned = 0.0
         return Mode.SERVOING
 
     def wait(self, dt: float) -> Mode:
-        """Record that the target has not been seen for another interval dt [s], and return the
-        mode.
+        """Record that the target was not seen for another dt [s], and return the mode: COASTING,
+        HOLDING or SEARCHING. Beyond 0.6 m from its start the search ends, and the mode is HOLDING.
         """
         self._unseen += dt
         if self._unseen <= self._coast:
@@ -49,8 +54,8 @@ class TargetLoss:
         return Mode.SEARCHING
 
     def search(self, dt: float) -> Array:
-        """Return the next camera twist (6,) [m/s], of constant speed, along a spiral r = b phi in
-        the plane of the image.
+        """Return the camera twist (6,) [m/s] for the next dt [s] of the search: constant speed
+        along a spiral r = b phi in the camera's x-y plane.
         """
         b = PITCH / (2 * np.pi)
         phi = self._turned

@@ -1,4 +1,5 @@
-"""A law without a model: the interaction matrix is learned from how the features follow the camera.
+"""Controller without a model: it learns the interaction matrix from how the features follow the
+camera.
 
 Hosoda and Asada 1994 (Versatile visual servoing without knowledge of true Jacobian, IROS), after
 Broyden 1965: with ds the change of the features (k,) and dx the camera's motion (6,) between two
@@ -7,7 +8,7 @@ pictures,
     L <- L + (ds - L dx) dx' / (rho + dx' dx),    v = -lambda L+ e
 
 It needs no model of the lens, the target or its depth, only the measured twist of the camera. It
-begins with a small motion in each direction.
+begins with a small motion along each of the six components of the twist, forth and back.
 """
 
 from dataclasses import dataclass
@@ -34,7 +35,9 @@ BACK = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the law and of its first motions."""
+    """Settings of the learning law: its gain, the first motions by which it learns, and its limits
+    of speed.
+    """
 
     gain: Gain = 1.0
     """Gain lambda [1/s]."""
@@ -54,14 +57,14 @@ class Config:
 
 @final
 class Broyden:
-    """The controller v = -lambda L+ e with the interaction matrix L that it has learned so far."""
+    """Controller v = -lambda L+ e, with the interaction matrix L as learned so far."""
 
     def __init__(self, config: Config) -> None:
         """Store the settings."""
         self._config = config
 
     def start(self, task: Task) -> None:
-        """Begin a run with an interaction matrix of zero."""
+        """Begin a run: the interaction matrix is zero, and the first motions are still to do."""
         c = self._config
         self._features = task.features
         self._goal = task.goal
@@ -77,8 +80,9 @@ class Broyden:
         self._returns = False
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the command after a picture: a probe at first, then the law; a twist of zero if
-        the target is not seen.
+        """Return the command after a picture: first the small motions by which the matrix is
+        learned, then v = -lambda L+ e. The twist is zero if the target is not seen, or a feature is
+        not measured.
         """
         self._away += self._pace * dt
         self._pace = 0.0
@@ -106,7 +110,8 @@ class Broyden:
         """Return the next camera twist (6,) [m/s, rad/s] of the first motions, forth and back along
         each of six directions; None when all are done.
 
-        Each motion lasts whole frame intervals, at least one; their measured times count.
+        Each way lasts at least one frame interval; the camera's way back is computed from the
+        measured times.
         """
         if self._returns and abs(self._away) < BACK * dt:
             self._direction += 1

@@ -1,4 +1,4 @@
-"""The camera stays at rest: the baseline, and a test of the tracker alone."""
+"""Controller that keeps the camera at rest: a baseline, and a test of the tracker alone."""
 
 from dataclasses import dataclass
 from typing import final
@@ -12,7 +12,7 @@ from sim.types import Posture
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """This controller has no settings."""
+    """Settings of the controller `hold`: it has none."""
 
     def build(self, rng: np.random.Generator) -> "Hold":
         """Return the controller, which uses no random numbers."""
@@ -21,11 +21,11 @@ class Config:
 
 @final
 class Hold:
-    """Commands a twist of zero after each picture."""
+    """Controller that commands a twist of zero after each picture."""
 
     def start(self, task: Task) -> None:
-        """Begin a run."""
+        """Begin a run; the task is not used."""
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return a command with a twist of zero."""
+        """Return a twist of zero with `Mode.HOLDING`; the arguments are not used."""
         return Command(np.zeros(6), mode=Mode.HOLDING)

@@ -1,16 +1,16 @@
-"""Image-based visual servoing with feed-forward of the target's motion.
+"""Controller of image-based visual servoing, with feed-forward of the target's motion.
 
 The law is equation 17 of Teuliere, Marchand and Eck, with L# the weighted pseudo-inverse and z the
 twist of secondary tasks:
 
     v = -lambda L# e - L# de/dt + (I - L# L) z
 
-The paper prints both lines of its law without lambda. With all six degrees of freedom, the
-minimum-norm pseudo-inverse tilts the camera although every error is small, so that the default
-moves only vx, vy, vz and wz.
+The paper prints both lines of its law without lambda. With all six degrees of freedom and four
+features, the minimum-norm pseudo-inverse tilts the camera, however small the errors are; so with
+fewer than six features only vx, vy, vz and wz move by default.
 
-A joint at the end of its range is left out: the law goes on with the other joints and, if these
-cannot control all features, with the first features of the set.
+A joint at the end of its range is left out: the law goes on with the other joints. If these cannot
+control all features, it servoes the first features of the set, as many as they can.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from servo.controllers._inverse import Inverse, servoed_by, twist_of
-from servo.controllers._law_settings import LawSettings, adaptive_gain
+from servo.controllers._law_settings import UNTILTED, LawSettings, adaptive_gain
 from servo.controllers._limits import DesiredTwist, Guard, LimitedTwist, Limits, excess
 from servo.controllers._pending_commands import PendingCommands
 from servo.controllers._range_ends import RangeEnds
@@ -33,13 +33,18 @@ from sim.types import Array, Posture
 FORESEEN = 3.0
 """Number of frames over which the change of the interaction matrix is extrapolated; chosen by
 hand."""
+NO_TILT = (
+    f"controller.weights: {', '.join(UNTILTED)} have the weight 0, and with fewer than six "
+    "features only these move by default, so the camera would stand still: give one of them a "
+    "weight above 0, or name wx or wy in controller.dof"
+)
 PRESETS = {"paper": {"gain": 1.0, "dof": DOF, "feed_forward": ("xn", "yn", "an", "theta")}}
 """The law as Teuliere, Marchand and Eck print it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config(LawSettings):
-    """Settings of the control law."""
+    """Settings of the controller `ibvs`: those of `LawSettings`, and no others."""
 
     def build(self, rng: np.random.Generator) -> "Ibvs":
         """Return the controller, which uses no random numbers."""
@@ -47,11 +52,11 @@ class Config(LawSettings):
 
 
 def _fed_forward(config: LawSettings, features: FeatureSet) -> Array:
-    """Return 1 for each of k features whose change by the target's own motion is compensated, 0 for
-    the others.
+    """Return an array (k,) with 1 for each feature whose change by the target's own motion the law
+    compensates, and 0 for the others.
 
     Raises:
-        ValueError: The settings name a feature that does not exist.
+        ValueError: `feed_forward` names a feature that is not in the set.
     """
     names = features.names
     chosen = features.feed_forward if config.feed_forward is None else config.feed_forward
@@ -59,7 +64,7 @@ def _fed_forward(config: LawSettings, features: FeatureSet) -> Array:
     if missing is not None and chosen == PRESETS["paper"]["feed_forward"]:
         raise ValueError(
             f'controller.feed_forward: {", ".join(chosen)} (as in preset = "paper") are '
-            f"features of 'moments'; there is {', '.join(names)}"
+            f"features of 'moments'; the features of this set are {', '.join(names)}"
         )
     if missing is not None:
         raise ValueError(f"controller.feed_forward: {unknown(missing, names, 'feature')}")
@@ -68,7 +73,9 @@ def _fed_forward(config: LawSettings, features: FeatureSet) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class _Measured:
-    """The features of a sight: values, interaction matrix, and which of them are measured."""
+    """The features of the target in a picture: values, interaction matrix, and which of them are
+    measured.
+    """
 
     values: Array
     """Features s (k,)."""
@@ -79,35 +86,42 @@ class _Measured:
 
     @staticmethod
     def of(features: FeatureSet, sight: Sight) -> "_Measured":
-        """Compute the features of a feature set from a sight of the target."""
+        """Return values, interaction matrix and measured flags of a feature set for the target in a
+        picture.
+        """
         return _Measured(features.values(sight), features.matrix(sight), features.known(sight))
 
 
 @final
 class Ibvs:
-    """The controller that commands the twist v = -lambda L# e - L# de/dt + (I - L# L) z after each
-    picture. It stores what it needs of earlier pictures: features, pending commands, limits.
+    """Controller that commands the twist v = -lambda L# e - L# de/dt + (I - L# L) z after each
+    picture. Between pictures it stores the last features, the commands that have not acted yet, and
+    the last twist.
     """
 
     def __init__(self, config: LawSettings, guard: Guard | None = None) -> None:
-        """Store the settings.
+        """Store settings and guard.
 
         Args:
-            config: The settings.
-            guard: Limits the twists of modes that follow the target; None: no such limits.
+            config: Settings of the law.
+            guard: Further limits of the twist while the camera follows the target, such as those of
+                joints and view; None: only those of speed and acceleration.
         """
         self._config = config
         self._guard = guard
         self._weights = np.array(config.weights)
 
     def start(self, task: Task) -> None:
-        """Begin a run.
+        """Begin a run with a task: its goal, features, estimator, camera and latency.
 
         Raises:
-            ValueError: feed_forward names a feature that the set does not have.
+            ValueError: feed_forward names a feature that the set does not have, or the weights of
+                all components that may move with these features are 0.
         """
         c = self._config
         self._features = task.features
+        if not c.may_move(six=len(self._features.names) >= len(DOF)):
+            raise ValueError(NO_TILT)
         self._own_inverse = task.features if isinstance(task.features, OwnInverse) else None
         self._camera = task.camera
         self._estimator = task.estimator
@@ -130,13 +144,13 @@ class Ibvs:
         self._ends: RangeEnds | None = None
 
     def _aim(self, goal: Sight) -> None:
-        """Replace the desired sight and its features, for a goal that moves."""
+        """Replace the desired features by those of another goal, for a goal that moves."""
         self._aimed_at = goal
         self._goal = _Measured.of(self._features, goal)
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
-        """Return the command after a picture. While the target is not seen, the camera follows the
-        estimated motion for a time, then holds, then searches.
+        """Return the command after a picture. While the target is not seen (`seen` is None), the
+        camera follows the estimated motion for `coast` seconds, then stands, then searches.
         """
         self._see(seen)
         error = self._features.error(self._measured.values, self._goal.values)
@@ -175,8 +189,9 @@ class Ibvs:
         )
 
     def _see(self, seen: Sight | None) -> None:
-        """Store the features of a sight. `_change` is then the change (k, 6) of the interaction
-        matrix since the last frame, or None unless both frames measure the same features.
+        """Store the features of the target in a picture; without a target keep the last ones.
+        `_change` is then the change (k, 6) of the interaction matrix since the last picture, or
+        None unless both pictures measure the same features and `interval` is "mean".
         """
         before = self._measured
         was_seen = self._was_seen
@@ -194,8 +209,8 @@ class Ibvs:
 
     def _own(self, posture: Posture, dt: float) -> OwnMotion:
         """Return how the camera's motion changes the features, over their scales: since the last
-        picture, and until the command acts. The interaction matrix is taken in the middle of
-        each interval if its change per frame is known.
+        picture, and until the next command acts. If the change of the interaction matrix per frame
+        is known, the matrix in the middle of each interval is used.
         """
         L = self._measured.matrix / self._scales[:, None]
         change = 0.0 * L if self._change is None else self._change / self._scales[:, None]
@@ -212,8 +227,9 @@ class Ibvs:
     def _twist(
         self, predicted: Prediction, mode: Mode, posture: Posture, dt: float, seen: Sight | None
     ) -> LimitedTwist:
-        """Return the camera twist of the law, limited by the guard but not yet in speed. `_ends`
-        then has the joints that the law holds at the ends of their ranges.
+        """Return the camera twist of the law for a mode, limited by the guard, but not yet in
+        speed. `_ends` then has the joints that are held at the ends of their ranges; None if there
+        are none.
         """
         self._ends = None
         if mode is Mode.HOLDING:
@@ -238,14 +254,15 @@ class Ibvs:
     def _asked(
         self, inverse: Inverse, predicted: Prediction, made: Array | None
     ) -> tuple[Array, Array, Array]:
-        """Return the camera twist (6,) of the law [m/s, rad/s], and the negatives of its two parts
-        (6,): for the error, and for the target's own motion.
+        """Return three camera twists (6,) [m/s, rad/s]: that of the law, -lambda L# e - L# de/dt
+        with the compensation of `made`, and the two terms lambda L# e and L# de/dt alone, with a
+        positive sign.
 
         Args:
-            inverse: Inverse for the motions that are allowed.
-            predicted: Error and motion of the target.
+            inverse: Inverse L# for the motions that are allowed.
+            predicted: Error e, and de/dt of the target's own motion.
             made: Camera twist (6,) that the joints at the ends of their ranges make, which the
-                others compensate; None: no joint is at an end.
+                other joints compensate; None: no joint is at an end.
         """
         # v = -lambda L# e - L# de/dt, the latter for the features that are fed forward.
         ahead = inverse.pseudo @ predicted.error
@@ -260,14 +277,15 @@ class Ibvs:
     def _left_by_ranges(
         self, predicted: Prediction, posture: Posture, way: Array, dt: float
     ) -> tuple[Inverse, Array | None]:
-        """Return the inverse for the motions of joints inside their ranges, and the twist (6,) of
-        the joints at the ends; None if there are no such joints.
+        """Return the inverse L# for the joints that are inside their ranges, and the camera twist
+        (6,) that the joints at the ends make; None for the twist if no joint is at an end.
 
         Args:
-            predicted: Error and motion of the target.
+            predicted: Error e, and de/dt of the target's own motion.
             posture: Joints, limits and Jacobian of the robot.
-            way: Displacement (6,) of the camera before the twist acts [m, rad].
-            dt: Time since the last frame [s].
+            way: Displacement (6,) of the camera until the twist acts, which earlier commands cause
+                [m, rad].
+            dt: Time since the last picture [s].
         """
         inverse = self._inverse(posture)
         made: Array | None = None
@@ -295,9 +313,14 @@ class Ibvs:
         return inverse, made
 
     def _faded(self, asked: Array, dt: float, seen: Sight | None) -> Array:
-        """Return the twist (6,) that a smooth start adds, against the law's `asked` (6,). It begins
-        again when more features are measured than before, as when the tracker first reports angle
-        and size.
+        """Return the twist (6,) that a smooth start adds to the law's: lambda L# e of the first
+        picture times exp(-mu t), with t the time since then. It begins again when more features are
+        measured than before, as when the tracker first reports angle and size.
+
+        Args:
+            asked: The term lambda L# e (6,) of this picture [m/s, rad/s].
+            dt: Time since the last picture [s].
+            seen: The target in the picture; None if it is not seen.
         """
         if seen is not None and (self._measured.known & ~self._faded_features).any():
             self._first = asked
@@ -308,8 +331,9 @@ class Ibvs:
         return faded
 
     def _inverse(self, posture: Posture) -> Inverse:
-        """Return the inverse for the measured features and the degrees of freedom that may move;
-        with fewer than six joints, for the motions of the joints.
+        """Return the inverse L# for the features that are measured and the components of the twist
+        that may move. For a robot with one to five joints it is J (L J)+; for a feature set with an
+        inverse of its own, all of whose features are measured, it is that one.
         """
         if 0 < posture.jacobian.shape[1] < len(DOF):  # 0: a robot that takes any twist
             rows = self._measured.known & self._servoed_by(posture)
@@ -323,7 +347,9 @@ class Ibvs:
         return Inverse.of(self._chosen_matrix(), known, moves, self._weights)
 
     def _servoed_by(self, posture: Posture) -> NDArray[np.bool_]:
-        """Return True (k,) for each feature that the robot's joints can servo, as found first."""
+        """Return True (k,) for each feature that the robot's joints can servo, computed at the goal
+        with the first Jacobian of the run, and kept.
+        """
         if self._servoed is None:
             self._servoed = servoed_by(self._goal.matrix, posture.jacobian)
         return self._servoed

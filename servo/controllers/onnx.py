@@ -1,4 +1,6 @@
-"""A policy from a network's file (ONNX): pictures in, the camera twist out."""
+"""Controller that runs a learned policy, a network in an ONNX file: pictures and joint positions
+in, the camera twist out.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,22 +40,23 @@ class Config:
     needs = SEES_PICTURES
 
     def build(self, rng: np.random.Generator) -> PolicyLaw:
-        """Return the controller, which uses no random numbers.
+        """Return the controller with the network loaded; it uses no random numbers.
 
         Raises:
             ValueError: ONNX Runtime is missing, the file cannot be read, or an input of the network
-            has
-                another name, type or shape than `Config.file` lists.
+                has a name, type or shape other than those of `Config.file`.
         """
         return PolicyLaw(Network(self.file, self.timeout).act)
 
 
 @final
 class Network:
-    """A network that has been loaded from an ONNX file."""
+    """Neural network that was loaded from an ONNX file, and computes a camera twist from pictures
+    and joint positions.
+    """
 
     def __init__(self, file: str, timeout: float) -> None:
-        """Load an ONNX file.
+        """Load an ONNX file, and check the inputs of its network.
 
         Args:
             file: Path of the file.
@@ -61,8 +64,7 @@ class Network:
 
         Raises:
             ValueError: ONNX Runtime is missing, the file cannot be read, or an input of the network
-            has
-                another name, type or shape than `Config.file` lists.
+                has a name, type or shape other than those of `Config.file`.
         """
         try:
             import onnxruntime
@@ -85,12 +87,13 @@ class Network:
             _check_input(file, each.name, each.type, each.shape)
 
     def act(self, picture: Image, goal_picture: Image, posture: Posture) -> Array:
-        """Return the network's camera twist (6,) in the camera frame [m/s, rad/s].
+        """Return the first output of the network, the camera twist (6,) in the camera frame [m/s,
+        rad/s]. The network is given those of the three arguments that it has as inputs.
 
         Args:
-            picture: The camera's picture (H, W, 3).
-            goal_picture: The picture (H, W, 3) at the goal.
-            posture: Gives the joint positions.
+            picture: The camera's RGB picture (H, W, 3) of uint8.
+            goal_picture: The RGB picture (H, W, 3) at the goal.
+            posture: State of the robot; only its joint positions are used.
 
         Raises:
             ValueError: An input does not fit the network, such as another number of joints, or the
@@ -104,7 +107,10 @@ class Network:
         try:
             found = self._session.run(None, inputs, options)
         except Exception as error:
-            late = f"the network gave no twist within {self._timeout:g} s"
+            late = (
+                f"the network gave no twist within {self._timeout:g} s: correct the network, or "
+                "set a longer controller.timeout"
+            )
             raise ValueError(late if options.terminate else _sentence(error)) from None
         finally:
             limit.cancel()
@@ -112,13 +118,15 @@ class Network:
 
 
 def _check_input(file: str, name: str, kind: str, shape: Sequence[int | str | None]) -> None:
-    """Check an input of a network.
+    """Check the name, type and shape of an input of a network against `INPUTS`.
 
     Raises:
-        ValueError: It has an unknown name, or another type or shape.
+        ValueError: The name is none of `INPUTS`, or type or shape do not fit it.
     """
     if name not in INPUTS:
-        raise ValueError(f"{file}: the input '{name}' is none of {', '.join(INPUTS)}")
+        raise ValueError(
+            f"{file}: the network's input '{name}' is none of {', '.join(INPUTS)}: rename the input"
+        )
     wanted = INPUTS[name]
     fits = len(shape) == len(wanted) and all(
         has == want or not (isinstance(has, int) and isinstance(want, int))
@@ -126,14 +134,15 @@ def _check_input(file: str, name: str, kind: str, shape: Sequence[int | str | No
     )
     if not fits or kind != "tensor(float)":
         raise ValueError(
-            f"{file}: the input '{name}' is {tuple(shape)} of {kind}; it should be "
+            f"{file}: the network's input '{name}' is {tuple(shape)} of {kind}; expected "
             f"({', '.join(map(str, wanted))}) of tensor(float)"
         )
 
 
 def _filled(value: Array | Image, shape: Sequence[int | str | None]) -> NDArray[np.generic]:
-    """Return a picture or a vector as a network's input; a picture is resized to sides that the
-    network fixes.
+    """Return a vector (n,) as a network's input (1, n), or a picture (H, W, 3) as (1, 3, h, w) from
+    0 to 1, both of float32. The picture is resized to the height and width that the network's shape
+    fixes.
     """
     if value.ndim == 1:
         return value[None].astype(np.float32)
@@ -144,5 +153,5 @@ def _filled(value: Array | Image, shape: Sequence[int | str | None]) -> NDArray[
 
 
 def _sentence(error: Exception) -> str:
-    """Return the last part of an error message of ONNX Runtime, in one line."""
+    """Return the text after the last " : " of an ONNX Runtime error message, in one line."""
     return " ".join(str(error).split()).rpartition(" : ")[2]

@@ -1,5 +1,5 @@
-"""The law of `ibvs` within limits of speed, joints and view (control barrier functions, Ames et al.
-2019), by one quadratic programme per frame.
+"""Controller that keeps the law of `ibvs` within limits of speed, joints and view (control barrier
+functions, Ames et al. 2019), by one quadratic programme per picture.
 
 With v* the twist of `ibvs`, and L the interaction matrix of the features:
 
@@ -8,14 +8,14 @@ With v* the twist of `ibvs`, and L the interaction matrix of the features:
     RANGE_GAIN (lower - q) <= J# v <= RANGE_GAIN (upper - q), and the joints' rates  (joints)
     dh/dt >= -VIEW_GAIN h, for the distance h of each corner from each side          (view)
 
-Without active limits v is v*. In the last line h is a control barrier function: it decays at most
-exponentially, and stays positive. Speed and joints are hard limits, which a camera at rest keeps;
-the view is a soft limit, so that each programme has a solution: if the view cannot be kept, the sum
+If v* breaks no limit, v is v*. In the last line h is a control barrier function: it decays at most
+exponentially, and stays positive. Speed and joints are hard limits, which a camera at rest keeps.
+The view is a soft limit, so that each programme has a solution: if the view cannot be kept, the sum
 of squared violations is minimal. Finally the whole twist is shortened to `fastest` and
 `fastest_turn`, and by the limits of acceleration, which the programme does not contain.
 
-The programme looks no further than one frame, so the camera may stop at a side of the picture, away
-from the goal.
+The programme looks no further than one frame, so the camera may stop with the target at a side of
+the picture, away from the goal.
 
 Ames, Coogan, Egerstedt, Notomista, Sreenath, Tabuada 2019 (Control barrier functions: theory and
 applications, European Control Conference). Solved by DAQP: Arnstrom, Bemporad, Axehill 2022 (A dual
@@ -55,7 +55,9 @@ LEAVING = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Config(LawSettings):
-    """Settings of the law of `ibvs`, and the margin of the view."""
+    """Settings of the controller `qp`: those of `ibvs`, and the distance that the target's corners
+    keep from the sides of the picture.
+    """
 
     margin: Annotated[float, Ge(0), Le(10_000)] = 10.0
     """Distance that the target's corners keep from the sides of the picture [px]."""
@@ -67,7 +69,7 @@ class Config(LawSettings):
 
 @final
 class Programme:
-    """Limits the twist of `ibvs` by one quadratic programme per frame."""
+    """Guard that limits the twist of `ibvs` by one quadratic programme per picture."""
 
     def __init__(self, config: Config) -> None:
         self._margin = config.margin
@@ -76,23 +78,24 @@ class Programme:
         self._speed = speed_bounds(config.fastest, config.fastest_turn)
 
     def start(self, task: Task) -> None:
-        """Begin a run.
+        """Begin a run with the camera of a task.
 
         Raises:
-            ValueError: The margin is half a side of the picture or more.
+            ValueError: The margin is half the shorter side of the picture or more.
         """
         self._camera = task.camera
         most = min(task.camera.width, task.camera.height) / 2
         if self._margin >= most:
             raise ValueError(
                 f"controller.margin = {self._margin:g}: nothing is left of a picture of "
-                f"{task.camera.width} x {task.camera.height} px; it should be less than {most:g}"
+                f"{task.camera.width} x {task.camera.height} px: set a margin below {most:g}"
             )
 
     def limited(self, desired: DesiredTwist) -> LimitedTwist:
-        """Scale the desired twist to the speed limits; then return the camera twist that changes
-        the features most nearly as this one does, within the limits of speed and joints, and as far
-        as possible within those of the view. The names of active limits are returned, too.
+        """Return the twist within the limits that changes the features most nearly as the desired
+        one does, after the desired one was scaled down to the speed limits. The limits of speed and
+        joints are always kept, those of the view as far as possible. The result has the names of
+        the active limits and of those of the view that are violated.
         """
         fast = max(1.0, excess(desired.twist, self._fastest, self._fastest_turn))
         law = desired.twist / fast
@@ -113,8 +116,8 @@ class Programme:
         return LimitedTwist(law + change, tuple(names), violated)
 
     def _bounds(self, desired: DesiredTwist) -> tuple[Bounds, Bounds]:
-        """Return the hard bounds (speed, joints), and the soft bounds of the view, which are empty
-        if the tracker reports no corners.
+        """Return the hard bounds of the twist (speed, joints), and the soft ones of the view, which
+        are empty if the target is not seen or has no corners.
         """
         joints = joint_bounds(desired.posture, desired.way, desired.dt)
         hard = self._speed if joints is None else self._speed + joints
@@ -128,10 +131,17 @@ class Programme:
 def _change(
     desired: DesiredTwist, bounds: Bounds, law: Array, sense: NDArray[np.intc]
 ) -> tuple[Array, Array]:
-    """Return the least change (6,) of the law's twist that keeps the bounds, and the bounds'
-    multipliers (m,), nonzero for active ones.
+    """Return the least change (6,) of the law's twist that keeps the bounds, and the Lagrange
+    multipliers (m,) of the bounds: positive at an active upper bound, negative at an active lower
+    one, else 0.
 
-    If DAQP finds no solution, the camera stops, which keeps all hard bounds.
+    If DAQP finds no solution, the change is -law: the camera stops, which keeps all hard bounds.
+
+    Args:
+        desired: Interaction matrix of the features, and the components of the twist that may move.
+        bounds: Hard and soft bounds of the twist.
+        law: Camera twist (6,) of the law [m/s, rad/s].
+        sense: DAQP's flags (m,): 8 for a soft bound, 0 for a hard one.
     """
     # The unknown of the programme is the change from the law's twist.
     L = desired.L[:, desired.moves]

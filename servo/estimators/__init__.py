@@ -1,4 +1,6 @@
-"""Estimators of the target's own motion, one a file: `Config.build(rng)` returns an `Estimator`."""
+"""Package of the estimators of the target's own motion, one module each: `Config.build(rng)`
+returns an `Estimator`.
+"""
 
 from __future__ import annotations
 

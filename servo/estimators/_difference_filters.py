@@ -1,4 +1,6 @@
-"""Kalman filters of differences, as in ViSP, and constants interpolated between two rates."""
+"""Kalman filters that measure differences of the error, as ViSP's do, and constants that are
+interpolated between the frame rates 30 Hz and 5 Hz.
+"""
 
 from collections.abc import Callable
 from functools import cache
@@ -21,37 +23,38 @@ Noise = Literal["position", "difference"]
 
 
 def between(at_30_hz: float, at_5_hz: float, dt: float) -> float:
-    """Return a constant at a frame interval [s], interpolated by a power law between the values
+    """Return a constant for a frame interval dt [s]: a power law of dt through the values that were
     tuned at 30 Hz and at 5 Hz.
     """
     return float(at_30_hz * (30 * dt) ** (np.log(at_5_hz / at_30_hz) / np.log(30 / 5)))
 
 
 def difference_variance(variance: float, dt: float) -> float:
-    """Return the variance of the difference of two measurements over their interval dt [s], each
-    measurement with this variance.
+    """Return the variance 2 variance / dt^2 of (z2 - z1) / dt, for two independent measurements
+    with this variance, dt [s] apart.
     """
     return float(2 * variance / dt**2)
 
 
 @final
 class DifferenceFilters:
-    """Estimates de/dt of the target's own motion by a Kalman filter for each feature, which
+    """Estimator of de/dt of the target's own motion, by a Kalman filter for each feature that
     measures differences of the error. The filters assume white noise, although the noise of
     successive differences is correlated.
     """
 
     def __init__(self, model_at: Callable[[float, float], Model]) -> None:
-        """Create the filters; each begins with the first difference of its feature.
+        """Create the filters; that of a feature starts with the feature's first difference.
 
         Args:
-            model_at: Returns the model of the first feature from the frame interval [s] and the
-                variance of its noise; the other features scale its covariances by their own.
+            model_at: Function that returns the filter model of the first feature from the frame
+                interval [s] and the variance of its noise; the covariances of the other features
+                are scaled by their own noise.
         """
         self._model_at = model_at
 
     def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set."""
+        """Begin a run with a feature set: no feature has been measured yet."""
         variance = np.square(features.noise)
         self._first = float(variance[0])
         self._relative = variance / variance[0]
@@ -61,7 +64,15 @@ class DifferenceFilters:
         self._filters: KalmanFilters | None = None
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Predict and correct; the first difference of a feature starts its filter."""
+        """Return the measured error (0 where it is nan), and the filtered de/dt of the target's own
+        motion, after a picture.
+
+        Args:
+            error: Feature error (k,) over the features' scales; nan for features that were not
+                measured.
+            own: The part of de/dt that the camera's own motion causes.
+            dt: Time since the last picture [s].
+        """
         if self._filters is None:
             self._filters = KalmanFilters(self._model(dt), len(error))
         self._filters.use(self._model(dt))
@@ -81,7 +92,9 @@ class DifferenceFilters:
         return Prediction(shown, f.x[:, 0].copy(), y * dt, nis)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the prediction; the next difference needs two successive frames."""
+        """Return an error of zero and the predicted de/dt, for a frame in which the target was not
+        seen; the next difference then needs two successive frames with the target.
+        """
         self._difference.forget()
         zero = np.zeros(len(self._begun))
         if self._filters is None:

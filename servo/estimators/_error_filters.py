@@ -1,9 +1,9 @@
-"""Kalman filters of the error itself: the camera's motion is a known input, and the noise is on the
-position.
+"""Kalman filters of the feature error itself: the camera's motion is a known input, and the noise
+is on the error.
 
 For each feature, with T the frame interval, u the de/dt that the camera causes, m the state of the
-target's motion (M its transition, r what it adds to the error in a frame), and n the tracker's
-noise:
+target's motion (M its transition, r what it adds to the error in a frame), n the tracker's noise,
+which is correlated in time by phi, and w, w' white noises:
 
     e+ = e + T u + r m    m+ = M m + w    n+ = phi n + w'    measured: e + n
 
@@ -37,8 +37,8 @@ the standard deviation of an unknown error."""
 
 @dataclass(frozen=True, slots=True)
 class TargetModel:
-    """Linear model of how the target's motion changes the error of a feature. Covariances are
-    relative to the variance of the measurement.
+    """Linear model of how the target's own motion changes the error of one feature from frame to
+    frame. Covariances are over the variance of the measurement.
     """
 
     M: Array
@@ -52,18 +52,20 @@ class TargetModel:
 
 
 class JumpTest(Protocol):
-    """Detects that the velocity of a feature has jumped, so that its filter no longer fits."""
+    """Test that detects a jump of a feature's velocity, after which its filter no longer fits."""
 
     def jumped(self, normalised: Array) -> Flags:
-        """Return True (k,) for each feature that jumped, given innovations (k,) over their standard
-        deviations.
+        """Return True (k,) for each feature whose velocity has jumped.
+
+        Args:
+            normalised: Innovations (k,) over their standard deviations; 0 if not measured.
         """
         ...
 
 
 def model_of(motion: TargetModel, dt: float) -> Model:
-    """Return the model of the state (e, m, n) at a frame interval [s], for a measurement of
-    variance 1.
+    """Return the Kalman model of the state (e, m, n), error, target's motion and tracker's noise,
+    at a frame interval dt [s], for a measurement of variance 1.
     """
     n = len(motion.r) + 2
     F = _diagonal(1.0, motion.M, PERSISTENT)
@@ -76,13 +78,18 @@ def model_of(motion: TargetModel, dt: float) -> Model:
 
 
 def models(motion_at: Callable[[float], TargetModel]) -> Callable[[float], Model]:
-    """Return a cached function from a frame interval [s] to the model of the filter."""
+    """Return a function with a cache that returns the Kalman model of the state (e, m, n) from a
+    frame interval [s].
+
+    Args:
+        motion_at: Function that returns the model of the target's motion from a frame interval [s].
+    """
     return cache(lambda dt: model_of(motion_at(dt), dt))
 
 
 def _diagonal(error: float, motion: Array, noise: float) -> Array:
-    """Return the block-diagonal matrix of the state's three parts: error, motion of the target,
-    noise of the tracker.
+    """Return the block-diagonal matrix (m + 2, m + 2) of the state's three parts: error (a number),
+    motion of the target (m, m), noise of the tracker (a number).
     """
     found = np.diag([error, *np.zeros(len(motion)), noise])
     found[1:-1, 1:-1] = motion
@@ -91,8 +98,8 @@ def _diagonal(error: float, motion: Array, noise: float) -> Array:
 
 @final
 class ErrorFilters:
-    """Estimates the error, and de/dt of the target's own motion, by a Kalman filter of each
-    feature's error.
+    """Estimator of the error, and of de/dt of the target's own motion, by a Kalman filter for each
+    feature that measures its error.
     """
 
     def __init__(
@@ -102,19 +109,22 @@ class ErrorFilters:
         predicts: bool = False,
         test: Callable[[], JumpTest] | None = None,
     ) -> None:
-        """Create the filters; each begins with the first measurement of its feature.
+        """Create the filters; that of a feature starts with the feature's first measurement.
 
         Args:
-            motion_at: Returns the target's motion model at a frame interval [s].
-            predicts: Return the error at the time when the command acts, not the measured one.
-            test: Makes the test that finds features whose velocity jumped; None: no test.
+            motion_at: Function that returns the model of the target's motion from a frame interval
+                [s].
+            predicts: Whether the returned error is the one predicted for the time at which the
+                command acts; otherwise it is the measured one.
+            test: Function that makes the test which finds features whose velocity jumped; None: no
+                test.
         """
         self._predicts = predicts
         self._new_test = test
         self._model = models(motion_at)
 
     def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set."""
+        """Begin a run with a feature set: no feature has been measured yet."""
         self._features = features
         self._level = Level(np.square(features.noise))
         self._spread = Level(np.square(features.noise))
@@ -123,7 +133,15 @@ class ErrorFilters:
         self._test = None if self._new_test is None else self._new_test()
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Predict and correct; the first error of a feature starts its filter."""
+        """Predict and correct the filters after a picture; return error, de/dt of the target's own
+        motion, innovations and variances. The first error of a feature starts its filter.
+
+        Args:
+            error: Feature error (k,) over the features' scales; nan for features that were not
+                measured.
+            own: The part of de/dt that the camera's own motion causes.
+            dt: Time since the last picture [s].
+        """
         if self._filters is None:
             self._filters = KalmanFilters(self._model(dt), len(error))
         self._filters.use(self._model(dt))
@@ -155,17 +173,19 @@ class ErrorFilters:
         return Prediction(shown, motion, innovation, nis, variance)
 
     def see(self, view: View) -> None:
-        """Take back the last measurement if the target is now hidden: it was partly hidden then.
-        The first measurement of a feature stays.
+        """Undo the last correction if the target is now hidden, because it was probably half hidden
+        in the picture before. The first measurement of a feature is kept.
 
         Args:
-            view: Its `seen` says whether the target is seen.
+            view: Data of the picture; its `seen` is False if the target is hidden.
         """
         if view.seen is False and self._filters is not None:
             self._filters.forget(self._corrected)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return error and de/dt predicted for a frame without measurement."""
+        """Return the predicted error and de/dt for a frame in which the target was not seen;
+        without `predicts`, the error is 0.
+        """
         if self._filters is None:
             none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)
@@ -188,13 +208,14 @@ class ErrorFilters:
 
 
 def stated(variance: Array, level: Array, features: FeatureSet) -> Array:
-    """Return the variances (2, k) of error and motion against the truth: those of the filter, and
-    for the error the slow part of the tracker's error, too.
+    """Return the variances (2, k) of error and de/dt against the truth, in the features' scales:
+    those of the filter, and for the error also that of the part of the tracker's error that lasts
+    for seconds.
 
     Args:
-        variance: Variances (2, k) of the filter, over the level.
-        level: Variance (k,) of each feature's noise.
-        features: The feature set.
+        variance: Variances (2, k) of the filter, over `level`.
+        level: Variance (k,) of each feature's noise, as learned.
+        features: The feature set, whose `noise` gives the slow part.
     """
     slow = np.square(SLOW_ERROR * features.noise)
     return variance * level + np.stack([slow, np.zeros(len(slow))])
@@ -203,15 +224,17 @@ def stated(variance: Array, level: Array, features: FeatureSet) -> Array:
 def look_ahead(
     x: Array, covariance: Array, own: OwnMotion, model: Model, model_at: Callable[[float], Model]
 ) -> tuple[Array, Array, Array]:
-    """Return the error (k,) when the command asked for now begins to act, the target's mean motion
-    (k,) while it does, and the variances (2, k) of both over the level.
+    """Return the error (k,) when the command that is now computed begins to act, the target's mean
+    de/dt (k,) over one frame interval from then on, and the variances (2, k) of both, over the
+    level.
 
     Args:
-        x: States (k, n) at the time of the frame.
-        covariance: Their covariances (k, n, n), over the level.
+        x: States (k, n), each (error, motion of the target, noise of the tracker), at the time of
+            the picture.
+        covariance: Covariances (k, n, n) of these states, over the level.
         own: The camera's own motion until the command acts.
-        model: The filter's model.
-        model_at: Returns the model at another interval [s].
+        model: The filter's model at the frame interval.
+        model_at: Function that returns the model at another interval [s].
     """
     parts = [model] * len(own.coming)
     if own.durations is not None:

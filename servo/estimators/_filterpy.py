@@ -1,9 +1,8 @@
-"""filterpy's Kalman filter, imported without the rest of filterpy.
-
-`import filterpy` imports scipy.stats and scipy.ndimage, 0.6 s of CPU in each process, for densities
-and filters that are not used here.
+"""filterpy's Kalman filter, imported without the rest of filterpy: that would import scipy.stats
+and scipy.ndimage, 0.6 s of CPU in each process, for densities and filters that are not used here.
 """
 
+import functools
 import importlib
 import sys
 from importlib.util import find_spec
@@ -14,6 +13,7 @@ from typing import Any
 PACKAGES = ("filterpy", "filterpy.kalman")
 
 
+@functools.cache  # each run asks, and this import is forgotten again
 def kalman_filter() -> Any:
     """Return the class `filterpy.kalman.KalmanFilter`."""
     if PACKAGES[-1] in sys.modules:

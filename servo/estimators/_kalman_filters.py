@@ -1,7 +1,8 @@
-"""Small Kalman filters side by side, one for each feature, and the noise level that they learn.
+"""Kalman filters of k features, run side by side as one, and the noise level of each feature, which
+is learned.
 
-Covariances are relative to a variance of each feature, its level. Gains depend on ratios only, so a
-level changes no estimate; it decides how unlikely an innovation is.
+Covariances are over a variance of each feature, its level. Gains depend on ratios only, so a level
+changes no estimate; it decides how improbable an innovation is.
 """
 
 from dataclasses import dataclass
@@ -31,7 +32,7 @@ UNMEASURED = 1e12
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """Linear model of the filter of one feature, with a state of n numbers."""
+    """Matrices of the Kalman filter of one feature, whose state has n numbers."""
 
     F: Array
     """Transition per frame (n, n)."""
@@ -49,10 +50,12 @@ class Model:
 
 @final
 class KalmanFilters:
-    """States x (k, n) and covariances (k, n, n) of k features, as the blocks of one filter."""
+    """Kalman filters of k independent features with one model: states x (k, n) and covariances (k,
+    n, n), computed as the diagonal blocks of one large filter.
+    """
 
     def __init__(self, model: Model, count: int) -> None:
-        """Create filters with states of zero for a number of features."""
+        """Create `count` filters with states of zero, and the model's initial covariance."""
         self._all = np.arange(count)
         self._each = np.eye(count)
         self._filter = f = kalman_filter()(dim_x=count * len(model.H), dim_z=count, dim_u=count)
@@ -64,7 +67,9 @@ class KalmanFilters:
         self._take(model)
 
     def use(self, model: Model) -> None:
-        """Replace the model, as for another frame interval."""
+        """Replace the model's matrices, as for another frame interval; states and covariances
+        stay.
+        """
         if model is not self.model:
             self._take(model)
 
@@ -77,11 +82,12 @@ class KalmanFilters:
         f.B = blocks(each, model.B[:, None])  # pyright: ignore[reportAttributeAccessIssue]
 
     def predict(self, u: Array, begun: Flags) -> None:
-        """Predict the next frame.
+        """Predict states and covariances for the next frame.
 
         Args:
-            u: Known input (k,).
-            begun: True (k,) for features that have been measured; the others stay as they are.
+            u: Known input (k,), multiplied by the model's B.
+            begun: True (k,) for features that have been measured; states and covariances of the
+                others stay.
         """
         f = self._filter
         x = self.x
@@ -96,7 +102,7 @@ class KalmanFilters:
 
     @property
     def covariance(self) -> Array:
-        """Covariances (k, n, n)."""
+        """Covariances (k, n, n) of the states, over the level."""
         return self._blocks()[self._all, :, self._all]
 
     @covariance.setter
@@ -105,17 +111,19 @@ class KalmanFilters:
 
     @property
     def expected(self) -> Array:
-        """Expected next measurement (k,)."""
+        """Expected next measurement H x of each feature (k,)."""
         return self.x @ self.model.H
 
     @property
     def S(self) -> Array:
-        """Variance (k,) of the next innovation."""
+        """Variance H P H' + R of the next innovation of each feature (k,), over the level."""
         H = self.model.H
         return (self.covariance @ H) @ H + self.model.R
 
     def update(self, innovation: Array, measured: Flags) -> None:
-        """Correct the states of the measured features by their innovations (k,)."""
+        """Correct the states of the features that are marked as measured (k,) by their innovations
+        (k,).
+        """
         f = self._filter
         self._before = (self.x, self.covariance)
         f.x = self.x.reshape(-1, 1)
@@ -125,8 +133,8 @@ class KalmanFilters:
         self.x = f.x.reshape(self.x.shape)
 
     def forget(self, which: Flags) -> bool:
-        """Undo the last correction of some features, and return True; return False if a prediction
-        followed it.
+        """Undo the last correction of the features that are marked (k,), and return True. If a
+        prediction followed it, or it was undone already, change nothing and return False.
         """
         if self._before is None:
             return False
@@ -137,26 +145,29 @@ class KalmanFilters:
         return True
 
     def _blocks(self) -> Array:
-        """Return a view (k, n, k, n) of the joint covariance of all features' states."""
+        """Return the joint covariance of all features' states as a writable view (k, n, k, n)."""
         shape = self.x.shape
         return self._filter.P.reshape(*shape, *shape)
 
 
 def where(flags: Flags, a: Array, b: Array) -> Array:
-    """Return an array with the rows of a where flags (k,) are True, and those of b elsewhere."""
+    """Return an array of the shape of a and b (k, ...): its rows are those of a where flags (k,)
+    are True, else those of b.
+    """
     return np.where(flags.reshape(-1, *[1] * (a.ndim - 1)), a, b)
 
 
 def blocks(each: Array, of_one: Array) -> Array:
-    """Return the Kronecker product of two matrices: for each element of the first, a block that is
-    this element times the second.
+    """Return the Kronecker product of two matrices: each element of `each` becomes a block, the
+    element times `of_one`.
     """
     return np.kron(each, of_one).astype(np.float64)
 
 
 @final
 class Level:
-    """Learns the variance (k,) of each feature's noise from innovations; older ones count less.
+    """Learns the variance (k,) of each feature's noise from innovations: a running mean over at
+    most 60 frames, in which older innovations count less.
 
     After West and Harrison, Bayesian Forecasting and Dynamic Models, 2nd edition, Springer 1997,
     sections 4.5 and 10.8. A tracker's noise differs between targets, and between targets at rest
@@ -164,19 +175,20 @@ class Level:
     """
 
     def __init__(self, given: Array) -> None:
-        """Start at given variances (k,)."""
+        """Start with given variances (k,), which count as much as 5 frames at first."""
         self.value = given.copy()
         self._least = SMALLEST_LEVEL * given
         self._frames = np.full(len(given), float(FIRST))
 
     def learn(self, ratio: Array, measured: Flags, but: Flags | None = None) -> Array:
-        """Return the normalised innovation squared (k,), nan for features that were not measured,
-        and then update the variances.
+        """Return the normalised innovation squared (k,) with the variances as they are, nan for
+        features that were not measured; then update the variances.
 
         Args:
             ratio: Squared innovations over the filter's variance S (k,).
             measured: True (k,) for features that were measured.
-            but: True (k,) for features whose level stays; None: no such feature.
+            but: True (k,) for measured features whose variance is not updated; None: no such
+                feature.
         """
         nis = np.where(measured, ratio / self.value, np.nan)
         # Recursive mean of the NIS with at most MEMORY frames; outliers are clipped.

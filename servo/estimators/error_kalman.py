@@ -1,8 +1,10 @@
-"""Kalman filter on the error itself, with the measured camera motion as known input.
+"""Estimator with a Kalman filter of the error itself, which knows the measured camera motion as an
+input.
 
 A difference of two frames doubles the noise and is half a frame old; this filter avoids both. It
 knows the commands that have not acted yet, so it predicts the error over the delay, and goes on
-predicting while the target is not seen. The target's motion, with the frame interval T:
+predicting while the target is not seen. The target's motion is a velocity d and an acceleration a
+of the error, with the frame interval T, the memory rho, and white noises w1 and w2:
 
     d+ = d + T a + w1    a+ = rho a + w2    added to the error in a frame: T d + T^2/2 a
 """
@@ -29,7 +31,7 @@ would take each reversal for the beginning of a faster motion."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """This estimator has no settings."""
+    """Settings of the estimator `error_kalman`: it has none."""
 
     needs = frozenset({Channel.SEEN})
 
@@ -39,11 +41,12 @@ class Config:
 
 
 def motion(dt: float, jump: float = 0.0) -> TargetModel:
-    """Return the model of the target's motion: velocity and acceleration of the error.
+    """Return the model of how the target's motion, a velocity and an acceleration, changes the
+    error.
 
     Args:
         dt: Frame interval [s].
-        jump: Noise of the velocity over the measurement's, per frame: Var(w1) T^2 / R.
+        jump: Noise of the velocity, over the measurement's, per frame: Var(w1) T^2 / R.
     """
     s = between(ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ, dt) / dt**4
     Q = np.diag([jump / dt**2, s])

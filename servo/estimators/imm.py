@@ -1,4 +1,5 @@
-"""Interacting multiple models of the error: the target moves smoothly or manoeuvres.
+"""Estimator by interacting multiple models (IMM) of the error: the target moves smoothly or
+manoeuvres.
 
 Blom and Bar-Shalom, The Interacting Multiple Model Algorithm for Systems with Markovian Switching
 Coefficients, IEEE Transactions on Automatic Control 33(8), 1988. Both models are those of
@@ -31,7 +32,7 @@ IMPOSSIBLE = 1e-300
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """This estimator has no settings."""
+    """Settings of the estimator `imm`: it has none."""
 
     needs = frozenset({Channel.SEEN})
 
@@ -42,23 +43,26 @@ class Config:
 
 @final
 class Imm:
-    """Two Kalman filters for each feature, for smooth motion and for manoeuvres, mixed by their
-    probabilities. The first axis of arrays, of length 2, is the filter.
+    """Estimator with two Kalman filters for each feature, for smooth motion and for manoeuvres,
+    whose results are weighted by their probabilities. Arrays of both filters have the filter as
+    first axis, of length 2.
     """
 
     def __init__(self, motions: tuple[Callable[[float], TargetModel], ...]) -> None:
-        """Build the estimator.
+        """Create the estimator.
 
         Args:
-            motions: Return the model of the smooth and of the manoeuvring motion at a frame
-                interval [s].
+            motions: Two functions that return the model of the target's motion from a frame
+                interval [s], for smooth motion and for manoeuvres.
         """
         self._model_at = tuple(models(each) for each in motions)
         go = 1 - STAY
         self._switch = np.array([[STAY, go], [go, STAY]])
 
     def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set."""
+        """Begin a run with a feature set: both models are equally probable, and no feature has been
+        measured yet.
+        """
         k = len(features.names)
         self._features = features
         self._level = Level(np.square(features.noise))
@@ -67,8 +71,15 @@ class Imm:
         self._mu = np.full((2, k), 0.5)
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
-        """Mix, predict and correct the filters, and return the error at the time when the command
-        acts; the first error starts the filters of a feature.
+        """Mix, predict and correct the filters after a picture; return the error at the time when
+        the command acts, and de/dt of the target's own motion. The first error of a feature starts
+        its filters.
+
+        Args:
+            error: Feature error (k,) over the features' scales; nan for features that were not
+                measured.
+            own: The part of de/dt that the camera's own motion causes.
+            dt: Time since the last picture [s].
         """
         if not self._filters:
             self._filters = tuple(KalmanFilters(at(dt), len(error)) for at in self._model_at)
@@ -96,11 +107,11 @@ class Imm:
         return Prediction(error, motion, innovation, nis, variance)
 
     def see(self, view: View) -> None:
-        """Take back the last measurement if the target is now hidden: it was partly hidden then.
-        The first measurement of a feature stays.
+        """Undo the last correction if the target is now hidden, because it was probably half hidden
+        in the picture before. The first measurement of a feature is kept.
 
         Args:
-            view: Its `seen` says whether the target is seen.
+            view: Data of the picture; its `seen` is False if the target is hidden.
         """
         if view.seen is not False:
             return
@@ -109,7 +120,7 @@ class Imm:
             self._mu = np.where(self._corrected, self._mixed, self._mu)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return error and de/dt predicted for a frame without measurement."""
+        """Return the predicted error and de/dt for a frame in which the target was not seen."""
         if not self._filters:
             none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)
@@ -131,8 +142,8 @@ class Imm:
         return error, motion, stated(variance, level, self._features)
 
     def _mix_and_predict(self, own: OwnMotion, dt: float) -> None:
-        """Mix the states of both filters by their probabilities, then predict the states of
-        features that have been measured.
+        """Mix the states of both filters by the models' probabilities, then predict them over dt
+        [s], for features that have been measured.
         """
         x, P = (np.array([getattr(f, name) for f in self._filters]) for name in ("x", "covariance"))
         # Blom and Bar-Shalom: probabilities after a possible switch, then the mixed start states.

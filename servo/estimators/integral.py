@@ -1,5 +1,6 @@
-"""The integral part of a proportional-integral law: the sum of the errors replaces an estimate of
-the target's motion (P. I. Corke, M. C. Good, Dynamic effects in visual closed-loop systems, 1996).
+"""Estimator that makes the law a proportional-integral one: the sum of the errors replaces an
+estimate of the target's motion (P. I. Corke, M. C. Good, Dynamic effects in visual closed-loop
+systems, 1996).
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,9 @@ from sim.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Gain of the integral: with a law of gain g, twist = -L^+ (g e + gain * integral of e)."""
+    """Settings of the estimator `integral`: its gain. With a law of gain g, twist = -L^+ (g e +
+    gain * integral of e).
+    """
 
     gain: Annotated[float, Ge(0), Le(1000)] = 2.0
     """Gain of the integral [1/s^2]."""
@@ -28,21 +31,21 @@ class Config:
 
 @final
 class Integral(Unfiltered):
-    """Sums errors times their frame interval; the law uses the sums of features that it feeds
-    forward.
+    """Estimator whose motion is the gain times the sum of errors over time; the law uses it for the
+    features that it feeds forward.
     """
 
     def __init__(self, gain: float) -> None:
         self._gain = gain
 
     def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set, and sums of zero."""
+        """Begin a run with a feature set: the sums are zero."""
         super().start(features)
         self._sum = np.zeros(len(features.names))
 
     def measure(self, error: Array, own: OwnMotion, dt: float) -> None:
-        """Set the motion to the gain times the integral of the error; features that are not
-        measured keep their sum.
+        """Add error times dt to the sums, and set the motion to the gain times the sums; the sum of
+        a feature that is not measured stays.
         """
         self._sum = self._sum + np.nan_to_num(error) * dt
         self.motion = self._gain * self._sum

@@ -1,4 +1,5 @@
-"""The filter of kalman_cv, restarted when the target's velocity jumps (CUSUM, Page 1954).
+"""Estimator with the Kalman filter of kalman_cv, which forgets its velocity when the target's
+velocity jumps (CUSUM, Page 1954).
 
 Two sums for each feature run over the innovation nu, divided by its standard deviation:
 
@@ -32,7 +33,7 @@ THRESHOLD = 3.5
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """This estimator has no settings."""
+    """Settings of the estimator `jump`: it has none."""
 
     needs = frozenset({Channel.SEEN})
 
@@ -47,7 +48,9 @@ def _model(dt: float) -> TargetModel:
 
 @final
 class Cusum:
-    """Cumulative sums of innovations in both directions, to detect jumps."""
+    """Test for jumps of a feature's velocity, by cumulative sums (CUSUM) of the innovations upwards
+    and downwards.
+    """
 
     def __init__(self, drift: float, threshold: float) -> None:
         self._drift = drift
@@ -55,7 +58,8 @@ class Cusum:
         self._sums = np.zeros((2, 1))
 
     def jumped(self, normalised: Array) -> Flags:
-        """Return True (k,) for each feature with a sum above the threshold, and reset its sums.
+        """Return True (k,) for each feature with a sum above the threshold, and set its sums to
+        zero.
 
         Args:
             normalised: Innovations (k,) over their standard deviations; 0 if not measured.

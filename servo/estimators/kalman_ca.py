@@ -1,11 +1,14 @@
-"""Kalman filter of a nearly constant target acceleration (ViSP's model with a third state).
+"""Estimator with a Kalman filter of a nearly constant target acceleration (ViSP's model with a
+third state).
 
-For each feature separately, with its difference z as measurement and the frame interval T:
+For each feature separately, with the frame interval T: the difference z of its error measures its
+de/dt x; nu is a change of x that decays by rho, and a a nearly constant one; w1 and w2 are white
+noises of variances sQ and sQ2, sR is that of z:
 
     x+ = x + nu + T a    nu+ = rho nu + w1    a+ = a + w2
     F = [[1, 1, T], [0, rho, 0], [0, 0, 1]]    H = [1, 0, 0]    Q = diag(0, sQ, sQ2)    R = sR
 
-By default the same model filters the error itself: see kalman_cv.
+By default a filter with the same motion measures the error itself: see kalman_cv.
 """
 
 from dataclasses import dataclass
@@ -35,7 +38,9 @@ ACCELERATION_AT_5_HZ = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Constants of the filter; only the ratios of the variances matter to the estimate."""
+    """Constants of the filter of a nearly constant acceleration; only the ratios of its variances
+    change the estimate.
+    """
 
     rho: Memory = 0.5
     """Share of the velocity's change that is left in the next frame."""
@@ -49,8 +54,8 @@ class Config:
 
     @property
     def needs(self) -> Channels:
-        """Channels that the estimator needs: a filter of the error needs to know whether the target
-        is seen.
+        """Channels of data that the estimator needs: "seen", whether the target is seen, if it
+        filters the error; none if it filters differences.
         """
         return frozenset() if self.noise == "difference" else frozenset({Channel.SEEN})
 
@@ -61,12 +66,11 @@ class Config:
         return ErrorFilters(self.motion)
 
     def model(self, dt: float, variance: float) -> Model:
-        """Return ViSP's model of a filter whose measurement is the change of a feature's error per
-        time.
+        """Return ViSP's model of a filter that measures the change of a feature's error per second.
 
         Args:
             dt: Frame interval [s].
-            variance: Variance of the feature's measurement noise.
+            variance: Variance of the feature's measurement noise, before the difference is taken.
         """
         sR = difference_variance(variance, dt)
         rho = self.rho
@@ -85,8 +89,8 @@ class Config:
         return Model(self._F(T), np.zeros(3), np.eye(3)[0], np.diag([0.0, sQ, sQ2]), sR, P)
 
     def motion(self, dt: float) -> TargetModel:
-        """Return the model of how the target's motion changes a feature's error from frame to
-        frame.
+        """Return the model of how the target's motion, of a nearly constant acceleration, changes a
+        feature's error from frame to frame.
 
         Args:
             dt: Frame interval [s].

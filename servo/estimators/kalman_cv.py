@@ -1,13 +1,15 @@
-"""Kalman filter of a nearly constant target velocity (Teuliere, Marchand, Eck, equation 19).
+"""Estimator with a Kalman filter of a nearly constant target velocity (Teuliere, Marchand, Eck,
+equation 19).
 
-ViSP's model, for each feature separately, with its difference z as measurement:
+ViSP's model, for each feature separately: the difference z of its error measures its de/dt x; nu is
+a change of x that decays by rho; w is white noise of variance sQ, sR is that of z:
 
     x+ = x + nu    nu+ = rho nu + w
     F = [[1, 1], [0, rho]]    H = [1, 0]    Q = diag(0, sQ)    R = sR
 
-Two differences in a row share the noise of a position, so R is not white. By default the same model
-filters the error itself, whose noise is white. If the target reverses, a filter that is too slow is
-worse than none, so the default constants depend on the camera's rate.
+Two differences in a row share the noise of a position, so R is not white. By default a filter with
+the same motion measures the error itself, whose noise is white. If the target reverses, a filter
+that is too slow is worse than none, so the default constants depend on the camera's rate.
 """
 
 from dataclasses import dataclass
@@ -36,7 +38,9 @@ RATIO_AT_5_HZ = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Constants of the filter; only the ratio of the variances matters to the estimate."""
+    """Constants of the filter of a nearly constant velocity; only the ratio of its variances
+    changes the estimate.
+    """
 
     rho: Memory = RHO
     """Share of the velocity's change that is left in the next frame."""
@@ -48,8 +52,8 @@ class Config:
 
     @property
     def needs(self) -> Channels:
-        """Channels that the estimator needs: a filter of the error needs to know whether the target
-        is seen.
+        """Channels of data that the estimator needs: "seen", whether the target is seen, if it
+        filters the error; none if it filters differences.
         """
         return frozenset() if self.noise == "difference" else frozenset({Channel.SEEN})
 
@@ -60,12 +64,11 @@ class Config:
         return ErrorFilters(lambda dt: motion(dt, self.rho, self.ratio))
 
     def model(self, dt: float, variance: float) -> Model:
-        """Return ViSP's model of a filter whose measurement is the change of a feature's error per
-        time.
+        """Return ViSP's model of a filter that measures the change of a feature's error per second.
 
         Args:
             dt: Frame interval [s].
-            variance: Variance of the feature's measurement noise.
+            variance: Variance of the feature's measurement noise, before the difference is taken.
         """
         sR = difference_variance(variance, dt)
         rho = self.rho
@@ -76,12 +79,14 @@ class Config:
 
 
 def motion(dt: float, rho: float, ratio: float | None) -> TargetModel:
-    """Return the model of how the target's motion changes a feature's error from frame to frame.
+    """Return the model of how the target's motion, of a nearly constant velocity, changes a
+    feature's error from frame to frame.
 
     Args:
         dt: Frame interval [s].
-        rho: Share of the velocity's change that is left in the next frame.
-        ratio: sQ / sR, per frame; None: tuned for the frame interval.
+        rho: Share of the velocity's change that is left in the next frame, 0 to 1.
+        ratio: Variance of the velocity's noise over that of the measurement, sQ / sR, per frame;
+            None: the value tuned for this frame interval.
     """
     ratio = ratio or between(RATIO_AT_30_HZ, RATIO_AT_5_HZ, dt)
     sQ = ratio * difference_variance(1.0, dt)

@@ -1,4 +1,6 @@
-"""No estimate: the law assumes a target at rest, and follows a moving one with a lag."""
+"""Estimator of a target at rest: it estimates no motion, so that the law follows a moving target
+with a lag.
+"""
 
 from dataclasses import dataclass
 from typing import final
@@ -10,7 +12,7 @@ from servo.estimators._unfiltered import Unfiltered
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """This estimator has no settings."""
+    """Settings of the estimator `none`: it has none."""
 
     def build(self, rng: np.random.Generator) -> "Nothing":
         """Return the estimator, which uses no random numbers."""
@@ -19,4 +21,4 @@ class Config:
 
 @final
 class Nothing(Unfiltered):
-    """Predicts a target at rest."""
+    """Estimator that returns the measured error, and a motion of zero."""

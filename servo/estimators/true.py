@@ -1,5 +1,5 @@
-"""The true motion of the target, for comparison only: an ideal feed-forward that no camera can
-measure. The simulation provides it (`true_motion` of `Loop.start`).
+"""Estimator that returns the true motion of the target, for comparison only: an ideal feed-forward
+that no camera can measure. Only a simulation provides it (`true_motion` of `Loop.start`).
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from sim.channels import Channel, View
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """This estimator has no settings."""
+    """Settings of the estimator `true`: it has none."""
 
     needs = frozenset({Channel.TRUE_MOTION})
 
@@ -24,11 +24,13 @@ class Config:
 
 @final
 class Ideal(Unfiltered):
-    """Returns the true motion of the target that the simulation gave last; at first zero."""
+    """Estimator that returns the measured error, and the true motion of the target that the
+    simulation gave last, at first zero.
+    """
 
     def see(self, view: View) -> None:
-        """Store `view.true_motion`: the target's true mean de/dt (k,) while the next command acts,
-        over the features' scales.
+        """Store `view.true_motion`: the target's true mean de/dt (k,) over the interval in which
+        the next command acts, over the features' scales [1/s].
         """
         if view.true_motion is not None:
             self.motion = view.true_motion

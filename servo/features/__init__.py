@@ -1,4 +1,6 @@
-"""Feature sets, one a file: `Config.build(outline)` returns a `FeatureSet`."""
+"""Package of the feature sets, one module each: `Config.build(outline)` returns a `FeatureSet` for
+a target whose reference rectangle has these corners (4, 3) [m].
+"""
 
 from __future__ import annotations
 

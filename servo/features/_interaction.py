@@ -1,8 +1,9 @@
-"""The interaction matrix of the moment features: ds/dt = L v for a target that stands still.
+"""Interaction matrix L of the moment features, with ds/dt = L v for a camera twist v and a target
+at rest.
 
 After Tahri and Chaumette 2005 and Teuliere, Marchand and Eck 2009, section VI, written for any
-target plane 1/Z = A x + B y + C; a plane parallel to the image has A = B = 0. With K the scale of
-the features (moments.py) and
+target plane 1/Z = A x + B y + C; a plane parallel to the image has A = B = 0. With the area a, the
+centroid (xg, yg), the central moments mu_pq, the scale K of the features (moments.py), and
 
     n_pq = 4 mu_pq / a    e11 = n11 - xg yg / 2    e12 = n20 - xg^2 / 2    e21 = n02 - yg^2 / 2
 
@@ -28,7 +29,9 @@ Row = tuple[float, float, float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Second moments over the area, as the rows of the interaction matrix use them."""
+    """Numbers e11, e12, e21 and k of a silhouette that the rows of the interaction matrix share:
+    second moments over the area, and the inverse depth.
+    """
 
     e11: float
     e12: float
@@ -38,7 +41,9 @@ class Spread:
 
     @staticmethod
     def of(m: Moments, plane: Plane) -> "Spread":
-        """Return the spread of a silhouette's moments in a plane."""
+        """Return the spread of a silhouette with moments m (normalised image coordinates) in a
+        plane of the camera frame.
+        """
         n20 = 4 * m.mu20 / m.area
         n11 = 4 * m.mu11 / m.area
         n02 = 4 * m.mu02 / m.area
@@ -51,7 +56,7 @@ class Spread:
 
 
 def row_xn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
-    """Return the row (6,) of xn = an xg."""
+    """Return the row (6,) of xn = an xg in the interaction matrix."""
     A = plane.A
     B = plane.B
     xn = an * m.xg
@@ -63,7 +68,7 @@ def row_xn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
 
 
 def row_yn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
-    """Return the row (6,) of yn = an yg."""
+    """Return the row (6,) of yn = an yg in the interaction matrix."""
     A = plane.A
     B = plane.B
     xn = an * m.xg
@@ -75,7 +80,7 @@ def row_yn(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
 
 
 def row_an(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
-    """Return the row (6,) of an = K / sqrt(a)."""
+    """Return the row (6,) of an = K / sqrt(a) in the interaction matrix, with the area a."""
     A = plane.A
     B = plane.B
     C = plane.C
@@ -85,7 +90,8 @@ def row_an(m: Moments, plane: Plane, an: float, s: Spread) -> Row:
 
 
 def row_theta(m: Moments, plane: Plane) -> Row:
-    """Return the row (6,) of theta = atan2(2 mu11, mu20 - mu02) / 2.
+    """Return the row (6,) of the angle theta = atan2(2 mu11, mu20 - mu02) / 2 in the interaction
+    matrix.
 
     Raises:
         ValueError: The shape is round, so it has no orientation.
@@ -111,16 +117,24 @@ def row_theta(m: Moments, plane: Plane) -> Row:
 
 
 def oriented(m: Moments, elongation: float = LEAST_ELONGATION) -> bool:
-    """Return whether the long axis of a shape is more than `elongation` times its short one."""
+    """Return whether the long axis of a silhouette is more than `elongation` times its short one,
+    so that its angle is defined well.
+    """
     spread = hypot(m.mu20 - m.mu02, 2 * m.mu11)
     total = m.mu20 + m.mu02
     return total + spread > elongation**2 * (total - spread)
 
 
 def interaction(m: Moments, plane: Plane, scale: float) -> Array:
-    """Return the matrix L (4, 6) of s = (xn, yn, an, theta), with an = scale / sqrt(a).
+    """Return the interaction matrix L (4, 6) of s = (xn, yn, an, theta), with an = scale /
+    sqrt(area).
 
-    The row of theta is zero for a round shape.
+    The row of theta is zero for a round shape, whose angle is not defined.
+
+    Args:
+        m: Moments of the silhouette in normalised image coordinates.
+        plane: Plane of the target in the camera frame.
+        scale: Scale K of xn, yn and an.
     """
     an = scale / sqrt(m.area)
     theta = row_theta(m, plane) if oriented(m, 1 + ROUND) else (0.0,) * 6

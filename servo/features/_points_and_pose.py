@@ -1,4 +1,4 @@
-"""Corners and pose together, for feature sets that combine both."""
+"""Base class of the feature sets that combine the target's corners with its pose."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,13 @@ TRANSLATION = slice(8, 11)
 
 
 class PointsAndPose(Features):
-    """The features s = (x0, y0, ..., x3, y3, t, theta u): the corners in normalised image
-    coordinates, and translation [m] and rotation vector [rad] of the pose c*Mc.
+    """Base class with the features s = (x0, y0, ..., x3, y3, t, theta u) (14,): the corners in
+    normalised image coordinates, and translation [m] and rotation vector [rad] of the pose c*Mc, of
+    the camera in the frame of the desired camera.
     """
 
     def __init__(self) -> None:
-        """Combine both feature sets."""
+        """Join the names, units and noises of the feature sets `points` and `pose`."""
         self._parts = PointFeatures(), PoseFeatures("cdMc")
         points, pose = self._parts
         self.names = points.names + pose.names
@@ -29,7 +30,9 @@ class PointsAndPose(Features):
         self.noise = np.concatenate([points.noise, pose.noise])
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (14,)."""
+        """Return the features (14,) of the target in a picture: eight corner coordinates, three of
+        t [m], three of theta u [rad].
+        """
         return np.concatenate([part.values(sight) for part in self._parts])
 
     def matrix(self, sight: Sight) -> Array:
@@ -37,7 +40,9 @@ class PointsAndPose(Features):
         return np.concatenate([part.matrix(sight) for part in self._parts])
 
     def error(self, values: Array, goal: Array) -> Array:
-        """Return the error e = s - s* (14,)."""
+        """Return the error e = s - s* (14,); of the rotation vectors of one rotation, the one
+        nearest to the goal's counts.
+        """
         points, pose = self._parts
         place, turn = (part[POINTS.stop :] for part in (values, goal))
         return np.concatenate([points.error(values[POINTS], goal[POINTS]), pose.error(place, turn)])

@@ -13,7 +13,7 @@ from sim.types import Array, Camera
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """This feature set has no settings."""
+    """Settings of the feature set `decoupled`: it has none."""
 
     def build(self, outline: Array) -> "DecoupledFeatures":
         """Return the feature set, which is the same for any outline (4, 3)."""
@@ -22,17 +22,23 @@ class Config:
 
 @final
 class DecoupledFeatures(PointsAndPose):
-    """Corners and pose: the pose controls the translation, the remaining error of the corners the
-    rotation.
+    """Feature set of corners and pose, with an inverse of its own: the pose controls the camera's
+    translation, the remaining error of the corners its rotation.
 
     Deguchi 1998 (Optimal motion control for image-based visual servoing by decoupling translation
     and rotation, IROS), as Gans, Hutchinson and Corke 2003 describe it: v = -lambda t in the
-    camera's frame, and w = Lw+ (-lambda e - Lv v) over the corners. Written from their description,
-    without Deguchi's text.
+    camera's frame, and w = Lw+ (-lambda e - Lv v) over the corners, with Lv and Lw the columns of
+    their interaction matrix for v and w. Written from their description, without Deguchi's text.
     """
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, 14) that maps the error to the twist."""
+        """Return the matrix (6, 14) that maps the error of the features to the camera twist.
+
+        Args:
+            L: Interaction matrix (14, 6).
+            values: Features (14,); not used.
+            camera: Intrinsics; not used.
+        """
         inverse = np.zeros(L.T.shape)
         inverse[:3, TRANSLATION] = L[TRANSLATION, :3].T
         left = np.eye(POINTS.stop, len(L)) - L[POINTS, :3] @ inverse[:3]

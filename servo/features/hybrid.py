@@ -1,4 +1,6 @@
-"""Image point and depth of the centre, and rotation: 2 1/2 D (Malis, Chaumette, Boudet 1999)."""
+"""Feature set of 2 1/2 D servoing: image point and depth of the target's centre, and rotation
+(Malis, Chaumette, Boudet 1999).
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +20,7 @@ NOISE = (2e-4, 2e-4, 2e-3, 5e-3, 5e-3, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """This feature set has no settings."""
+    """Settings of the feature set `hybrid`: it has none."""
 
     def build(self, outline: Array) -> "HybridFeatures":
         """Return the feature set, which is the same for any outline (4, 3)."""
@@ -27,8 +29,9 @@ class Config:
 
 @final
 class HybridFeatures(WithRotation):
-    """The features s = (x, y, log(Z / Z*), theta u): normalised image coordinates and depth Z of
-    the target's centre, and the rotation vector [rad] of c*Rc.
+    """Feature set s = (x, y, log(Z / Z*), theta u): normalised image coordinates and depth Z of the
+    target's centre, Z* at the goal, and the rotation vector theta u [rad] of c*Rc, the camera's
+    rotation in the frame of the desired camera.
 
     Malis, Chaumette and Boudet 1999 (2 1/2 D visual servoing, IEEE Transactions on Robotics and
     Automation 15). The centre moves on a straight line in the image, and stays in view.
@@ -41,7 +44,9 @@ class HybridFeatures(WithRotation):
     noise = np.array(NOISE)
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (6,)."""
+        """Return the features (6,) of the target in a picture, from its pose and that at the
+        goal.
+        """
         X, Y, Z = sight.pose.translation.tolist()
         goal = sight.aim.pose
         turn = theta_u(goal.rotation @ sight.pose.rotation.T)

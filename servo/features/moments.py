@@ -1,9 +1,11 @@
-"""Centre, size and angle of the silhouette: xn, yn, an, theta (Tahri, Chaumette 2005).
+"""Feature set of image moments: centre, size and angle of the silhouette, xn, yn, an, theta (Tahri,
+Chaumette 2005).
 
     an = K / sqrt(a)    xn = an xg    yn = an yg    theta = atan2(2 mu11, mu20 - mu02) / 2
 
 with the area a, the centroid (xg, yg) and the central moments mu of the silhouette in normalised
-image coordinates (Tahri and Chaumette 2005; Teuliere, Marchand and Eck 2009, section VI).
+image coordinates (Tahri and Chaumette 2005; Teuliere, Marchand and Eck 2009, section VI). The scale
+K is a setting (`Scaling`).
 """
 
 from collections.abc import Mapping
@@ -28,7 +30,7 @@ over their variance, and what is decided by them, on these too."""
 
 
 class Scaling(Enum):
-    """The unit of an, xn and yn.
+    """Choices of the scale K, the unit of xn, yn and an.
 
     The camera's motion is the same with both; thresholds, adaptive gains and plots differ.
     """
@@ -43,32 +45,34 @@ class Scaling(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Choice of the unit of xn, yn and an."""
+    """Settings of the feature set `moments`: the scale K, which is the unit of xn, yn and an."""
 
     scaling: Scaling = Scaling.METRIC
     """Unit of xn, yn and an: "metric" (an is the depth in m) or "paper" (an is 1 / sqrt(area))."""
 
     def build(self, outline: Array) -> "MomentFeatures":
-        """Return the feature set for a target whose reference rectangle has these corners (4, 3),
-        in the target's frame [m].
+        """Return the feature set for a target whose reference rectangle has the corners `outline`
+        (4, 3), in the target's frame [m]; only their area is used.
         """
         return MomentFeatures(self.scaling, sqrt(Outline(outline).area))
 
 
 @final
 class MomentFeatures:
-    """The features s = (xn, yn, an, theta) of one target: centre, size and angle [rad]."""
+    """Feature set s = (xn, yn, an, theta) of one target: centre (xn, yn), size an and angle theta
+    [rad] of its silhouette.
+    """
 
     names = ("xn", "yn", "an", "theta")
     feed_forward = ("xn", "yn")
     sole_dof: Mapping[str, str] = {"an": "vz", "theta": "wz"}
 
     def __init__(self, scaling: Scaling, root_area: float) -> None:
-        """Set the scale.
+        """Set the scale K: `root_area` for the scaling METRIC, 1 for PAPER.
 
         Args:
-            scaling: The choice of K.
-            root_area: Square root of the target's metric area [m].
+            scaling: Choice of the scale K.
+            root_area: Square root of the area of the target's reference rectangle [m].
         """
         metric = scaling is Scaling.METRIC
         self.scale = root_area if metric else 1.0
@@ -77,34 +81,45 @@ class MomentFeatures:
         self.noise = NOISE
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (4,)."""
+        """Return the features (xn, yn, an, theta) (4,) of the target in a picture."""
         return of_moments(sight.moments, self.scale)
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (4, 6)."""
+        """Return the interaction matrix L (4, 6), whose row of theta is zero for a round
+        silhouette.
+        """
         return interaction(sight.moments, sight.plane, self.scale)
 
     def error(self, values: Array, goal: Array) -> Array:
-        """Return the error e = s - s* (4,). Moments do not distinguish front from back: the error
-        of theta is wrapped to a half turn.
+        """Return the error e = s - s* (4,). Moments do not distinguish the target's front from its
+        back, so the error of theta is wrapped to half a turn, -pi/2 to pi/2.
         """
         e = values - goal
         e[3] = half_turn(e[3])
         return e
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return True (4,) for each feature that the sight measures; a round shape has no angle."""
+        """Return True (4,) for each feature that is measured: xn and yn always, an with the
+        target's size, theta with its angle, if the silhouette is not nearly round.
+        """
         angle = sight.angle_known and oriented(sight.moments)
         return np.array([True, True, sight.size_known, angle])
 
     def scales(self, goal: Array) -> Array:
-        """Return the divisors (4,): the goal's an for xn, yn and an; 1 for theta."""
+        """Return the numbers (4,) by which an estimator's input is divided: an at the goal for xn,
+        yn and an; 1 for theta.
+        """
         an = goal[2]
         return np.array([an, an, an, 1.0])
 
 
 def of_moments(m: Moments, scale: float) -> Array:
-    """Return the features (xn, yn, an, theta) of a silhouette with the scale K."""
+    """Return the features (xn, yn, an, theta) (4,) of a silhouette with moments m.
+
+    Args:
+        m: Moments in normalised image coordinates.
+        scale: Scale K of xn, yn and an.
+    """
     an = scale / sqrt(m.area)
     theta = atan2(2 * m.mu11, m.mu20 - m.mu02) / 2
     return np.array([an * m.xg, an * m.yg, an, theta])

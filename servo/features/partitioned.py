@@ -1,4 +1,6 @@
-"""Corners for four degrees of freedom; area and angle for vz and wz (Corke, Hutchinson 2001)."""
+"""Feature set of four corners, area and angle: area and angle control vz and wz, the corners the
+other four components of the twist (Corke, Hutchinson 2001).
+"""
 
 from dataclasses import dataclass
 from typing import final
@@ -21,7 +23,7 @@ ALONG, ABOUT = 2, 5
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """This feature set has no settings."""
+    """Settings of the feature set `partitioned`: it has none."""
 
     def build(self, outline: Array) -> "PartitionedFeatures":
         """Return the feature set, which is the same for any outline (4, 3)."""
@@ -30,15 +32,15 @@ class Config:
 
 @final
 class PartitionedFeatures(OfCorners):
-    """The features s = (x0, y0, ..., x3, y3, ln sigma, theta): the four corners, the square root
-    sigma of the area that they enclose, and the angle [rad] of the side from the first to the
-    second.
+    """Feature set s = (x0, y0, ..., x3, y3, ln sigma, theta) (10,): the four corners in normalised
+    image coordinates, the square root sigma of the area that they enclose, and the angle theta
+    [rad] of the side from the first corner to the second.
 
     Corke and Hutchinson 2001 (A new partitioned approach to image-based visual servo control, IEEE
     Transactions on Robotics and Automation 17), equations 8 to 11, without the potential that
-    repels the corners from the border. vz controls ln sigma and wz controls theta, each by its
-    own entry of the interaction matrix; the other four velocities control the corners, given the
-    first two.
+    repels the corners from the border. vz controls ln sigma and wz controls theta, each by its own
+    entry of the interaction matrix. The other four velocities control the corners, after the effect
+    of vz and wz on them.
     """
 
     names = (*PointFeatures.names, "sigma", "theta")
@@ -48,7 +50,9 @@ class PartitionedFeatures(OfCorners):
     noise = np.array([NOISE] * 8 + [*NOISES])
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (10,)."""
+        """Return the features (10,) of the target in a picture: eight corner coordinates, ln sigma,
+        theta [rad].
+        """
         corners = corners_of(sight)
         (dx, dy) = corners[1] - corners[0]
         return np.array([*corners.ravel(), np.log(_area(corners)) / 2, np.arctan2(dy, dx)])
@@ -66,7 +70,13 @@ class PartitionedFeatures(OfCorners):
         return np.vstack([points, wider / (2 * _area(corners)), turned])
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, 10) that maps the error to the twist."""
+        """Return the matrix (6, 10) that maps the error of the features to the camera twist.
+
+        Args:
+            L: Interaction matrix (10, 6).
+            values: Features (10,); not used.
+            camera: Intrinsics; not used.
+        """
         inverse = np.zeros(L.T.shape)
         # vz and wz first; the other four then answer the rest of the corners' error.
         inverse[ALONG, SIGMA] = 1 / L[SIGMA, ALONG]
@@ -78,6 +88,8 @@ class PartitionedFeatures(OfCorners):
 
 
 def _area(corners: Array) -> float:
-    """Return the area that corners (4, 2) enclose, positive in their order."""
+    """Return the area inside the corners (4, 2), in the square of their unit: positive for corners
+    that run clockwise in the image, as the target's do, negative otherwise.
+    """
     (x, y) = corners.T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2

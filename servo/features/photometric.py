@@ -1,4 +1,6 @@
-"""Brightness of all pixels against the goal's, without a tracker (Collewet, Marchand 2011)."""
+"""Feature set of all pixels: their brightness against that of the goal's picture, without a tracker
+(Collewet, Marchand 2011).
+"""
 
 from dataclasses import dataclass
 from typing import final
@@ -23,7 +25,9 @@ RANK_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """This feature set has no settings; the pixels' interaction matrix is taken at the goal."""
+    """Settings of the feature set `photometric`: it has none. The pixels' interaction matrix is
+    taken at the goal.
+    """
 
     needs = frozenset({Channel.PICTURE, Channel.GOAL_PICTURE})
 
@@ -34,9 +38,9 @@ class Config:
 
 @final
 class PhotometricFeatures(Features):
-    """The features s = L+ (I - I*) (6,): the camera displacement [m, rad] that explains best how
-    the pixels' brightness I differs from the goal's I*. So ds/dt is the camera's twist, to first
-    order.
+    """Feature set s = L+ (I - I*) (6,): the camera displacement [m, rad] that best explains how the
+    pixels' brightness I differs from the goal's I*, with the interaction matrix L of the pixels. So
+    ds/dt is the camera's twist, to first order.
 
     Collewet and Marchand 2011 (Photometric visual servoing, IEEE Transactions on Robotics 27). One
     depth stands for all pixels. The method needs texture, constant light, and a start near the
@@ -53,7 +57,9 @@ class PhotometricFeatures(Features):
         self._goal_inverse = np.zeros((6, 0))
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (6,) of a sight with a picture, whose goal has one too."""
+        """Return the features (6,) [m, rad] from the picture of a sight and the goal's picture;
+        both must be there.
+        """
         goal = sight.aim
         if goal is not self._goal:
             L = brightness_matrix(_picture(goal), 1 / goal.plane.C)
@@ -63,21 +69,24 @@ class PhotometricFeatures(Features):
         return self._goal_inverse @ e
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix (6, 6), the identity."""
+        """Return the interaction matrix (6, 6): the identity, since the features are a displacement
+        of the camera.
+        """
         return np.eye(6)
 
 
 def brightness(picture: CameraImage) -> Array:
-    """Return the grey values (h, w), 0 to 255, of a picture without its border."""
+    """Return the grey values (h, w), 0 to 255, of a picture without the 10 px next to each side."""
     return _inside(_grey(picture))
 
 
 def brightness_matrix(picture: CameraImage, depth: float) -> Array:
-    """Return the interaction matrix (h w, 6) of the grey values: L = -(Ix Lx + Iy Ly), with the
-    rows of the pixels as points (Collewet and Marchand 2011, equation 9).
+    """Return the interaction matrix (h w, 6) of the grey values of a picture without the 10 px next
+    to each side: L = -(Ix Lx + Iy Ly), with Lx and Ly the rows of each pixel as a point, Ix and Iy
+    the gradient of the grey values (Collewet and Marchand 2011, equation 9).
 
     Args:
-        picture: The picture, from which the gradients Ix and Iy are computed.
+        picture: The picture, with its camera.
         depth: Depth of all pixels [m].
     """
     grey = _grey(picture)
@@ -107,12 +116,13 @@ def _inside(whole: Array) -> Array:
     if min(whole.shape) <= 2 * BORDER:
         raise Mistake(
             f"a picture of {whole.shape[1]} x {whole.shape[0]} px is too small for features made "
-            f"of pixels, which leave out {BORDER} px at each side"
+            f"of pixels, which leave out {BORDER} px at each side: set a larger camera.width and "
+            "camera.height"
         )
     return whole[BORDER:-BORDER, BORDER:-BORDER]
 
 
 def _picture(sight: Sight) -> CameraImage:
     if sight.picture is None:
-        raise ValueError("there is no picture of the goal; give Loop.start one")
+        raise ValueError("there is no picture of the goal: give it to Loop.start as `goal`")
     return sight.picture

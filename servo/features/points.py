@@ -1,4 +1,6 @@
-"""Image coordinates of the four corners: image-based servoing (Chaumette, Hutchinson 2006)."""
+"""Feature set of the four corners' image coordinates: classic image-based servoing (Chaumette,
+Hutchinson 2006).
+"""
 
 from dataclasses import dataclass
 from typing import final
@@ -16,7 +18,7 @@ NOISE = 2e-4
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """This feature set has no settings."""
+    """Settings of the feature set `points`: it has none."""
 
     def build(self, outline: Array) -> "PointFeatures":
         """Return the feature set, which is the same for any outline (4, 3)."""
@@ -25,11 +27,12 @@ class Config:
 
 @final
 class PointFeatures(OfCorners):
-    """The features s = (x0, y0, ..., x3, y3): normalised image coordinates of the four corners.
+    """Feature set s = (x0, y0, ..., x3, y3) (8,): normalised image coordinates of the target's four
+    corners.
 
-    Chaumette and Hutchinson 2006 (Visual servo control, part I: basic approaches, IEEE Robotics
-    and Automation Magazine 13). To correct a rotation about the optical axis, the camera also
-    retreats (`matrix = "current"`) or approaches ("desired"); with half a turn it fails.
+    Chaumette and Hutchinson 2006 (Visual servo control, part I: basic approaches, IEEE Robotics and
+    Automation Magazine 13). To correct a rotation about the optical axis, the camera also retreats
+    (`matrix = "current"`) or approaches ("desired"); it fails to correct half a turn.
     """
 
     names = tuple(f"{axis}{i}" for i in range(4) for axis in "xy")
@@ -38,9 +41,13 @@ class PointFeatures(OfCorners):
     noise = np.full(8, NOISE)
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (8,): x and y of each corner, normalised."""
+        """Return the features (8,) of the target in a picture: x and y of each corner, in
+        normalised image coordinates.
+        """
         return corners_of(sight).flatten()  # a copy, so that callers may change it in place
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (8, 6), with the depth of each corner."""
+        """Return the interaction matrix L (8, 6), each corner with its own depth in the target's
+        plane.
+        """
         return np.stack(corner_rows(sight), axis=1).reshape(8, 6)

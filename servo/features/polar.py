@@ -1,4 +1,6 @@
-"""Polar coordinates of the four corners: best for pure rotations (Iwatsuki, Okiyama 2005)."""
+"""Feature set of the four corners' polar coordinates: best for pure rotations (Iwatsuki, Okiyama
+2005).
+"""
 
 from dataclasses import dataclass
 from typing import final
@@ -17,7 +19,7 @@ NOISE = (2e-4, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """This feature set has no settings."""
+    """Settings of the feature set `polar`: it has none."""
 
     def build(self, outline: Array) -> "PolarFeatures":
         """Return the feature set, which is the same for any outline (4, 3)."""
@@ -26,12 +28,11 @@ class Config:
 
 @final
 class PolarFeatures(OfCorners):
-    """The features s = (rho0, theta0, ..., rho3, theta3): polar coordinates of the four corners
-    about the optical axis, normalised and in rad.
+    """Feature set s = (rho0, theta0, ..., rho3, theta3) (8,): distance rho of each corner from the
+    optical axis, in normalised image coordinates, and its direction theta [rad] from there.
 
     Iwatsuki and Okiyama 2005 (A new formulation of visual servoing based on cylindrical coordinate
-    system, IEEE Transactions on Robotics 21). Ill-conditioned if a corner is near the middle of the
-    image.
+    system, IEEE Transactions on Robotics 21). Ill-conditioned if a corner is near the optical axis.
     """
 
     names = tuple(f"{axis}{i}" for i in range(4) for axis in ("rho", "theta"))
@@ -41,7 +42,9 @@ class PolarFeatures(OfCorners):
     noise = np.array(NOISE * 4)
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (8,): distance (normalised) and direction [rad] of each corner."""
+        """Return the features (8,) of the target in a picture: distance (normalised) and direction
+        [rad] of each corner.
+        """
         x, y = corners_of(sight).T
         return np.column_stack([np.hypot(x, y), np.arctan2(y, x)]).ravel()
 

@@ -1,4 +1,4 @@
-"""Translation and rotation: position-based servoing (Chaumette, Hutchinson 2006)."""
+"""Feature set of translation and rotation: position-based servoing (Chaumette, Hutchinson 2006)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,7 +20,9 @@ NOISE = (2e-4, 2e-4, 2e-3, 5e-3, 5e-3, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Choice of the translation that is servoed."""
+    """Settings of the feature set `pose`: which translation is servoed, of the camera or of the
+    target.
+    """
 
     error: Error = "cdMc"
     """"cdMc": of the camera as the goal's camera sees it, so that the camera goes straight; "cMo":
@@ -33,10 +35,12 @@ class Config:
 
 @final
 class PoseFeatures(WithRotation):
-    """The features s = (t, theta u): translation [m] of c*Mc or cMo, rotation vector [rad] of c*Rc.
+    """Feature set s = (t, theta u) (6,): translation t [m] of c*Mc (the camera in the frame of the
+    desired camera) or of cMo (the target in the camera frame), and rotation vector theta u [rad] of
+    c*Rc.
 
-    Chaumette and Hutchinson 2006 (Visual servo control, part I: basic approaches, IEEE Robotics
-    and Automation Magazine 13), equations 16 to 19. With "cdMc" the corners may leave the picture.
+    Chaumette and Hutchinson 2006 (Visual servo control, part I: basic approaches, IEEE Robotics and
+    Automation Magazine 13), equations 16 to 19. With "cdMc" the corners may leave the picture.
     """
 
     names = ("x", "y", "z", "rx", "ry", "rz")
@@ -49,13 +53,15 @@ class PoseFeatures(WithRotation):
         self._camera_moves = error == "cdMc"
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (6,) [m, rad]."""
+        """Return the features (6,) of the target in a picture: t [m], theta u [rad]."""
         moved = sight.aim.pose @ sight.pose.inverse()
         t = moved.translation if self._camera_moves else sight.pose.translation
         return np.concatenate([t, theta_u(moved.rotation)])
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return True (6,) for each feature that the sight measures; without the angle none is."""
+        """Return True (6,) for each feature that is measured: with the target's angle, x and y,
+        also z with its size, and rx and ry with the tilt of its plane; without the angle, none.
+        """
         return super().known(sight) & sight.angle_known
 
     def matrix(self, sight: Sight) -> Array:

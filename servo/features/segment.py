@@ -1,4 +1,6 @@
-"""Middle, length and angle of the two long sides (Espiau, Chaumette, Rives 1992)."""
+"""Feature set of the target's two long sides: middle, length and angle of each (Espiau, Chaumette,
+Rives 1992).
+"""
 
 from dataclasses import dataclass
 from typing import final
@@ -19,7 +21,7 @@ NOISE = (2e-4, 2e-4, 3e-4, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Choice between the plain features of the segments and the normalised ones."""
+    """Settings of the feature set `segment`: plain or normalised features."""
 
     normalised: bool = False
     """Whether xc/l, yc/l and 1/l replace xc, yc and l: the interaction matrix is then simpler
@@ -32,12 +34,13 @@ class Config:
 
 @final
 class SegmentFeatures(OfCorners):
-    """The features s = (xc, yc, l, alpha) of each of the two long sides: its middle, length and
-    angle [rad] in normalised image coordinates; with `normalised` (xc/l, yc/l, 1/l, alpha).
+    """Feature set s = (xc, yc, l, alpha) of each of the target's two long sides (8,): middle,
+    length and angle [rad] in normalised image coordinates. With `normalised` they are (xc/l, yc/l,
+    1/l, alpha).
 
     Espiau, Chaumette and Rives 1992 (A new approach to visual servoing in robotics, IEEE
-    Transactions on Robotics and Automation 8); alpha points from the segment's end to its start,
-    as in ViSP.
+    Transactions on Robotics and Automation 8); alpha points from the segment's end to its start, as
+    in ViSP.
     """
 
     units = ("1", "1", "1", "rad") * 2
@@ -51,7 +54,9 @@ class SegmentFeatures(OfCorners):
         self.noise = np.array(NOISE * 2) * ([10, 10, 10, 1] * 2 if normalised else 1.0)
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (8,), four of each segment."""
+        """Return the features (8,) of the target in a picture: four of the first side, then four of
+        the second.
+        """
         middle, back, length = self._segments(sight)
         alpha = np.arctan2(back[:, 1], back[:, 0])
         if self._normalised:
@@ -59,8 +64,8 @@ class SegmentFeatures(OfCorners):
         return np.column_stack([middle, length, alpha]).ravel()
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (8, 6), from the rows of the corners at the segments'
-        ends.
+        """Return the interaction matrix L (8, 6), computed from the rows of the corners at which
+        the segments end.
         """
         middle, back, length = self._segments(sight)
         Lx, Ly = corner_rows(sight)
@@ -79,7 +84,9 @@ class SegmentFeatures(OfCorners):
         return np.stack([xc, yc, longer, turned], axis=1).reshape(8, 6)
 
     def _segments(self, sight: Sight) -> tuple[Array, Array, Array]:
-        """Return the middles (2, 2), vectors from end to start (2, 2), and lengths (2,)."""
+        """Return three arrays of the two segments, in normalised image coordinates: middles (2, 2),
+        vectors from end to start (2, 2), and lengths (2,).
+        """
         corners = corners_of(sight)
         start = corners[FROM]
         end = corners[TO]

@@ -1,4 +1,6 @@
-"""The pose, and near the picture's border the corners too (Kermorgant, Chaumette 2014)."""
+"""Feature set of pose and corners: the pose, and the corners that are near the picture's border
+(Kermorgant, Chaumette 2014).
+"""
 
 from dataclasses import dataclass
 from typing import Annotated, final
@@ -16,7 +18,9 @@ do not swamp the pose."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Where the corners begin to count."""
+    """Settings of the feature set `weighted`: the width of the border of the picture in which
+    corners count.
+    """
 
     border: Annotated[float, Gt(0), Lt(1)] = 0.3
     """Width of the border in which corners count, over half the width (or height) of the
@@ -29,27 +33,37 @@ class Config:
 
 @final
 class WeightedFeatures(PointsAndPose):
-    """Corners and pose, weighted: the pose by 1; a corner's coordinate by h = 0 in the inner part
-    of the picture, and more towards the border.
+    """Feature set of corners and pose, each with a weight: 1 for the pose; for a coordinate of a
+    corner 0 in the inner part of the picture, and the more the nearer it is to the border.
 
     Kermorgant and Chaumette 2011 (Combining IBVS and PBVS to ensure the visibility constraint,
     IROS) and 2014 (Dealing with constraints in sensor-based robot control, IEEE Transactions on
-    Robotics 30): v = -lambda (H L)+ H e, with h = (s - safe) / (limit - s) beyond the safe part.
+    Robotics 30): v = -lambda (H L)+ H e, with the weights h = (s - safe) / (limit - s) on the
+    diagonal of H; `safe` is where the border begins, `limit` the side of the picture.
     """
 
     def __init__(self, border: float) -> None:
-        """Set the width of the border, over half the picture's."""
+        """Store the width of the border, over half the width (or height) of the picture."""
         super().__init__()
         self._border = border
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, 14) that maps the error to the twist."""
+        """Return the matrix (6, 14) that maps the error of the features to the camera twist, with
+        the weights of the corners where they are now.
+
+        Args:
+            L: Interaction matrix (14, 6).
+            values: Features (14,), which have the corners.
+            camera: Intrinsics, and size of the picture.
+        """
         h = np.ones(len(L))
         h[POINTS] = self._weights(values[POINTS].reshape(-1, 2), camera).ravel()
         return np.linalg.pinv(h[:, None] * L) * h
 
     def _weights(self, corners: Array, camera: Camera) -> Array:
-        """Return the weights (4, 2) of corners (4, 2) in normalised image coordinates."""
+        """Return the weights (4, 2) of the coordinates of four corners (4, 2) in normalised image
+        coordinates: 0 in the inner part of the picture, up to 1000 at its sides and outside.
+        """
         pixels = camera.to_pixels(corners)
         half = np.array([camera.width, camera.height]) / 2
         out = np.abs(pixels - half) / half  # 0 in the middle, 1 at the border

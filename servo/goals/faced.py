@@ -1,4 +1,6 @@
-"""A goal that faces the camera, at a pixel, an angle and a depth, which may change once."""
+"""Goal at which the camera faces the target, given by pixel, angle and depth; the depth may change
+once in the run.
+"""
 
 from dataclasses import dataclass, replace
 from math import radians
@@ -21,7 +23,7 @@ Depth = Annotated[float, Ge(0.01), Le(100)]
 
 @dataclass(frozen=True, slots=True)
 class GoalConfig:
-    """Place, angle and distance at which the camera should see the target."""
+    """Settings of the goal: pixel, angle and distance at which the camera should see the target."""
 
     x: Pixels = 0.0
     """Distance to the right of the image's centre [px]."""
@@ -39,14 +41,16 @@ class GoalConfig:
     """Duration of the change, at constant speed [s]."""
 
     def depth_at(self, time: float) -> float:
-        """Return the desired distance [m] at a time [s] of the run."""
+        """Return the desired distance of the target [m] at a time of the run [s]."""
         done = float(np.clip((time - self.change_start) / self.change_duration, 0.0, 1.0))
         return self.depth + done * ((self.depth_to or self.depth) - self.depth)
 
 
 @final
 class Faced:
-    """A goal at which the camera faces the target."""
+    """Goal at which the camera faces the target: the target's plane is then parallel to the
+    image.
+    """
 
     def __init__(
         self,
@@ -56,14 +60,16 @@ class Faced:
         seen: Camera,
         depth_factor: float = 1.0,
     ) -> None:
-        """Set the goal.
+        """Create the goal for a run.
 
         Args:
-            config: Place, angle and distance.
+            config: Pixel, angle and distance of the target at the goal.
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
-            pictured: Camera that computes the size of the target in the goal's picture.
-            seen: Camera that converts pixels of this picture to rays.
-            depth_factor: As for `EstimateToSight`.
+            pictured: Camera with which the target's picture at the goal is computed.
+            seen: Camera with which pixels of that picture are converted to normalised image
+                coordinates.
+            depth_factor: Factor on all depths of the desired sight, to test laws with wrong depths;
+                1 leaves them.
         """
         self._config = config
         self._outline = outline
@@ -80,8 +86,12 @@ class Faced:
         self._to_sight = EstimateToSight(SightConfig(), seen, region, outline, depth_factor)
 
     def truth(self, time: float, T_world_camera: Pose) -> Truth:
-        """Return the truth that would hold with the target at its goal, at a time of the run [s]
-        and for a pose of the camera in the world.
+        """Return the true poses and picture of the target at its goal, at a time of the run [s].
+
+        Args:
+            time: Time of the run [s].
+            T_world_camera: Pose of the camera in the world frame, where the target would be at its
+                goal.
         """
         faced = self._at(self._config.depth_at(time))
         T_camera_target = faced.T_world_camera.inverse() @ faced.T_world_target
@@ -90,17 +100,24 @@ class Faced:
         )
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight:
-        """Return the desired sight at the time of a frame, as `sight_at` does."""
+        """Return the desired view of the target (moments, corners, plane) at the time of a frame.
+
+        Args:
+            frame: The frame; only its time is used.
+            by_corners: As `sight_at` describes.
+        """
         return self.sight_at(frame.time, by_corners=by_corners)
 
     def sight_at(self, time: float, *, by_corners: bool = False) -> Sight:
-        """Return the desired sight at a time of the run [s].
+        """Return the desired view of the target (moments, corners, plane in the camera frame) at a
+        time of the run [s].
 
         Args:
             time: Of the run [s].
-            by_corners: Whether the tracker reports the target's corners: a lens that distorts, or
-                pixels that are not square, show them as no rectangle of the target's shape. Other
-                trackers report a rectangle, so their goal is one.
+            by_corners: Whether the tracker reports the target's corners. Through a lens that
+                distorts, or with pixels that are not square, these are no rectangle of the target's
+                shape, so that the desired ones are not either; trackers that report a rectangle are
+                given one as goal.
         """
         depth = self._config.depth_at(time)
         if (depth, by_corners) not in self._sights:
@@ -119,8 +136,8 @@ class Faced:
         )
 
     def _at(self, depth: float) -> Truth:
-        """Return the truth of a target that the camera faces at a depth [m]. The last truth is
-        cached.
+        """Return the true poses and picture of a target that the camera faces at a depth [m]. The
+        result for the last depth is cached.
         """
         if depth not in self._faced:
             camera = self._camera

@@ -1,4 +1,6 @@
-"""A goal beside a leader: a movable tag that is detected in each picture."""
+"""Goal beside a leader: a second tag, which `[motion]` moves and which is detected in each
+picture.
+"""
 
 from typing import final
 
@@ -19,8 +21,8 @@ STANDS = Pose(np.eye(3), np.zeros(3))
 
 @final
 class Led:
-    """Goal of a target that the robot holds: a pose relative to the leader, a second tag, which
-    `[motion]` moves and which is detected in each picture.
+    """Goal of a target that the robot holds in front of a standing camera: a pose relative to the
+    leader, a second tag that `[motion]` moves and that is detected in each picture.
     """
 
     moved_by = "leader.id"
@@ -31,7 +33,7 @@ class Led:
         """Create the goal for a run.
 
         Args:
-            config: The leader's tag, and the goal relative to it.
+            config: Number and size of the leader's tag, and the desired pose relative to it.
             outline: Corners (4, 3) of the held target's reference rectangle in its frame [m].
             camera: Intrinsics, as the robot believes them.
             depth_factor: Factor on all depths, to test laws with wrong depths; 1 leaves them.
@@ -46,8 +48,9 @@ class Led:
         self._to_sight = EstimateToSight(SightConfig(), camera, region, outline, depth_factor)
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
-        """Return the desired sight of the held target for a picture; None if the leader's tag is
-        not seen in it.
+        """Return the desired view of the held target (moments, corners, plane and pose in the
+        camera frame) for a picture; None if the leader's tag is not seen in it. `by_corners` is not
+        used.
         """
         if self._number is not None:
             self._seen = self._tags.find(frame.image, self._number, self._seen)

@@ -1,4 +1,4 @@
-"""A goal with the picture taken there, for features and policies that use pixels."""
+"""Goal with the picture that the camera takes there, for features and policies that use pixels."""
 
 from dataclasses import replace
 from typing import final
@@ -10,12 +10,14 @@ from sim.types import Frame
 
 @final
 class Shown:
-    """Adds the camera's picture at the goal to the desired sights of another source of goals."""
+    """Goal source that takes the desired views of another goal source, and adds the camera's
+    picture at the goal to them.
+    """
 
     moved_by = ""
 
     def __init__(self, goal: GoalSource, picture: CameraImage) -> None:
-        """Store the goal source and its picture.
+        """Store a goal source and the picture at its goal.
 
         Raises:
             ValueError: The goal moves, but there is only one picture.
@@ -23,7 +25,7 @@ class Shown:
         if goal.moved_by:
             raise ValueError(
                 f"{goal.moved_by}: features made of pixels compare with one picture, taken at the "
-                "first goal, so the goal must not move"
+                f"first goal, so the goal must not move: leave {goal.moved_by} out"
             )
         self._goal = goal
         self._picture = picture
@@ -31,8 +33,8 @@ class Shown:
         self._shown: Sight | None = None
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
-        """Return the desired sight, with the picture at the goal; None if the other source has
-        none.
+        """Return the desired view of the target with the picture at the goal; None until the other
+        source has found a desired view.
         """
         bare = self._goal.sight(frame, by_corners=by_corners)
         if bare is not None and bare is not self._bare:

@@ -1,1 +1,3 @@
-"""Estimates of the settings that simulate a robot, from a log of its commands and motion."""
+"""Estimates the settings that make a simulated robot move as a real one does, from a log of the
+real robot's commands and motion.
+"""

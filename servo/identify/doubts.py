@@ -1,4 +1,6 @@
-"""Sentences about signs, units and motions of a log that make estimates from it unreliable."""
+"""Sentences about signs, units and motions in a robot's log that make estimates from the log
+unreliable.
+"""
 
 from collections.abc import Mapping
 from math import floor, inf, isfinite, log10
@@ -12,7 +14,8 @@ from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
 REFUSED = 2 / 3, 3 / 2
-"""Range of gains of real drives and encoders; a gain outside has a wrong unit."""
+"""Range of gains of real drives and encoders; a gain outside comes from a wrong unit, or an
+encoder before a gear."""
 DOUBTED = 0.9, 1.1
 """Range of gains in which the loop of a simulated drive is about the same."""
 FAST = 3.0
@@ -79,7 +82,9 @@ def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[st
 
 
 def _disagreement(found: Identified) -> list[str]:
-    """Return a sentence if delay and lag together differ between channels."""
+    """Return a sentence if the sum of delay and lag differs between joints (channels), so that one
+    delay and one lag cannot fit all.
+    """
     sums = sorted(found.whole.apart.items(), key=lambda pair: pair[1].value)
     (first, least), (last, most) = sums[0], sums[-1]
     if least.high >= most.low:
@@ -92,7 +97,8 @@ def _disagreement(found: Identified) -> list[str]:
 
 
 def _too_long(what: str, own: Interval, whole: Interval, most: float) -> list[str]:
-    """Return a sentence if a delay or lag is nearly as long as the longest time that was searched.
+    """Return a sentence if a delay or lag is so near the end of the search that the true one may be
+    longer.
 
     Args:
         what: "delay" or "lag".
@@ -106,17 +112,17 @@ def _too_long(what: str, own: Interval, whole: Interval, most: float) -> list[st
     interval = max(own, whole, key=lambda each: each.high - each.low)
     if not interval.high - interval.low < most:
         raise Mistake(
-            f"the {what} is too uncertain in this log, {interval_text(interval, MILLI)} ms: record "
-            "more movements, such as steps of 0.2 to 0.6 s in both directions for 40 s"
+            f"the {what} is too uncertain in this log: record more movements, such as steps of 0.2 "
+            "to 0.6 s in both directions for 40 s"
         )
     if interval.value < NEARLY * most:
         return []
-    longest = f"{MILLI * most:.3g} ms, the longest that is searched"
-    return [f"the {what} is about {longest}; it may be longer"]
+    return [f"the {what} may be above {MILLI * most:.3g} ms, the longest that is searched"]
 
 
 def _of_gain(name: str, gain: Interval, *, is_joint: bool) -> list[str]:
-    """Return a sentence if a channel does not move as far as commanded.
+    """Return a sentence if a channel (a joint, or a component of the camera's twist) does not move
+    as far as commanded.
 
     Raises:
         Mistake: A joint does not follow its command, or with another sign or unit.
@@ -137,7 +143,9 @@ def _of_gain(name: str, gain: Interval, *, is_joint: bool) -> list[str]:
 
 
 def _of_unit(channel: LogChannel, play: Interval | None, fastest: Mapping[str, float]) -> list[str]:
-    """Return sentences if a commanded rate or a play is implausibly large for its unit."""
+    """Return sentences if a channel's commanded rate or play is so large that its columns seem to
+    be in another unit.
+    """
     name, unit = channel.name, channel.unit
     asked = float(abs(channel.command.values).max())
     limit = FAST * fastest[name] if isfinite(fastest.get(name, inf)) else FASTEST[unit]
@@ -162,7 +170,7 @@ def _correlation(first: Array, second: Array) -> float:
 
 
 def _of_encoder(channel: LogChannel) -> list[str]:
-    """Return a sentence if a motor's encoder reports a motion later than its joint.
+    """Return a sentence if a motor's encoder reports a motion later than its joint makes it.
 
     Raises:
         Mistake: In a piece of the log the readings do not move with the joint, or they have another
@@ -190,10 +198,14 @@ def _of_encoder(channel: LogChannel) -> list[str]:
             )
     ratio = float(np.sign(_correlation(read, joint)) * np.std(read) / np.std(joint))
     if not REFUSED[0] < ratio < REFUSED[1]:
-        wrong = "sign" if ratio < 0 else "unit"
+        wrong = "the sign of the encoder's or of the joint's positions is wrong"
+        if not REFUSED[0] < abs(ratio) < REFUSED[1]:
+            wrong = (
+                "divide its readings by the gear's ratio, with its sign, if the encoder turns "
+                "before a gear, else correct the unit of the encoder's or of the joint's positions"
+            )
         raise Mistake(
-            f"the encoder of {channel.name} moves {ratio:.3g} times as far as its joint: the "
-            f"{wrong} of the encoder's or of the joint's positions is wrong"
+            f"the encoder of {channel.name} moves {ratio:.3g} times as far as its joint: {wrong}"
         )
     rates = np.gradient(joint, times)
     late = rates @ (joint - read / ratio) / (rates @ rates)
@@ -203,7 +215,8 @@ def _of_encoder(channel: LogChannel) -> list[str]:
 
 
 def _misfit(channel: LogChannel, modelled: Series, most: float) -> list[str]:
-    """Return a sentence if a channel's motion is far from the modelled motion.
+    """Return a sentence if a channel (a joint, or a component of the camera's twist) moves
+    otherwise than the model with the estimates does.
 
     The noise of the readings, estimated from consecutive differences, does not count. Measured
     rates are left out: their noise adds up in positions.
@@ -221,14 +234,17 @@ def _misfit(channel: LogChannel, modelled: Series, most: float) -> list[str]:
     if beyond < most * np.std(channel.command.values):
         return []
     return [
-        f"{channel.name} does not move as with one delay, one lag and a play: it is {beyond:.2g} "
-        f"{channel.unit} from the modelled motion (root mean square without noise), so its "
-        "estimates, its play too, may be wrong by more than their intervals"
+        f"{channel.name} does not move as with one delay, one lag and a play: {channel.name} is "
+        f"{beyond:.2g} {channel.unit} from the modelled motion (root mean square without noise), "
+        f"so the estimates of {channel.name}, its play too, may be wrong by more than their "
+        "intervals"
     ]
 
 
 def interval_text(interval: Interval, factor: float = 1.0) -> str:
-    """Return "VALUE (LOW to HIGH)", times a factor, with two digits of the interval's width."""
+    """Return "VALUE (LOW to HIGH)" of an interval times a factor, rounded to two digits of the
+    interval's width.
+    """
     numbers = [factor * each for each in (interval.value, interval.low, interval.high)]
     width = max(numbers) - min(numbers)
     digits = 1 - floor(log10(width)) if width > 0 else 6

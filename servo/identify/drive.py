@@ -1,4 +1,4 @@
-"""The model of a drive: the play of its gear and its lag, as the simulator has them."""
+"""The model of a drive in which the play of its gear and its lag are as in the simulator."""
 
 from itertools import accumulate
 
@@ -30,9 +30,10 @@ def after_play(motion: Array, play: float) -> Array:
 
 
 def after_lag(motion: Array, lag: float) -> Array:
-    """Return the positions (n,) of a drive with a first-order lag, a time constant [s].
+    """Return the positions (n,) of a drive that follows a motion (n,) with a first-order lag, a
+    time constant [s].
 
-    The drive follows a motion (n,) that is linear between its samples, one each `GRID` s.
+    The motion is linear between its samples, which are `GRID` s apart.
     """
     from scipy.signal import lfilter
 

@@ -62,7 +62,9 @@ step of the digits."""
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """Delay and lag of a robot including its drives' own servo."""
+    """Delay and lag from a command to the robot's motion, including those of the drives' own
+    servo.
+    """
 
     delay: Interval
     """Time from a command's stamp to the first motion [s]."""
@@ -76,7 +78,9 @@ class Whole:
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """The estimates of `identify` from a robot's log."""
+    """The estimates of `identify` from a robot's log: delay, lag, gains, play, noise and jitter,
+    most with 95 % intervals.
+    """
 
     delay: Interval
     """Time from a command's stamp until the drives take it over [s]."""
@@ -154,7 +158,9 @@ def identify(log: Log, servos: Sequence[float] | Array) -> Identified:
 
 
 class _Model:
-    """The motion of all channels as a function of delay, lag and the play of each."""
+    """The motion of all channels (joints, or components of the twist) as a function of delay, lag
+    and the play of each channel.
+    """
 
     def __init__(
         self,
@@ -194,12 +200,16 @@ class _Model:
             self._bases_of.append(lru_cache(KEPT)(basis))
 
     def residuals(self, parameters: Array) -> Array:
-        """Return positions less the modelled ones, over each channel's scale (n,)."""
+        """Return measured less modelled positions of all channels (n,), each divided by the scale
+        of its channel.
+        """
         pairs = zip(self._errors(parameters), self._scales, strict=True)
         return np.concatenate([error / scale for error, scale in pairs])
 
     def weigh(self, parameters: Array) -> None:
-        """Scale each channel by its own error; a channel that hardly moves is mostly friction."""
+        """Set the scale of each channel to the standard deviation of its own error; a channel that
+        hardly moves is mostly friction.
+        """
         self._scales = [np.std(error) + 1e-9 for error in self._errors(parameters)]
 
     def misfit(self, parameters: Array) -> float:
@@ -229,7 +239,9 @@ class _Model:
         return found
 
     def slopes(self, parameters: Array) -> list[float]:
-        """Return the ratio of motion to modelled motion of each channel without friction."""
+        """Return the ratio of motion to modelled motion of each channel; friction is fitted
+        separately.
+        """
         pairs = zip(self._moved, self._bases(parameters), strict=True)
         return [float(_weights(basis, moved)[0]) for moved, basis in pairs]
 
@@ -243,12 +255,14 @@ class _Model:
         return self._factor**2 * bread @ scores.T @ scores @ bread
 
     def _errors(self, parameters: Array) -> list[Array]:
-        """Return positions less the modelled ones of each channel."""
+        """Return measured less modelled positions (n,) of each channel [m, rad]."""
         pairs = zip(self._moved, self._bases(parameters), strict=True)
         return [moved - _weights(basis, moved) @ basis for moved, basis in pairs]
 
     def _bases(self, parameters: Array) -> list[Array]:
-        """Return the commanded motion and the friction (2, n) of each channel, without drift."""
+        """Return the commanded motion and the motion lost to friction (2, n) of each channel,
+        without the parts that a drift explains.
+        """
         delay, lag, *plays = parameters.tolist()
         pairs = zip(self._bases_of, plays, strict=True)
         return [basis(delay, lag, play) for basis, play in pairs]
@@ -256,7 +270,9 @@ class _Model:
 
 @dataclass(frozen=True, slots=True)
 class _Fitted:
-    """Parameters of a model with their uncertainty."""
+    """Fitted parameters of a model (delay, lag, and the play of each channel) with their
+    uncertainty.
+    """
 
     model: _Model
     values: Array
@@ -267,7 +283,8 @@ class _Fitted:
     def interval(
         self, *which: int, more: float = 0.0, others: Sequence["_Fitted"] = ()
     ) -> Interval:
-        """Return the interval of a parameter, or of the sum of several.
+        """Return the estimate and 95 % interval of a parameter, or of the sum of several
+        parameters.
 
         Args:
             which: Indices of the parameters.
@@ -292,7 +309,9 @@ class _Fitted:
         return Interval(slope * asked.value, slope * asked.low, slope * asked.high)
 
     def gains(self) -> list[Interval]:
-        """Return the gains, with intervals that include the uncertainty of the parameters."""
+        """Return the gain of each channel, motion over modelled motion, with an interval that
+        includes the uncertainty of delay, lag and play.
+        """
         found = self.model.gains(self.values)
         halves = np.array([each.high - each.value for each in found])
         for place in self.model.free.tolist():
@@ -359,14 +378,18 @@ def _solved(model: _Model, start: Array | None = None) -> _Fitted:
 
 
 def _student(blocks: int) -> float:
-    """Return the half width of an interval over the standard deviation, by number of blocks."""
+    """Return the factor from a standard deviation to the half width of a 95 % interval, by number
+    of blocks of the log.
+    """
     from scipy.stats import t as student
 
     return float(student.ppf((1 + LEVEL) / 2, max(1, blocks - 1)))
 
 
 def _of_blocks(scores: Array, blocks: Array) -> Array:
-    """Return the sum of the scores (n, ...) of each block."""
+    """Return the sums of the scores (n, ...) over each block of the log, given the block of each
+    score (n,).
+    """
     return np.array([scores[blocks == block].sum(axis=0) for block in np.unique(blocks)])
 
 
@@ -408,7 +431,7 @@ def _basis(
 
 
 def _grid(times: Array) -> Array:
-    """Return the times of the modelled motion [s]."""
+    """Return the times of the modelled motion [s], `GRID` s apart, around the given times."""
     return np.arange(times[0] - GRID, times[-1] + GRID, GRID)
 
 
@@ -426,7 +449,9 @@ def _drift(times: Array) -> tuple["csr_array", Array]:
 
 
 def _less(drift: tuple["csr_array", Array], values: Array) -> Array:
-    """Return values (n,) less their projection on a drift."""
+    """Return values (n,) less their least-squares fit by a drift, which is given as `_drift`
+    returns it.
+    """
     hats, inverse = drift
     return values - hats @ (inverse @ (hats.T @ values))
 
@@ -467,7 +492,9 @@ def _noise(channel: LogChannel, delay: float, lag: float) -> Interval | None:
 
 
 def _step(readings: Array) -> float:
-    """Return the step of which all differences of readings are multiples; 0 without a step."""
+    """Return the step of an encoder, of which all differences of its readings (n,) are multiples; 0
+    if there is no step.
+    """
     if np.sum(np.diff(readings) == 0) <= REPEATED * len(readings):
         return 0.0
     span = np.ptp(readings)
@@ -481,7 +508,9 @@ def _step(readings: Array) -> float:
 
 
 def _beyond(noise: Interval, step: float) -> Interval:
-    """Return the noise before rounding to a step, which adds step^2 / 12 to its square."""
+    """Return the noise of an encoder before its readings are rounded to a step, since rounding adds
+    step^2 / 12 to the square of the noise.
+    """
     if noise.value < step / 2:
         return Interval(0.0, 0.0, step / 2)
     squares = np.array([noise.value, noise.low, noise.high]) ** 2 - step**2 / 12
@@ -489,7 +518,9 @@ def _beyond(noise: Interval, step: float) -> Interval:
 
 
 def _jitter(transport: Array) -> Interval | None:
-    """Return the width of uniform waits (n,) [s]; range over width is Beta(n - 1, 2)."""
+    """Return the width of the range from which waits (n,) [s] are drawn uniformly, with its 95 %
+    interval: range over width is distributed as Beta(n - 1, 2). None if it is unknown.
+    """
     from scipy.stats import beta
 
     n = len(transport)

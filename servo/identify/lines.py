@@ -92,7 +92,9 @@ def _rates(positions: Series) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _each(key: str, found: Mapping[str, Interval], joints: Sequence[str]) -> list[str]:
-    """Return the TOML line of a setting of the joints; no line if no joint has a value."""
+    """Return the TOML line `key = [...]` with a value for each joint; an empty list if no joint has
+    an estimate.
+    """
     if not found:
         return []
     values = {name: f"{each.value:.3g}" for name, each in found.items() if each.low > 0}
@@ -107,7 +109,9 @@ def _each(key: str, found: Mapping[str, Interval], joints: Sequence[str]) -> lis
 
 
 def _step(found: Mapping[str, float], joints: Sequence[str]) -> str:
-    """Return the TOML line of the steps of encoders [m, rad]."""
+    """Return the TOML line `encoder_step = [...]` with the steps of the joints' encoders [m,
+    rad].
+    """
     names = ", ".join(found)
     steps = {name: f"{step:.6g}" for name, step in found.items()}
     return (
@@ -117,5 +121,7 @@ def _step(found: Mapping[str, float], joints: Sequence[str]) -> str:
 
 
 def _listed(values: Mapping[str, str], joints: Sequence[str]) -> str:
-    """Return a list with a number for each of the simulated robot's joints, by default 0."""
+    """Return a TOML list with a number for each joint of the simulated robot; joints without a
+    value have 0.
+    """
     return f"[{', '.join(values.get(name, '0.0') for name in joints)}]"

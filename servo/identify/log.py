@@ -1,6 +1,7 @@
 """A robot's log: its commands, its motion, and the arrival times of its pictures.
 
-Columns are named as in the steps.parquet of a run; a row may leave any cell but `time_s` empty.
+Columns are named as in the file steps.parquet of a run; a row must have its time_s, and may leave
+any other cell empty.
 """
 
 import io
@@ -33,6 +34,8 @@ SPARSEST = 0.1
 """Largest interval of rows [s]; commands between rarer rows are missing."""
 LEAST = 1e-9
 """Least change of a position or rate that counts as motion [m, rad, m/s, rad/s]."""
+ROUNDING = 4 * float(np.finfo(np.float32).eps)
+"""Largest range of a constant that was rounded to single precision, relative to its size."""
 FARTHEST = 1e12
 """Largest plausible number in any unit; squares of larger ones overflow."""
 JUMP = 2.0, 5.0
@@ -72,7 +75,7 @@ NEEDS = "a log in MCAP needs the package mcap: install servobench[ros]"
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Numbers with their stamps, in order of time."""
+    """A series of numbers with their times, in order of time."""
 
     times: Array
     """Stamps (n,) [s]."""
@@ -81,8 +84,11 @@ class Series:
 
     @property
     def varies(self) -> bool:
-        """True if there are two values that differ."""
-        return len(self.values) > 1 and bool(np.ptp(self.values) > LEAST)
+        """True if two numbers differ by more than rounding to single precision explains."""
+        if len(self.values) < 2:
+            return False
+        rounding = ROUNDING * np.abs(self.values).max()
+        return bool(np.ptp(self.values) > max(LEAST, rounding))
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,14 +156,18 @@ def read(path: Path) -> Log:
     if "time_s" not in columns:
         has = listed(names, NAMED) or "none"
         raise Mistake(
-            f"{path}: this log has no column time_s; it needs time_s, {COLUMNS}; it has {has}"
+            f"{path}: this log has no column time_s; a log needs time_s, {COLUMNS}; this one "
+            f"has {has}"
         )
     time = columns["time_s"]
     if not (len(time) and np.isfinite(time).all() and np.all(time[1:] > time[:-1])):
-        raise Mistake(f"{path}: time_s should increase from row to row: sort or correct the rows")
+        raise Mistake(
+            f"{path}: time_s is empty or does not increase from row to row: sort or correct "
+            "the rows"
+        )
     span = round(float(time[-1]) - float(time[0]), 3)
     if not SHORTEST <= span <= LONGEST:
-        length = f"{span:.3g} s long; {SHORTEST:g} to {LONGEST:g} s are needed"
+        length = f"{span:.3g} s long: record {SHORTEST:g} to {LONGEST:g} s"
         raise Mistake(f"{path}: this log is {length}")
     lost = _lost(time)
     asked, waited = _pictures(columns, lost)
@@ -189,35 +199,41 @@ def read(path: Path) -> Log:
 
 
 def _parts(name: str, unit: str) -> tuple[str, str, str, str]:
-    """Return the names of a channel's columns: command, measured rate, joint and encoder."""
+    """Return the names of a channel's four columns: commanded rate, measured rate, joint position
+    and encoder position.
+    """
     of = f"{name}_{unit}"
     return f"command_{of}_s", f"measured_{of}_s", f"joint_{of}", f"encoder_{of}"
 
 
 def _check_enough(moving: Sequence[LogChannel], path: Path) -> None:
-    """Check that a log has a channel that moves, and enough positions of each of them."""
+    """Check that a log has a channel that moves, and that each one that moves has enough
+    positions.
+    """
     for channel in moving:
         positions = len(channel.moved.values)
         if positions < FEWEST:
             raise Mistake(
-                f"{path}: this log has {positions} positions of {channel.name}; at least {FEWEST} "
-                "are needed, and more than one movement"
+                f"{path}: this log has {positions} positions of {channel.name}; record at "
+                f"least {FEWEST}, and more than one movement"
             )
         # Stamps of 10 Hz differ by 0.1 s and a rounding error.
         if (interval := round(float(np.median(np.diff(channel.moved.times))), 3)) > SPARSEST:
             raise Mistake(
-                f"{path}: the positions of {channel.name} come each {interval:.3g} s; record one "
-                f"each {SPARSEST:g} s at least for delay and lag"
+                f"{path}: the positions of {channel.name} are {interval:.3g} s apart, too "
+                f"far for delay and lag: record one every {SPARSEST:g} s or more often"
             )
     if not moving:
         raise Mistake(
-            f"{path}: no joint in this log has commanded rates and positions that change; it needs "
-            f"columns {COLUMNS}"
+            f"{path}: no joint in this log has commanded rates and positions that change; a "
+            f"log needs columns {COLUMNS}"
         )
 
 
 def listed(names: Sequence[str], most: int) -> str:
-    """Return a text with the first `most` names, and how many more there are."""
+    """Return a text with the first `most` of some names, and the number of the others: "a, b and 3
+    more".
+    """
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
@@ -235,7 +251,9 @@ def _table(path: Path) -> tuple[pa.Table, str]:
             case ".mcap":
                 return pa.Table.from_pylist(_messages(data)), ""
             case _:
-                raise Mistake(f"{path}: a log is a file .csv, .parquet or .mcap")
+                raise Mistake(
+                    f"{path}: this is no log: give a file that ends in .csv, .parquet or .mcap"
+                )
     except (pa.ArrowException, ValueError) as error:
         if isinstance(error, Mistake):
             raise
@@ -266,7 +284,7 @@ def _numbers(table: pa.Table, name: str, path: Path) -> Array:
     try:
         return np.asarray(table[name].cast(pa.float64()), np.float64)
     except (pa.ArrowException, KeyError) as error:
-        raise Mistake(f"{path}: {name} should be one column of numbers: {error.args[0]}") from error
+        raise Mistake(f"{path}: {name} is not one column of numbers: {error.args[0]}") from error
 
 
 def _messages(data: bytes) -> list[dict[str, object]]:
@@ -326,7 +344,7 @@ def _arrivals(waited: Array, *, is_with_commands: bool) -> tuple[str, Array]:
     """
     found = waited[np.isfinite(waited)].clip(-FARTHEST, FARTHEST)
     if len(found) < FEWEST:
-        few = f"{len(found)} rows have arrived_s, fewer than {FEWEST}; it is not used"
+        few = f"only {len(found)} rows have arrived_s, and {FEWEST} are needed, so it is not used"
         return few if len(found) else "", np.empty(0)
     least, quarter, three, most = np.quantile(found, (0, 0.25, 0.75, 1))
     reach = most - least
@@ -338,7 +356,10 @@ def _arrivals(waited: Array, *, is_with_commands: bool) -> tuple[str, Array]:
             "arrived_s is not used: it has outliers, or its unit or clock is not that of time_s"
         ), np.empty(0)
     if least >= 0 and most <= LATEST:
-        late = f"pictures arrive {least:.3g} s after their stamps or later: is this one clock?"
+        late = (
+            f"pictures arrive {least:.3g} s after their stamps or later: is arrived_s on the clock "
+            "of time_s?"
+        )
         return late if least > SLOW else "", found
     other = f"pictures arrive {least:.6g} to {most:.6g} s after their stamps, so "
     if is_with_commands and least > -LATEST:
@@ -407,16 +428,19 @@ def _check_positions(series: Series, fastest: float, key: str, path: Path) -> No
             f"{path}: at time_s = {series.times[far[0]]:.6g} {key} is {series.values[far[0]]:.3g}; "
             f"values should be from -{FARTHEST:g} to {FARTHEST:g}: correct or leave out this row"
         )
-    changes = np.abs(np.diff(series.values))
+    jumps = np.diff(series.values)
+    changes = np.abs(jumps)
     if key.endswith("_s") or len(changes) < FEWEST or not changes.any() or not fastest:
         return
     limits = JUMP[0] * fastest * np.diff(series.times)
     limits += JUMP[1] * np.quantile(changes[changes > 0], 0.9)
-    at = int(np.argmax(changes - limits))
-    if changes[at] > limits[at]:
+    # Of a spike both edges are jumps, and the row of the first is wrong.
+    wrong = np.flatnonzero(changes > limits)
+    if len(wrong):
+        at = wrong[0]
         raise Mistake(
-            f"{path}: {key} jumps by {changes[at]:.3g} at time_s = {series.times[at + 1]:.6g}, "
-            "which no command explains: leave out the wrong rows"
+            f"{path}: {key} jumps by {jumps[at]:.3g}, to {series.values[at + 1]:.6g}, at time_s = "
+            f"{series.times[at + 1]:.6g}, which no command explains: leave out the wrong rows"
         )
 
 

@@ -1,1 +1,3 @@
-"""The closed loop, its steps, and what is measured of them."""
+"""Package of the closed loop: pictures in, camera twists out; the steps of a run, and the measures
+computed from them.
+"""

@@ -1,4 +1,5 @@
-"""The numbers of a run's steps, in columns, from which measures and series are computed.
+"""Numbers of a run's steps as columns (one array for each number, one row for each step), from
+which measures and series are computed.
 
 A whole step takes 7 kB, its numbers 400 bytes, so that long runs fit into memory.
 """
@@ -26,8 +27,8 @@ ROOM = 0
 
 
 class Columns:
-    """The numbers of all steps of a run so far, and a few whole steps: the first, and those at the
-    end.
+    """Numbers of all steps of a run so far, as columns, and a few whole steps: the first, those of
+    the last second, and those of the last second in which the target was not lost.
     """
 
     first: Step
@@ -43,7 +44,9 @@ class Columns:
 
     @staticmethod
     def of(steps: Columns | Iterable[Step]) -> Columns:
-        """Return the columns of the steps of a run; columns are returned as they are."""
+        """Return the columns of a run, computed from its steps; if `steps` are columns already,
+        return them unchanged.
+        """
         if isinstance(steps, Columns):
             return steps
         found = Columns()
@@ -55,14 +58,14 @@ class Columns:
         return len(self._rows) // self._kind.itemsize if self._rows else 0
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return a column (n, ...), one row a step, by its name in `NUMBERS`. The column
-        "other_picture" is True for the steps whose estimate was made from another picture than the
-        estimate of the step before.
+        """Return a column (n, ...), one row for each step, by its name: one of `NUMBERS`, or
+        "other_picture", which is True for the steps whose estimate was made from another picture
+        than the estimate of the step before.
         """
         return np.frombuffer(self._rows, self._kind)[name]
 
     def add(self, step: Step) -> None:
-        """Append a row with the values of `NUMBERS` for a step."""
+        """Append a row with the numbers of a step, those of `NUMBERS`."""
         row = {name: np.asarray(of(step)) for name, of in NUMBERS.items()}
         last = self.final[-1] if self.final else step
         row["other_picture"] = np.asarray(step.truth_estimated is not last.truth_estimated)
@@ -78,7 +81,9 @@ class Columns:
 
 
 def _append(steps: deque[Step], step: Step) -> None:
-    """Append a step, and remove those that are older than `FINAL_SPAN`."""
+    """Append a step to a queue, and remove the steps at its beginning that are `FINAL_SPAN` or more
+    older.
+    """
     steps.append(step)
     while steps[0].frame.time <= step.frame.time - FINAL_SPAN:
         steps.popleft()
@@ -89,8 +94,8 @@ def _kind(value: NDArray[np.generic]) -> type[bool] | type[float]:
 
 
 def _carried(step: Step) -> Array:
-    """Return the position (3,) of the object that the robot carries, in the world frame [m]: of the
-    camera, or of the target in front of a camera that stands.
+    """Return the position (3,) in the world frame [m] of what the robot carries: the camera; or the
+    target, if the camera stands.
     """
     stands = step.scene.room.camera(CAMERA).bodyid == ROOM
     truth = step.truth
@@ -98,15 +103,15 @@ def _carried(step: Step) -> Array:
 
 
 def _tracking_angle(step: Step) -> float:
-    """Return the estimated minus the true angle, wrapped to a full turn [rad]: a tracker that
-    confuses front and back is wrong by pi.
+    """Return the estimated minus the true angle of the target [rad], wrapped to -pi to pi: a
+    tracker that confuses front and back is wrong by pi.
     """
     return float(np.angle(np.exp(1j * (step.estimate.state.theta - step.truth_estimated.theta))))
 
 
 def _range_used(step: Step) -> float:
-    """Return how much of its range the joint nearest to a limit has used: its distance from mid-
-    range over half its range, 0 to 1; 0 without limits.
+    """Return, for the joint nearest to a limit, its distance from mid-range over half its range: 0
+    (middle) to 1 (limit); 0 for a robot without limits.
     """
     p = step.posture
     limited = np.isfinite(p.lower) & np.isfinite(p.upper)

@@ -1,4 +1,6 @@
-"""One run of a scenario: a simulated world and a loop in it, step by step, and its measures."""
+"""One run of a scenario: a simulated world, and a loop of tracker and control law that acts in it,
+step by step.
+"""
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
@@ -39,7 +41,9 @@ Kept = dict[str, tuple[object, object]]
 
 @dataclass(frozen=True, slots=True)
 class Advance:
-    """How the world moved over one frame interval: mean twist, joint limits hit, computing time."""
+    """Motion of the world over one frame interval: the camera's mean twist, the joint limits that
+    were hit, and the computing time.
+    """
 
     twist: Array
     """Mean of the twists asked for (6,)."""
@@ -54,15 +58,17 @@ KEPT = ("robot", "target")
 
 
 class ImpossibleStart(Mistake):
-    """The start pose is impossible, or out of the robot's reach; another seed may be possible."""
+    """Error: the start pose does not exist, or the robot cannot reach it. With another seed, which
+    draws another start, it may exist.
+    """
 
 
 class Episode:
-    """A run that is ready to begin. Iterate over its steps once, and close it.
+    """A run of a scenario that is ready to begin. Iterate over its steps once, and close it.
 
     Raises:
         Mistake: The scenario's settings contradict each other or are impossible.
-        PartFailed: A component raised an exception; the sentence names it.
+        PartFailed: A component raised an exception; the message names the component.
         NoRenderer: This machine cannot render.
     """
 
@@ -76,17 +82,18 @@ class Episode:
         shows_goal: bool = False,
         kept: Kept | None = None,
     ) -> None:
-        """Prepare a run.
+        """Build the world and the loop of a scenario, and take the first picture.
 
         Args:
             scenario: Settings of the run.
-            renderer: Makes the renderer; by default the one that the camera's settings name.
-            steered: Whether `move` will get twists that replace the law's.
+            renderer: Function that makes the renderer; None: the one that the camera's settings
+                name.
+            steered: Whether `move` will be given twists that replace those of the law.
             seen: Whether the caller uses the pictures. They are black if neither the caller nor the
                 loop does.
             shows_goal: Whether to take the picture at the goal even if the loop does not need it.
-            kept: Robot and target of an earlier episode. This episode uses them again if their
-                settings are the same, and replaces them otherwise.
+            kept: Dictionary of robot and target of an earlier episode. This episode uses them again
+                if their settings are the same, and otherwise replaces them in the dictionary.
         """
         check_type("scenario", scenario, Setup)
         self.scenario = scenario
@@ -152,7 +159,13 @@ class Episode:
 
     @contextmanager
     def _refusals(self, where: str = "", kind: type[Mistake] = Mistake) -> Generator[None]:
-        """Turn a ValueError in the block into a `Mistake` that names the scenario."""
+        """Turn a ValueError in the block into an error whose message begins with the scenario's
+        name.
+
+        Args:
+            where: Beginning of the message after the name, such as "start: ".
+            kind: Class of the error.
+        """
         try:
             yield
         except PartFailed:
@@ -161,7 +174,14 @@ class Episode:
             raise kind(f"{self.scenario.name}: {where}{error}") from error
 
     def _build(self, part: Part, draws: str = "") -> Any:
-        """Build a component from its `Config`, or return the one that an earlier episode left."""
+        """Build a component from its `Config`; return the component that an earlier episode left if
+        its settings are the same.
+
+        Args:
+            part: Section of the scenario, and its settings.
+            draws: Name of the random stream that the component is given; "": the name of its
+                section.
+        """
         before, built = self._kept.get(part.place, (None, None))
         # Building a robot or a target reads meshes and compiles a model, which takes seconds.
         if before == part.config:
@@ -181,7 +201,10 @@ class Episode:
         return self.world.look().image
 
     def _way(self) -> list[Pose]:
-        """Return the camera's poses in the world, along the run, if it always were at its goal."""
+        """Return the desired poses of the camera in the first seconds of the run, every `STEP` s,
+        as if the camera were always exactly at its goal: T_world_camera, or T_target_camera if the
+        robot holds the target.
+        """
         # A camera whose features do not control the angle keeps its heading.
         known = self.loop.law.features.known
         goal = self.goal.sight_at(0.0)
@@ -232,7 +255,9 @@ class Episode:
         )
 
     def _start_loop(self, first: Frame, truth: Truth, goal: Image | None, *, steered: bool) -> None:
-        """Start the loop with the first picture, and the region of the scenario."""
+        """Start the loop with the first picture and the region that the scenario gives to the
+        tracker.
+        """
         scenario = self.scenario
         world = self.world
         outline = Outline(world.outline)
@@ -265,8 +290,13 @@ class Episode:
         self._timeline = Timeline(schedule, self.running, stream(scenario.run.seed, "transport"))
 
     def _true_motion(self, picture: int, begin: float, end: float) -> Array:
-        """Return the true mean de/dt (k,) of the target's own motion between two times [s], for a
-        camera that has kept its pose relative to the target since a picture.
+        """Return the mean de/dt (k,) that the target's own motion causes between two times of the
+        run [s], for a camera whose pose relative to the target stays as it was in a picture.
+
+        Args:
+            picture: Number of that picture, from 0.
+            begin: Beginning of the interval [s].
+            end: End of the interval [s].
         """
         truth = self._truths[picture]
         before, after = map(self.world.target_at, (begin, end))
@@ -275,12 +305,16 @@ class Episode:
         return self._scene.true_motion(camera, before, after, self.running.goal_sight, end - begin)
 
     def _goal_pose(self, goal: Truth) -> Pose:
-        """Return the pose of the target in the camera frame for a true goal."""
+        """Return the pose of the target in the camera frame at a goal, as `Sight.pose`
+        defines it.
+        """
         seen = goal.T_world_camera.inverse() @ goal.T_world_target
         return seen @ object_frame(self.world.outline)
 
     def _goal_sight(self, frame: Frame, goal: Truth | None) -> Sight:
-        """Return the desired sight for the true camera; beside a leader, that of `goal`."""
+        """Return the desired view of the target as the true camera has it; with a leader, that of
+        the given true goal.
+        """
         if goal is not None:
             return sight_of(self._goal_pose(goal), self.world.outline)
         # With the same camera believed and true, the loop has already computed it.
@@ -291,7 +325,7 @@ class Episode:
         return replace(true, picture=believed.picture)
 
     def _pass(self, twists: Array) -> None:
-        """Step the world by a frame interval.
+        """Advance the world by one frame interval.
 
         Args:
             twists: Camera twists (n, 6) that act in it, one for each update of the drives.
@@ -308,7 +342,9 @@ class Episode:
             yield self.move(self.look())
 
     def look(self) -> Step:
-        """Take the next picture, run tracker and law; return the step before the camera moves."""
+        """Take the next picture, run tracker and law on it, and return the step as it is before the
+        camera moves; `move` completes it.
+        """
         timeline = self._timeline
         began = perf_counter()
         now = self._moment or self.world.moment()
@@ -347,13 +383,18 @@ class Episode:
 
     @property
     def sight(self) -> Sight | None:
-        """Sight of the target at the law's last decision; None if it was not seen."""
+        """View of the target (moments, corners, plane, pose) at the law's last command; None if the
+        target was not seen.
+        """
         return self._timeline.latest.decision.sight
 
     def _next_moment(self, index: int) -> Moment | None:
-        """Begin to render the next picture while the loop works on this one, and return its moment.
-        The world is then one frame interval ahead of the loop; None if a command from this picture
-        could still act in that interval.
+        """Advance the world by one frame interval ahead of the loop, begin to render the next
+        picture, and return its moment, so that the loop works meanwhile. Do nothing and return None
+        if a command from the present picture could still act in that interval.
+
+        Args:
+            index: Number of the present frame, from 0.
         """
         if not self._timeline.is_known_ahead or index + 1 == self.frames:
             return None
@@ -362,12 +403,13 @@ class Episode:
         return self.world.moment()
 
     def move(self, step: Step, twist: Array | None = None) -> Step:
-        """Move the world to the next picture, and return the complete step.
+        """Advance the world to the next picture, and return the complete step, with the motion
+        until then.
 
         Args:
-            step: The result of `look`.
-            twist: Camera twist (6,) that replaces the commands of this step [m/s, rad/s]; None: the
-                law's act.
+            step: The step that `look` returned.
+            twist: Camera twist (6,) that replaces the law's commands of this step [m/s, rad/s];
+                None: the law's commands act.
         """
         if twist is not None:
             self._timeline.steer(twist)
@@ -391,8 +433,8 @@ class Episode:
         )
 
     def _held_by(self, command: Command) -> list[str]:
-        """Return the names of the joints that the law holds at an end of their range, each with
-        " (range)".
+        """Return the names of the joints that the law holds at an end of their range, such as
+        "elbow (range)".
         """
         held = None if command.trace is None else command.trace.held
         if held is None:
@@ -405,6 +447,6 @@ class Episode:
 
 
 def run(scenario: Setup) -> Iterator[Step]:
-    """Yield the steps of one run, from the first frame to the last."""
+    """Run a scenario, and yield its steps one after the other, from the first frame to the last."""
     with Episode(scenario) as episode:
         yield from episode

@@ -1,4 +1,6 @@
-"""Events of a run as sentences for its log, such as that the target is lost or found again."""
+"""Events of a run, such as that the target is lost or found again, as sentences for the run's
+log.
+"""
 
 from enum import Enum
 
@@ -30,7 +32,7 @@ STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED:
 
 
 def events(before: Step | None, step: Step) -> list[Event]:
-    """Return the events that begin in a step, by comparison with the step before.
+    """Return the events that happen at a step: what differs from the step before.
 
     Args:
         before: The previous step; None for the first step.

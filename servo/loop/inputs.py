@@ -1,5 +1,5 @@
-"""Checks of the arguments of a loop, so that an invalid number of a camera or robot never becomes a
-motion.
+"""Checks of the arguments of a loop, so that an invalid number from a camera or robot never causes
+a motion.
 """
 
 from math import isfinite
@@ -18,7 +18,8 @@ ROUNDING = 1e-6
 
 
 def check_setup(setup: Setup, camera: Camera, outline: Array) -> None:
-    """Check the arguments of `Loop`: a scenario, a camera and an outline (4, 3) [m].
+    """Check the types and numbers of the arguments of `Loop`: a scenario, a camera, and an outline
+    (4, 3) [m].
 
     Raises:
         ValueError: An argument has the wrong type, or invalid numbers.
@@ -38,7 +39,8 @@ def check_setup(setup: Setup, camera: Camera, outline: Array) -> None:
 
 
 def check_start(frame: Frame, camera: Camera, region: Region, state: State) -> None:
-    """Check the arguments of `Loop.start`; the tracker itself checks the numbers of the region.
+    """Check the types of the arguments of `Loop.start`, and the picture's size; the tracker itself
+    checks the numbers of the region.
 
     Raises:
         ValueError: An argument has the wrong type, or the picture does not fit the camera.
@@ -49,24 +51,30 @@ def check_start(frame: Frame, camera: Camera, region: Region, state: State) -> N
 
 
 def check_frame(frame: Frame, camera: Camera) -> None:
-    """Check a picture and its stamp.
+    """Check that picture and depth picture of a frame have the size of the camera's, and that the
+    frame's time is finite.
 
     Raises:
-        ValueError: It does not fit the camera, or its stamp is not finite.
+        ValueError: A picture has another size or type, or the time is not finite.
     """
     check_type("frame", frame, Frame)
     check_picture("frame", frame.image, camera)
     if frame.depth is not None:
         _check_depth(frame.depth, (camera.height, camera.width))
     if not isfinite(frame.time):
-        raise ValueError(f"frame: expected a finite time, got {frame.time}")
+        raise ValueError(f"frame.time: expected a finite number [s], got {frame.time}")
 
 
 def check_picture(name: str, image: Image, camera: Camera) -> None:
     """Check that an array is a picture of a camera: (height, width, 3) of uint8.
 
+    Args:
+        name: Name of the argument, with which the error's message begins.
+        image: The array.
+        camera: Camera whose height and width the picture should have.
+
     Raises:
-        ValueError: It has another shape or type; the sentence begins with the name.
+        ValueError: The array has another shape or type.
     """
     shape = camera.height, camera.width, 3
     if np.shape(image) != shape or _type_of(image) != "uint8":
@@ -75,10 +83,11 @@ def check_picture(name: str, image: Image, camera: Camera) -> None:
 
 
 def _check_depth(depth: DepthPicture, shape: tuple[int, int]) -> None:
-    """Check that an array is a depth picture; whole numbers would be millimetres.
+    """Check that an array is a depth picture: floats [m] of a shape (H, W). Integers are refused,
+    because they would be millimetres.
 
     Raises:
-        ValueError: It has another shape or type.
+        ValueError: The array has another shape or type.
     """
     if np.shape(depth) != shape or not _type_of(depth).startswith("float"):
         found = f"{np.shape(depth)} of {_type_of(depth)}"
@@ -86,16 +95,19 @@ def _check_depth(depth: DepthPicture, shape: tuple[int, int]) -> None:
 
 
 def _type_of(values: object) -> str:
-    """Return the type of an array's elements, such as "uint8"; the type of any other object."""
+    """Return the name of an array's element type, such as "uint8"; for any other object, the name
+    of its class.
+    """
     return values.dtype.name if isinstance(values, np.ndarray) else type(values).__name__
 
 
 def check_posture(posture: Posture) -> None:
-    """Check the posture that a robot reports. Its Jacobian may be infinite or nan: laws then do not
-    use it.
+    """Check the shapes and numbers of the posture that a robot reports. Infinite or nan elements of
+    its Jacobian are allowed: a law then does not use it.
 
     Raises:
-        ValueError: A number is not finite, an array has another shape, or a matrix is no rotation.
+        ValueError: A number is not finite, an array has another shape, or the rotation is no
+            rotation matrix.
     """
     check_type("posture", posture, Posture)
     p = posture
@@ -104,14 +116,15 @@ def check_posture(posture: Posture) -> None:
     _check_numbers("posture.T_base_camera.rotation", R, (3, 3))
     _check_numbers("posture.T_base_camera.translation", p.T_base_camera.translation, (3,))
     if not is_rotation(R, ROUNDING):
-        raise ValueError(f"posture.T_base_camera: expected a rotation, got {R.tolist()}")
+        raise ValueError(f"posture.T_base_camera: expected a rotation matrix, got {R.tolist()}")
     n = np.size(p.joints)
     _check_numbers("posture.joints", p.joints, (n,))
     if np.shape(p.jacobian) != (6, n):
         raise ValueError(f"posture.jacobian: expected shape {(6, n)}, got {np.shape(p.jacobian)}")
     if not (np.shape(p.lower) == np.shape(p.upper) == (n,) and np.all(p.lower <= p.upper)):
         raise ValueError(
-            f"posture: expected {n} limits with lower <= upper, got {p.lower} and {p.upper}"
+            f"posture.lower, posture.upper: expected {n} limits each, with lower <= upper, got "
+            f"{p.lower} and {p.upper}"
         )
     _check_numbers("posture.twist", p.twist, (6,))
     twists = {"accepted": p.accepted, "asked": p.asked}
@@ -121,10 +134,10 @@ def check_posture(posture: Posture) -> None:
 
 
 def check_type(name: str, value: object, kind: type) -> None:
-    """Check the type of an argument.
+    """Check that an argument is an object of a class.
 
     Raises:
-        ValueError: It has another type; the sentence begins with the argument's name.
+        ValueError: The object is of another class; the message begins with the argument's name.
     """
     if not isinstance(value, kind):
         raise ValueError(f"{name}: expected a {kind.__name__}, got a {type(value).__name__}")

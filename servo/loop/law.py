@@ -1,4 +1,6 @@
-"""From sights to camera twists: the features, the estimator and the controller of a scenario."""
+"""Control law of a scenario, its feature set, estimator and controller: views of the target in,
+camera twists out.
+"""
 
 from collections.abc import Callable, Mapping
 from typing import final
@@ -16,14 +18,16 @@ from sim.types import Array, Camera, Posture
 from tracking.types import Estimate
 
 NO_TRUTH = (
-    "this estimator needs the true motion of the target (true_motion), which only a simulation "
-    "knows; with a real camera choose another one, such as kalman_cv"
+    "estimator: this kind needs the true motion of the target (true_motion), which only a "
+    "simulation knows: with a real camera choose another estimator, such as kalman_cv"
 )
 
 
 @final
 class Law:
-    """Feature set, estimator and controller of a scenario, built and checked."""
+    """Feature set, estimator and controller of a scenario, built, and checked against their
+    contracts.
+    """
 
     def __init__(
         self,
@@ -32,13 +36,13 @@ class Law:
         outline: Array,
         draws: Mapping[str, np.random.Generator],
     ) -> None:
-        """Build the components.
+        """Build feature set, estimator and controller.
 
         Args:
             scenario: Kinds and settings of the components.
-            camera: Intrinsics, as the robot believes them.
+            camera: Intrinsics of the camera, as the robot believes them.
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
-            draws: Random generators of "estimator" and "controller".
+            draws: Random generators by name: "estimator" and "controller".
 
         Raises:
             PartFailed: A component cannot be built.
@@ -75,40 +79,40 @@ class Law:
 
     @property
     def uses_pictures(self) -> bool:
-        """Whether the controller or the feature set uses pictures."""
+        """Whether the estimator, the controller or the feature set uses the pictures themselves."""
         return Channel.PICTURE in self.needs
 
     def check(self, *, depths: bool, true_motion: bool) -> None:
-        """Check that the channels which the components need are available.
+        """Check that the data which the components need is available.
 
         Args:
             depths: Whether the camera delivers depth pictures.
-            true_motion: Whether the target's true motion is known.
+            true_motion: Whether the target's true motion is available, as in a simulation.
 
         Raises:
-            ValueError: A channel is missing, or two components do not fit together.
+            ValueError: Data is missing, or two components do not fit together.
         """
         if Channel.DEPTH in self._scenario.sight.needs and not depths:
             raise ValueError(
-                'sight: "picture" needs a depth picture: camera.depth = true, or Frame.depth of a '
-                "camera of yours"
+                'sight: plane or depth = "picture" needs a depth picture, and there is none: set '
+                "camera.depth = true, or give Frame.depth with a camera of your own"
             )
         if Channel.TRUE_MOTION not in self.needs:
             return
         if self.uses_pictures:
             raise ValueError(
-                "estimator: it needs the true motion, which is not known for features made of "
-                "pixels; choose another one, such as none"
+                "estimator: this kind needs the target's true motion, which is not known for "
+                "features made of pixels: choose another estimator, such as none"
             )
         if not true_motion:
             raise ValueError(NO_TRUTH)
 
     def start(self, goal: Sight, frames_late: float) -> None:
-        """Begin a run.
+        """Begin a run of estimator and controller.
 
         Args:
-            goal: The desired sight.
-            frames_late: Delay until a command acts [frame intervals].
+            goal: The desired view of the target.
+            frames_late: Delay from an estimate to the effect of its command [frame intervals].
 
         Raises:
             ValueError: A setting does not fit the features.
@@ -123,10 +127,11 @@ class Law:
         )
 
     def check_followed(self, estimate: Estimate) -> None:
-        """Check that the features can be measured by what the tracker follows.
+        """Check that at least one feature can be measured from what the tracker follows (angle,
+        size, corners).
 
         Raises:
-            PartFailed: None of the features can be measured.
+            PartFailed: No feature can be measured.
         """
         with self._features.naming():
             check_followed(self.features, estimate, self._goal)
@@ -141,10 +146,11 @@ class Law:
         """Return the controller's command after a picture.
 
         Args:
-            sight: Sight of the target; None if it is not seen.
+            sight: View of the target; None if the target is not seen.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
             interval: Time since the previous picture [s].
-            view: Returns the view of a component from the channels that it needs.
+            view: Function that returns, from the channels that a component needs, the data of these
+                channels for this picture.
 
         Raises:
             PartFailed: A component raised an exception, or returned an invalid value.
@@ -158,12 +164,13 @@ class Law:
         return command
 
     def motion_measured(self, command: Command, sight: Sight | None, interval: float) -> Array:
-        """Return the mean de/dt (k,) since the previous picture that the camera did not cause; nan
-        for features that were not measured in both.
+        """Return the mean de/dt (k,) since the previous picture that the camera did not cause, the
+        measured motion of the target; nan for features that were not measured in both pictures.
 
         Args:
-            command: The command for this picture, with its trace.
-            sight: Sight of the target; None if it is not seen.
+            command: The command after this picture, with the features and the camera's part in its
+                trace.
+            sight: View of the target in this picture; None if the target is not seen.
             interval: Time since the previous picture [s].
         """
         trace = command.trace

@@ -1,4 +1,5 @@
-"""The closed loop without a world: pictures and postures in, camera twists out.
+"""Closed loop of tracker and control law without a world: pictures and postures in, camera twists
+out.
 
 It serves a simulated or a real camera and robot alike:
 
@@ -31,18 +32,26 @@ from tracking.types import Estimate, Region, State
 
 
 class TrueMotion(Protocol):
-    """Function that returns how the target's own motion changes the features (simulations only)."""
+    """Function that returns how the target's own motion changes the features; only a simulation has
+    it.
+    """
 
     def __call__(self, picture: int, begin: float, end: float) -> Array:
-        """Return the mean de/dt (k,) caused by the target's own motion between two times [s], for
-        the pose of the camera in the picture of this number.
+        """Return the mean de/dt (k,) that the target's own motion causes between two times of the
+        run [s].
+
+        Args:
+            picture: Number of the picture, from 0, whose pose of the camera relative to the target
+                is assumed to stay.
+            begin: Beginning of the interval [s].
+            end: End of the interval [s].
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """A picture, the tracker's estimate from it, and the time that the tracker took."""
+    """A picture, the tracker's estimate from it, and the time for which the tracker computed."""
 
     frame: Frame
     estimate: Estimate
@@ -57,7 +66,7 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What the law computes from an observation: the sight of the target and the command."""
+    """What the law computes from an observation: the view of the target, and the command."""
 
     estimate: Estimate
     """The tracker's estimate."""
@@ -74,20 +83,23 @@ class Decision:
 
 @final
 class Loop:
-    """The closed loop of a scenario: tracker, features, estimator and controller."""
+    """Closed loop of a scenario: tracker, feature set, estimator and controller, without a
+    world.
+    """
 
     def __init__(
         self, scenario: Setup, camera: Camera, outline: Array, true: Camera | None = None
     ) -> None:
-        """Build the components.
+        """Build and check tracker, feature set, estimator and controller.
 
         Args:
             scenario: Kinds and settings of the components.
-            camera: Intrinsics, as the robot believes them.
-            outline: Corners (4, 3) of the target's reference rectangle in its frame [m]: level, in
-                the order in which an image with the nose to the right shows them, from the top left
-                clockwise.
-            true: The true camera, for goals that depend on it (`believed.goal`); None: `camera`.
+            camera: Intrinsics of the camera, as the robot believes them.
+            outline: Corners (4, 3) of the target's reference rectangle in its frame [m], all at one
+                height. Seen from above with the target's nose to the right, the first is at the top
+                left, and the others follow clockwise.
+            true: The true camera, for a goal that is computed with it (`believed.goal`); None:
+                `camera`.
 
         Raises:
             PartFailed: A component cannot be built.
@@ -111,7 +123,7 @@ class Loop:
 
     @property
     def features(self) -> FeatureSet:
-        """The feature set of the law."""
+        """Feature set that the law servoes."""
         return self.law.features
 
     def start(
@@ -123,19 +135,20 @@ class Loop:
         true_motion: TrueMotion | None = None,
         truth: Callable[[int], Truth] | None = None,
     ) -> "Running":
-        """Start the tracker with the target in the first picture, and begin a run.
+        """Start the tracker with the target in the first picture, and return the running loop.
 
         Args:
             frame: The first picture.
             region: The target's rectangle in it.
-            state: Position, angle and scale of the region. If the scenario's target is a tag, the
-                outline its black square and the tracker "tag", a square that is seen near the
-                region replaces both.
+            state: Position [px], angle [rad] and scale of the target in that picture. If the target
+                is a tag, its outline the black square, and the tracker "tag", a square that is
+                detected near the region replaces both.
             goal: The camera's picture (H, W, 3) at the goal, for features made of pixels and for
-                policies.
-            true_motion: Returns the target's true motion, for an estimator that needs it; only a
-                simulation knows it.
-            truth: Returns the truth of a picture by its number, for components that need it.
+                policies; None: there is none.
+            true_motion: Function that returns the target's true motion, for an estimator that needs
+                it; only a simulation has it.
+            truth: Function that returns the true poses of a picture by its number, for components
+                that need them.
 
         Returns:
             The running loop; its `step` takes this picture too.
@@ -156,8 +169,8 @@ class Loop:
         return running
 
     def _goal_source(self, picture: Image | None) -> GoalSource:
-        """Return the source of the desired sights of a run, with the picture (H, W, 3) at the goal
-        if there is one.
+        """Return the goal source of a run, the object that gives the desired view of the target for
+        each picture. With a picture (H, W, 3) at the goal, it has that picture too.
 
         Raises:
             ValueError: The picture does not fit the camera, or the goal moves.
@@ -176,7 +189,7 @@ class Loop:
 
 @final
 class Running:
-    """A loop that has been started with a first picture, and runs over the next ones."""
+    """A loop that was started with a first picture, and computes a command after each picture."""
 
     def __init__(
         self,
@@ -185,7 +198,9 @@ class Running:
         true_motion: TrueMotion | None,
         truth: Callable[[int], Truth] | None,
     ) -> None:
-        """Store a loop, and the sources of its goal, true motion and truth (see `Loop.start`)."""
+        """Store a loop, and the sources of its goal, true motion and true poses, which `Loop.start`
+        describes.
+        """
         self._loop = loop
         self._perception = loop.perception
         self._law = loop.law
@@ -197,7 +212,9 @@ class Running:
         self._shown: float | None = None
 
     def begin(self, frame: Frame, region: Region, state: State) -> None:
-        """Start tracker and law with the target in the first picture; `Loop.start` calls this."""
+        """Start tracker and law with the target in the first picture. `Loop.start` calls this;
+        users do not.
+        """
         self._law.check(depths=frame.depth is not None, true_motion=self._true_motion is not None)
         self._estimate = self._perception.start(
             frame, region, state, self._truth_at(frame, self._perception.needs)
@@ -205,7 +222,10 @@ class Running:
         first = self._goals.sight(frame, by_corners=False)
         if first is None:
             number = self._loop.scenario.leader.id
-            raise ValueError(f"leader: no tag {number} is seen in the first picture")
+            raise ValueError(
+                f"leader: no tag {number} is seen in the first picture: move the tag into view, or "
+                "correct leader.id"
+            )
         self.goal_sight = first
         """The desired sight at the time of the last picture."""
         self._law.start(first, self._frames_late)
@@ -215,14 +235,15 @@ class Running:
 
     @property
     def by_corners(self) -> bool:
-        """Whether the tracker has reported corners."""
+        """Whether the tracker has reported the target's corners in this run."""
         return self._perception.by_corners
 
     def step(self, frame: Frame, posture: Posture) -> Command:
-        """Return the command of the law for the next picture.
+        """Return the law's command after the next picture: `track`, then `decide`.
 
         Args:
-            frame: The next picture; the tracker does not get a picture that is not fresh.
+            frame: The next picture. If it is not fresh, because the camera delivered none, the
+                tracker is not called.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
 
         Raises:
@@ -233,19 +254,23 @@ class Running:
         return self.decide(self.track(frame, posture), posture).command
 
     def track(self, frame: Frame, posture: Posture) -> Observation:
-        """Track the target in a picture: the first half of `step`, for a robot that moves on
-        meanwhile.
+        """Return the tracker's estimate of the target in a picture: the first half of `step`, for a
+        robot that moves on meanwhile.
 
         Args:
-            frame: As for `step`.
-            posture: As for `step`.
+            frame: The next picture. If it is not fresh, because the camera delivered none, the
+                tracker is not called.
+            posture: Camera pose, twist and joints of the robot at the time of the picture.
 
         Returns:
             The observation, which `decide` takes.
         """
         began = perf_counter()
         if self._loop.latest() is not self:
-            raise ValueError("this run is over: its loop was started again")
+            raise ValueError(
+                "this run is over, because its loop was started again: use the newest result of "
+                "Loop.start"
+            )
         check_frame(frame, self._loop.camera)
         check_posture(posture)
         interval = self._period
@@ -268,13 +293,13 @@ class Running:
     def decide(
         self, observation: Observation, posture: Posture, acts: float | None = None
     ) -> Decision:
-        """Compute the command of the law: the second half of `step`.
+        """Compute the law's command from an observation: the second half of `step`.
 
         Args:
-            observation: The last result of `track`.
+            observation: What `track` returned last.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
-            acts: Time at which the command begins to act [s], for an estimator that needs the true
-                motion; None: the scenario's latency after the picture.
+            acts: Time of the run at which the command begins to act [s], for an estimator that
+                needs the true motion; None: the scenario's latency after the picture.
         """
         began = perf_counter()
         frame = observation.frame
@@ -294,8 +319,8 @@ class Running:
         return self.decision
 
     def _sight(self, frame: Frame, estimate: Estimate, posture: Posture) -> Sight | None:
-        """Return the sight of the target; None if it is not seen. If pixels are servoed, the
-        desired sight with the current picture replaces it.
+        """Return the view of the target in a picture; None if the target is not seen. If pixels are
+        servoed, return the desired view with the current picture in place of the goal's.
         """
         goal = self.goal_sight
         if not frame.fresh:
@@ -306,8 +331,14 @@ class Running:
         return replace(goal, picture=picture, goal=goal)
 
     def _motion_while(self, frame: Frame, interval: float, acts: float | None) -> Array | None:
-        """Return the target's true motion de/dt (k,) over the features' scales while the next
+        """Return the target's true de/dt (k,) over the features' scales [1/s] while the next
         command acts; None if no component needs it.
+
+        Args:
+            frame: The picture.
+            interval: Time since the last picture, for which the command acts [s].
+            acts: Time of the run at which the command begins to act [s]; None: the scenario's
+                latency after the picture.
         """
         if Channel.TRUE_MOTION not in self._law.needs or self._true_motion is None:
             return None
@@ -315,8 +346,8 @@ class Running:
         return self._true_motion(frame.index, begin, begin + interval) / self._law.scales
 
     def _truth_at(self, frame: Frame, needs: Channels) -> Truth | None:
-        """Return the true pose of the target in a picture; None if no given channel needs it, or it
-        is not known.
+        """Return the true poses at a picture; None if none of the given channels needs them, or
+        they are not available.
         """
         if Channel.TRUTH not in needs or self._truth is None:
             return None
@@ -325,8 +356,9 @@ class Running:
     def _view(
         self, frame: Frame, sight: Sight | None, motion: Array | None
     ) -> Callable[[Channels], View]:
-        """Return a function that takes the channels which a component needs, and returns a view
-        with the data of these channels (picture, truth, motion) at the time of a frame.
+        """Return a function that returns, from the channels that a component needs, a `View` with
+        their data at the time of a frame: picture, true poses, true motion, whether the target is
+        seen.
         """
 
         def view(needs: Channels) -> View:

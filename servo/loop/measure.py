@@ -1,11 +1,13 @@
-"""The measures of a run: one record for each, with all that is known about it."""
+"""Measures of a run: one `Measure` record for each, with its name, unit and meaning."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """A number that describes a run; smaller is better for all."""
+    """Name, unit and meaning of a number that describes a run; smaller is better for all of
+    them.
+    """
 
     name: str
     unit: str

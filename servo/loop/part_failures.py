@@ -1,4 +1,6 @@
-"""Errors in the code of a run's components, as sentences that name the component."""
+"""Errors that the code of a run's components raises, turned into messages that name the
+component.
+"""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -15,35 +17,42 @@ ENDS = (KeyboardInterrupt, MemoryError)
 
 
 class PartFailed(Mistake):
-    """A component raised an exception or broke its contract; the sentence names the component."""
+    """Error: a component raised an exception or broke its contract; the message names the
+    component.
+    """
 
 
 class PartConfig(Protocol):
-    """The settings of a component, from which it is built."""
+    """Settings of a component; `build` makes the component from them."""
 
     @property
     def build(self) -> Callable[[Any], Any]:
-        """Builds the component from a random generator; features from an outline (4, 3) [m]."""
+        """Function that builds the component from a random generator; for features, from an outline
+        (4, 3) [m].
+        """
         ...
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A component of a run: its section of the scenario, such as "tracker", and its settings."""
+    """A component of a run: the name of its section in the scenario, such as "tracker", and its
+    settings.
+    """
 
     place: str
     config: PartConfig
 
     def build(self, given: object) -> Any:
-        """Build the component.
+        """Build the component, and check it against its contract.
 
         Args:
             given: The argument of `Config.build`: a random generator, or an outline (4, 3) [m] for
                 features.
 
         Raises:
-            PartFailed: Its code raised an exception, or it breaks its contract.
+            PartFailed: The component's code raised an exception, or the component breaks its
+                contract.
             Mistake: `Config.build` refused the settings with a ValueError.
         """
         with self.naming():
@@ -57,7 +66,8 @@ class Part:
         return built
 
     def guarded(self, built: Built, *, checked: bool = True) -> Built:
-        """Return a wrapper of the built component whose method calls raise errors that name it.
+        """Return a wrapper of the built component: an exception in one of its methods becomes a
+        `PartFailed` that names the component.
 
         Args:
             built: The component.
@@ -67,16 +77,16 @@ class Part:
 
     @contextmanager
     def naming(self, method: str = "") -> Generator[None]:
-        """Turn an exception in the block, in which a method of the component is called, into a
-        `PartFailed`.
+        """Turn an exception in the block, which calls a method of the component, into a
+        `PartFailed` that names the component.
 
         Args:
-            method: Name of the method. A ValueError of `start` passes unchanged: it refuses the
-                user's settings or first picture.
+            method: Name of the method. A ValueError of "start" passes unchanged, since it refuses
+                the user's settings or first picture.
 
         Raises:
-            PartFailed: The block raised an exception; it is the cause, unless it already says
-                which contract was broken.
+            PartFailed: The block raised an exception, which is its cause; a broken contract is
+                named in the message instead.
         """
         try:
             yield
@@ -93,11 +103,13 @@ class Part:
             raise self.failed(text) from error
 
     def failed(self, what: str) -> PartFailed:
-        """Return an error whose sentence names this component and says what it did."""
+        """Return an error whose message names this component, and then says `what` it did."""
         kind = kind_of(self.config)  # a wrapped tracker begins its messages with its own name
         return PartFailed(f"{self.place} '{kind}': {what.removeprefix(f'{kind}: ')}")
 
     @property
     def kind_of_place(self) -> str:
-        """The section of the scenario without an index: "disturbances" for "disturbances[1]"."""
+        """Name of the component's section without an index: "disturbances" for
+        "disturbances[1]".
+        """
         return self.place.partition("[")[0]

@@ -1,4 +1,6 @@
-"""From pictures to sights: the tracker of a scenario, and the sights made from its estimates."""
+"""Perception of a scenario, its tracker and the conversion of estimates: pictures in, views of the
+target out.
+"""
 
 from dataclasses import replace
 from typing import final
@@ -27,16 +29,18 @@ from tracking.types import (
 
 @final
 class Perception:
-    """Runs a tracker on pictures, and converts its estimates to sights."""
+    """Runs the tracker on pictures, and converts its estimates to views of the target (moments,
+    corners, plane, pose).
+    """
 
     def __init__(
         self, scenario: Setup, camera: Camera, outline: Array, rng: np.random.Generator
     ) -> None:
-        """Build the tracker.
+        """Build the tracker, and the converter of its estimates.
 
         Args:
             scenario: Kind and settings of the tracker.
-            camera: Intrinsics, as the robot believes them.
+            camera: Intrinsics of the camera, as the robot believes them.
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
             rng: Random generator of the tracker.
 
@@ -68,9 +72,11 @@ class Perception:
         Args:
             frame: The first picture.
             region: The target's rectangle in it.
-            state: Position, angle and scale of the region. If the target is a marker and the
-                tracker finds markers, a marker that is seen near the region replaces both.
-            truth: The true pose of the target; only a simulation knows it.
+            state: Position [px], angle [rad] and scale of the target in that picture. If the target
+                is a marker and the tracker detects markers, a marker that is detected near the
+                region replaces both.
+            truth: The true poses at that picture; None if they are not known, as outside a
+                simulation.
 
         Returns:
             An estimate with the given state, marked as without angle and size: the tracker has not
@@ -108,14 +114,15 @@ class Perception:
     def track(
         self, frame: Frame, posture: Posture, interval: float, truth: Truth | None
     ) -> Estimate:
-        """Return the tracker's estimate for the next picture. A picture that is not fresh does not
-        reach the tracker: the last estimate stays.
+        """Return the tracker's estimate for the next picture. If the picture is not fresh, because
+        the camera delivered none, the tracker is not called, and the last estimate is returned.
 
         Args:
             frame: The picture.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
             interval: Time since the previous picture [s].
-            truth: The true pose of the target; only a simulation knows it.
+            truth: The true poses at that picture; None if they are not known, as outside a
+                simulation.
         """
         # Motions over dropped frames add up until the tracker gets the next picture.
         self._carried += self._to_sight.ego(self._estimate.state, posture.twist, interval)
@@ -138,13 +145,14 @@ class Perception:
     def sight(
         self, frame: Frame, estimate: Estimate, posture: Posture, goal: Sight
     ) -> Sight | None:
-        """Return the sight of the target from an estimate; None if the target is not seen.
+        """Return the view of the target (moments, corners, plane, pose in the camera frame) from an
+        estimate; None if the target is not seen.
 
         Args:
             frame: The picture of the estimate, with its depth picture if there is one.
             estimate: The tracker's estimate.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
-            goal: The desired sight.
+            goal: The desired view of the target.
         """
         if estimate.likely_scale is not None:
             state = replace(estimate.state, scale=estimate.likely_scale)
@@ -152,6 +160,6 @@ class Perception:
         return self._to_sight.see(estimate, posture, goal, frame.depth)
 
     def _show(self, frame: Frame, truth: Truth | None) -> None:
-        """Give the tracker the channels of a picture that it needs, such as the truth."""
+        """Give the tracker the data that it declares by its channels, such as the true poses."""
         if self._viewer is not None:
             self._viewer.see(View.of(frame, self.needs, truth=truth))

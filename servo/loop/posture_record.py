@@ -1,4 +1,6 @@
-"""Pairs each picture that the tracker takes with the robot's posture at the time of its stamp."""
+"""Record of the robot's postures, which pairs each picture that the tracker takes with the posture
+at the time of the picture's stamp.
+"""
 
 from dataclasses import replace
 from typing import final
@@ -13,7 +15,8 @@ REGULAR = 1e-6
 
 
 def elapsed(last: float, now: float, period: float) -> float:
-    """Return the time between two pictures [s], without rounding for whole frame intervals.
+    """Return the time between two pictures [s]; if it is a whole number of frame intervals up to
+    rounding, exactly that number times the interval.
 
     Args:
         last: Time of the earlier picture [s].
@@ -24,7 +27,9 @@ def elapsed(last: float, now: float, period: float) -> float:
         ValueError: The second picture is not later than the first.
     """
     if now <= last:
-        raise ValueError(f"expected a frame later than {last} s, got one of {now} s")
+        raise ValueError(
+            f"frame.time: expected a time after that of the frame before, {last} s, got {now} s"
+        )
     frames = (now - last) / period
     whole = round(frames)
     return whole * period if abs(frames - whole) < REGULAR else now - last
@@ -32,7 +37,7 @@ def elapsed(last: float, now: float, period: float) -> float:
 
 @final
 class PostureRecord:
-    """Stores the robot's postures at the times of all pictures, and returns the posture for each
+    """Record of the robot's postures at the times of all pictures; returns the posture for each
     picture that the tracker takes.
 
     The stamp of a picture may be wrong by a clock offset: the picture is then paired with the pose
@@ -40,7 +45,7 @@ class PostureRecord:
     """
 
     def __init__(self, period: float, clock_offset: float) -> None:
-        """Create a record without postures.
+        """Create an empty record.
 
         Args:
             period: Frame interval [s].
@@ -53,14 +58,15 @@ class PostureRecord:
         self._pose: Pose | None = None
 
     def add(self, index: int, posture: Posture) -> None:
-        """Store the posture at the time of a frame; its `asked` is the mean commanded twist since
-        the frame before.
+        """Store the posture at a frame, by the frame's number; its `asked` is the mean commanded
+        twist since the frame before.
         """
         self._postures[index] = posture
 
     def paired(self, index: int) -> Posture:
-        """Return the posture for the picture of a frame, with means over the time since the
-        previous call; older postures are removed.
+        """Return the posture for the picture of a frame, by the frame's number: measured and
+        commanded twists are means over the time since the previous call. Older postures are then
+        deleted.
         """
         posture = self._postures[index]
         last = self._taken
@@ -87,8 +93,8 @@ class PostureRecord:
         )
 
     def _pose_at(self, index: int) -> Pose:
-        """Return the pose T_base_camera at the stamp of a frame, interpolated on a screw motion
-        between two frames; beyond the stored frames, the nearest one's.
+        """Return the pose T_base_camera at the stamp of a frame, interpolated between two frames on
+        a screw motion; for a stamp outside the stored frames, the pose at the nearest one.
         """
         frames = index + self._offset / self._period
         at = float(np.clip(frames, min(self._postures), max(self._postures)))

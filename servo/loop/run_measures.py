@@ -1,4 +1,4 @@
-"""The summary of a run: its outcome, and measures over its steps."""
+"""Summary of a run: its outcome, and its measures, computed from all of its steps."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -43,15 +43,17 @@ class Outcome(Enum):
     DIVERGED = "The target has left the picture, and the tracker has not called it lost."
 
     def sentence(self, causes: Sequence[str] = ()) -> str:
-        """Return the sentence of this outcome; `causes`, such as "elbow (range)" or "angle 27 deg",
-        are added after a colon.
+        """Return the sentence of this outcome, with the causes after a colon.
+
+        Args:
+            causes: What kept the camera from the goal, such as "elbow (range)" or "angle 27 deg".
         """
         return f"{self.value[:-1]}: {', '.join(causes)}." if causes else self.value
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Outcome and measures of one run."""
+    """Outcome and measures of one run, with what kept the camera from its goal."""
 
     outcome: Outcome
     measures: dict[str, float]
@@ -64,7 +66,13 @@ class Summary:
 
 
 def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: float) -> Summary:
-    """Measures and outcome of the steps of one run; period is the frame interval [s]."""
+    """Return the outcome and the measures of a run.
+
+    Args:
+        steps: The steps of the run, or their columns.
+        config: Which errors count.
+        period: Frame interval [s].
+    """
     run = Columns.of(steps)
     final = list(run.final)
     late = run["time"] >= config.after
@@ -117,8 +125,8 @@ def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: fl
 
 
 def timed(run: Columns) -> Array:
-    """Return the wall-clock times (n, 4) of rendering, tracker, law and physics [s], for the n
-    steps in which the tracker was called; for all steps if it was never called.
+    """Return the wall-clock times (n, 4) [s] of the steps in which the tracker was called, in the
+    columns rendering, tracker, law and physics; of all steps if it was never called.
 
     A slow tracker is called in few steps, so a median over all steps would not show its time.
     """
@@ -126,7 +134,7 @@ def timed(run: Columns) -> Array:
 
 
 def _where(flags: NDArray[np.bool_], values: Array) -> Array:
-    """Return the rows of an array whose flag is True; all rows if no flag is True."""
+    """Return the rows of an array (n, ...) whose flag (n,) is True; all rows if no flag is True."""
     return values[flags] if flags.any() else values
 
 
@@ -135,28 +143,29 @@ def _rms(values: Array) -> float:
 
 
 def _velocities(carried: Array, period: float) -> Array:
-    """Return the mean velocity over the last frame interval of the object that the robot carries,
-    for each frame (n, 3), in the world frame [m/s]; zero in the first frame.
+    """Return, for each frame (n, 3), the mean velocity over the frame interval before it of what
+    the robot carries (camera or target), in the world frame [m/s]; zero for the first frame.
 
-    A constant velocity would change in the frame of a camera that turns.
+    In the frame of a turning camera even a constant velocity would change.
 
     Args:
-        carried: Positions of the object (n, 3) in the world frame [m].
+        carried: Positions (n, 3) of the camera or target in the world frame [m].
         period: Frame interval [s].
     """
     return np.diff(carried, axis=0, prepend=carried[:1]) / period
 
 
 def _largest_change(vectors: Array) -> float:
-    """Return the largest length of the difference of two successive vectors of (n, 3), in their
-    unit; 0 for fewer than two vectors.
+    """Return the largest length of the difference between two successive vectors of (n, 3), in
+    their unit; 0 for fewer than two vectors.
     """
     return float(np.linalg.norm(np.diff(vectors, axis=0), axis=1).max(initial=0.0))
 
 
 def _effort(commands: Array) -> dict[str, float]:
-    """Return the measures of control effort: root mean squares of how much the commanded twists
-    (n, 6) [m/s, rad/s] change from one to the next, linear [mm/s] and angular [deg/s].
+    """Return two measures of control effort by name: the root mean square of the changes from one
+    commanded twist (n, 6) [m/s, rad/s] to the next, of the linear part [mm/s] and of the angular
+    part [deg/s].
     """
     linear, angular = np.hsplit(np.diff(commands, axis=0), 2)
     return {
@@ -171,8 +180,8 @@ def _rms_length(vectors: Array) -> float:
 
 
 def _joint_way(run: Columns) -> float:
-    """Return the length that a joint has travelled in all, over its range, as a mean over the
-    joints that have limits [%].
+    """Return the distance that a joint has travelled in the run over the length of its range, as a
+    mean over the joints that have limits [%]; 0 if none has.
     """
     posture = run.first.posture
     span = posture.upper - posture.lower
@@ -184,7 +193,7 @@ def _joint_way(run: Columns) -> float:
 
 
 def _longest(flags: NDArray[np.bool_]) -> int:
-    """Return how many successive flags are True at most."""
+    """Return the largest number of successive flags that are True."""
     best = run = 0
     for flag in flags:
         run = run + 1 if flag else 0
@@ -193,14 +202,14 @@ def _longest(flags: NDArray[np.bool_]) -> int:
 
 
 def _settling_time(times: Array, servo: Array, turned: Array, grown: Array) -> float:
-    """Return the time after which all errors stay below the bounds of settling [s]; inf if they do
-    not until the end.
+    """Return the time of the run from which on all errors stay below 2 px, 1 degree and 2 % of size
+    until its end [s]; inf if there is none.
 
     Args:
         times: Times (n,) [s].
         servo: Distances (n,) of the target's centre from its goal [px].
-        turned: Errors (n,) of the angle [deg].
-        grown: Errors (n,) of the size [%].
+        turned: Errors (n,) of the target's angle [deg].
+        grown: Errors (n,) of the target's size in the picture [%].
     """
     # The run has settled after the last frame in which any of the three errors was too large.
     off = (
@@ -234,9 +243,9 @@ def _outcome(final: Sequence[Step]) -> Outcome:
 
 
 def _limits_met(run: Columns, outcome: Outcome) -> tuple[str, ...]:
-    """Return the joint limits that were hit in the last second of a run with `LIMIT_HIT`. For other
-    outcomes, return the ends of joint ranges that were hit in the last second in which the target
-    was followed.
+    """Return the names of the limits that joints hit at the end of a run. With the outcome
+    `LIMIT_HIT` these are all limits of its last second; otherwise only the ends of joint ranges, in
+    the last second in which the target was followed.
     """
     if outcome is Outcome.LIMIT_HIT:
         return _limits(run.final)
@@ -252,18 +261,19 @@ def _ends_a_range(limit: str) -> bool:
 
 
 def _off(step: Step) -> dict[str, float]:
-    """Return the servoed quantities ("centre", "angle", "size", "orientation") that are too far
-    from the goal for convergence, each with its distance from the goal [px, deg, %, deg].
+    """Return the servoed quantities ("centre" [px], "angle" [deg], "size" [%], "orientation" [deg])
+    that are too far from the goal for convergence, each with its distance from the goal.
     """
     angle, size = step.servoed
-    apart = np.array([step.truth.theta - step.goal.theta])
-    turned = abs(_servo_angles(apart, step)[0])
     grown = abs(step.truth.size / step.goal.size - 1)
     found = dict[str, float]()
     if step.servo_error > CONVERGED_PX:
         found["centre"] = step.servo_error
-    if angle and turned > CONVERGED_RAD:
-        found["angle"] = np.degrees(turned)
+    if angle:
+        apart = np.array([step.truth.theta - step.goal.theta])
+        turned = abs(_servo_angles(apart, step)[0])
+        if turned > CONVERGED_RAD:
+            found["angle"] = np.degrees(turned)
     if size and grown > CONVERGED_SCALE:
         found["size"] = 100 * grown
     if step.rotation_error > CONVERGED_RAD and step.servoes_pose:
@@ -273,7 +283,7 @@ def _off(step: Step) -> dict[str, float]:
 
 def _worst_off(steps: Sequence[Step]) -> tuple[str, ...]:
     """Return texts such as "angle 12 deg": each servoed quantity that is too far from the goal in
-    some of the steps, with its largest distance from the goal.
+    at least one of the steps, with its largest distance from the goal.
     """
     most = dict[str, float]()
     for step in steps:
@@ -283,8 +293,8 @@ def _worst_off(steps: Sequence[Step]) -> tuple[str, ...]:
 
 
 def _servo_angles(apart: Array, last: Step) -> Array:
-    """Return angle errors (n,) wrapped to what the features distinguish [rad]: to a full turn if
-    they distinguish the target's front from its back, otherwise to half a turn.
+    """Return angle errors (n,) [rad], wrapped to a full turn if the features distinguish the
+    target's front from its back, otherwise to half a turn.
 
     Args:
         apart: True minus desired angles of the target (n,), not wrapped [rad].
@@ -299,11 +309,12 @@ def _servo_angles(apart: Array, last: Step) -> Array:
 
 
 def _path_measures(places: Array, last: Step) -> dict[str, float]:
-    """Return the measures of the camera's path relative to the target: `camera_path_m` and others.
+    """Return six measures by name of the camera's path relative to the target: its length, detour,
+    retreat and advance [m], and the distances of its end from the goal [mm, deg].
 
     Args:
-        places: Positions of the camera (n, 3) in the target's frame [m].
-        last: The last step.
+        places: Positions of the camera (n, 3) in the target's frame [m], one for each step.
+        last: The last step, which has the goal.
     """
     goal = last.T_object_goal
     there = goal.translation

@@ -1,4 +1,6 @@
-"""The settings of a run, and the random generators of its components."""
+"""Settings of a run, one class for each section of a scenario, and the random generators of its
+components.
+"""
 
 from dataclasses import dataclass, replace
 from math import radians
@@ -39,8 +41,9 @@ DOES_NOT_REPEAT = (
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
-    """Return the random generator of one component, such as "tracker": components have independent
-    streams, so that more draws of one do not change another's.
+    """Return the random generator of one component, from the seed of the run and the component's
+    name, such as "tracker". Streams are independent, so that more draws of one component do not
+    change another's.
     """
     return np.random.default_rng([seed, *name.encode()])
 
@@ -71,7 +74,8 @@ class RunConfig:
     motion model needs to cover the target's own motion only."""
 
     def frames_late(self, period: float) -> float:
-        """Return the delay from an estimate to its command's effect [frame intervals].
+        """Return the delay from an estimate to the effect of its command [frame intervals], from
+        `latency_ms` or else `latency`.
 
         Args:
             period: Frame interval [s].
@@ -80,13 +84,15 @@ class RunConfig:
 
     @property
     def repeats(self) -> bool:
-        """Whether the same seed gives the same numbers."""
+        """Whether the same seed gives the same numbers again; with `tracker_ms = "measured"` it
+        does not.
+        """
         return self.tracker_ms != "measured"
 
 
 @dataclass(frozen=True, slots=True)
 class StartConfig:
-    """Where the target is in the first picture, relative to the goal."""
+    """Settings of the start: where the target is in the first picture, relative to the goal."""
 
     x: Pixels = 0.0
     """Distance of the target to the right of the goal [px]."""
@@ -110,14 +116,14 @@ class StartConfig:
     def __post_init__(self) -> None:
         if self.pose is not None and replace(self, pose=None) != StartConfig():
             raise ValueError(
-                "pose sets the whole start pose; leave out x, y, angle_deg, scale, tilt_deg and "
-                "tilt_towards_deg"
+                "pose sets the whole start pose: leave out x, y, angle_deg, scale, tilt_deg and "
+                "tilt_towards_deg, or pose"
             )
 
 
 @dataclass(frozen=True, slots=True)
 class RegionConfig:
-    """Errors of the region given to the tracker in the first frame; by default it is the truth."""
+    """Errors of the first region that the tracker is given; by default it is the true one."""
 
     x: Pixels = 0.0
     """Shift of the region to the right [px]."""
@@ -131,8 +137,8 @@ class RegionConfig:
     """Height of the region over the true height."""
 
     def corners(self, truth: Truth) -> Array:
-        """Return the corners (4, 2) of the target in the first picture as given to the tracker
-        [px]: the true ones, changed by these errors.
+        """Return the corners (4, 2) [px] of the region that the tracker is given in the first
+        picture: the true ones, changed by these errors.
         """
         # Complex numbers rotate: turn the corners level, stretch them, and turn them as asked.
         own, given = (np.exp(1j * a) for a in (truth.theta, truth.theta + radians(self.angle_deg)))
@@ -143,7 +149,7 @@ class RegionConfig:
 
 @dataclass(frozen=True, slots=True)
 class MeasureConfig:
-    """Which errors count in the measures of a run."""
+    """Settings of the measures: from when errors count, and which error is a missed target."""
 
     after: Time = 0.0
     """Time from which errors count [s]."""
@@ -153,7 +159,7 @@ class MeasureConfig:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """All settings of a run."""
+    """All settings of a run, one field for each section of a scenario."""
 
     name: str
     run: RunConfig
@@ -184,31 +190,40 @@ class Setup:
             raise Mistake(f"{self.name}: {refusal}")
 
     def _refusal(self) -> str:
-        """Return a sentence that says which settings of a standing camera or of a leader contradict
-        each other; "" if none do.
+        """Return a sentence that names the settings of a standing camera or of a leader (a second
+        tag that the motion moves) that contradict each other; "" if none do.
         """
         stands = self.camera.mounted == "world"
         number = self.leader.id
         if number is None:
             moves = stands and kind_of(self.motion) != "still"
-            return "motion: the robot holds the target, so nothing else moves it" if moves else ""
+            held = (
+                'motion: the robot holds the target (camera.mounted = "world"), so that no motion '
+                "can move the target: leave [motion] out"
+            )
+            return held if moves else ""
         if not stands:
-            return 'leader: it leads a target that the robot holds, so camera.mounted = "world"'
+            return (
+                "leader: a leader needs a target that the robot holds, and the robot holds the "
+                'camera: set camera.mounted = "world", or leave [leader] out'
+            )
         if self.goal != GoalConfig():
-            return "goal: it is beside the leader, so leave [goal] out"
+            return (
+                "goal: the goal is beside the leader, where leader.beside puts it: leave [goal] out"
+            )
         marker = marker_of(self.target)
         if marker is not None and marker.id == number:
-            return f"leader.id: {number} is the target's own tag; choose another one"
+            return f"leader.id: {number} is the target's own tag: choose another number"
         return ""
 
     @property
     def needs(self) -> Channels:
-        """Channels, such as pictures or truth, that a component of the run needs."""
+        """Channels of data that the components of the run need, such as pictures or true poses."""
         parts = (self.sight, self.features, self.estimator, self.controller)
         needs = needs_of(self.tracker, SEES_PICTURES).union(*map(needs_of, parts))
         return needs if self.leader.id is None else needs | {Channel.PICTURE}
 
     @property
     def frames(self) -> int:
-        """Return the number of frames of a run."""
+        """Number of frames of the run, at least 1: duration times frame rate, rounded."""
         return max(1, round(self.run.duration * self.camera.rate))

@@ -1,4 +1,6 @@
-"""One frame of a run as a value: truth, goal, picture, estimate, command and the robot's motion."""
+"""One frame of a run as a value: true poses, goal, picture, estimate, command, and the robot's
+motion until the next frame.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -21,7 +23,7 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Seconds:
-    """Wall-clock times of the stages of one step [s]."""
+    """Wall-clock times [s] of one step: rendering, tracker, control law and physics."""
 
     render: float
     """Time spent waiting for the picture and starting the next one, most of which is rendered while
@@ -38,7 +40,9 @@ class Seconds:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Values that do not change in a run: camera, target, features, frame interval [s], model."""
+    """Values that stay the same in a run: camera, target, feature set, frame interval and MuJoCo
+    model.
+    """
 
     camera: Camera
     outline: Array
@@ -55,8 +59,13 @@ class Scene:
     """MuJoCo model of the world, for drawing it."""
 
     def true_sight(self, T_world_camera: Pose, T_world_target: Pose, goal: Sight) -> Sight:
-        """Return the exact sight of the target (moments, corners, plane, pose in the camera frame),
-        from the true poses of camera and target in the world frame.
+        """Return the exact view of the target (moments, corners, plane and pose in the camera
+        frame) from the true poses of camera and target in the world frame.
+
+        Args:
+            T_world_camera: True pose of the camera.
+            T_world_target: True pose of the target.
+            goal: The desired view, which is stored in the result.
         """
         T_camera_target = T_world_camera.inverse() @ T_world_target
         return sight_of(T_camera_target @ object_frame(self.outline), self.outline, goal)
@@ -64,14 +73,15 @@ class Scene:
     def true_motion(
         self, T_world_camera: Pose, before: Pose, after: Pose, goal: Sight, dt: float
     ) -> Array:
-        """Return the mean de/dt (k,) caused by a moving target, for a camera at rest.
+        """Return the mean de/dt (k,) that a target's motion between two poses causes, for a camera
+        at rest.
 
         Args:
             T_world_camera: Pose of the camera.
-            before: T_world_target at the beginning.
-            after: T_world_target at the end.
-            goal: The desired sight.
-            dt: Time between the two [s].
+            before: T_world_target at the beginning of the interval.
+            after: T_world_target at the end of the interval.
+            goal: The desired view of the target.
+            dt: Length of the interval [s].
         """
         start, end = (
             self.features.values(self.true_sight(T_world_camera, target, goal))
@@ -82,7 +92,9 @@ class Scene:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Step:
-    """One frame of a run: truth, goal, estimate, command and the robot's motion until the next."""
+    """One frame of a run: true poses, goal, picture, estimate, command, and the robot's motion
+    until the next frame.
+    """
 
     scene: Scene
     frame: Frame
@@ -136,7 +148,9 @@ class Step:
         )
 
     def light(self) -> "Step":
-        """Return the step without its pictures and the particles, which take most of its memory."""
+        """Return the step without its pictures and the tracker's particles, which take most of its
+        memory; the picture is black, of the same size.
+        """
         return replace(
             self,
             frame=replace(
@@ -154,15 +168,15 @@ class Step:
 
     @property
     def true_state(self) -> State:
-        """True position [px], angle [rad] and scale of the target in this frame; the scale is 1 in
-        the first frame.
+        """True position x, y [px], angle [rad] and scale of the target in this frame; its scale in
+        the first frame is 1.
         """
         return self._state(self.truth)
 
     @property
     def true_state_estimated(self) -> State:
-        """True position [px], angle [rad] and scale of the target in the picture from which the
-        estimate was made.
+        """True position x, y [px], angle [rad] and scale of the target in the picture from which
+        the estimate was made, which is older if the tracker is slow.
         """
         return self._state(self.truth_estimated)
 
@@ -173,7 +187,8 @@ class Step:
     @property
     def corner_errors(self) -> Array:
         """Distances (4,) of the target's true corners from their goals [px]. If the features do not
-        tell front from back, the goals may be turned by half a turn, whichever is nearer.
+        distinguish front from back, the goals may be turned by half a turn: the smaller distances
+        count.
         """
         # The corners of a rectangle turned by half a turn are the same corners, two places on.
         plain, turned = (
@@ -185,12 +200,14 @@ class Step:
 
     @property
     def T_object_camera(self) -> Pose:
-        """True pose of the camera in the target's frame, which `Sight.pose` defines."""
+        """True pose of the camera in the target's frame, whose axes `Sight.pose` defines."""
         return self._seen_from_target(self.truth)
 
     @property
     def T_object_goal(self) -> Pose:
-        """Pose of the camera at the goal in the target's frame, which `Sight.pose` defines."""
+        """Pose of the camera at the goal, in the target's frame, whose axes `Sight.pose`
+        defines.
+        """
         return self._seen_from_target(self.goal)
 
     def _seen_from_target(self, truth: Truth) -> Pose:
@@ -199,9 +216,9 @@ class Step:
 
     @property
     def target_motion_true(self) -> Array:
-        """True mean de/dt (k,) caused by the target's own motion over the last frame interval: the
-        difference of the target's two sights for the camera's present pose, over the interval; nan
-        if the features are made of pixels.
+        """True mean de/dt (k,) that the target's own motion caused over the last frame interval:
+        the difference of the features of its two poses, both seen from the camera's present pose,
+        over the interval; nan if the features are made of pixels.
         """
         if self.goal_sight.picture is not None:
             return self._unknown
@@ -215,17 +232,21 @@ class Step:
 
     @property
     def features(self) -> Array:
-        """Features s (k,) as measured; nan if the controller uses none."""
+        """Features s (k,) as last measured; nan if the controller uses none."""
         return self._unknown if self.command.trace is None else self.command.trace.features
 
     @property
     def error(self) -> Array:
-        """Feature error e = s - s* (k,); nan if the controller uses no features."""
+        """Feature error e = s - s* (k,) as last measured; nan if the controller uses no
+        features.
+        """
         return self._unknown if self.command.trace is None else self.command.trace.error
 
     @property
     def prediction(self) -> Prediction:
-        """The estimator's prediction; nan if the controller uses no estimator."""
+        """What the estimator returned, in the features' own units; nan if the controller uses no
+        estimator.
+        """
         trace = self.command.trace
         unknown = self._unknown
         return Prediction.unmeasured(unknown, unknown) if trace is None else trace.prediction
@@ -236,8 +257,9 @@ class Step:
 
     @property
     def servoed(self) -> tuple[bool, bool]:
-        """Whether the target's angle, and its size, are servoed: some feature needs it, the tracker
-        follows it, the loop does not refuse it, and the robot's joints can change it.
+        """Two flags: whether the target's angle is servoed, and whether its size is. For that a
+        feature must need it, the tracker must follow it, the loop must not refuse it, and the
+        robot's joints must be able to change it.
         """
         goal = self.goal_sight
         known = self.scene.features.known
@@ -254,8 +276,8 @@ class Step:
 
     @property
     def servoes_pose(self) -> bool:
-        """Whether the features determine all six degrees of freedom of the camera, and the joints
-        can move all of them.
+        """Whether all six degrees of freedom of the camera are servoed: the features determine
+        them, and the joints can move them.
         """
         trace = self.command.trace
         if trace is not None and trace.servoed is not None and not trace.servoed.all():
@@ -268,12 +290,16 @@ class Step:
 
     @property
     def rotation_error(self) -> float:
-        """Angle between the camera's true orientation and its goal [rad]."""
+        """Angle of the rotation between the camera's true orientation and that at the goal,
+        relative to the target [rad].
+        """
         return angle_of(self.T_object_goal.rotation.T @ self.T_object_camera.rotation)
 
     @property
     def tells_front_from_back(self) -> bool:
-        """Whether the features change if the target is turned by half a turn."""
+        """Whether the features distinguish the target's front from its back: they change if it is
+        turned by half a turn.
+        """
         goal = self.goal_sight
         if goal.picture is not None:
             return True  # pixels are servoed
@@ -289,41 +315,43 @@ class Step:
 
     @property
     def margins(self) -> Array:
-        """Distance (n,) of each joint from its nearer limit [m or rad]; inf without limits."""
+        """Distance (n,) of each joint from its nearer limit [m or rad]; inf for a joint without
+        limits.
+        """
         p = self.posture
         return np.minimum(p.joints - p.lower, p.upper - p.joints)
 
     @property
     def twist_measured(self) -> Array:
-        """Measured twist (6,) of the camera in its own frame, mean over the last frame interval
-        [m/s, rad/s].
+        """Measured twist (6,) of the camera in its own frame [m/s, rad/s], as a mean over the last
+        frame interval.
         """
         return self.posture.twist
 
     @property
     def tilt(self) -> float:
-        """Angle between the optical axis and straight down [rad]."""
+        """Angle between the camera's optical axis and straight down [rad], 0 to pi."""
         return tilt(self.truth.T_world_camera.rotation)
 
     @property
     def tracked(self) -> bool:
-        """Whether the tracker's `update` was called in this frame interval."""
+        """Whether the tracker was called with a picture in this frame interval."""
         return self.frame.index > 0 and self.frame.fresh and self.seconds.track > 0
 
     @property
     def seen(self) -> bool:
-        """Whether the camera delivered a new picture, and the tracker is LOCKED on the target in
-        it.
-        """
+        """Whether the camera delivered a new picture, and the tracker's status for it is LOCKED."""
         return self.frame.fresh and self.estimate.status is Status.LOCKED
 
     @property
     def servo_error(self) -> float:
-        """Distance of the target's true centre from its goal in the image [px]."""
+        """Distance of the target's true centre from its goal, in the picture [px]."""
         return float(np.hypot(*(self.truth.centre - self.goal.centre)))
 
     @property
     def tracking_error(self) -> float:
-        """Distance of the estimated centre from the true one, in the same picture [px]."""
+        """Distance of the estimated centre of the target from the true one, in the picture of the
+        estimate [px].
+        """
         estimated = np.array([self.estimate.state.x, self.estimate.state.y])
         return float(np.hypot(*(estimated - self.truth_estimated.centre)))

@@ -1,10 +1,12 @@
-"""Simulated times of a run: when pictures arrive, the tracker takes them, and commands act.
+"""Simulated times of a run: when a picture arrives, when the tracker takes it, and when its command
+acts.
 
-A picture arrives after its exposure and transport. A free tracker takes the newest picture that has
-arrived; its estimate is ready `run.tracker_ms` later, and it skips the pictures in between. A
-dropped frame takes the tracker no time, and counts only if there is no picture. The law runs once
-for each estimate. Its command acts `run.latency` frame intervals or `run.latency_ms` later, from
-the next update of the drives on; until then the robot follows the command before.
+A picture arrives after its exposure and transport. A tracker that is not busy takes the newest
+picture that has arrived. Its estimate is ready `run.tracker_ms` later, and pictures that arrive in
+between are skipped, except for the newest. A frame without a picture takes the tracker no time, and
+is used only if there is no picture. The law runs once for each estimate. Its command acts
+`run.latency` frame intervals or `run.latency_ms` later, from the next update of the drives on;
+until then the robot follows the command before.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +25,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Frame interval, updates of the drives and delays of a run."""
+    """Frame interval, update interval of the drives, and delays of a run."""
 
     run: RunConfig
     """The delays of tracker, pictures and commands."""
@@ -39,7 +41,9 @@ class Schedule:
 
 @dataclass(frozen=True, slots=True)
 class TimedDecision:
-    """A decision of the loop, with the picture that it is about and the age of its estimate."""
+    """A decision of the loop (view of the target and command), with the picture from which it was
+    made and the age of the estimate.
+    """
 
     decision: Decision
     picture: int = 0
@@ -52,7 +56,7 @@ class TimedDecision:
 
 @dataclass(frozen=True, slots=True)
 class _Arrival:
-    """A picture on its way to the tracker, and the time at which it arrives."""
+    """A picture on its way to the tracker, and the time of the run at which it arrives."""
 
     time: float
     frame: Frame
@@ -61,7 +65,9 @@ class _Arrival:
 
 @dataclass(frozen=True, slots=True)
 class _Work:
-    """The observation of a picture that the tracker has taken, and when it is ready."""
+    """The tracker's estimate from a picture that it has taken, and the time of the run at which the
+    estimate is ready.
+    """
 
     observation: Observation
     posture: Posture
@@ -70,23 +76,25 @@ class _Work:
 
 
 def mean_twist(twists: Array) -> Array:
-    """Return the mean (6,) of twists (n, 6); if all are equal, exactly their value."""
+    """Return the mean (6,) of twists (n, 6); if all are equal, exactly that twist, without
+    rounding.
+    """
     return twists[0] if (twists == twists[0]).all() else twists.mean(axis=0)
 
 
 @final
 class Timeline:
-    """Gives the pictures of a run to its loop at the simulated times of their arrival, and returns
-    the commanded twists at the times at which they act.
+    """Gives the pictures of a run to its loop when they arrive, and returns the commanded twists
+    when they act, both in simulated time.
     """
 
     def __init__(self, schedule: Schedule, running: Running, rng: np.random.Generator) -> None:
-        """Begin a run.
+        """Begin a run with a loop that was started.
 
         Args:
             schedule: Intervals and delays.
             running: The running loop.
-            rng: Random generator of the pictures' transport times.
+            rng: Random generator of the pictures' transport times, for `run.jitter_ms`.
         """
         self._schedule = schedule
         self._running = running
@@ -126,11 +134,11 @@ class Timeline:
         """When each command begins to act [s], and its twist (6,), in order."""
 
     def advance(self, frame: Frame, posture: Posture) -> None:
-        """Run tracker and law over the frame interval that begins with a picture.
+        """Run tracker and law over the frame interval that begins with a frame.
 
         Args:
-            frame: The picture.
-            posture: Pose, twist and joints that the robot measured when the picture was taken.
+            frame: The frame, with its picture.
+            posture: Pose, twist and joints that the robot measured at the time of the frame.
         """
         self._now = frame.time
         end = self._now + self._schedule.period - SAME
@@ -148,7 +156,7 @@ class Timeline:
             self._free = estimated.done
 
     def steer(self, twist: Array) -> None:
-        """Replace the commands that were decided since the last picture by another camera twist
+        """Replace the commands that the law decided since the last picture by another camera twist
         (6,) [m/s, rad/s].
         """
         if self.decided:
@@ -161,15 +169,16 @@ class Timeline:
 
     @property
     def is_known_ahead(self) -> bool:
-        """Whether the commands that act until the next picture are all decided already."""
+        """Whether all commands that act until the next picture are already decided."""
         return self._plain and self._schedule.run.latency >= 1
 
     def acting(self, later: int = 0) -> Array:
-        """Return the camera twists (n, 6) that act at the n updates of the drives in one frame
-        interval [m/s, rad/s].
+        """Return the commanded camera twists (n, 6) [m/s, rad/s] that act in one frame interval,
+        one for each of the n updates of the drives in it.
 
         Args:
-            later: The interval: 0 for that which begins with the last picture, 1 for the next one.
+            later: Which interval: 0 for the one that begins with the last picture, 1 for the next
+                one.
         """
         begin = self._now + later * self._schedule.period
         twists = np.array([self._in_force(begin + tick) for tick in self._schedule.ticks])
@@ -181,8 +190,8 @@ class Timeline:
         return 1e-3 * float(self._rng.uniform(0.0, longest)) if longest else 0.0
 
     def _estimated_before(self, end: float) -> _Work | None:
-        """Return the tracked picture whose estimate is ready before a time [s], or None. A free
-        tracker first takes the next picture.
+        """Return a picture whose estimate is ready before a time of the run [s], and remove it from
+        the queue; None if there is none. A tracker that is not busy first takes the next picture.
         """
         # A picture may be taken in an earlier frame interval than that in which it is finished.
         if self._work is None and self._coming:
@@ -192,8 +201,8 @@ class Timeline:
         return self._work if self._work is not None and self._work.done < end else None
 
     def _begin(self, begin: float) -> _Work:
-        """Let the tracker take the newest picture that has arrived by a time [s], or the last
-        dropped frame if no picture has.
+        """Let the tracker take the newest picture that has arrived by a time of the run [s];
+        without one, the last frame that has none.
         """
         arrived = [picture for picture in self._coming if picture.time <= begin + SAME]
         del self._coming[: len(arrived)]
@@ -233,7 +242,9 @@ class Timeline:
         self.latest = TimedDecision(decision, frame.index, age, self._skipped)
 
     def _tick_after(self, time: float) -> float:
-        """Return the first update of the drives at a time [s] or after it."""
+        """Return the time of the first update of the drives that is not before a time of the run
+        [s].
+        """
         period = self._schedule.period
         ticks = self._schedule.ticks
         # The updates of the drives have the same times in each frame interval.
@@ -243,11 +254,15 @@ class Timeline:
         return at + float(later[0]) if len(later) else (frame + 1) * period
 
     def _in_force(self, time: float) -> Array:
-        """Return the twist (6,) that acts at a time [s]."""
+        """Return the commanded camera twist (6,) [m/s, rad/s] that acts at a time of the run
+        [s].
+        """
         return next(twist for at, twist in reversed(self._commands) if at <= time + SAME)
 
     def _under_way(self, begin: float, end: float) -> tuple[tuple[Array, float], ...]:
-        """Return the twists (6,) that act between two times [s], each with its duration [s]."""
+        """Return the commanded twists (6,) [m/s, rad/s] that act between two times of the run [s],
+        each with its duration [s].
+        """
         # Each command acts until the next one begins, the last one until the end.
         starts = [max(at, begin) for at, _ in self._commands]
         stops = [*starts[1:], end]

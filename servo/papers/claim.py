@@ -1,5 +1,5 @@
-"""A claim of a paper, with the runs that test it, the rule of its verdict, and the function that
-judges the runs.
+"""A claim of a paper, with the runs that test it, the rule by which they are judged, and the
+function that applies the rule.
 """
 
 import re
@@ -30,7 +30,9 @@ SHORT = ("run.duration=3.0", "measure.after=1.0")
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """Options that decide which runs test each claim."""
+    """Options that decide which runs test each claim: a quick check or all runs, the first seed,
+    and a folder of real sequences.
+    """
 
     quick: bool
     """True to run one seed of each claim, which no verdict uses, as a check of the code; runs of
@@ -57,13 +59,17 @@ class Effort:
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """Changes of a scenario after those of its claim."""
+        """Changes of a scenario, such as "run.duration=3", that follow those of its claim: a
+        shorter run if `quick`, else none.
+        """
         return SHORT if self.quick else ()
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """The results of a claim's runs, from which its verdict follows."""
+    """The results of a claim's runs, from which the claim is judged: the records of the runs, and
+    the folder with their tracks.
+    """
 
     records: list[Record]
     """Records of the runs in the order of the jobs."""
@@ -82,7 +88,9 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """The rule of a verdict in words, fixed before the first run."""
+    """The rule by which a claim is judged, in words, fixed before the first run: measure, settings,
+    sample, bound, test and condition.
+    """
 
     measure: str
     """What is measured."""
@@ -98,15 +106,17 @@ class Rule:
     """Condition under which the claim holds."""
 
     def on(self, first: int) -> "Rule":
-        """Return the same rule for runs whose seeds begin at `first`: the number is replaced in its
-        text about units.
+        """Return the same rule for runs whose seeds begin at `first`, which replaces the first seed
+        in the text `units`.
         """
         return replace(self, units=SEED.sub(str(first), self.units))
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The result of testing a claim."""
+    """The result of testing a claim: finding, effect with its interval, a sentence, and a table and
+    figure.
+    """
 
     finding: Finding
     effect: Interval
@@ -124,7 +134,9 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A claim of a paper, and how it is tested."""
+    """A claim of a paper: its statement, the rule of its verdict, and the functions that return its
+    runs and judge them.
+    """
 
     name: str
     """Short name, such as "P1-2"."""
@@ -138,7 +150,9 @@ class Claim:
 
 
 def every(findings: Iterable[Finding]) -> Finding:
-    """Return the finding about a claim with several parts, which holds only if all of them hold."""
+    """Return the finding about a claim with several parts, given the finding of each part; the
+    claim holds only if all parts hold.
+    """
     found = list(findings)
     if Finding.DOES_NOT_HOLD in found:
         return Finding.DOES_NOT_HOLD

@@ -1,5 +1,5 @@
-"""The list of all claims, the file papers.json of their verdicts, and the verdicts of the last full
-run, with which those of a new run are compared.
+"""The list of all claims of the papers, the file papers.json with their verdicts, and the verdicts
+of the last full run, with which those of a new run are compared.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ TITLES = ("claim", "rule", "effect", "95 % interval", "units", "verdict", "figur
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A claim with its rule and its verdict, as papers.json has them."""
+    """A claim with its rule and its verdict, in the form of the file papers.json."""
 
     says: str
     rule: Rule
@@ -64,7 +64,7 @@ class Judged:
 
     @staticmethod
     def of(claim: Claim, verdict: Verdict) -> Judged:
-        """Return a claim and its verdict as they are written to papers.json."""
+        """Return a claim and its verdict in the form of the file papers.json."""
         return Judged(
             claim.says,
             claim.rule,
@@ -98,7 +98,9 @@ class Judged:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PapersReport(Made):
-    """The file papers.json: the verdicts of `servobench papers`."""
+    """The contents of the file papers.json: the verdicts of `servobench papers` on the claims that
+    it tested, by name.
+    """
 
     FILE: ClassVar[str] = "papers.json"
     KIND: ClassVar[str] = "papers"
@@ -131,17 +133,21 @@ Found = dict[str, tuple[str, str]]
 
 
 def found_in(verdicts: dict[str, Verdict]) -> Found:
-    """Return texts of finding and effect of each verdict, by name of the claim."""
+    """Return two texts for each verdict, its finding and its effect, by name of the claim."""
     return {name: (WORDS[v.finding], words(v.effect, v.unit)) for name, v in verdicts.items()}
 
 
 def known() -> Found:
-    """Return texts of finding and effect of each claim in the last full run (verdicts.json)."""
+    """Return two texts for each claim, finding and effect in the last full run (verdicts.json), by
+    name of the claim.
+    """
     return json.loads((resources.files("servo.papers") / VERDICTS).read_text())
 
 
 def broken(found: Found, before: Found) -> list[str]:
-    """Return a sentence for each claim whose finding differs from the one before."""
+    """Return a sentence for each claim whose finding in `found` differs from that in `before`, the
+    last full run.
+    """
     return [
         f"{name}: {', '.join(new)}; it was: {', '.join(before[name])}"
         for name, new in found.items()

@@ -35,7 +35,9 @@ TESTED = tuple(name for name in ESTIMATORS.names() if name != "integral")
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A motion of the target at a frame rate, with the measure of the error and its bounds."""
+    """A motion of the target at a frame rate, with the measure of the servo error in it, and the
+    bounds of this measure [px].
+    """
 
     motion: str
     rate: str
@@ -113,7 +115,9 @@ def _score(records: list[Record], estimator: str, case: Case) -> Interval:
 
 
 def _missed(found: Scores, i: int, case: Case) -> list[str]:
-    """Return a text for each missed bound of a case, whose index in `CASES` is `i`."""
+    """Return a text for each bound that the mean errors of a case miss; `i` is the case's index in
+    `CASES`.
+    """
     values = {name: intervals[i].value for name, intervals in found.items()}
     values[BEST] = min(value for name, value in values.items() if name != IDEAL)
     return [
@@ -140,7 +144,7 @@ def _table(found: Scores) -> list[list[str]]:
 
 
 def _short(i: Interval) -> str:
-    """Return a mean and half the width of its interval."""
+    """Return an interval as text: the mean, and half of the interval's width."""
     return f"{i.value:.3g} ±{(i.high - i.low) / 2:.1g}"
 
 

@@ -35,7 +35,7 @@ from tracking.trackers import KINDS as TRACKERS
 def contender(
     kind: str, preset: str | None = None, label: str | None = None, **settings: float | str
 ) -> Contender:
-    """Return a tracker with changed settings.
+    """Return a tracker with changed settings, and with the label under which tables show it.
 
     Args:
         kind: Kind of the tracker.
@@ -66,7 +66,9 @@ def _painted(kind: str, config: object, seed: int) -> Painting:
 
 
 def generated(kind: str, **settings: float | str) -> Generated:
-    """Return the painted sequences of a kind with changed settings, one for each seed."""
+    """Return a kind of painted (synthetic) sequence with changed settings; each seed gives another
+    sequence.
+    """
     return CachedPainting(kind, GENERATORS.config(kind, **settings))
 
 
@@ -196,8 +198,8 @@ def _drawn(scenario: str, rng: np.random.Generator) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class EstimatedLoop:
-    """A scenario in the closed loop, with series of the target's estimated and true motion in its
-    record.
+    """A scenario in the closed loop as the subject of a job; its record also has the target's
+    estimated and true velocity over time.
     """
 
     name: str

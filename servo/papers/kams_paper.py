@@ -61,7 +61,7 @@ FEW_LAYERS = 3
 
 
 def clutter(level: str) -> Generated:
-    """Return the painted sequences in clutter of one level, from "a" to "h"."""
+    """Return the painted (synthetic) sequences in clutter of one level, from "a" to "h"."""
     return generated("clutter", level=level)
 
 
@@ -75,17 +75,23 @@ def _painted(trackers: Sequence[Contender], effort: Effort) -> Sequence[Job]:
 
 
 def _published(kinds: Sequence[str], effort: Effort) -> Sequence[Job]:
-    """Return the runs of KAMS and other kinds with their papers' settings."""
+    """Return the runs of the trackers of some kinds, KAMS first, with the settings of their
+    papers.
+    """
     return _painted([published(k) for k in ("kams", *kinds)], effort)
 
 
 def _equal(effort: Effort) -> Sequence[Job]:
-    """Return the runs of KAMS and its rivals with their own best settings."""
+    """Return the runs of KAMS and the trackers it is compared with, each with its own best
+    settings.
+    """
     return _painted([tuned(k) for k in ("kams", *RIVALS)], effort)
 
 
 def _layers(effort: Effort) -> Sequence[Job]:
-    """Return the runs of KAMS with few layers, and of annealing."""
+    """Return the runs of KAMS with few annealing layers, and of the annealed particle filter
+    without mean shift.
+    """
     few = contender(
         "kams", "paper", f"kams-{FEW_LAYERS}-layers", layers=FEW_LAYERS, **AS_PUBLISHED["kams"]
     )
@@ -213,7 +219,7 @@ FEWER = 4.0
 
 
 def _label(kind: str, count: int) -> str:
-    """Return the label of a tracker with a number of particles."""
+    """Return the label of a tracker with a number of particles, for tables."""
     return f"{kind}-{count}-particles"
 
 
@@ -228,7 +234,7 @@ def _jobs_particles(effort: Effort) -> Sequence[Job]:
 
 
 def needed(shares: Array) -> Array:
-    """Return the number of particles with which a share `ENOUGH` of sequences is completed,
+    """Return the number of particles with which a share `ENOUGH` of the sequences is completed,
     interpolated in the logarithm of the number.
 
     Args:
@@ -290,7 +296,7 @@ def _judge_particles(rivals: Sequence[str], bound: float, evidence: Evidence) ->
 
 
 def _interval(values: Array) -> Interval:
-    """Return an estimate with its 95 % interval, from values (1 + n,): the estimate and n bootstrap
+    """Return an estimate with its 95 % interval; `values` (1 + n,) are the estimate and n bootstrap
     samples of it.
     """
     low, high = np.percentile(values[1:], [2.5, 97.5])
@@ -298,7 +304,9 @@ def _interval(values: Array) -> Interval:
 
 
 def _claim_particles(name: str, says: str, rivals: Sequence[str], bound: float) -> Claim:
-    """Return the claim that rivals need more than `bound` times as many particles as KAMS."""
+    """Return the claim that the rivals, other particle filters, need more than `bound` times as
+    many particles as KAMS.
+    """
     rule = Rule(
         f"particles with which {ENOUGH:.0%} of the sequences are completed, over KAMS's",
         f"the paper's presets with {', '.join(map(str, COUNTS))} particles",
@@ -364,7 +372,9 @@ def _nearest(cloud: ParticleFilter) -> float:
 
 
 def _judge_layers(evidence: Evidence) -> Verdict:
-    """Run KAMS with and without the climb on some sequences, and return the verdict."""
+    """Run KAMS with and without mean shift (the climb) on some sequences, and return the verdict on
+    how mean shift contracts the particles.
+    """
     seeds = evidence.effort.seeds(SEEDS_LAYERS)
     climbing = np.array([distances(seed, CLIMB) for seed in seeds])
     still = np.array([distances(seed, 0) for seed in seeds])
@@ -372,7 +382,8 @@ def _judge_layers(evidence: Evidence) -> Verdict:
 
 
 def judged(before: Array, after: Array, still: Array) -> Verdict:
-    """Return the verdict on mean distances of particles from their nearest neighbours.
+    """Return the verdict on the claim that mean shift (the climb) contracts the particles, from
+    their mean distances to their nearest neighbours.
 
     Args:
         before: Distances before the climb of each layer (sequences, layers) [px].

@@ -1,5 +1,5 @@
-"""Claims of the multi-kernel paper (Teuliere, Marchand, Eck) about its trackers: particle filter,
-SSD and their combination, and nine kernels against one.
+"""Claims of the multi-kernel paper (Teuliere, Marchand, Eck) about its trackers: a particle filter,
+SSD minimisation and their combination, and histograms with nine kernels against one.
 """
 
 from collections.abc import Sequence
@@ -46,7 +46,9 @@ FAILS = 50.0
 
 
 def _jobs(effort: Effort) -> Sequence[Job]:
-    """Return the runs of the four trackers, with published and tuned settings."""
+    """Return the runs of four trackers (particle filters with 75 and with 500 particles, SSD alone,
+    and their combination) with published and tuned settings.
+    """
     trackers = [of(kind) for of in (published, tuned) for kind in KINDS]
     return sequence_jobs(trackers, [SIMILARITY], effort.seeds(SEEDS))
 
@@ -81,7 +83,9 @@ def _angle_where_both_complete(found: list[Record], ours: list[Record]) -> str:
 
 
 def _judge_best(evidence: Evidence) -> Verdict:
-    """Return the verdict on P1-1: the combination has the smallest angle errors."""
+    """Return the verdict on the claim P1-1 that the combination of particle filter and SSD has the
+    smallest angle errors.
+    """
     runs = evidence.trackers
     gains = {o: difference(runs[o], runs[OURS], "angle_rmse_deg") for o in (WHOLE, FEW, ALONE)}
     nearest = min(gains.values(), key=lambda gain: gain.value)
@@ -123,7 +127,9 @@ def _states(evidence: Evidence, run: Record) -> tuple[Array, Array]:
 
 
 def _judge_pair(evidence: Evidence) -> Verdict:
-    """Return the verdict on P1-2: 75 particles with SSD are as good as 500 without."""
+    """Return the verdict on the claim P1-2 that 75 particles with SSD are as good as 500
+    without.
+    """
     runs = evidence.trackers
     ours = runs[OURS]
     whole = runs[WHOLE]
@@ -158,7 +164,9 @@ def _draw_angles(runs: dict[str, list[Record]]) -> Figure:
 
 
 def _judge_alone(evidence: Evidence) -> Verdict:
-    """Return the verdict on P1-7: kernels alone lose the target at the occlusion."""
+    """Return the verdict on the claim P1-7 that kernels (SSD) alone lose the target at the
+    occlusion.
+    """
     runs = evidence.trackers
     gain = completed_more(runs[OURS], runs[ALONE])
     until = {o: column(runs[o], "frames_until_loss") for o in (OURS, WHOLE, FEW, ALONE)}
@@ -184,7 +192,9 @@ def _judge_alone(evidence: Evidence) -> Verdict:
 
 
 def _judge_few(evidence: Evidence) -> Verdict:
-    """Return the verdict on P1-8: 75 particles alone have larger angle errors than 500."""
+    """Return the verdict on the claim P1-8 that 75 particles alone have larger angle errors than
+    500.
+    """
     runs = evidence.trackers
     more = difference(runs[FEW], runs[WHOLE], "angle_rmse_deg")
     return Verdict(
@@ -199,7 +209,9 @@ def _judge_few(evidence: Evidence) -> Verdict:
 
 
 def _judge_blurred(evidence: Evidence) -> Verdict:
-    """Return the verdict on P1-9: the size found shrinks while motion blurs the target."""
+    """Return the verdict on the claim P1-9 that the estimated size shrinks while motion blurs the
+    target.
+    """
     runs = evidence.trackers
     sizes = {o: np.array([_size(evidence, r) for r in found]) for o, found in runs.items()}
     change = {o: sizes[o][:, 0] - sizes[o][:, 1] for o in (OURS, WHOLE, ALONE)}
@@ -218,8 +230,8 @@ def _judge_blurred(evidence: Evidence) -> Verdict:
 
 
 def _size(evidence: Evidence, run: Record) -> tuple[float, float]:
-    """Return the mean of 100 ln(found size / true size) [%] in the blurred frames of a run, and in
-    the frames before them.
+    """Return the mean error of the size, 100 ln(estimated size / true size) [%], in the blurred
+    frames of a run and in the frames before them.
     """
     found, true = _states(evidence, run)
     off = 100 * np.log(found[:, 3] / true[:, 3])
@@ -239,8 +251,9 @@ MODELS = {ONE: contender("kernel_pf", "paper"), NINE: contender("mk_pf", "paper"
 
 
 def surfaces(seed: int) -> dict[str, Array]:
-    """Return histogram distances, from 0 to 1, at states around the true one in the first picture
-    of a sequence: (`TURNED_DEG`, `MOVED_PX`), by number of kernels.
+    """Return distances between histograms, 0 (equal) to 1, of the target at its true state and at
+    states turned by `TURNED_DEG` and moved by `MOVED_PX`, in the first picture of a sequence:
+    (angles, shifts), by number of kernels.
     """
     sequence = SIMILARITY.build(seed)
     image = next(iter(sequence.source)).image
@@ -257,13 +270,16 @@ def surfaces(seed: int) -> dict[str, Array]:
 
 
 def _judge_surface(evidence: Evidence) -> Verdict:
-    """Compute the distances on some sequences, and return the verdict on P1-3."""
+    """Compute histogram distances around the true state on some sequences, and return the verdict
+    on the claim P1-3.
+    """
     found = [surfaces(seed) for seed in evidence.effort.seeds(SEEDS_SURFACE)]
     return judged({name: np.array([one[name] for one in found]) for name in MODELS})
 
 
 def judged(found: dict[str, Array]) -> Verdict:
-    """Return the verdict on P1-3: the distance rises faster with rotation for nine kernels.
+    """Return the verdict on the claim P1-3 that the histogram distance rises faster with rotation
+    for nine kernels than for one.
 
     Args:
         found: Histogram distances (sequences, angles, shifts), by number of kernels.
@@ -281,8 +297,8 @@ def judged(found: dict[str, Array]) -> Verdict:
 
 
 def _slopes(surface: Array) -> Array:
-    """Return the mean slope of the distance between 0 and `AT_DEG` on both sides (n,) [1/deg], from
-    distances (n, angles, shifts).
+    """Return the mean slope [1/deg] of the histogram distance between 0 and `AT_DEG` on both sides
+    (n,), from distances (n, angles, shifts).
     """
     along = surface[:, :, len(MOVED_PX) // 2]
     sides = [int(np.argmin(np.abs(TURNED_DEG - a))) for a in (-AT_DEG, AT_DEG)]
@@ -290,7 +306,9 @@ def _slopes(surface: Array) -> Array:
 
 
 def _draw_surface(means: dict[str, Array]) -> Figure:
-    """Plot mean distances (angles, shifts), by number of kernels, as maps and as two sections."""
+    """Plot mean histogram distances (angles, shifts), by number of kernels, as maps and as two
+    sections, over angle and over shift.
+    """
     figure, (*maps, turned, moved) = panels(2, 2, 9.0)
     for ax, (name, surface), colour in zip(maps, means.items(), COLOURS, strict=False):
         shown = ax.contourf(MOVED_PX, TURNED_DEG, surface, np.linspace(0, 1, 21), cmap="viridis")

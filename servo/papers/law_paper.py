@@ -1,4 +1,5 @@
-"""Claims of papers on visual-servoing schemes, tested in fresh worlds of the benchmark servo-v1.
+"""Claims of papers about control laws of visual servoing, tested in new worlds (random scenarios)
+of the benchmark servo-v1.
 
 F. Chaumette, Potential problems of stability and convergence in image-based and position-based
 visual servoing, 1998. N. R. Gans, P. I. Corke, S. A. Hutchinson, Performance tests of partitioned
@@ -39,8 +40,8 @@ CENTRED = "pose cMo"
 
 
 def _jobs(condition: str, laws: Sequence[str], effort: Effort) -> Sequence[Job]:
-    """Return the runs of some laws in worlds of one of the benchmark's conditions; the worlds are
-    drawn from the first seed.
+    """Return the runs of some control laws in worlds (random scenarios) of one of the benchmark's
+    conditions; the worlds are drawn from the first seed on.
     """
     benchmark = load(BENCHMARK)
     first = FRESH if effort.first is None else effort.first
@@ -66,8 +67,8 @@ def _left(records: Sequence[Record]) -> Array:
 
 
 def _retreat(evidence: Evidence) -> Verdict:
-    """Return the verdict on the camera's retreat [m] with image points, less that with polar
-    coordinates.
+    """Return the verdict on the camera's retreat from the target [m] with image points, less the
+    retreat with polar coordinates.
     """
     runs = _runs(evidence, (POINTS, POLAR))
     found = {law: mean_of(column(of, "retreat_m")) for law, of in runs.items()}
@@ -83,7 +84,8 @@ def _compared(
     laws: Sequence[str],
     evidence: Evidence,
 ) -> Verdict:
-    """Return the verdict on the difference of two shares of worlds, first law less second.
+    """Return the verdict on the difference of two shares of worlds (random scenarios): that of the
+    first control law less that of the second.
 
     Args:
         share: Function that returns 1 or 0 for each run (n,).
@@ -101,7 +103,7 @@ def _compared(
 
 
 def _runs(evidence: Evidence, laws: Sequence[str]) -> dict[str, list[Record]]:
-    """Return the records of some laws, by name of the law."""
+    """Return the records of each of some control laws, by name of the law."""
     return {law: group(evidence.records, **{CONTESTANT: law}) for law in laws}
 
 
@@ -113,7 +115,7 @@ def _verdict(
     found: dict[str, Interval],
     runs: dict[str, list[Record]],
 ) -> Verdict:
-    """Return a verdict with a table and a figure of two laws.
+    """Return a verdict with a table and a figure of two control laws.
 
     Args:
         finding: The finding.
@@ -158,8 +160,8 @@ def _claim(
     laws: Sequence[str],
     judge: Callable[[Evidence], Verdict],
 ) -> Claim:
-    """Return a claim about two laws in worlds of a condition of servo-v1; the texts are those of
-    `Claim` and `Rule`.
+    """Return a claim about two control laws in worlds (random scenarios) of a condition of the
+    benchmark servo-v1; the texts are those of `Claim` and `Rule`.
     """
     rule = Rule(
         measure, SETTINGS, UNITS.format(condition), margin, "95 % interval over worlds", holds

@@ -1,5 +1,6 @@
-"""Claims about estimating the target's motion: those of the multi-kernel paper, section VI, and
-that it does better than simpler laws (the raw difference of positions, an integral of the error).
+"""Claims about estimating the target's motion: those of the multi-kernel paper, section VI, and the
+claim that a Kalman filter does better than simpler methods (the raw difference of positions, an
+integral of the error).
 """
 
 from collections.abc import Callable, Sequence
@@ -47,7 +48,9 @@ BACK_PX = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """Rate and law of a test in the closed loop: those of the paper, or servobench's own."""
+    """Frame rate, control law and time limits of a test in the closed loop: those of the paper, or
+    servobench's own.
+    """
 
     ending: str
     """Ending of the claims' names."""
@@ -89,7 +92,8 @@ def loop_jobs(
     first: int,
     effort: Effort,
 ) -> list[Job]:
-    """Return the runs of estimators on the same draws of a scenario.
+    """Return the runs of several estimators of the target's motion on a scenario; all have the same
+    drawn settings.
 
     Args:
         scenario: Its name.
@@ -140,7 +144,9 @@ def _table(records: list[Record]) -> list[list[str]]:
 
 
 def _judge_lag(evidence: Evidence) -> Verdict:
-    """Return the verdict on P1-4: the error is smaller with estimation."""
+    """Return the verdict on the claim P1-4 that the servo error is smaller with an estimate of the
+    target's motion.
+    """
     records = evidence.records
     without, found = (column(group(records, estimator=e), "servo_rms_px") for e in ESTIMATORS)
     times = ratio(without, found)
@@ -156,7 +162,9 @@ def _judge_lag(evidence: Evidence) -> Verdict:
 
 
 def _judge_sign(evidence: Evidence) -> Verdict:
-    """Return the verdict on P1-5: the estimated velocity has the right sign."""
+    """Return the verdict on the claim P1-5 that the target's estimated velocity has the right
+    sign.
+    """
     runs = group(evidence.records, estimator=FILTER)
     share = mean_percent(_agreement(runs))
     first = runs[0]
@@ -200,7 +208,9 @@ def agreement(estimated: Array, true: Array) -> float:
 
 
 def _judge_peak(within: float, evidence: Evidence) -> Verdict:
-    """Return the verdict on P1-6: after a reversal the error is small again within a time [s]."""
+    """Return the verdict on the claim P1-6 that after a reversal of the target the error is small
+    again within a time [s].
+    """
     runs = group(evidence.records, estimator=FILTER)
     away = mean_of(_away(runs))
     return Verdict(
@@ -216,7 +226,9 @@ def _judge_peak(within: float, evidence: Evidence) -> Verdict:
 
 
 def _away(runs: list[Record]) -> Array:
-    """Return the longest time [s] of each run (n,) with a large error; see `longest_away`."""
+    """Return the longest time of a large error [s] in each run (n,), as `longest_away` defines
+    it.
+    """
     return np.array([longest_away(r.series[TIME], r.series[ERROR]) for r in runs])
 
 
@@ -247,7 +259,9 @@ MEAN = "95 % interval of the mean"
 
 
 def units(scenario: str, first: int = FIRST) -> str:
-    """Return the text of a rule about its units: runs of a scenario with drawn settings."""
+    """Return the sentence of a rule that names its independent units: runs of a scenario with drawn
+    settings, with seeds from `first` on.
+    """
     return (
         f"{SEEDS} runs of {scenario} with drawn start, heading, speed and reversals, clear of "
         f"toys, seeds from {first} on"
@@ -255,7 +269,7 @@ def units(scenario: str, first: int = FIRST) -> str:
 
 
 def _three(conditions: Conditions) -> tuple[Claim, ...]:
-    """Return the claims P1-4, P1-5 and P1-6 with a rate and a law."""
+    """Return the claims P1-4, P1-5 and P1-6 for a frame rate and a control law."""
     return (
         Claim(
             f"P1-4{conditions.ending}",
@@ -305,7 +319,9 @@ def _three(conditions: Conditions) -> tuple[Claim, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """An estimator that is compared with the Kalman filter."""
+    """An estimator of the target's motion that is compared with the Kalman filter, and the settings
+    of both.
+    """
 
     estimator: str
     """Kind of the estimator."""
@@ -347,7 +363,9 @@ Judge = Callable[[Sequence[Record], Sequence[Record]], Verdict]
 
 
 def _judge(rival: Rival, judge: Judge, evidence: Evidence) -> Verdict:
-    """Return the verdict of `judge` on the filter and a rival, with a table and a figure."""
+    """Return the verdict of `judge` on the Kalman filter and a rival estimator, with a table and a
+    figure.
+    """
     runs = {e: group(evidence.records, estimator=e) for e in (FILTER, rival.estimator)}
     rows = [
         [e, mean(found, RMS, "px"), mean(found, EFFORT, "mm/s"), mean(found, "effort_rms_deg_s")]
@@ -362,8 +380,8 @@ def _judge(rival: Rival, judge: Judge, evidence: Evidence) -> Verdict:
 
 
 def _smoother(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
-    """Return the verdict on the claim that the filter (`own`) has smoother commands than a rival
-    (`other`) at an equal error.
+    """Return the verdict on the claim that the Kalman filter (`own`) has smoother commands than a
+    rival estimator (`other`) at an equal error.
     """
     times = ratio(column(other, EFFORT), column(own, EFFORT))
     worse = difference(own, other, RMS)
@@ -377,7 +395,9 @@ def _smoother(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
 
 
 def _closer(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
-    """Return the verdict on the claim that the filter (`own`) has a smaller error than a rival."""
+    """Return the verdict on the claim that the Kalman filter (`own`) has a smaller servo error than
+    a rival estimator (`other`).
+    """
     times = ratio(column(other, RMS), column(own, RMS))
     rougher = ratio(column(own, EFFORT), column(other, EFFORT))
     return Verdict(
@@ -391,8 +411,9 @@ def _closer(own: Sequence[Record], other: Sequence[Record]) -> Verdict:
 
 
 def _more(compared: str, equal: str, own: Sequence[Record], other: Sequence[Record]) -> Verdict:
-    """Return the verdict on the claim that a rival (`other`) has a larger value of a measure
-    (`compared`) than the filter (`own`), and at least an equal value of another (`equal`).
+    """Return the verdict on the claim that a rival estimator (`other`) has a larger value of the
+    measure `compared` than the Kalman filter (`own`), and an equal or larger value of the measure
+    `equal`.
     """
     times = ratio(column(other, compared), column(own, compared))
     kept = ratio(column(other, equal), column(own, equal))
@@ -417,7 +438,8 @@ def _claims(
     *,
     first: int = FIRST,
 ) -> list[Claim]:
-    """Return a claim about the filter and a rival in plain conditions, and in hard ones.
+    """Return a claim about the Kalman filter and a rival estimator twice: in plain conditions, and
+    in hard ones.
 
     Args:
         number: Number of the claim, which is called P1-NUMBERa and P1-NUMBERb.
@@ -446,8 +468,8 @@ def _claims(
 
 
 def _smooth(number: int, scenario: str) -> list[Claim]:
-    """Return the claim, in both conditions, that the filter's commands are smoother than those of
-    the raw difference.
+    """Return the claim, in plain and in hard conditions, that the Kalman filter's commands are
+    smoother than those from the raw difference of positions.
     """
     return _claims(
         number,
@@ -465,8 +487,8 @@ def _smooth(number: int, scenario: str) -> list[Claim]:
 def _at_equal(
     number: int, equal: str, compared: str, says: str, rivals: Sequence[Rival]
 ) -> list[Claim]:
-    """Return a claim, in both conditions, on the filter and a rival whose measure `equal` is alike,
-    while the measure `compared` is larger for the rival.
+    """Return a claim, in plain and in hard conditions, that at an equal value of the measure
+    `equal` a rival estimator has a larger value of the measure `compared` than the Kalman filter.
     """
     return _claims(
         number,

@@ -26,22 +26,28 @@ def group(records: Sequence[Record], **settings: object) -> list[Record]:
 
 
 def column(records: Sequence[Record], measure: str) -> Array:
-    """Return a measure of each record (n,), in the measure's unit; nan without a value."""
+    """Return a measure of each record (n,), in the measure's unit; nan for a record without a
+    value.
+    """
     return np.array([r.measures[measure] for r in records])
 
 
 def done(records: Sequence[Record]) -> str:
-    """Return the number of sequences on which the target was never lost as text: "3 of 4"."""
+    """Return a text such as "3 of 4": the number of sequences on which the target was never lost,
+    and the number of all.
+    """
     return f"{int(column(records, 'completed').sum())} of {len(records)}"
 
 
 def reads(records: Sequence[Record]) -> str:
-    """Return the mean number of histograms that a tracker computes for a frame, as text."""
+    """Return as text the mean number of histograms that a tracker computes in each frame."""
     return f"{column(records, 'evaluations').mean():.0f}"
 
 
 def difference(first: Sequence[Record], second: Sequence[Record], measure: str) -> Interval:
-    """Return the mean difference of a measure, first less second, over runs of the same order."""
+    """Return the mean difference of a measure, `first` less `second`, over pairs of runs in the
+    same order.
+    """
     return mean_of(column(first, measure) - column(second, measure))
 
 
@@ -58,7 +64,9 @@ def completed_more(first: Sequence[Record], second: Sequence[Record]) -> Interva
 
 
 def mean_percent(shares: Array) -> Interval:
-    """Return the mean [%] of the shares of units (n,), each from 0 to 1."""
+    """Return the mean [%], with its 95 % interval, of shares (n,) from 0 to 1, one for each
+    independent unit.
+    """
     return mean_of(100 * shares, least=0.0, most=100.0)
 
 
@@ -69,7 +77,9 @@ def ratio(first: Array, second: Array) -> Interval:
 
 
 def words(interval: Interval, unit: str = "") -> str:
-    """Return a mean as text: "2.1 px (1.9 to 2.4)", or "2.1 px" if the interval is unknown."""
+    """Return an interval as text: "2.1 px (1.9 to 2.4)", or only the mean, "2.1 px", if the
+    interval is unknown.
+    """
     value = f"{interval.value:.3g} {unit}".rstrip()
     if not interval.known:
         return value

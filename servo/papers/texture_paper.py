@@ -35,19 +35,23 @@ TRUTH = "at the truth"
 
 
 def _one_size(tracker: Contender) -> Contender:
-    """Return mean shift without its search for the target's size."""
+    """Return a mean-shift tracker without its search for the target's size."""
     return Contender(f"{tracker.label}-one-size", replace(tracker.config, scale=False))
 
 
 def _jobs(effort: Effort) -> Sequence[Job]:
-    """Return the runs of filter and mean shift, with published and tuned settings."""
+    """Return the runs of the particle filter and of mean shift, with published and tuned
+    settings.
+    """
     pairs = [(of(FILTER), of(SHIFT)) for of in (published, tuned)]
     trackers = [c for ours, shift in pairs for c in (ours, shift, _one_size(shift))]
     return sequence_jobs(trackers, [TEXTURE], effort.seeds(SEEDS))
 
 
 def _judge_rmse(evidence: Evidence) -> Verdict:
-    """Return the verdict on P2-1: the filter's RMSE of the centre is smaller than mean shift's."""
+    """Return the verdict on the claim P2-1 that the particle filter's RMSE of the target's centre
+    is smaller than that of mean shift.
+    """
     runs = evidence.trackers
     rmse = {label: column(found, "rmse_px") for label, found in runs.items()}
     times = {
@@ -79,12 +83,14 @@ def _judge_rmse(evidence: Evidence) -> Verdict:
 
 
 def _jobs_likeness(effort: Effort) -> Sequence[Job]:
-    """Return the runs of the filter with its published settings."""
+    """Return the runs of the particle filter with the settings of its paper."""
     return sequence_jobs([published(FILTER)], [TEXTURE], effort.seeds(SEEDS))
 
 
 def _judge_likeness(evidence: Evidence) -> Verdict:
-    """Compute the coefficients along the filter's tracks, and return the verdict on P2-2."""
+    """Compute Bhattacharyya coefficients of histograms along the particle filter's tracks, and
+    return the verdict on the claim P2-2.
+    """
     found = [
         coefficients(published(FILTER), run.seed, states_found(evidence.folder, run))
         for run in evidence.records
@@ -124,12 +130,15 @@ def coefficients(tracker: Contender, seed: int, track: Array) -> dict[str, Array
 
 
 def _logarithmic(states: Array) -> Array:
-    """Return states (n, 4) of x, y, theta, ln scale from states of x, y, theta, scale."""
+    """Return states (n, 4) of x, y [px], theta [rad], ln scale from states of x, y, theta,
+    scale.
+    """
     return np.column_stack([states[:, :3], np.log(states[:, 3])])
 
 
 def judged(rho: dict[str, Array]) -> Verdict:
-    """Return the verdict on P2-2: the coefficient at the filter's estimate stays high.
+    """Return the verdict on the claim P2-2 that the Bhattacharyya coefficient (0 to 1, equal
+    histograms) at the particle filter's estimate stays high.
 
     Args:
         rho: Bhattacharyya coefficients (sequences, frames) by name of the place.
@@ -177,7 +186,9 @@ JOINT_AND_PARTS = (
 
 
 def _judge_camouflage(evidence: Evidence) -> Verdict:
-    """Return the verdict on P2-3: colour and texture together follow what neither follows alone."""
+    """Return the verdict on the claim P2-3 that colour and texture together follow a target that
+    neither follows alone.
+    """
     runs = evidence.trackers
     rmse = {label: column(found, "rmse_px") for label, found in runs.items()}
     times = {label: ratio(rmse[label], rmse[JOINT]) for label in (TEXTURE_ALONE, COLOUR_ALONE)}
@@ -206,12 +217,16 @@ def _judge_camouflage(evidence: Evidence) -> Verdict:
 
 
 def _jobs_camouflage(entry: Generated, effort: Effort) -> Sequence[Job]:
-    """Return the runs of the filter with both histograms, and with each of them alone."""
+    """Return the runs of the particle filter with the joint histogram of colour and texture, and
+    with each of them alone.
+    """
     return sequence_jobs(JOINT_AND_PARTS, [entry], effort.seeds(SEEDS_CAMOUFLAGE))
 
 
 def _camouflage(name: str, says: str, entry: Generated, target: str) -> Claim:
-    """Return the claim P2-3 about sequences with a camouflaged target, which two texts describe."""
+    """Return the claim P2-3 about sequences with a camouflaged target; `says` is the claim, and
+    `target` describes the target.
+    """
     return Claim(
         name,
         f"colour and texture together follow what neither follows alone: {says}",

@@ -32,7 +32,9 @@ CONSTANT_VELOCITY = {"velocity_memory": 0.5}
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """Sequences on which trackers are tuned, and the measure that is optimised."""
+    """Painted (synthetic) sequences on which trackers are tuned, and the measure that is
+    optimised.
+    """
 
     entries: tuple[Generated, ...]
     """Kinds of the sequences."""
@@ -46,7 +48,9 @@ class Family:
 
 @dataclass(frozen=True, slots=True)
 class Tuned:
-    """A tracker with fixed settings and a grid of settings that are tried."""
+    """A tracker that is tuned: its kind, its fixed settings, and the grid of settings that are
+    tried.
+    """
 
     family: str
     """Name of the sequences in `FAMILIES`."""
@@ -58,7 +62,7 @@ class Tuned:
     """Settings of each try."""
 
     def contender(self, name: str, settings: Settings, ending: str) -> Contender:
-        """Return the tracker with some more settings and the label NAME-ENDING."""
+        """Return the tracker with some more settings, and with the label NAME-ENDING in tables."""
         return contender(self.kind, "paper", f"{name}-{ending}", **self.fixed | settings)
 
 
@@ -69,7 +73,9 @@ def _scaled(kind: str) -> tuple[Settings, ...]:
 
 
 def _over(name: str, values: Sequence[float | str], **others: float | str) -> tuple[Settings, ...]:
-    """Return a grid of a setting's values, each with the same other settings."""
+    """Return a grid with an entry for each value of the setting `name`, all with the same other
+    settings.
+    """
     return tuple({name: value, **others} for value in values)
 
 
@@ -112,7 +118,9 @@ other settings of theirs are tried."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningFile(Document):
-    """The file tuning.json: the scores of all settings that were tried."""
+    """The contents of the file tuning.json: the score of each of the settings that were tried, by
+    tracker.
+    """
 
     FILE: ClassVar[str] = "tuning.json"
     KIND: ClassVar[str] = "tuning"
@@ -167,7 +175,7 @@ def _members(family: str) -> list[str]:
 
 
 def _jobs(family: str, effort: Effort) -> Sequence[Job]:
-    """Return the runs of all grids of a family."""
+    """Return the runs of the grids of all trackers that are tuned on a family of sequences."""
     tried = [c for name in _members(family) for c in _tried(name)]
     of = FAMILIES[family]
     return sequence_jobs(tried, of.entries, effort.seeds(of.seeds, 0))

@@ -153,10 +153,10 @@ class Robot:
         return self._robot.posture(self._data, self._twist(seconds(state.header.stamp)))
 
     def go(self, twist: Array) -> None:
-        """Send a twist (6,) of the camera in its own frame [m/s, rad/s].
+        """Send a twist (6,) of the camera, in its own frame [m/s, rad/s], to the robot.
 
         Raises:
-            Mistake: The twist is not finite; it is not sent.
+            Mistake: The twist is not six finite numbers; then nothing is sent.
         """
         finite = np.array(numbers(twist, "go", 6))
         self._writer.write(stamped(finite, header(time.time(), self._frame)))

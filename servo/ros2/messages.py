@@ -1,4 +1,4 @@
-"""Messages of ROS 2 as types of DDS, made from the definitions of fields in `rosbags`."""
+"""ROS 2 messages as DDS types, which are made from the definitions in the package `rosbags`."""
 
 from functools import cache
 from typing import Any
@@ -49,7 +49,9 @@ def message(name: str) -> Message:
 
 
 def _type_of(node: Message, of: Message) -> Message:
-    """Return the IDL type of a field: plain, message, array or sequence."""
+    """Return the DDS type of a message's field, given its definition: a plain type, message, array
+    or sequence.
+    """
     match node.name:
         case "BASE":
             return PLAIN[of[0]]

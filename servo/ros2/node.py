@@ -1,4 +1,4 @@
-"""DDS readers and writers of the topics of ROS 2."""
+"""A node of ROS 2, with DDS readers and writers of topics."""
 
 import os
 
@@ -36,7 +36,7 @@ class Node:
         except (ValueError, OverflowError, DDSException):
             raise Mistake(
                 f"ROS 2: CycloneDDS cannot start with ROS_DOMAIN_ID='{domain}' (0 to 232) and "
-                f"CYCLONEDDS_URI='{network}'"
+                f"CYCLONEDDS_URI='{network}': correct or unset them"
             ) from None
 
     def writer(self, topic: str, kind: Message) -> DataWriter[Message]:
@@ -63,4 +63,7 @@ def first(reader: DataReader[Message], topic: str) -> Message:
     """
     for message in reader.take_iter(timeout=duration(seconds=PATIENCE)):
         return message
-    raise Mistake(f"{topic}: no message has come within {PATIENCE:g} s: start what publishes it")
+    raise Mistake(
+        f"{topic}: no message has come within {PATIENCE:g} s: start the program that "
+        "publishes on this topic"
+    )

@@ -63,15 +63,17 @@ class Server:
         """Refusals that were printed."""
 
     def serving(self, episode: Episode) -> Self:
-        """Publish the steps of this run from now on, with the calibration that its loop believes;
-        return the server.
+        """Publish the steps of this run from now on, with the camera calibration that its
+        controller assumes; return the server.
         """
         self._camera = episode.world.camera_believed
         self._names = list(episode.world.robot.names)
         return self
 
     def start(self, task: Task) -> None:
-        """Accept the task of a run; the external controller does not need its contents."""
+        """Accept the task of a run and ignore its contents, which the external controller does not
+        need.
+        """
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return the newest camera twist from ROS 2 [m/s, rad/s]; zeros if it is older than 0.3 s
@@ -99,7 +101,7 @@ class Server:
         """Do nothing: the topics end with the process."""
 
     def abandon(self) -> None:
-        """Do nothing after an error: the topics end with the process."""
+        """Do nothing when a run ends with an error: the topics end with the process."""
 
     def _listen(self) -> bool:
         """Read the newest twist; return True if there is one and it is valid.
@@ -119,7 +121,9 @@ class Server:
         return False
 
     def publish(self, step: Step) -> None:
-        """Send the picture, depth picture, calibration, joints and time of a step to ROS 2."""
+        """Send a step's picture, depth picture, calibration, joints and time to their topics of ROS
+        2.
+        """
         at = header(step.frame.time, FRAME)
         image = step.frame.image
         height, width, _ = image.shape

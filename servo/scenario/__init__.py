@@ -1,1 +1,3 @@
-"""Scenario files: TOML is read, changed by --set, checked, and made into frozen dataclasses."""
+"""Scenario files: reads their TOML, applies --set, checks all settings, and returns frozen
+dataclasses.
+"""

@@ -1,4 +1,5 @@
-"""Checks of arguments of servo's Python functions; each mistake of the caller is one sentence.
+"""Checks of the arguments of servobench's Python functions; a wrong argument raises a `Mistake`
+with one sentence.
 
 `given` is the argument as the caller passed it, and `what` its name in the sentence.
 """
@@ -13,7 +14,8 @@ from sim.types import Array
 
 
 def name(given: object, what: str) -> str:
-    """Return the name or path of a scenario, a study or a folder as text; `what` is its kind.
+    """Return the name or path of a scenario, a study or a folder as text; `what` ("scenario", ...)
+    stands in the message.
 
     Raises:
         Mistake: `given` is neither a text nor a `Path`.
@@ -75,7 +77,7 @@ def one_of(given: object, what: str, known: Sequence[object]) -> None:
 
 
 def each_once(given: object, what: str, known: Sequence[str]) -> list[int]:
-    """Return the indices in `known` of a list of choices.
+    """Return the index in `known` of each item in a list of choices.
 
     Raises:
         Mistake: `given` is empty or not a list, or an item is unknown or chosen twice.

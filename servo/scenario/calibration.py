@@ -77,7 +77,9 @@ ROI = ("x_offset", "y_offset", "width", "height")
 
 
 def _data(value: object) -> object:
-    """Return the numbers of a matrix, which the file has as a list or as a table with `data`."""
+    """Return the numbers of a matrix, given as a list or as a table whose key `data` has the
+    list.
+    """
     return value.get("data") if is_table(value) else value
 
 
@@ -98,7 +100,9 @@ class Calibration(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Intrinsics:
-    """Settings of [camera] that a calibration file gives."""
+    """Settings of [camera] that a calibration file gives: focal lengths, principal point, image
+    size and distortion.
+    """
 
     width: int
     """Image width [px]."""
@@ -140,8 +144,8 @@ def calibrated(camera: object, place: str) -> object:
     if is_number(width) and is_number(height):
         if width * found.height != height * found.width:
             raise Mistake(
-                f"{place}: {width} x {height} px has not the shape of the {found.width} x "
-                f"{found.height} px of {path}"
+                f"{place}: {width} x {height} px has another aspect ratio than the {found.width} x "
+                f"{found.height} px of {path}: correct camera.width or camera.height"
             )
         scaled = {
             key: getattr(found, key) * width / found.width for key in ("fx", "fy", "cx", "cy")
@@ -209,10 +213,10 @@ def _read(path: Path) -> Intrinsics:
     for written, value in pairs:
         key = KEYS.get(_letters(written), str(written))
         if key in document:
-            raise Mistake(f"{path}: {key} is there twice; a calibration is that of one camera")
+            raise Mistake(f"{path}: {key} is given twice: leave only the calibration of one camera")
         document[key] = value
     if document.keys().isdisjoint(KEYS.values()):
-        raise Mistake(f"{path}: this is no calibration: it should have camera_matrix")
+        raise Mistake(f"{path}: this is no calibration of a camera: camera_matrix is missing")
     return intrinsics_of(document, str(path))
 
 
@@ -230,7 +234,10 @@ def intrinsics_of(document: Table, place: str) -> Intrinsics:
     given = validated(Calibration, document, f"{place}: ")
     size = (given.image_width, given.image_height)
     if tuple(given.roi.get(key, 0) for key in ROI) not in ((0, 0, 0, 0), (0, 0, *size)):
-        raise Mistake(f"{place}: roi = {given.roi} should be the whole picture")
+        raise Mistake(
+            f"{place}: roi = {given.roi} is not the whole picture; give the calibration of "
+            "the whole picture"
+        )
     K, values = given.camera_matrix, given.distortion_coefficients
     if len(K) != 9 or K[1] or K[3] or K[6:] != [0.0, 0.0, 1.0] or min(K[0], K[4]) <= 0:
         raise Mistake(
@@ -270,7 +277,7 @@ def _of_yaml(text: str, path: Path) -> list[tuple[object, object]]:
 
 
 def _of_opencv(text: str, path: Path) -> list[tuple[str, object]]:
-    """Return the keys and values of a file that OpenCV's FileStorage wrote, in YAML or XML.
+    """Return the keys and values of a YAML or XML file that OpenCV's FileStorage wrote.
 
     Raises:
         Mistake: OpenCV cannot read the text; the message names the file `path`.
@@ -285,8 +292,8 @@ def _of_opencv(text: str, path: Path) -> list[tuple[str, object]]:
 
 
 def _value(node: cv2.FileNode) -> object:
-    """Return the value of a node: a number, a text, a list, a table, or a list of a matrix's
-    numbers.
+    """Return the value of a node of OpenCV's FileStorage: a number, a text, a list, a table, or the
+    list of a matrix's numbers.
     """
     if node.isInt():
         return int(node.real())
@@ -337,10 +344,15 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
         return next(iter(named))
     name = document.get("distortion_model")
     if name is not None and _letters(name) == NO_DISTORTION and any(values):
-        raise Mistake(f"{place}: distortion_model = {name!r}, but distortion_coefficients has some")
+        raise Mistake(
+            f"{place}: distortion_model = {name!r}, but distortion_coefficients are given: "
+            "leave one out"
+        )
     return "rational" if any(values[COEFFICIENTS["plumb_bob"] :]) else "plumb_bob"
 
 
 def _letters(text: object) -> str:
-    """Return a word in lower case, with only its letters, digits and dots, as spellings differ."""
+    """Return a text in lower case with only its letters, digits and dots, so that spellings of one
+    name are equal.
+    """
     return re.sub("[^a-z0-9.]", "", str(text).lower())

@@ -42,8 +42,8 @@ class Draw:
 
     @property
     def ends(self) -> tuple[Value, ...]:
-        """Return the values that are checked before a run: both ends of the range, the mean, or all
-        choices.
+        """Return values that are checked before a run: both ends of the range of a uniform
+        distribution, the mean of a normal one, or all choices.
         """
         return self.numbers[:1] if self.law == "normal" else self.numbers
 
@@ -77,7 +77,7 @@ def draws_of(table: object, place: str) -> tuple[Draw, ...]:
         if (key.endswith(".kind") and key != GROUND) or any(
             key == f or key.startswith(f"{f}.") for f in FIXED
         ):
-            raise Mistake(f"{at}: this cannot be drawn; draw a setting, such as start.x")
+            raise Mistake(f"{at}: this setting cannot be drawn at random; draw one such as start.x")
         if not is_table(given):
             raise Mistake(
                 f"{at} = {given!r}: expected a distribution, such as {{ uniform = [-5, 5] }}"
@@ -87,7 +87,8 @@ def draws_of(table: object, place: str) -> tuple[Draw, ...]:
 
 
 def law_of(given: Table, at: str, counts: Mapping[str, int | None]) -> tuple[str, tuple[Any, ...]]:
-    """Return name and values of the distribution in a table such as { uniform = [0, 1] }.
+    """Return the name and the values of the distribution in a table: "uniform" and (0, 1) for {
+    uniform = [0, 1] }.
 
     Args:
         given: The table.
@@ -110,15 +111,15 @@ def law_of(given: Table, at: str, counts: Mapping[str, int | None]) -> tuple[str
     if law == "choice":
         return law, tuple(numbers)
     if not all(is_number(n) for n in numbers):
-        raise Mistake(f"{at}.{law} = {numbers!r}: these should be finite numbers")
+        raise Mistake(f"{at}.{law} = {numbers!r}: one of these is not a finite number")
     if max(abs(n) for n in numbers) > LARGEST_NUMBER:
-        raise Mistake(f"{at}.{law} = {numbers!r}: these should be at most {LARGEST_NUMBER:g}")
+        raise Mistake(f"{at}.{law} = {numbers!r}: a number is above {LARGEST_NUMBER:g}")
     if law in ("geomspace", "log_uniform") and min(numbers[:2]) <= 0:
-        raise Mistake(f"{at}.{law} = {numbers!r}: these should be above 0")
+        raise Mistake(f"{at}.{law} = {numbers!r}: a number is not above 0")
     if law in ("uniform", "log_uniform") and numbers[0] > numbers[1]:
-        raise Mistake(f"{at}.{law} = {numbers!r}: the first number should not be the larger one")
+        raise Mistake(f"{at}.{law} = {numbers!r}: the first number is larger than the second")
     if law == "normal" and numbers[1] < 0:
-        raise Mistake(f"{at}.{law} = {numbers!r}: a standard deviation should not be below 0")
+        raise Mistake(f"{at}.{law} = {numbers!r}: the standard deviation is below 0")
     return law, tuple(numbers)
 
 
@@ -155,8 +156,8 @@ def flat(table: Mapping[str, object], place: str, ends: Collection[str] = ()) ->
 
 
 def leaves(table: Mapping[str, object], ends: Collection[str] = ()) -> Iterable[tuple[str, object]]:
-    """Yield dotted keys, some of which may be equal, and values of nested tables; a table with a
-    key from `ends` is a value, as an empty one is.
+    """Yield the dotted key and the value of each setting in nested tables; keys may repeat. A table
+    with a key from `ends`, such as "uniform", is one value, and so is an empty table.
     """
     for key, value in table.items():
         if is_table(value) and value and value.keys().isdisjoint(ends):

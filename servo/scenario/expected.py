@@ -18,7 +18,9 @@ SUCCESS_RATE = "success_rate"
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """The bounds of a scenario: upper bounds by measure, and the expected `outcome`."""
+    """The bounds of a scenario: upper bounds by measure, and the expected `outcome`, for its own
+    tracker and for others.
+    """
 
     own: str
     """Kind of the tracker in the scenario's file, to which [expect] applies."""
@@ -62,8 +64,8 @@ class Expected:
         return Expected(own, expect, changed, of_kinds)
 
     def made_for(self, kind: str) -> Table:
-        """Return all bounds for a kind of tracker, those for drawn settings by names such as
-        drawn.servo_rms_px; an empty table if the scenario has none for this tracker.
+        """Return all bounds for a kind of tracker, those for runs with drawn settings under names
+        such as drawn.servo_rms_px; an empty table if the scenario has none for this tracker.
         """
         if kind == self.own:
             return self.expect
@@ -86,8 +88,8 @@ class Expected:
         return self.expect.get("outcome")
 
     def unjudged(self, kind: str) -> str:
-        """Return a sentence that says why runs with a kind of tracker have no verdict, if the
-        scenario has bounds for other trackers only; else "".
+        """Return a sentence that explains why runs with a kind of tracker have no verdict, if the
+        scenario has bounds only for other trackers; else "".
         """
         if self.made_for(kind) or not self.expect:
             return ""
@@ -111,7 +113,9 @@ def _flat(bounds: object, place: str) -> Table:
 
 
 def _parts(bounds: Table) -> tuple[Table, Table]:
-    """Split bounds into those without the prefix "drawn." and those with it, which is removed."""
+    """Split bounds into those for runs without drawn settings, and those with the prefix "drawn.",
+    from which it is removed.
+    """
     drawn = {name.removeprefix(DRAWN): b for name, b in bounds.items() if name.startswith(DRAWN)}
     return {name: b for name, b in bounds.items() if not name.startswith(DRAWN)}, drawn
 

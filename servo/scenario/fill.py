@@ -30,7 +30,9 @@ MESSAGES = {
 
 
 class WrongSetting(Mistake):
-    """A mistake in a table of settings: the sentence names the setting, and not the file."""
+    """An error about a setting in a table; its sentence names the setting, but not the file that it
+    is in.
+    """
 
     def __init__(self, sentence: str, setting: str = "") -> None:
         super().__init__(sentence)
@@ -153,8 +155,9 @@ def _changed(begin: Any, given: BaseModel, place: str) -> Any:
 
 
 def _nearest(errors: list[ErrorDetails]) -> ErrorDetails:
-    """Return the error that helps the user most: an unknown key, else the first error. Of a value
-    that several types allow, it is the error of the type that matched the largest part.
+    """Return the error that helps the user most: one about an unknown key, else the first. For a
+    value that several types allow, it is the error of the type that matched the largest part of the
+    value.
     """
     errors = sorted(errors, key=lambda error: error["type"] != "extra_forbidden")
     first = errors[0]["loc"]
@@ -164,14 +167,16 @@ def _nearest(errors: list[ErrorDetails]) -> ErrorDetails:
 
 
 def _is_place(part: int | str) -> bool:
-    """Return whether a part of pydantic's location of an error is a key or an index, and not one of
-    the allowed types such as "str" or "tuple[int, int]".
+    """Return True if a part of the location in an error of pydantic is a key or an index of the
+    user's table, and False if it is an allowed type such as "str" or "tuple[int, int]".
     """
     return isinstance(part, int) or (part.isidentifier() and part not in FORMS)
 
 
 def _wrong(error: ErrorDetails, prefix: str, model: type[BaseModel]) -> WrongSetting:
-    """Return an error of pydantic as a sentence with the setting's name after a prefix."""
+    """Return an error of pydantic as a sentence that begins with the name of the setting; `prefix`
+    stands before the name.
+    """
     key, *inside = error["loc"]
     if error["type"] == "extra_forbidden" and not inside:
         sentence = unknown(str(key), model.model_fields)

@@ -1,4 +1,6 @@
-"""Changes of a scenario's settings: keywords of Python, such as gain=1.5, and texts of --set."""
+"""Changes of a scenario's settings, as keywords of Python functions, such as gain=1.5, or as texts
+of the option --set.
+"""
 
 import dataclasses
 import re
@@ -13,7 +15,9 @@ from sim import kinds
 
 
 class Change(NamedTuple):
-    """A setting and its new value."""
+    """A change of a setting: its dotted key, its new value, and the option or keyword that made the
+    change.
+    """
 
     key: str
     """The setting, such as "controller.gain"."""
@@ -83,7 +87,7 @@ def of_keywords(
 
 
 def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
-    """Return the setting of a name such as "gain" with its table, as "controller.gain".
+    """Return the full name of a setting, such as "controller.gain" for "gain".
 
     Raises:
         Mistake: No setting in `known` has this name, or several have.
@@ -98,7 +102,10 @@ def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
     if len(found) > 1:
         table, _, key = found[0].rpartition(".")
         choices = ", ".join(found)
-        raise Mistake(f"{name} may be {choices}; give one of them, as {table}={{'{key}': ...}}")
+        raise Mistake(
+            f"{name} is the name of several settings, {choices}: give one of them with its table, "
+            f"as {table}={{'{key}': ...}}"
+        )
     return found[0]
 
 

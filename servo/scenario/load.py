@@ -1,6 +1,5 @@
 """Loads scenarios from TOML files as frozen values; each error names the file or the option."""
 
-import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -19,7 +18,7 @@ from servo.scenario.fill import WrongSetting, fill, fill_plugin
 from servo.scenario.keywords import Change
 from servo.scenario.named_files import read
 from servo.scenario.tables import KEYS, SECTIONS, SETTABLE, TABLES, config_of, section_of
-from servo.scenario.toml import Table, is_table, put, with_settings
+from servo.scenario.toml import Table, copied, is_table, put, with_settings
 from sim import kinds
 from sim.installed import Trusted
 from sim.timing import Rates
@@ -31,7 +30,9 @@ MOST_FRAMES = 360_000
 
 @dataclass(frozen=True, slots=True)
 class Scenario(Setup):
-    """A scenario: all settings of a run, and the bounds that its measures should keep."""
+    """A scenario that has been loaded: all settings of a run, and the bounds that the run's
+    measures should keep.
+    """
 
     table: Table = field(repr=False)
     """The scenario's TOML table, with all changes and the settings of the calibration file."""
@@ -53,7 +54,9 @@ class Scenario(Setup):
 
     @property
     def rates_changed(self) -> dict[str, float]:
-        """Return the rates that a run uses [Hz] where they differ from the settings, by setting."""
+        """Return the rates that a run uses [Hz] where they differ from the settings, by name of the
+        setting.
+        """
         asked = self.world.physics_rate, self.world.drive_rate, self.camera.rate
         return Rates.of(*asked).changed(*asked)
 
@@ -123,7 +126,7 @@ def _changed(file: Table, changes: Sequence[Change]) -> Table:
     Raises:
         Mistake: A value is not one of TOML, or a setting is inside a value that is not a table.
     """
-    table = copy.deepcopy(file)
+    table = copied(file)
     for change in changes:
         if change.key in SAME_TIME:
             toml.drop(table, SAME_TIME[change.key])
@@ -235,7 +238,7 @@ def _check_drawn(file: Table, place: str) -> None:
     expect = file.get("expect", {})
     if is_table(expect) and expect.get("drawn") and not file.get("vary"):
         raise Mistake(
-            f"{place}: expect.drawn is for runs with drawn settings, and there is no [vary]"
+            f"{place}: expect.drawn is for runs with drawn settings, and no table [vary] draws any"
         )
 
 
@@ -262,7 +265,8 @@ def _filled(key: str, table: Table, own: Mapping[str, object]) -> Any:
 
 
 def _drawn(draws: Sequence[Draw], table: Table, seed: int, own: Mapping[str, object]) -> Table:
-    """Check the ends of each distribution, and return the drawn settings of a seed.
+    """Check the extreme values of each distribution, and return the settings that are drawn for a
+    seed.
 
     Args:
         draws: Settings and their distributions.

@@ -1,4 +1,5 @@
-"""Finds the files of scenarios and studies, and the files that their settings name, with digests.
+"""Finds the files of scenarios and studies and the files that their settings name, and returns
+SHA-256 digests of them.
 
 A setting names a file if its type is `sim.ranges.File`.
 """
@@ -143,8 +144,8 @@ def digests(names: Iterable[str]) -> dict[str, str]:
 
 
 def digest_of(name: str) -> str:
-    """Return the digest of a file and of the files that it refers to, such as a model's meshes, or
-    `MISSING` if one cannot be read.
+    """Return the SHA-256 digest of a file and of the files that it refers to, such as a model's
+    meshes, or `MISSING` if one of them cannot be read.
     """
     path = Path(name)
     try:
@@ -157,8 +158,8 @@ def digest_of(name: str) -> str:
 
 @functools.lru_cache(maxsize=1024)
 def _digest(path: Path, changed: int, size: int) -> str:
-    """Return the SHA-256 digest of a file, cached until its time of change [ns] or its size
-    [bytes] differs.
+    """Return the SHA-256 digest of a file. It is cached until the file's time of change `changed`
+    [ns] or its `size` [bytes] differs.
     """
     del changed, size
     with path.open("rb") as file:

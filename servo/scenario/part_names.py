@@ -20,7 +20,8 @@ NETWORKS = {1: "Vit", 2: "Nano", 3: "DaSiamRPN"}
 
 
 def named_part(text: str) -> tuple[str, str]:
-    """Return name and part of a text NAME=PART; a text without "=" is both.
+    """Split a text NAME=PART, such as "mine=package:Class", into name and part (a tracker or
+    control law); a text without "=" is both.
 
     Raises:
         Mistake: The name or the part is missing.
@@ -28,8 +29,8 @@ def named_part(text: str) -> tuple[str, str]:
     name, _, what = text.partition("=") if "=" in text else (text, "", text)
     if not name.strip() or not what.strip():
         raise Mistake(
-            f"'{text}': write NAME=KIND, NAME=module:Class, NAME='trax:COMMAND', "
-            "NAME='program:COMMAND' or NAME=onnx:FILE"
+            f"'{text}': a name or a tracker is missing; write NAME=KIND, NAME=module:Class, "
+            "NAME='program:COMMAND', NAME='trax:COMMAND' or NAME=onnx:FILE"
         )
     return name.strip(), what.strip()
 

@@ -1,4 +1,4 @@
-"""The tables of a scenario's file, and the dataclass of the settings in each."""
+"""Names of the tables in a scenario's TOML file, and for each the dataclass of its settings."""
 
 from contextlib import suppress
 from typing import Any
@@ -44,7 +44,7 @@ KEYS = (*SETTABLE, "sweep")
 
 
 def section_of(setting: str) -> str:
-    """Return the table of a setting: "start" for "start.x"."""
+    """Return the name of the table that has a setting: "start" for "start.x"."""
     return setting.partition(".")[0]
 
 

@@ -1,1 +1,3 @@
-"""From a tracker's estimate to the sight of the target: its moments, corners and plane."""
+"""Package that computes the view of the target (its moments, corners, plane and pose in the camera
+frame) from a tracker's estimate.
+"""

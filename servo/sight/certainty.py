@@ -1,4 +1,4 @@
-"""Whether the variances of an estimate are small enough for servoing."""
+"""Test whether a tracker states its estimate with small enough variances for servoing."""
 
 import numpy as np
 
@@ -15,8 +15,10 @@ MOST_SIZE = 0.25
 
 
 def certain(estimate: Estimate, region: Region) -> tuple[bool, bool, bool]:
-    """Return whether centre, angle and size are certain enough for servoing. They count as certain
-    if the tracker states no variances, or reports corners.
+    """Return three flags, whether centre, angle and size of an estimate are certain enough for
+    servoing: the standard deviations are at most half the target's size, 20 degrees, and 0.25 of ln
+    scale. All are True if the tracker reports corners; one is True if the tracker states no
+    variance for it (nan).
     """
     if estimate.corners is not None:
         return True, True, True

@@ -1,4 +1,6 @@
-"""Distance and plane of the target from a depth picture."""
+"""Distance and plane of the target from the pixels of a depth picture that are inside the
+target.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +27,10 @@ FAR_OUT = 10_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DepthPoints:
-    """Points of the target in a depth picture: image coordinates and inverse depths.
+    """Points of the target in a depth picture: normalised image coordinates and inverse depths.
 
-    Inverse depths are linear in the image coordinates of a plane, and their noise does not depend
-    on the distance if the noise of depths grows with its square.
+    Inverse depths of a plane are linear in the image coordinates. Their noise does not depend on
+    the distance if the noise of the depths grows with its square.
     """
 
     rays: Array
@@ -38,7 +40,8 @@ class DepthPoints:
 
     @staticmethod
     def inside(corners: Array, depth: DepthPicture, camera: Camera) -> DepthPoints | None:
-        """Return the points of a depth picture inside a quadrilateral; None if they are too few.
+        """Return the pixels of a depth picture that are inside a quadrilateral and have a depth;
+        None if they are fewer than 20.
 
         Args:
             corners: Corners of the target (4, 2) [px].
@@ -56,9 +59,9 @@ class DepthPoints:
 
     @property
     def normal(self) -> Array:
-        """Normal (A, B, C) of the plane 1/Z = A x + B y + C through the points, in the camera
-        frame, by least squares. Points that are far from the plane of the least median residual are
-        left out (Rousseeuw 1984, Least median of squares regression, Journal of the American
+        """Vector (A, B, C) [1/m] of the plane 1/Z = A x + B y + C through the points, in the camera
+        frame, by least squares. Outliers are left out: points far from the plane with the least
+        median residual (Rousseeuw 1984, Least median of squares regression, Journal of the American
         Statistical Association 79).
         """
         draws = np.random.default_rng(0)  # the same points give the same plane
@@ -72,8 +75,8 @@ class DepthPoints:
         return np.asarray(np.linalg.lstsq(self.rays[kept], self.near[kept])[0], np.float64)
 
     def plane(self, normal: Array) -> Plane:
-        """Return the plane with a given normal (3,) in the camera frame that has the median inverse
-        depth of the points at their centre.
+        """Return the plane with a given normal (3,), of any length, in the camera frame: at the
+        middle of the points its inverse depth is their median.
         """
         middle = np.median(self.rays, axis=0)
         return Plane(*(normal * np.median(self.near) / (normal @ middle)).tolist())

@@ -1,4 +1,6 @@
-"""From a tracker's estimate to the sight of the target: moments, corners and plane."""
+"""Conversion of a tracker's estimate to the view of the target: its moments, corners, plane and
+pose in the camera frame.
+"""
 
 from dataclasses import dataclass, replace
 from math import sqrt
@@ -23,7 +25,7 @@ from tracking.types import Estimate, Region, State, Status
 
 @dataclass(frozen=True, slots=True)
 class SightConfig:
-    """Sources of the plane and depth of the target: its size, its height, depth pictures, ..."""
+    """Sources of the target's plane and depth: its size, the table's height, depth pictures."""
 
     plane: Literal["parallel", "known", "estimated", "picture"] = "parallel"
     """Normal of the target's plane: "parallel" to the image, "known" from the robot's posture (the
@@ -38,14 +40,18 @@ class SightConfig:
 
     @property
     def needs(self) -> Channels:
-        """The channel of depth pictures, if plane or depth are taken from them; otherwise none."""
+        """Channels of data that are needed: depth pictures if plane or depth are taken from them,
+        otherwise none.
+        """
         uses = "picture" in (self.plane, self.depth)
         return frozenset({Channel.DEPTH}) if uses else frozenset()
 
 
 @final
 class EstimateToSight:
-    """Converts tracker estimates to sights, with the camera and the target's metric size."""
+    """Converts a tracker's estimates to views of the target, with the camera's intrinsics and the
+    target's metric size.
+    """
 
     def __init__(
         self,
@@ -55,10 +61,10 @@ class EstimateToSight:
         outline: Array,
         depth_factor: float = 1.0,
     ) -> None:
-        """Create it for a run.
+        """Create the converter for a run.
 
         Args:
-            config: Sources of the target's plane and depth.
+            config: Where the target's plane and depth come from.
             camera: Intrinsics of the camera.
             region: The target's rectangle in the first picture [px].
             outline: Corners (4, 3) of the target's reference rectangle in its frame [m].
@@ -83,17 +89,16 @@ class EstimateToSight:
         goal: Sight | None = None,
         depth: DepthPicture | None = None,
     ) -> Sight | None:
-        """Return the sight of the target from an estimate; None if the tracker does not see the
-        target, or its centre is too uncertain. An angle or a size that is too uncertain is marked
-        as not known.
+        """Return the view of the target (a `Sight`) from an estimate; None if the tracker does not
+        see the target, or its centre is too uncertain. An angle or a size that is too uncertain is
+        marked as not measured.
 
         Args:
             estimate: The tracker's estimate.
             posture: Pose, twist and joints of the robot when the picture was taken.
-            goal: The desired sight.
+            goal: The desired view of the target, which is stored in the result.
             depth: Depth picture (H, W) [m]. With too few depths of the target, its depth is
-            computed
-                from its size, and its plane is taken as parallel to the image.
+                computed from its size, and its plane is taken as parallel to the image.
         """
         is_placed, is_turned, is_sized = certain(estimate, self._region)
         if estimate.status is not Status.LOCKED or not is_placed:
@@ -120,8 +125,12 @@ class EstimateToSight:
         return self._with_depth_factor(sight)
 
     def goal(self, state: State, region: Region) -> Sight:
-        """Return the desired sight of a camera that faces the target, from the target's state
-        (position, angle, scale) and the region that has scale 1.
+        """Return the desired view of a target that the camera faces, as a tracker of rectangles
+        would report it.
+
+        Args:
+            state: Position [px], angle [rad] and scale of the target at the goal.
+            region: The target's rectangle at scale 1 [px].
         """
         m = shape_moments.of_state(state, region, self._camera)
         corners = self._camera.normalise(region.corners(state))
@@ -129,21 +138,25 @@ class EstimateToSight:
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=corners))
 
     def goal_of(self, corners: Array) -> Sight:
-        """Return the desired sight of a camera that faces the target, from corners (4, 2) [px]."""
+        """Return the desired view of a target that the camera faces, from its corners (4, 2) [px]
+        at the goal.
+        """
         seen = self._camera.normalise(corners)
         m = shape_moments.of_polygon(seen)
         plane = plane_of_size(m, self._root_area, FACING)
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=seen))
 
     def at(self, pose: Pose) -> Sight:
-        """Return the desired sight for a pose of the target in the camera frame."""
+        """Return the desired view of the target at a desired pose T_camera_object, as `Sight.pose`
+        defines it.
+        """
         return self._with_depth_factor(sight_of(pose, self._outline))
 
     def _see_corners(
         self, corners: Array, posture: Posture, goal: Sight | None, depth: DepthPicture | None
     ) -> Sight | None:
-        """Return the sight of the target, with its pose, from its four corners (4, 2) [px]; None if
-        no pose fits them.
+        """Return the view of the target, with its pose, from its four corners (4, 2) [px]; None if
+        they are not the picture of a rectangle of its size.
         """
         seen = self._camera.normalise(corners)
         pose = self._corners_to_pose.of(seen, posture.T_base_camera)
@@ -164,17 +177,17 @@ class EstimateToSight:
         )
 
     def _with_depth_factor(self, sight: Sight) -> Sight:
-        """Return the sight with its depths multiplied by the depth factor."""
+        """Return a view of the target with its depths multiplied by the depth factor."""
         if self._depth_factor == 1.0:
             return sight
         return replace(sight, plane=self._scaled(sight.plane), measured_pose=sight.pose)
 
     def ego(self, state: State, twist: Array, dt: float) -> Array:
-        """Return the apparent motion (4,) of a target at rest, as the change of (x, y, theta, ln
-        scale), caused by a camera twist (6,) over a time [s].
+        """Return the apparent motion (4,) in the picture of a target at rest, caused by a camera
+        twist (6,) that lasts dt [s]: changes of x, y [px], theta [rad] and ln scale.
 
-        It is computed from two points of the target's plane: the centre, and the middle of the
-        rectangle's front.
+        It is computed from two points of the target's plane, the centre and the middle of the
+        rectangle's front side; without a view of the target so far it is zero.
         """
         if self._plane is None:
             return np.zeros(4)
@@ -188,8 +201,8 @@ class EstimateToSight:
         return np.array([*(after[0] - before[0]), turned.imag, turned.real])
 
     def _points(self, corners: Array, depth: DepthPicture | None) -> DepthPoints | None:
-        """Return the target's points in a depth picture; None if there is no depth picture, too few
-        depths, or neither plane nor depth is taken from it.
+        """Return the target's points in a depth picture; None if there is no depth picture, it has
+        too few depths of the target, or neither plane nor depth is taken from it.
         """
         if depth is None or not self._config.needs:
             return None

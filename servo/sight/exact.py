@@ -1,4 +1,4 @@
-"""The exact sight of a rectangle from its pose."""
+"""Exact view of a rectangle (moments, corners, plane) from its pose in the camera frame."""
 
 from servo.sight import shape_moments
 from servo.types import Plane, Sight
@@ -10,27 +10,29 @@ def corners_in(T_camera_object: Pose, outline: Array) -> Array:
     """Return the corners (4, 3) of a rectangle in the camera frame [m].
 
     Args:
-        T_camera_object: Pose of the frame that `Sight.pose` describes.
-        outline: Corners (4, 3) in the target's frame [m].
+        T_camera_object: Pose of the rectangle as `Sight.pose` defines it: origin in its centre, x
+            along the target's nose, z along its normal, away from the camera.
+        outline: Corners (4, 3) in the target's own frame [m].
     """
     return (T_camera_object @ object_frame(outline).inverse()).apply(outline)
 
 
 def plane_in(T_camera_object: Pose) -> Plane:
-    """Return the plane of a rectangle in the camera frame, 1/Z = A x + B y + C with A, B, C in 1/m.
-    The rectangle is in the plane z = 0 of the object's frame, whose pose is given [m].
+    """Return the plane of a rectangle in the camera frame, 1/Z = A x + B y + C with A, B, C in 1/m:
+    the plane z = 0 of the object's frame, whose pose in the camera frame is given.
     """
     normal = T_camera_object.rotation[:, 2]
     return Plane(*(normal / (normal @ T_camera_object.translation)).tolist())
 
 
 def sight_of(T_camera_object: Pose, outline: Array, goal: Sight | None = None) -> Sight:
-    """Return the exact sight of a rectangle in a pose.
+    """Return the exact view of a rectangle: moments, corners, plane and pose, with the tilt marked
+    as measured.
 
     Args:
-        T_camera_object: The pose, of the frame that `Sight.pose` describes.
+        T_camera_object: Pose of the rectangle in the camera frame as `Sight.pose` defines it.
         outline: The rectangle's corners (4, 3) in the target's frame [m].
-        goal: The desired sight.
+        goal: The desired view of the target, which is stored in the result.
     """
     points = corners_in(T_camera_object, outline)
     corners = points[:, :2] / points[:, 2:]

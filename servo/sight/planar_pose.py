@@ -1,10 +1,11 @@
-"""The pose of a flat rectangle from its four corners in one picture, without the flip.
+"""Pose of a flat rectangle from its four corners in each picture; earlier pictures decide between
+the two poses that fit.
 
 A small or distant plane looks nearly the same where it is tilted to the other side of the line of
 sight (Schweighofer, Pinz 2006, "Robust Pose Estimation from a Planar Target", IEEE Transactions on
 Pattern Analysis and Machine Intelligence 28(12)). Both poses come from Collins, Bartoli 2014,
-"Infinitesimal Plane-based Pose Estimation", International Journal of Computer Vision 109(3); the
-poses before decide where the corners do not.
+"Infinitesimal Plane-based Pose Estimation" (IPPE), International Journal of Computer Vision 109(3);
+where the corners do not decide between them, the poses in earlier pictures do.
 """
 
 from typing import final
@@ -29,28 +30,31 @@ UNIT = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.
 
 @final
 class CornersToPose:
-    """Computes the poses of a rectangle in successive pictures.
+    """Computes the pose of a rectangle in each of successive pictures.
 
-    Both poses of each picture continue the cheaper of the two paths through the pictures before it
-    (Viterbi's algorithm), so a pose that was chosen wrongly at first is corrected later.
+    Each picture has two possible poses. Each of them continues the path through the earlier poses
+    that costs less (Viterbi's algorithm), so a pose that was chosen wrongly at first is corrected
+    later.
     """
 
     def __init__(self, size: tuple[float, float]) -> None:
-        """Create it for a rectangle of a size: length along x and width along y [m]."""
+        """Create it for a rectangle of a size (length along x, width along y) [m]."""
         self._size = size
         self._paths: list[tuple[Pose, float]] = []
 
     def of(self, corners: Array, T_base_camera: Pose) -> Pose | None:
-        """Return T_camera_object of a target that moves little between pictures, while the camera
-        may move; None if the corners are not those of a rectangle seen from above.
+        """Return the pose T_camera_object of a target that moves little between pictures, while the
+        camera may move; None if the corners are not those of a rectangle that is seen from its
+        front.
 
-        Its origin is in the middle; x goes along the target's nose, y to the right of the nose as
-        seen from above, z into the table. Facing the target with its nose to image right is the
-        identity.
+        The object's origin is in the middle of the rectangle; x goes along the target's nose, y to
+        the right of the nose as seen from above, z into the table. The rotation is the identity if
+        the camera faces the target and its nose points to the right.
 
         Args:
-            corners: Corners (4, 2) in normalised image coordinates, in the order of a region's.
-            T_base_camera: Pose of the camera when the picture was taken.
+            corners: Corners (4, 2) in normalised image coordinates, in the order of a region's
+                corners.
+            T_base_camera: Pose of the camera in the robot's base frame when the picture was taken.
         """
         found = _candidates(corners, self._size)
         if not found:
@@ -71,8 +75,13 @@ class CornersToPose:
 
 
 def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, float]]:
-    """Return the two possible poses of a rectangle in the camera frame, each with its squared error
-    over the variance of the corners' noise; an empty list if no rectangle has these corners.
+    """Return the two poses of a rectangle in the camera frame that fit its corners best, each with
+    its cost: the squared error over the variance of the corners' noise. The list is empty if no
+    rectangle has these corners.
+
+    Args:
+        corners: Corners (4, 2) in normalised image coordinates.
+        size: Length and width of the rectangle [m].
     """
     along = np.roll(corners, -1, axis=0) - corners
     before = np.roll(along, 1, axis=0)
@@ -94,8 +103,8 @@ def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, f
 
 
 def _solutions(model: Array, corners: Array) -> list[tuple[MatLike, MatLike]]:
-    """Return rotation vectors and translations [m] of the two possible poses. If both are the same,
-    IPPE would divide by zero: then return one pose, found by iteration.
+    """Return rotation vectors [rad] and translations [m] of the two possible poses by IPPE. Where
+    both are the same, IPPE would divide by zero: then return one pose, found by iteration.
     """
     given = model, corners[:, None], np.eye(3), None
     for method in (cv2.SOLVEPNP_IPPE, cv2.SOLVEPNP_ITERATIVE):
@@ -106,8 +115,8 @@ def _solutions(model: Array, corners: Array) -> list[tuple[MatLike, MatLike]]:
 
 
 def _prior_cost(pose: Pose, expected: Pose | None) -> float:
-    """Return the prior cost of a pose: its squared angle from the expected pose over the variance;
-    without an expected pose, its squared tilt.
+    """Return the cost of a pose before its corners count: the square of its angle from the expected
+    pose over the variance of that; without an expected pose, its squared tilt over a variance.
     """
     if expected is None:
         return float((np.arccos(np.clip(pose.rotation[2, 2], -1, 1)) / TILT) ** 2)
@@ -116,7 +125,9 @@ def _prior_cost(pose: Pose, expected: Pose | None) -> float:
 
 
 def _refined(pose: Pose, corners: Array, size: tuple[float, float]) -> Pose:
-    """Return the pose near this one that fits the corners best (Levenberg, Marquardt)."""
+    """Return the pose, found by iteration from the given one, that fits the corners best
+    (Levenberg, Marquardt).
+    """
     vector, t = cv2.solvePnPRefineLM(
         UNIT * (*size, 0.0),
         corners[:, None],

@@ -1,5 +1,5 @@
-"""The plane of the target in the camera frame: from its size, its depth or its height, or fitted to
-the positions that it has had.
+"""Plane of the target in the camera frame: from its metric size, its depth or its height over the
+table, or fitted to its positions so far.
 """
 
 from math import sqrt
@@ -21,16 +21,17 @@ DEPTH_SD = 0.02
 
 
 def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
-    """Return the plane in the camera frame, n . P = 1 for its points P [m], in which a target of
-    known area has the area and centroid of `m` in normalised image coordinates.
+    """Return the plane n . P = 1 in the camera frame, for its points P [m], in which a target of
+    known area has the area and centroid of `m`.
 
     A small piece of the plane with the metric area S has the image area a = S (n . r)^3 / |n| with
     r = (xg, yg, 1): this gives |n| [1/m], and with it the depth.
 
     Args:
-        m: Moments of the target.
+        m: Moments of the target in normalised image coordinates.
         root_area: Square root of the target's metric area [m].
-        normal: Direction (3,) of n in the camera frame, of any length, away from the camera.
+        normal: Direction (3,) of n in the camera frame, of any length; it points away from the
+            camera.
     """
     A, B, C = normal.tolist()
     facing = (A * m.xg + B * m.yg + C) / sqrt(A * A + B * B + C * C)
@@ -38,29 +39,33 @@ def plane_of_size(m: Moments, root_area: float, normal: Array) -> Plane:
 
 
 def plane_of_depth(m: Moments, depth: float, normal: Array) -> Plane:
-    """Return the plane with this normal (3,) and this depth [m] at the target's centroid."""
+    """Return the plane in the camera frame with a normal (3,), of any length, and a depth [m] at
+    the target's centroid.
+    """
     A, B, C = normal.tolist()
     along = depth * (A * m.xg + B * m.yg + C)
     return Plane(A / along, B / along, C / along)
 
 
 def level_plane(T_base_camera: Pose, height: float) -> Plane:
-    """Return the level plane at a height [m] over the room's origin, in the camera frame."""
+    """Return the horizontal plane at a height [m] over the origin of the robot's base frame, in the
+    camera frame.
+    """
     up = T_base_camera.rotation[2]
     return Plane(*(up / (height - T_base_camera.translation[2])).tolist())
 
 
 @final
 class PlaneFit:
-    """Fits a plane to points by least squares, with the prior that the camera faces it at the
-    start.
+    """Fits a plane to the target's positions by least squares, with the prior that the camera faces
+    the plane at the start.
 
     Of all unit normals m it takes the one that minimises
 
         sum (m (P - mean P))^2 / DEPTH_SD^2  -  (m m0)^2 / TILT_SD^2
 
-    an eigenvector. A target that has driven on one line only gives no information on the tilt
-    about it; there the prior stays.
+    over the positions P, with m0 the optical axis at the start; m is an eigenvector. Positions on
+    one line give no information on the tilt about it; there the prior stays.
     """
 
     def __init__(self) -> None:
@@ -70,8 +75,8 @@ class PlaneFit:
         self._prior: Array | None = None
 
     def normal(self, T_base_camera: Pose) -> Array:
-        """Return the unit normal (3,) of the fitted plane in the camera frame, away from the
-        camera.
+        """Return the unit normal (3,) of the fitted plane in the camera frame, pointing away from
+        the camera.
         """
         if self._prior is None:
             self._prior = T_base_camera.rotation[:, 2].copy()
@@ -82,7 +87,12 @@ class PlaneFit:
         return seen if seen[2] > 0 else -seen
 
     def add(self, T_base_camera: Pose, point: Array) -> None:
-        """Add a position (3,) of the target in the camera frame [m]."""
+        """Add a position (3,) of the target, given in the camera frame [m].
+
+        Args:
+            T_base_camera: Pose of the camera in the robot's base frame at that time.
+            point: Position (3,) of the target.
+        """
         P = T_base_camera.apply(point)
         self._count += 1
         # Welford's update of mean and scatter.

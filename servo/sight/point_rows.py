@@ -1,4 +1,4 @@
-"""Interaction matrices of points in the image, and of the target's corners."""
+"""Interaction matrices of image points, and of the target's corners."""
 
 import numpy as np
 
@@ -25,15 +25,16 @@ def point_rows(x: Array, y: Array, near: Array) -> tuple[Array, Array]:
 
 
 def corner_rows(sight: Sight) -> tuple[Array, Array]:
-    """Return the interaction matrices (4, 6) of x and of y of the target's corners, with the depth
-    of each in the target's plane.
+    """Return the interaction matrices (4, 6) of x and of y of the target's corners in normalised
+    image coordinates, each corner with its depth in the target's plane.
     """
     (x, y) = corners_of(sight).T
     return point_rows(x, y, 1 / sight.points[:, 2])
 
 
 def corners_of(sight: Sight) -> Array:
-    """Return the target's corners (4, 2) in normalised image coordinates.
+    """Return the target's corners (4, 2) in normalised image coordinates, in the order of the
+    outline.
 
     Raises:
         ValueError: The sight has no corners.

@@ -1,4 +1,4 @@
-"""Exact moments of polygons and rectangles, and of the rectangle that a tracker reports."""
+"""Exact image moments of polygons and rectangles, and of the rectangle that a tracker reports."""
 
 from math import cos, sin
 
@@ -14,8 +14,8 @@ WEIGHTS = np.array([-27.0, 25.0, 25.0, 25.0]) / 48
 
 
 def of_polygon(polygon: Array) -> Moments:
-    """Return the moments up to third order of a simple polygon (n, 2) in normalised image
-    coordinates, clockwise or counterclockwise.
+    """Return area, centroid and central moments up to third order of a simple polygon (n, 2) in
+    normalised image coordinates, clockwise or counterclockwise.
     """
     # Relative to the centroid, so that central moments do not lose digits.
     middle = polygon.mean(axis=0)
@@ -39,14 +39,15 @@ def of_polygon(polygon: Array) -> Moments:
 def of_rectangle(
     x: float, y: float, width: float, height: float, theta: float, stretch: tuple[float, float]
 ) -> Moments:
-    """Return the moments of a rotated rectangle that is then stretched along the image's axes.
+    """Return area, centroid and central moments of a rotated rectangle that is then stretched along
+    the image's axes.
 
     Args:
         x: Centre after stretching, to the right, in normalised image coordinates.
         y: Centre after stretching, down, in normalised image coordinates.
-        width: Side along its own x axis, before stretching.
-        height: Side along its own y axis, before stretching.
-        theta: Rotation from +x towards +y [rad].
+        width: Length of the rectangle along its own x axis, before stretching.
+        height: Length of the rectangle along its own y axis, before stretching.
+        theta: Rotation from +x (right) towards +y (down) [rad].
         stretch: Factors along x and y, such as 1 / fx and 1 / fy for a rectangle in pixels.
     """
     c = cos(theta)
@@ -70,13 +71,16 @@ def of_rectangle(
 
 
 def of_corners(corners: Array, camera: Camera) -> Moments:
-    """Return the moments of a polygon with corners (n, 2) [px], in normalised coordinates."""
+    """Return area, centroid and central moments, in normalised image coordinates, of a polygon with
+    corners (n, 2) [px].
+    """
     return of_polygon(camera.normalise(corners))
 
 
 def of_state(state: State, region: Region, camera: Camera) -> Moments:
-    """Return the moments of a tracker's rectangle in normalised image coordinates; with a
-    distorting lens, those of the quadrangle of its undistorted corners.
+    """Return area, centroid and central moments of the rectangle that a tracker reports, in
+    normalised image coordinates; with a lens that distorts, those of the quadrangle of its
+    undistorted corners.
     """
     if camera.distortion is not None:
         return of_corners(region.corners(state), camera)
@@ -88,6 +92,8 @@ def of_state(state: State, region: Region, camera: Camera) -> Moments:
 
 
 def _triangles(corners: Array) -> tuple[Array, Array]:
-    """Return signed areas (n,) of triangles from the origin to each edge, and the edges' ends."""
+    """Return the signed areas (n,) of the triangles between the origin and each edge of a polygon
+    (n, 2), and the second ends of the edges (n, 2).
+    """
     after = np.concatenate([corners[1:], corners[:1]])
     return (corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]) / 2, after

@@ -1,4 +1,6 @@
-"""The axes of a study: settings with lists of values; and its drawn settings, as in a scenario."""
+"""The axes of a study, which are settings with a list of values each, and its drawn settings, which
+have a random distribution each.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,7 +41,7 @@ MOST_VALUES = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """A setting and the values that it has in the runs of a study."""
+    """A setting that a study varies, and the values that it takes: the study runs each of them."""
 
     key: str
     """Name of the setting, or of the axis in [named]."""
@@ -75,16 +77,23 @@ def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...
             raise Mistake(f"{at} = {given!r}: expected a list of values, or one of {forms}")
         if len(given) > MOST_VALUES:
             raise Mistake(f"{at} has {len(given):,} values; the limit is {MOST_VALUES:,}")
-        # For Python True equals 1, which is another value of a setting.
-        values = [(isinstance(value, bool), value) for value in given]
-        if any(value in values[:place] for place, value in enumerate(values)):
+        if _has_equal(given):
             raise Mistake(f"{at} has the same value twice")
         axes.append(Axis(key, tuple(given)))
     return tuple(axes), tuple(draws)
 
 
+def _has_equal(values: list[Any]) -> bool:
+    """Return whether two of the values are equal; for Python True is 1, which is another value."""
+    typed = [(isinstance(value, bool), value) for value in values]
+    whole = [pair for pair in typed if not isinstance(pair[1], list | dict)]
+    made = [pair for pair in typed if isinstance(pair[1], list | dict)]  # they have no hash
+    return len(set(whole)) < len(whole) or any(pair in made[:at] for at, pair in enumerate(made))
+
+
 def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:
-    """Return the groups of settings in a study's table [named], checked and by dotted keys.
+    """Return the groups of settings in a study's table [named]: settings by dotted key, by group
+    and axis.
 
     Raises:
         Mistake: The name of an axis or a setting is wrong; the message begins with `place`.
@@ -104,7 +113,8 @@ def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:
 
 
 def check_key(key: str, at: str) -> None:
-    """Check that a study can vary a setting, or set it for all runs; `at` begins the message.
+    """Check that a study can vary a setting or set it for all runs: run.seed and tables such as
+    [expect] cannot. `at`, the setting's place in the study, begins the message.
 
     Raises:
         Mistake: It cannot; the message says what to write instead.
@@ -116,10 +126,14 @@ def check_key(key: str, at: str) -> None:
 
 
 def _span(law: str, numbers: tuple[Any, ...], at: str) -> list[float]:
-    """Return the values of an axis "linspace" or "geomspace" from (first, last, count)."""
+    """Return the values of an axis from (first, last, count), equally spaced for "linspace" and in
+    equal ratios for "geomspace"; `at` begins messages.
+    """
     count = numbers[2]
     if not isinstance(count, int) or not 1 <= count <= MOST_VALUES:
-        raise Mistake(f"{at}.{law}: the count should be a whole number from 1 to {MOST_VALUES:,}")
+        raise Mistake(
+            f"{at}.{law}: the count is {count!r}; give a whole number from 1 to {MOST_VALUES:,}"
+        )
     return SPANS[law](*numbers).tolist()
 
 

@@ -1,4 +1,6 @@
-"""Bounds on the measures of runs; a value that is missing or infinite misses every upper bound."""
+"""Bounds on the measures of runs. A measure that is missing or infinite exceeds every upper
+bound.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,7 +26,9 @@ UNDECIDED = "No verdict: some drawn seeds may end otherwise (expect.drawn.succes
 
 @dataclass(frozen=True, slots=True)
 class MissedBound:
-    """A bound that a run did not keep; as text, a sentence."""
+    """A bound that a run did not keep: the measure's name, its value and the bound. As text it is a
+    sentence.
+    """
 
     name: str
     """Name of the measure, or "outcome"."""
@@ -87,7 +91,7 @@ def missed_bounds(
 
 
 def missed_lines(missed: Sequence[MissedBound], measures: Mapping[str, float | None]) -> list[str]:
-    """Return a sentence for each missed bound, and a single one for all measures that have no value
+    """Return a sentence for each missed bound, and one sentence for all measures that are missing
     because the run was too short.
 
     Args:
@@ -108,7 +112,9 @@ def missed_lines(missed: Sequence[MissedBound], measures: Mapping[str, float | N
 
 @dataclass(frozen=True, slots=True)
 class DrawnShare:
-    """Number of runs with drawn settings that ended as expected; as text, a sentence."""
+    """Number of runs with drawn settings that ended with the expected outcome, and the share that
+    should. As text it is a sentence.
+    """
 
     scenario: str
     """Name of the scenario."""
@@ -121,7 +127,7 @@ class DrawnShare:
 
     @property
     def missed(self) -> bool:
-        """Return whether fewer than `least` runs ended as expected."""
+        """Return True if fewer than `least` runs ended with the expected outcome."""
         return self.ended < self.least
 
     @property
@@ -155,8 +161,8 @@ class DrawnShare:
 
 
 def doubts_of(scenario: Scenario) -> list[str]:
-    """Return a sentence for each bound of a scenario, for any tracker, that all runs miss, or that
-    no run can miss.
+    """Return a sentence for each bound of a scenario that no run can keep, or that every run keeps;
+    bounds for all trackers are checked.
     """
     found = doubtful_bounds(scenario.bounds.expect, scenario)
     for kind, bounds in scenario.bounds.others.items():
@@ -165,7 +171,7 @@ def doubts_of(scenario: Scenario) -> list[str]:
 
 
 def doubtful_bounds(bounds: Mapping[str, object], setup: Setup, place: str = "expect") -> list[str]:
-    """Return a sentence for each bound that all runs miss, or that no run can miss.
+    """Return a sentence for each bound that no run can keep, or that every run keeps.
 
     Args:
         bounds: Upper bounds by measure, and the expected `outcome`.
@@ -183,7 +189,8 @@ def doubtful_bounds(bounds: Mapping[str, object], setup: Setup, place: str = "ex
 
 
 def _doubt(name: str, bound: float, setup: Setup) -> str:
-    """Return why all runs miss an upper bound, or none can; "" if some may.
+    """Return why no run can keep an upper bound, or why every run keeps it; "" if some runs may
+    keep it.
 
     Args:
         name: The measure.
@@ -196,7 +203,7 @@ def _doubt(name: str, bound: float, setup: Setup) -> str:
     if measure.of_joints and kind_of(setup.robot) == "free":
         return "no run misses this bound, because the free camera has no joints with limits"
     if bound < ROUNDING and not (measure.share or measure.exact):
-        return f"rounding exceeds this bound; it should be above {ROUNDING:g}"
+        return f"rounding errors exceed this bound; raise it above {ROUNDING:g}"
     if bound >= 100 and (measure.share or name == "joint_range_peak_pct"):
         return "no run misses this bound, because the measure is at most 100 %"
     if bound >= 180 and measure.unit == "deg":
@@ -215,9 +222,10 @@ def missed_by_cells(
     cells: Iterable[tuple[Mapping[str, object], Sequence[Mapping[str, Any]]]],
     expect: Mapping[str, float],
 ) -> list[str]:
-    """Return a sentence for each bound that the runs with one combination of axis values miss.
+    """Return a sentence for each bound and combination of axis values whose runs do not keep the
+    bound.
 
-    An upper bound is on the mean over these runs; it is missed if a run has no finite value.
+    An upper bound is on the mean over these runs; it is also missed if a run has no finite value.
 
     Args:
         cells: The axis values, and the rows of the runs with these values.
@@ -260,7 +268,9 @@ def check_expect(scenario: Scenario) -> None:
 
 
 def _check_bounds(expect: Table, place: str) -> None:
-    """Check the names and values of the bounds in a table; errors are as for `check_expect`."""
+    """Check the names and values of the bounds in a table, such as [expect]; `place`, the table's
+    name, begins messages.
+    """
     for key, bound in expect.items():
         name = key.removeprefix(DRAWN)
         if key == f"{DRAWN}{SUCCESS_RATE}":

@@ -23,7 +23,9 @@ TRYING = 15.0
 
 
 class Workers(ExitStack):
-    """Context manager of worker processes, which are started with the first task."""
+    """The worker processes that do tasks, as a context manager; they start with the first task and
+    end with the block.
+    """
 
     def __init__(self, count: int = 1, scheduler: str | None = None) -> None:
         """Check the number of workers or the cluster's address; no process is started yet.
@@ -109,7 +111,7 @@ def give_back_memory() -> None:
 
 
 def tried(jobs: Sequence[Job]) -> tuple[float, list[tuple[Job, Failure]]]:
-    """Run a few jobs in this process to measure their time; their records are dropped.
+    """Run the first few jobs in this process to measure their time; their records are dropped.
 
     Args:
         jobs: All jobs, at least one, of which up to `TRIED` are run.

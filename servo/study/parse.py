@@ -49,7 +49,7 @@ SEEDS = 3
 
 
 class StudyTable(BaseModel):
-    """The keys of a study's file."""
+    """The keys of a study's TOML file with their types, as pydantic checks them."""
 
     model_config = STRICT
     scenario: str | Annotated[list[str], MinLen(1)]
@@ -96,7 +96,7 @@ def load(
         table.setdefault("scenario", str(path))
     if seeds is not None:
         if seeds > MOST_RUNS:
-            raise Mistake(f"--seeds {seeds}: the limit is {MOST_RUNS:,}")
+            raise Mistake(f"--seeds {seeds}: give at most {MOST_RUNS:,}")
         table["seeds"] = seeds
     if trackers is not None:
         table |= {"axes": {}, "named": {TRACKERS: trackers}, "compare": TRACKERS}
@@ -145,7 +145,7 @@ def parsed(table: Table, changes: Sequence[str], path: Path, place: str, title: 
     )
     if study.size > MOST_RUNS:
         runs = f"{study.size:,}" if study.size < COUNTABLE else f"more than {COUNTABLE:.0e}"
-        raise Mistake(f"{place}: this makes {runs} runs; the limit is {MOST_RUNS:,}")
+        raise Mistake(f"{place}: this study has {runs} runs; the limit is {MOST_RUNS:,}")
     study = _compared(study, file.compare, place)
     _check(study, place)
     return study
@@ -199,7 +199,10 @@ def _compared(study: Study, asked: str | None, place: str) -> Study:
     if asked is None:
         return replace(study, compare="tracker.kind" if "tracker.kind" in keys else None)
     if asked in [draw.key for draw in study.draws]:
-        raise Mistake(f"{place}: compare = {asked!r}: this setting is drawn; expected an axis")
+        raise Mistake(
+            f"{place}: compare = {asked!r}: this setting is drawn at random; name an axis of "
+            "the study"
+        )
     if not keys:
         raise Mistake(f"{place}: compare = {asked!r}: this study has no axis to compare")
     check_known([asked], keys, f"{place}: compare", "axis")
@@ -278,7 +281,9 @@ def _seeds(given: int | list[int], place: str) -> tuple[int, ...]:
 
 
 def _expect(bounds: dict[str, float], place: str) -> dict[str, float]:
-    """Check the names of a study's bounds and the range of the success rate; return the bounds."""
+    """Check that a study's bounds name known measures and that its success rate is from 0 to 1;
+    return the bounds.
+    """
     check_known(bounds, (SUCCESS_RATE, *MEASURES), f"{place}: expect")
     if not 0 <= bounds.get(SUCCESS_RATE, 1.0) <= 1:
         raise Mistake(f"{place}: expect.{SUCCESS_RATE} should be a share from 0 to 1")

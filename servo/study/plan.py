@@ -1,4 +1,4 @@
-"""A study as a value: scenarios, axes, drawn settings and seeds, from which its runs follow."""
+"""A study as a value: its scenarios, axes, drawn settings and seeds, and the list of its runs."""
 
 import itertools
 from collections.abc import Iterator
@@ -44,7 +44,9 @@ class Study:
 
     @property
     def keys(self) -> list[str]:
-        """Return the names of all axes, such as "tracker.kind"."""
+        """Return the names of all axes, such as "tracker.kind"; "scenario" is first if there are
+        several scenarios.
+        """
         return [axis.key for axis in self.every_axis]
 
     @property

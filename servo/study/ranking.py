@@ -46,7 +46,9 @@ UNIT = "sequence"
 
 @dataclass(frozen=True, slots=True)
 class Rank:
-    """The results of one tracker over all of its runs."""
+    """The results of one tracker over all of its runs: its mean measures, and McNemar's test of it
+    against the best tracker.
+    """
 
     tracker: str
     """Label of the tracker."""

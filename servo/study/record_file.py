@@ -22,7 +22,9 @@ MISSED = pa.list_(pa.struct([(name, pa.string()) for name in ("name", "found", "
 
 
 def stored(record: Record) -> tuple[str, bytes, bytes | None]:
-    """Return a record as JSON, its series as an NPZ file, and its contact sheet as JPEG."""
+    """Return a run's record for the database: its values as JSON, its series over time as an NPZ
+    file, and its contact sheet as JPEG, or None without one.
+    """
     text = json.dumps(as_json(replace(record, series={}, sheet=None)))
     series = io.BytesIO()
     arrays: dict[str, Any] = record.series
@@ -44,8 +46,8 @@ def record_of(text: str, series: bytes | None, sheet: bytes | None) -> Record:
 
 
 def series_table(records: Sequence[Record]) -> pa.Table:
-    """Return a table with a row for each run: its number, its values over time as lists, and its
-    contact sheet as JPEG.
+    """Return a table with a row for each run: the run's number, its values over time as lists, and
+    its contact sheet (an image with pictures of the run) as JPEG.
     """
     names = dict.fromkeys(name for record in records for name in record.series)
     lists = {name: pa.array([record.series.get(name) for record in records]) for name in names}
@@ -77,7 +79,9 @@ def table_of(batches: Iterable[Sequence[Record]]) -> pa.Table:
 
 
 def _types(record: Record) -> dict[str, pa.DataType]:
-    """Return the types of the columns of results, without the columns of settings."""
+    """Return the Arrow type of each column of the results of runs, by name; the columns of settings
+    are not included.
+    """
     return {
         RUN: pa.int64(),
         record.subject_is: pa.string(),
@@ -107,7 +111,9 @@ class _Columns(dict[str, Sequence[Any]]):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TableRow(Mapping[str, Any]):
-    """A row of a table: values by name of the column, which all rows share to save memory."""
+    """A row of an Arrow table as a mapping from column to value. All rows share the columns, to
+    save memory.
+    """
 
     columns: _Columns
     place: int
@@ -125,7 +131,9 @@ class TableRow(Mapping[str, Any]):
 
 
 def rows_of(table: pa.Table) -> list[Row]:
-    """Return the rows of a table of results, as mappings from column to value; nan becomes None."""
+    """Return the rows of a table of results, as mappings from column to value; nan is returned as
+    None.
+    """
     columns = _Columns(table)
     return [TableRow(columns, place) for place in range(table.num_rows)]
 
@@ -138,7 +146,9 @@ def parquet(table: pa.Table) -> bytes:
 
 
 def _cell(value: object, kind: pa.DataType) -> object:
-    """Return a value for a column of a type: as text for a column of texts."""
+    """Return a value as a column of a type holds it: as text if the column's type is text, else
+    unchanged.
+    """
     return value if kind != pa.string() or value is None else str(value)
 
 

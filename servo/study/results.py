@@ -1,4 +1,4 @@
-"""The results of a study: means with 95 % intervals, and paired comparisons.
+"""The results of a study: means with 95 % intervals, and paired comparisons of axis values.
 
 A cell is one combination of axis values. A unit is an independent observation: a scenario if the
 study has several, else a seed, which has the same drawn settings in all cells. If seeds change
@@ -46,7 +46,9 @@ _Held = dict[Any, dict[tuple[object, ...], bool]]
 
 @dataclass(frozen=True, slots=True)
 class Units:
-    """The rows of a study's runs, grouped by unit."""
+    """The result rows of a study's runs, grouped by unit: by independent observation, such as a
+    seed or a scenario.
+    """
 
     name: str
     """Kind of the units: scenario, draw (a seed with drawn settings), seed, or run (all runs are
@@ -56,7 +58,7 @@ class Units:
 
     @staticmethod
     def of(rows: Sequence[Row], keys: Collection[str], drawn: bool, apart: str = "") -> "Units":
-        """Group the rows of a study's runs by unit.
+        """Group the result rows of a study's runs by unit (independent observation).
 
         Args:
             rows: Rows of runs.
@@ -71,7 +73,8 @@ class Units:
         return Units("run", {(): list(rows)} if rows else {})
 
     def mean(self, name: str) -> Interval | None:
-        """Return the mean of a measure over the units, with its 95 % interval; None without values.
+        """Return the mean of a measure over the units (independent observations), with its 95 %
+        interval; None without values.
 
         The value of a unit is the mean over its runs. Shares are in percent.
         """
@@ -97,7 +100,7 @@ def uncounted(rows: Sequence[Row]) -> str:
     """
     if not rows or any(len(values(rows, name)) for name in COUNTED):
         return ""
-    return "No run reaches measure.after: what counts from there on has no value."
+    return "No run reaches the time measure.after: measures from this time on have no value."
 
 
 def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
@@ -109,14 +112,18 @@ def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
 
 
 def _varies(rows: Sequence[Row], keys: Collection[str]) -> bool:
-    """Return whether two seeds of a cell differ in outcome or in a measure other than times."""
+    """Return True if two seeds with the same axis values differ in outcome or in a measure that is
+    not a computing time.
+    """
     cells = _by(rows, [SCENARIO, *keys]).values()
     return any(len(_by(cell, ["outcome", *UNTIMED])) > 1 for cell in cells)
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Means over the runs with one combination of axis values."""
+    """Number of runs, success rate and mean measures of the runs with one combination of axis
+    values.
+    """
 
     settings: Table
     """Axis values by name of the axis."""
@@ -149,7 +156,9 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """Comparison of two values of an axis, over pairs of runs that differ in nothing else."""
+    """McNemar's test of two values of an axis, such as two trackers, over pairs of runs that differ
+    in nothing else.
+    """
 
     first: object
     second: object
@@ -162,7 +171,9 @@ class Compared:
 
     @property
     def cells(self) -> list[object]:
-        """Return the values of a table's row whose titles are `COMPARED`."""
+        """Return the texts and numbers of this comparison for a table whose columns are
+        `COMPARED`.
+        """
         t = self.test
         return [self.first, self.second, self.unit, t.wins, t.losses, t.ties, t.z, t.p, self.p_holm]
 
@@ -178,13 +189,16 @@ def grouped(keys: Sequence[str], rows: Iterable[Row]) -> list[tuple[Table, list[
 
 
 def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
-    """Return the means for each combination of axis values that has runs, in the study's order."""
+    """Return the mean results for each combination of axis values that has runs, in the study's
+    order.
+    """
     drawn = bool(study.draws)
     return [Cell.of(settings, group, drawn=drawn) for settings, group in grouped(study.keys, rows)]
 
 
 def moved(cells: Sequence[Cell]) -> list[str]:
-    """Return the names of up to `MOST_MOVED` measures that differ most between the cells.
+    """Return the names of up to `MOST_MOVED` measures whose means differ most between combinations
+    of axis values.
 
     Differences are relative to the intervals of the means; small ones do not count. Of measures
     that are strongly correlated, such as rms and peak of one error, only the first is returned.
@@ -216,8 +230,8 @@ def comparisons(
 ) -> list[Compared]:
     """Compare every pair of values of an axis by McNemar's test on success, with Holm's correction.
 
-    Two values are compared in each unit over pairs of runs of the same scenario, seed and values of
-    the other axes.
+    Two values are compared in each unit (independent observation, such as a seed) over pairs of
+    runs of the same scenario, seed and values of the other axes.
 
     Args:
         key: Name of the compared axis; None: no comparisons.
@@ -240,10 +254,10 @@ def comparisons(
 
 
 def cells_csv(study: Study, found: Sequence[Cell]) -> str:
-    """Return the cells of a study as a CSV text with a line for each.
+    """Return a CSV text with a line for each combination of axis values.
 
-    Columns are the axes, runs, unit, success rate and means with 95 % intervals, and the number of
-    runs in which each measure is finite.
+    Columns are the axes, number of runs, kind of unit (independent observation), success rate,
+    means with 95 % intervals, and the number of runs in which each measure is finite.
     """
     lines = [
         [
@@ -261,12 +275,16 @@ def cells_csv(study: Study, found: Sequence[Cell]) -> str:
 
 
 def _rate(held: _Held) -> float:
-    """Return the mean over the units of the share of successes in each."""
+    """Return the success rate, from 0 to 1: the share of successful runs in each unit (independent
+    observation), averaged over the units.
+    """
     return float(np.mean([np.mean(list(unit.values())) for unit in held.values()]))
 
 
 def _mcnemar(first: _Held, second: _Held) -> McNemar:
-    """Compare success rates in each unit over the runs that two values of an axis both have."""
+    """Compare the success rates of two values of an axis in each unit (independent observation),
+    over the runs that both values have.
+    """
     rates: list[tuple[float, float]] = []
     for unit in first.keys() & second.keys():
         both = first[unit].keys() & second[unit].keys()

@@ -1,4 +1,4 @@
-"""A run as values: a `Job` before it, and a `Record` or a `Failure` after it."""
+"""A run of a study as values: a `Job` before the run, and a `Record` or a `Failure` after it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ TOO_LITTLE = "there is too little memory, or too few processes are allowed (ulim
 
 
 class Subject(Protocol):
-    """What a job runs, such as a scenario, or a tracker on a sequence."""
+    """A scenario, or a tracker on a sequence, that a job runs."""
 
     @property
     def name(self) -> str:
@@ -58,7 +58,9 @@ class Subject(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One run that is to be done; it is sent to worker processes."""
+    """One run that a study still has to make: what is run, its seed and its settings. It is sent to
+    worker processes.
+    """
 
     number: int
     """Place in its study, from 0."""
@@ -76,7 +78,9 @@ class Job:
 
     @property
     def key(self) -> str:
-        """Return the name under which the record is stored, unique in the study's folder."""
+        """Return the name under which a study stores the run's record, such as "000012"; it is
+        unique in the study's folder.
+        """
         return self.name or key_of(self.number)
 
     def describe(self) -> dict[str, object]:
@@ -85,7 +89,9 @@ class Job:
 
     @property
     def digest(self) -> str:
-        """Return the SHA-256 digest of all settings that decide the record, without versions."""
+        """Return the SHA-256 digest of all settings that decide the run's record; versions of
+        packages do not count.
+        """
         return hashlib.sha256(json.dumps(as_json(self.describe())).encode()).hexdigest()
 
     def run(self, folder: Path) -> Record:
@@ -99,7 +105,9 @@ class Job:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
-    """The results of a finished run of a scenario, or of a tracker on a sequence."""
+    """The results of a finished run of a scenario, or of a tracker on a sequence: its outcome,
+    measures, missed bounds, and values over time.
+    """
 
     number: int = 0
     """Place in its study, from 0."""
@@ -162,7 +170,9 @@ def key_of(number: int) -> str:
 
 
 def version_columns(found: Mapping[str, str]) -> dict[str, str]:
-    """Return versions by column in place of package, such as "version_numpy" for "numpy"."""
+    """Return package versions by name of their column in tables of results, such as "version_numpy"
+    for "numpy".
+    """
     return {f"{VERSION}{n.replace('-', '_').replace(' ', '_')}": v for n, v in found.items()}
 
 
@@ -176,7 +186,9 @@ class ClusterLost(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """The error that ended a job without a record."""
+    """The error that ended a job without a record: its traceback, and a sentence if the user can
+    correct the error.
+    """
 
     error: str
     """The traceback."""
@@ -187,7 +199,9 @@ class Failure:
 
     @staticmethod
     def of(error: BaseException) -> Failure:
-        """Return the failure that an exception of a job means."""
+        """Return the failure with the traceback of an exception, and its sentence if it is a
+        mistake of the user, or a full disk or memory.
+        """
         trace = "".join(traceback.format_exception(error))
         if isinstance(error, OSError) and error.errno in FULL:
             return Failure(trace, f"{error.filename}: {error.strerror}", full=True)
@@ -197,12 +211,14 @@ class Failure:
 
     @property
     def reason(self) -> str:
-        """Return the sentence about the error, or the last line of the traceback."""
+        """Return the sentence about the error, or the last line of the traceback without one."""
         return self.mistake or self.error.strip().splitlines()[-1]
 
 
 def attempt(work: Callable[[Task], Done], task: Task) -> Done | Failure:
-    """Do a task; return its result, or the failure that an exception of `work` means."""
+    """Do a task by calling `work`; return its result, or a `Failure` if `work` raises an
+    exception.
+    """
     try:
         return work(task)
     except Exception as error:

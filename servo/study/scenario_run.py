@@ -1,6 +1,5 @@
 """Runs scenarios in the closed loop as jobs of a study, and makes the records of the runs."""
 
-import copy
 import functools
 import platform
 import time
@@ -23,7 +22,7 @@ from servo.scenario.draws import Value
 from servo.scenario.expected import tracker_of
 from servo.scenario.load import Scenario
 from servo.scenario.named_files import digest_of
-from servo.scenario.toml import Table, assignment, put
+from servo.scenario.toml import Table, assignment, copied, put
 from servo.study.axes import SCENARIO, Named
 from servo.study.bounds import check_expect, missed_bounds, unjudged
 from servo.study.run import Job, Record, Series
@@ -74,7 +73,9 @@ class LoadedScenario:
 
 @dataclass(frozen=True, slots=True)
 class StudiedScenario:
-    """A scenario of a study, which is changed and parsed anew for each run."""
+    """A scenario of a study, with the study's changes: its table is changed and checked again for
+    each run.
+    """
 
     name: str
     """Shipped name, or path of a TOML file."""
@@ -102,7 +103,7 @@ class StudiedScenario:
             seed: The run's seed.
             settings: Values of the study's axes and drawn settings, by name.
         """
-        table = copy.deepcopy(self.table)
+        table = copied(self.table)
         table.pop("sweep", None)
         for key, value in _ordered(self.changes | self._own(settings)).items():
             put(table, key, value, self.study)
@@ -148,8 +149,8 @@ class StudiedScenario:
         return _performed(job, scenario, _kept(frozenset(self.files.items())))
 
     def _own(self, settings: Table) -> Table:
-        """Return the settings of one run by dotted key, with the settings of each named group in
-        place of the group's name.
+        """Return the settings of one run by dotted key. The name of a group of settings, a value of
+        an axis in [named], is replaced by the settings of this group.
         """
         found: Table = {}
         for key, value in settings.items():
@@ -201,7 +202,7 @@ def record_of(
 
 
 class Sheet:
-    """A contact sheet: one picture with `TILES` evenly spaced pictures of a run of some frames."""
+    """A contact sheet of a run: one image with `TILES` evenly spaced pictures of it."""
 
     def __init__(self, frames: int) -> None:
         self._shown = set(np.linspace(0, frames - 1, TILES).astype(int))
@@ -217,14 +218,16 @@ class Sheet:
             self._tiles.append(tile(picture, step.truth.corners, outline))
 
     def jpeg(self) -> bytes:
-        """Return the contact sheet of the pictures so far as JPEG."""
+        """Return the contact sheet with the pictures that were added so far, as the bytes of a JPEG
+        file.
+        """
         return encoded(page(self._tiles), JPEG_QUALITY)
 
 
 @functools.lru_cache(maxsize=1)
 def _kept(files: frozenset[tuple[str, str]]) -> Kept:
-    """Return a dictionary in which `Episode` keeps robot and target for the next run, an empty one
-    when the digests of the study's files change.
+    """Return a dictionary that `Episode` keeps robot and target in for the next run; a new one if
+    `files`, the digests of the study's files, differ from those of the last call.
 
     To build a target from a mesh takes 65 ms, three times as long as everything else before a run.
     """
@@ -247,7 +250,9 @@ def _performed(job: Job, scenario: Scenario, kept: Kept) -> Record:
 
 
 def _ordered(settings: Table) -> Table:
-    """Return settings with kinds first: a change of kind clears the other settings of its table."""
+    """Return settings by dotted key with the kinds of components first: a change of a kind clears
+    the other settings of its table.
+    """
     return dict(sorted(settings.items(), key=lambda item: not item[0].endswith(".kind")))
 
 
@@ -261,8 +266,8 @@ def _toml(value: Value) -> str:
 
 
 def _series(run: Columns) -> dict[str, Series]:
-    """Return the values over time of a run by name, in single precision, and whether the tracker
-    was on the target.
+    """Return the values over time of a run by name, in single precision; "on_target" is true where
+    the tracking error is at most `CONVERGED_PX`.
     """
     corners = run["corners"].reshape(len(run), len(CORNERS))
     columns = {

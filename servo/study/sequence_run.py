@@ -39,7 +39,7 @@ NAMING = ("level", "colours")
 
 @dataclass(frozen=True, slots=True)
 class Contender:
-    """A tracker that is run on sequences, with its settings and its label in tables."""
+    """A tracker that is run on sequences: its label in tables, and its settings."""
 
     label: str
     config: Any
@@ -71,7 +71,9 @@ class Contender:
 
 @dataclass(frozen=True, slots=True)
 class Generated:
-    """A kind of painted sequences with its settings; each seed gives another sequence."""
+    """A kind of painted (synthetic) sequence with its settings; each seed gives another
+    sequence.
+    """
 
     kind: str
     config: Any
@@ -79,7 +81,9 @@ class Generated:
 
     @property
     def name(self) -> str:
-        """Return the kind, followed by the level or the colours if the kind has such a setting."""
+        """Return the kind of the painted sequence, followed by the level or the colours if the kind
+        has such a setting.
+        """
         found = [str(getattr(self.config, key)) for key in NAMING if hasattr(self.config, key)]
         return "-".join([self.kind, *found])
 
@@ -94,7 +98,9 @@ class Generated:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """A recorded sequence of pictures with a file of its truth, in a folder of sequences."""
+    """A recorded sequence of pictures with a file of the target's true positions, in a folder of
+    sequences.
+    """
 
     folder: Path
     name: str
@@ -120,7 +126,9 @@ class Recorded:
         return found
 
     def describe(self) -> Table:
-        """Return folder, name, truth format, and digest of the content."""
+        """Return the sequence's folder, name, format of the truth file, and digest of pictures and
+        truth, by name.
+        """
         return {
             "folder": str(self.folder.resolve()),
             "name": self.name,
@@ -140,7 +148,7 @@ Entry = Generated | Recorded
 
 @dataclass(frozen=True, slots=True)
 class TrackedSequence:
-    """A tracker and a sequence that it should follow."""
+    """A tracker and the sequence that it follows, which a job runs together."""
 
     contender: Contender
     entry: Entry

@@ -61,7 +61,9 @@ GOES_ON = "the finished runs are stored; run the same command again to continue"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyFile(Made):
-    """The file study.json, which describes a study and the command that began it."""
+    """The contents of the file study.json, which describes a study and the command that began
+    it.
+    """
 
     FILE: ClassVar[str] = "study.json"
     KIND: ClassVar[str] = "study"
@@ -88,7 +90,9 @@ class StudyFile(Made):
 
     @staticmethod
     def of(study: Study, command: str) -> StudyFile:
-        """Return the file study.json of a study; `command` is the command line that begins it."""
+        """Return the contents of the file study.json of a study; `command` is the command line that
+        begins the study.
+        """
         return StudyFile(
             command=command,
             versions=versions(),
@@ -108,7 +112,8 @@ class StudyFile(Made):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FailureFile(Document):
-    """The file failures/NUMBER.json of a run that ended with an error.
+    """The contents of the file failures/NUMBER.json, which describes a run that ended with an
+    error.
 
     The file is kept even if a later try of the run succeeds: it shows that the run does not repeat.
     """
@@ -124,7 +129,7 @@ class FailureFile(Document):
 
     @staticmethod
     def of(job: Job, error: str) -> FailureFile:
-        """Return the file of a failed job; `error` is the traceback."""
+        """Return the contents of a failed job's file; `error` is the traceback."""
         settings = job.settings | {"seed": job.seed}
         return FailureFile(run=job.number, settings=settings, command=job.command, error=error)
 
@@ -216,7 +221,9 @@ def _readable(path: Path) -> sqlite3.Connection:
 
 
 def _text(raw: bytes) -> str:
-    """Decode a text of the database; bytes that are no text are replaced, as the row is damaged."""
+    """Decode a UTF-8 text of the database; invalid bytes, as in a damaged row, become the
+    replacement character.
+    """
     return raw.decode(errors="replace")
 
 
@@ -273,7 +280,9 @@ def _described(folder: Path, holds: str) -> StudyFile | None:
 
 
 def _of_the_beginning(path: Path) -> bool:
-    """Return whether a file may be from a process that was killed before it wrote study.json."""
+    """Return True if a file may be left by a process that was killed before it wrote study.json, so
+    that its folder counts as new.
+    """
     return path.name in (LOCK, atomic.ASIDE.format(StudyFile.FILE))
 
 
@@ -304,7 +313,7 @@ def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
 
 
 class Store:
-    """The records in a study's folder."""
+    """The records in a study's folder: finds, reads, adds and exports them."""
 
     def __init__(self, folder: Path, database: sqlite3.Connection | None = None) -> None:
         """Use a study's folder; without an open `database` the store is for reading only."""
@@ -461,8 +470,8 @@ class Store:
 
     @contextmanager
     def _opened(self, action: str = f"read {RUNS}") -> Generator[sqlite3.Connection]:
-        """Yield the database, opened for reading if need be; errors of the block are turned into
-        those of `on_disk`, whose `action` this is.
+        """Yield the open database; one that is not open is opened for reading. Errors in the block
+        become the exceptions of `on_disk`, with the sentence about `action`.
         """
         with on_disk(self.folder, action):
             if self._database is not None:

@@ -1,4 +1,6 @@
-"""Suites: sequences on which trackers are compared, by name, from a folder or from a TOML file."""
+"""Suites: sets of sequences on which trackers are compared, given by name, by a folder or by a TOML
+file.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -30,7 +32,7 @@ CLOSED_LOOP = "closed_loop"
 
 
 class SuiteTable(BaseModel):
-    """The keys of a suite's file."""
+    """The keys of a suite's TOML file: its sequences and, if it lists any, its trackers."""
 
     model_config = STRICT
     sequences: Annotated[list[Table], MinLen(1)]
@@ -40,7 +42,9 @@ class SuiteTable(BaseModel):
 
 
 class RecordedTable(BaseModel):
-    """The keys of recorded sequences in a suite's file."""
+    """The keys of a table [[sequences]] with recorded sequences: their folder, and the format of
+    its truth files.
+    """
 
     model_config = STRICT
     path: str
@@ -113,7 +117,9 @@ def _contender(table: Mapping[str, object], place: str) -> Contender:
 
 
 def _entry(table: Table, place: str) -> Generated:
-    """Return the painted sequences of a table with `kind` and settings; `place` begins messages."""
+    """Return the painted (synthetic) sequences of a table with `kind` and settings; `place` begins
+    messages.
+    """
     return Generated(str(table["kind"]), fill_plugin(GENERATORS, table, place))
 
 
@@ -148,7 +154,7 @@ def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
 
 
 def _all_different(chosen: list[Contender], place: str) -> list[Contender]:
-    """Check that trackers have different labels, and return the trackers.
+    """Return the trackers if their labels differ from each other.
 
     Raises:
         Mistake: Two trackers have the same label; the message begins with `place`.
@@ -179,7 +185,7 @@ def _entries(item: Table, beside: Path, place: str) -> Sequence[Entry]:
         Mistake: The table has neither or both of `path` and `kind`, or a setting is wrong.
     """
     if ("path" in item) == ("kind" in item):
-        raise Mistake(f"{place} should have either a path or a kind")
+        raise Mistake(f"{place} has both a path and a kind, or neither: give one of them")
     if "kind" in item:
         return [_entry(item, place)]
     recorded = validated(RecordedTable, item, f"{place}.")

@@ -1,4 +1,4 @@
-"""Example pictures, robot postures and views of a target, with which components are tested."""
+"""Example pictures, robot postures and views of a target, on which components are tested."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -49,7 +49,9 @@ def film(
 
 
 def region_of(picture: Image | None) -> Region:
-    """Return width and height [px] of the target in `film`, given its appearance (H, W, 3)."""
+    """Return width and height [px] of the target in the frames of `film`, given the target's
+    appearance (H, W, 3) or None.
+    """
     if picture is None:
         return REGION
     return Region(REGION.width, REGION.width * picture.shape[0] / picture.shape[1])
@@ -77,8 +79,8 @@ def posture() -> Posture:
 
 
 def seen_from(T_room_camera: Pose, T_room_target: Pose, *, pixels: bool) -> Sight:
-    """Return the exact view of a target's reference rectangle, with a goal: the view from `DOWN` of
-    a target at the room's origin.
+    """Return the exact view of a target from a camera (corners, plane and pose of its reference
+    rectangle), with a goal: the view from `DOWN` of a target at the room's origin.
 
     Args:
         T_room_camera: Pose of the camera in the room.
@@ -90,7 +92,7 @@ def seen_from(T_room_camera: Pose, T_room_target: Pose, *, pixels: bool) -> Sigh
 
 
 def _seen(T_room_camera: Pose, T_room_target: Pose, pixels: bool) -> Sight:
-    """Return the exact view of a target as `seen_from` does, without a goal."""
+    """Return the exact view of a target from a camera, as `seen_from` does, but without a goal."""
     T_camera_object = T_room_camera.inverse() @ T_room_target @ object_frame(OUTLINE)
     picture = CameraImage(_textured(T_camera_object), CAMERA) if pixels else None
     return replace(sight_of(T_camera_object, OUTLINE), picture=picture)

@@ -1,4 +1,6 @@
-"""Builds the component that a check was given, and has the checks that all components share."""
+"""Builds the component that a check is given, and has the checks that all kinds of components
+share.
+"""
 
 import dataclasses
 import functools
@@ -28,7 +30,7 @@ def contract(check: Callable[..., None]) -> Callable[..., None]:
         except BrokenContract:
             raise
         except (Exception, SystemExit) as error:
-            raise BrokenContract(f"it raised {type(error).__name__}: {error}") from error
+            raise BrokenContract(f"the component raised {type(error).__name__}: {error}") from error
 
     return checked
 
@@ -72,8 +74,8 @@ def built(place: str, config: Any, given: object = None) -> Any:
 
 
 def check_repetition(place: str, config: object, use: Callable[[Any], Any], what: str) -> None:
-    """Check that a component gives the same results when it is built again, and when it is started
-    again for a second run.
+    """Check that a component gives the same results when it is built again, and also when the same
+    object is started for a second run.
 
     Args:
         place: The component's table in a scenario, such as "tracker".

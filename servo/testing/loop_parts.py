@@ -1,4 +1,4 @@
-"""Checks of feature sets, estimators and controllers."""
+"""Checks whether feature sets, estimators and controllers work as servobench needs them."""
 
 from dataclasses import replace
 from functools import partial
@@ -28,7 +28,8 @@ DT = 0.1
 
 @contract
 def check_features(features: object) -> None:
-    """Check that a feature set has all that `servo.parts.FeatureSet` requires.
+    """Check that a feature set works as `servo.parts.FeatureSet` requires: features that repeat, no
+    error at the goal, and a right interaction matrix.
 
     The interaction matrix is compared with finite differences of the features, except for features
     that are computed from the picture's pixels.
@@ -61,13 +62,14 @@ def _check_matrix(features: FeatureSet, target: Pose, *, pixels: bool) -> None:
     values = features.values(sight)
     require(
         np.array_equal(values, features.values(sight), equal_nan=True),
-        "the same sight gave other values the second time; compute them from the sight alone",
+        "the same view of the target gave other values the second time; compute the values "
+        "from this view alone",
     )
     matrix = features.matrix(sight)
     features.known(sight)
     features.scales(values)
     zero = features.error(values, values)
-    require(not np.any(zero), f"error(s, s) is {zero}; it should be zero")
+    require(not np.any(zero), f"error(s, s) is {zero}; return zeros for equal features")
     if pixels:
         return  # one depth stands for all pixels, and brightness is a whole number
     found: list[Array] = []
@@ -81,8 +83,9 @@ def _check_matrix(features: FeatureSet, target: Pose, *, pixels: bool) -> None:
     row, column = np.unravel_index(np.argmax(wrong), wrong.shape)
     require(
         wrong.max() <= TOLERANCE * max(1.0, np.abs(matrix).max()),
-        f"the matrix of {features.names[row]} to {DOF[column]} is {matrix[row, column]:.6g}, but "
-        f"its values change by {found[column][row]:.6g}: ds/dt = L v must hold",
+        f"the interaction matrix of {features.names[row]} to {DOF[column]} is "
+        f"{matrix[row, column]:.6g}, but finite differences of the values give "
+        f"{found[column][row]:.6g}: correct one of them, as ds/dt = L v",
     )
 
 

@@ -42,7 +42,7 @@ class _Subject:
             yield tracker.update(frame, np.zeros(4))
 
     def states(self, tracker: Tracker) -> list[State]:
-        """Return the states that a tracker finds in five frames after its start."""
+        """Return the states that a tracker estimates in the five frames after its start."""
         return [estimate.state for estimate in self.track(self.film(6), tracker)]
 
 
@@ -72,12 +72,12 @@ def check_tracker(tracker: object, picture: Image | None = None) -> None:
 
 
 def _check_pictures_are_kept(subject: _Subject) -> None:
-    """Check that a tracker does not change the pictures that it is given."""
+    """Check that a tracker leaves the arrays of the pictures that it is given unchanged."""
     try:
         list(subject.track(subject.film(6)))
     except ValueError as error:
         if "read-only" in str(error):
-            raise BrokenContract("it writes into frame.image; work on a copy") from error
+            raise BrokenContract("the tracker writes into frame.image; work on a copy") from error
         raise
 
 
@@ -130,12 +130,13 @@ def _check_loss(subject: _Subject) -> None:
 
 
 def _check_refusal(subject: _Subject) -> None:
-    """Check that a tracker refuses a region without area with a ValueError."""
+    """Check that a tracker raises a ValueError if it is started on a region of zero width."""
     tracker = built("tracker", subject.config)
     try:
         tracker.start(next(subject.film(1)), Region(0.0, 20.0), FIRST)
     except ValueError:
         return
     raise BrokenContract(
-        "start took a region of 0 x 20 px; raise a ValueError, as tracking.types.check_region does"
+        "start accepted a region of 0 x 20 px; raise a ValueError, as "
+        "tracking.types.check_region does"
     )

@@ -53,7 +53,10 @@ def check_motion(motion: object) -> None:
         same = np.array_equal(pose.translation, again.at(time).translation)
         require(same, "the same generator gave another motion; draw from build(rng) only")
         jump = float(np.linalg.norm(once.at(time + SOON).translation - pose.translation))
-        require(jump < NEAR, f"at({time:g}) jumps by {jump:.3g} m within a millisecond")
+        require(
+            jump < NEAR,
+            f"at({time:g}) jumps by {jump:.3g} m within a millisecond: make the motion continuous",
+        )
 
 
 @contract
@@ -113,7 +116,8 @@ def _check_jacobian(machine: Robot, data: Any, home: Array) -> None:
     wrong = float(np.abs(machine.jacobian(data) - np.column_stack(found)).max())
     require(
         wrong < 1e-5,
-        f"its Jacobian differs by {wrong:.3g} from finite differences of the camera pose",
+        f"the Jacobian of the robot differs by {wrong:.3g} from finite differences of the "
+        "camera pose",
     )
 
 
@@ -139,19 +143,19 @@ def check_target(target: object) -> None:
     )
     sized = min(a, b) >= SHORTEST_SIDE and max(a, b) <= LONGEST_SIDE
     limits = f"{SHORTEST_SIDE:g} to {LONGEST_SIDE:g}"
-    require(sized, f"the outline is {a:g} x {b:g} m; its sides go from {limits}")
+    require(sized, f"the outline is {a:g} x {b:g} m; its sides have to be from {limits}")
     model = _scene(target=found)
     data = mujoco.MjData(model)
     body = model.body(TARGET)
     own = model.body_rootid[model.geom_bodyid] == body.id
-    require(own.any(), "its model has no geoms, so that no picture would show it")
+    require(own.any(), "the target's model has no geoms, so that no picture would show it")
     mujoco.mj_kinematics(model, data)
     before = data.geom_xpos[own].copy()
     data.mocap_pos[body.mocapid[0]] = (0.1, 0.2, 0.0)
     mujoco.mj_kinematics(model, data)
     moved = np.allclose(data.geom_xpos[own] - before, (0.1, 0.2, 0.0), atol=1e-9)
     require(
-        moved, "some of its geoms stay behind when the target moves; remove joints of its model"
+        moved, "some geoms stay behind when the target moves; remove joints of the target's model"
     )
 
 

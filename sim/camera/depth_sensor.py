@@ -23,7 +23,7 @@ class DepthSensor:
     """Converts exact depth pictures to those of a sensor with noise, holes and a limited range."""
 
     def __init__(self, config: CameraConfig, rng: np.random.Generator) -> None:
-        """Keep the settings; `rng` draws the noise."""
+        """Store the settings of the camera; `rng` draws the noise of the depths."""
         self._config = config
         self._rng = rng
 
@@ -50,7 +50,9 @@ class DepthSensor:
 
 
 def _beside_edges(exact: DepthPicture, pixels: int) -> NDArray[np.bool_]:
-    """Return a mask (H, W) of the pixels at most so many pixels away from an edge in depth."""
+    """Return a mask (H, W), True for the pixels of an exact depth picture that are at most `pixels`
+    away from an edge in depth.
+    """
     edges = cv2.dilate(exact, AROUND) / JUMP > cv2.erode(exact, AROUND)
     size = 2 * pixels - 1
     return cv2.dilate(edges.astype(np.uint8), np.ones((size, size), np.uint8)).astype(bool)

@@ -158,7 +158,9 @@ class Sensor:
         return light
 
     def _adapt(self, level: float, share: float) -> None:
-        """Move the gain by a share towards the value that gives the first picture's brightness."""
+        """Move the automatic gain by a share, 0 to 1, towards the value that gives a picture of
+        brightness `level` the brightness of the run's first picture.
+        """
         if self._level is None:
             self._level = level
         self._gain = float(np.clip(self._gain * (self._level / level) ** share, *GAINS))

@@ -220,7 +220,9 @@ class Supersampled:
     def __init__(
         self, make: MakeRenderer, times: int, model: mujoco.MjModel, camera: str, view: Camera
     ) -> None:
-        """Make the other renderer, whose pictures are so many times as wide, and as high."""
+        """Make the other renderer, whose pictures are `times` times as wide and `times` times as
+        high.
+        """
         self._size = view.width, view.height
         self._middle = slice(times // 2, None, times)
         larger = Camera(
@@ -278,7 +280,7 @@ class Backdrop:
     """
 
     def __init__(self, model: mujoco.MjModel, view: Camera) -> None:
-        """Find the table of a model; a model without one has nothing that hides the sky."""
+        """Find the table in a model; without a table nothing hides the sky."""
         found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, TABLE)
         self._reach = np.zeros(2) if found < 0 else model.geom_size[found, :2] - TABLE_RIM
         self.floor = np.array([i for i in range(model.ngeom) if model.geom(i).name == FLOOR], int)
@@ -303,7 +305,9 @@ class Backdrop:
 
 
 def _aim(model: mujoco.MjModel, name: str, view: Camera) -> None:
-    """Set the intrinsics of a model's camera; `pinhole` reads them back."""
+    """Write the intrinsics of a pinhole camera into the camera of a MuJoCo model, by its name;
+    `pinhole` reads them from there.
+    """
     camera = model.camera(name).id
     size = np.array([view.width, view.height])
     offset = size / 2 - (view.cx, view.cy)

@@ -1,5 +1,6 @@
-"""Disturbances of a run (light, occlusion, dropped frames), one per file: `Config.build(rng)` gives
-an object with `at(time) -> Effect`, and `props`: the models that it needs in the scene.
+"""Package of the disturbances of a run (light, occlusion, dropped frames), one module each:
+`Config.build(rng)` returns an object with `at(time) -> Effect`, and `props`, the models that it
+needs in the scene.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A board slides between camera and target, stays there, and slides out again."""
+"""Disturbance: a board slides between camera and target, stays there, and slides out again."""
 
 from dataclasses import dataclass
 from typing import Annotated

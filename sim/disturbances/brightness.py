@@ -1,4 +1,6 @@
-"""A temporary change of the image's brightness by a factor, with ramps at both ends."""
+"""Disturbance: the brightness of the picture changes by a factor for a time, with ramps at both
+ends.
+"""
 
 from dataclasses import dataclass
 from typing import Annotated

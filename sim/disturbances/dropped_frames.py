@@ -1,4 +1,4 @@
-"""The camera drops frames at random times, which are the same for every frame rate."""
+"""Disturbance: the camera drops frames at random times, which are the same for every frame rate."""
 
 from dataclasses import dataclass
 from math import floor
@@ -23,15 +23,17 @@ class Config:
     """Share of the time in which frames are dropped."""
 
     def build(self, rng: np.random.Generator) -> "DroppedFrames":
-        """Return the disturbance; its times are drawn with a seed from the generator."""
+        """Return the disturbance, which drops frames at times that a seed, drawn from the
+        generator, determines.
+        """
         return DroppedFrames(self.share, int(rng.integers(2**31)))
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class DroppedFrames:
-    """Drops all frames within randomly chosen time slots of 0.03 s; each slot is chosen
-    independently of all others.
+    """Disturbance that drops all frames in randomly chosen time slots of 0.03 s; each slot is
+    chosen independently of all others.
     """
 
     share: float

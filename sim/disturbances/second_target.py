@@ -1,4 +1,4 @@
-"""A second target, a copy of the first, drives straight across the table."""
+"""Disturbance: a second target, a copy of the first, drives straight across the table."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The lamp dims, and a spot light from above brightens a part of the table."""
+"""Disturbance: the lamp dims, and a spot light from above brightens a part of the table."""
 
 from dataclasses import dataclass
 

@@ -78,7 +78,9 @@ def _named(path: Path, changed: int, size: int) -> tuple[frozenset[str], frozens
 
 
 def _in_xml(path: Path) -> tuple[frozenset[str], frozenset[str]]:
-    """Return the names of files and the names of folders in a model; none if it is not XML."""
+    """Return the names of files and the names of folders that an XML model (MJCF or URDF) has; two
+    empty sets if the file is not XML.
+    """
     with path.open("rb") as file:
         if not file.read(64).lstrip(BEGIN).startswith(b"<"):
             return frozenset(), frozenset()
@@ -103,7 +105,9 @@ def _ends(text: str) -> Iterator[str]:
 
 
 def _locations(content: bytes) -> Iterator[str]:
-    """Yield the names of files with the weights of a network."""
+    """Yield the names of the files in which an ONNX file, given by its bytes, keeps the weights of
+    its network.
+    """
     for entry in LOCATION.finditer(content):
         size = sum((byte & 0x7F) << 7 * place for place, byte in enumerate(entry[1]))
         yield _decoded(content[entry.end() : entry.end() + size])

@@ -5,10 +5,10 @@ import warnings
 
 
 class Notice(UserWarning):
-    """A warning about a user's file."""
+    """A warning about a file of the user, which the command line prints as one line."""
 
 
 @functools.cache  # a part is built several times, but warns once
 def notice(sentence: str, kind: type[Notice] = Notice) -> None:
-    """Warn the user with a sentence, once in a process."""
+    """Warn the user with a sentence; each sentence is printed once in a process."""
     warnings.warn(sentence, kind, stacklevel=3)

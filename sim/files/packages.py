@@ -50,7 +50,9 @@ def package_folder(model: Path, package: str, inside: str) -> Path | None:
 
 
 def _around(model: Path, package: str) -> Iterator[Path]:
-    """Yield folders that may be a package of a name, the most likely first."""
+    """Yield the folders around a model file that may be the ROS package of this name, the most
+    likely first.
+    """
     installed = Path(package, "share", package)
     for folder in folders_above(model):
         yield from (folder, folder / package, folder / installed, folder / "install" / installed)

@@ -90,6 +90,8 @@ def names(folder: Path) -> list[Path]:
 
 
 def _by_number(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """Return a sort key by which 9.png comes before 10.png."""
+    """Return a sort key for a path, in which numbers in its name count by their value: 9.png comes
+    before 10.png.
+    """
     parts = NUMBERS.split(path.name)
     return [(int(p), "") if i % 2 else (0, p) for i, p in enumerate(parts)], path.name

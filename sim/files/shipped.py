@@ -41,7 +41,9 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
         return own
     if not found and not own.suffix:
         there = ", ".join(sorted(file.removesuffix(suffix) for file in shipped))
-        raise ValueError(f"{setting} = {name!r}: this is not shipped; there is {there} (or a path)")
+        raise ValueError(
+            f"{setting} = {name!r}: no file of this name is shipped; give {there}, or a path"
+        )
     if not own.suffix:
         warn_of_own(name, name + suffix, setting)
     return found or own

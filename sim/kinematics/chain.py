@@ -78,11 +78,13 @@ def chain_to(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> Chain:
     for joint in joints:
         if joint.type == mujoco.mjtJoint.mjJNT_BALL:
             raise ValueError(
-                f"the joint '{joint.name}' is a ball joint; between base and flange "
-                "there may be hinges and slides only"
+                f"the joint '{joint.name}' between base and flange is a ball joint: replace it by "
+                "hinges"
             )
     if not joints:
-        raise ValueError(f"no joint moves the flange '{name}'")
+        raise ValueError(
+            f"no joint moves the flange '{name}': name a body or site that a joint moves"
+        )
     ids = tuple(model.joint(joint.name).id for joint in joints)
     return Chain(name, model.body(body.name).id, pose, ids)
 
@@ -108,14 +110,18 @@ def flanges(spec: mujoco.MjSpec) -> list[tuple[str, str, int]]:
 
 
 def _default(spec: mujoco.MjSpec) -> str:
-    """Return the name of the tool's only site, or else of its body."""
+    """Return the name of the flange for a model without a setting: the only site of the tool at the
+    end of the longest chain, or else the tool's body.
+    """
     body = _tool(_hand(spec))
     sites = [site.name for site in body.sites if site.name]
     return sites[0] if len(sites) == 1 else body.name
 
 
 def _hand(spec: mujoco.MjSpec) -> mujoco.MjsBody:
-    """Return the last body of the longest chain, or the body that carries fingers or a jaw."""
+    """Return the hand of a robot: the last body of its longest chain of joints, or the body on this
+    chain that carries fingers or a jaw.
+    """
     body = spec.worldbody
     while moving := _moving(body):
         longest = max(moving, key=_depth)
@@ -179,13 +185,17 @@ def _tool(hand: mujoco.MjsBody) -> mujoco.MjsBody:
 
 
 def _frames(body: mujoco.MjsBody) -> list[str]:
-    """Return the names of the bodies and sites that are fixed to a body."""
+    """Return the names of the bodies and sites that are fixed to a body, without a joint
+    between.
+    """
     fixed = [child.name for child in body.bodies if not child.joints]
     return [*fixed, *(site.name for site in body.sites)]
 
 
 def _joints(body: mujoco.MjsBody) -> list[mujoco.MjsJoint]:
-    """Return the joints between the base and a body, base first."""
+    """Return the joints between the base and a body, that of the base first, that of the body
+    last.
+    """
     return [*_joints(body.parent), *body.joints] if body.parent else []
 
 
@@ -195,7 +205,7 @@ def _depth(body: mujoco.MjsBody) -> int:
 
 
 def _moving(body: mujoco.MjsBody) -> list[mujoco.MjsBody]:
-    """Return the children of a body that a joint moves, or that carry a joint."""
+    """Return the children of a body that a joint moves, or that carry bodies with joints."""
     return [child for child in body.bodies if _depth(child)]
 
 

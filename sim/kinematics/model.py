@@ -152,7 +152,8 @@ def _check_loops(spec: mujoco.MjSpec, model: mujoco.MjModel, carried: Chain) -> 
             name = f" '{constraint.name}'" if constraint.name else ""
             raise ValueError(
                 f"the {WORDS[constraint.type]}{name} of {' and '.join(map(repr, ends))} closes a "
-                "loop or couples joints between base and flange; they have to move independently"
+                "loop or couples joints between base and flange, which have to move independently: "
+                "remove the constraint"
             )
 
 
@@ -175,7 +176,9 @@ def _joints_held(model: mujoco.MjModel, constraint: mujoco.MjsEquality, end: str
 
 
 def _strip(spec: mujoco.MjSpec, joints: Sequence[str], *, keep_drives: bool) -> None:
-    """Delete all joints but these, so that grippers do not move, and lights, floors and drives."""
+    """Delete all joints of a model that are not named, so that grippers do not move; also its
+    lights and floors, and its drives, or with `keep_drives` only those of the deleted joints.
+    """
     leave_out(spec, SIMULATION)
     drives = (a for a in spec.actuators if not keep_drives or a.target not in joints)
     floors = (g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE)
@@ -187,7 +190,16 @@ def _strip(spec: mujoco.MjSpec, joints: Sequence[str], *, keep_drives: bool) -> 
 def _place_eye(
     spec: mujoco.MjSpec, body: str, pos: Array, quat: Sequence[float], camera: str = ""
 ) -> None:
-    """Call a camera `eye`, or add one to a body, and put a site of this name where it is."""
+    """Rename a camera of the model to `eye`, or add a camera of this name to a body; put a site
+    `eye` at the same place.
+
+    Args:
+        spec: The model, which is changed.
+        body: Name of the body.
+        pos: Position (3,) of the site, and of an added camera, on the body [m].
+        quat: Their orientation, a quaternion (w, x, y, z).
+        camera: Name of the model's camera; an empty text adds one.
+    """
     others = [c for c in spec.cameras if c.name == EYE != camera]
     for item in [*others, *(s for s in spec.sites if s.name == EYE)]:
         spec.delete(item)

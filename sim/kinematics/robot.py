@@ -203,7 +203,7 @@ class Robot:
         """Read the joints and their drives from a model.
 
         Raises:
-            ValueError: The model is no robot of this kind; the message says what is wrong.
+            ValueError: The model cannot be used as a robot; the message says what is wrong in it.
         """
         _check_drives(model, design)
         self.model = model
@@ -241,7 +241,7 @@ class Robot:
 
     @property
     def has_ranges(self) -> bool:
-        """True if a joint has a limited range."""
+        """True if at least one joint has a limited range."""
         return bool(self._limited.any())
 
     def servos(self) -> Array:
@@ -284,7 +284,7 @@ class Robot:
         return self.eye(data)
 
     def joints(self, data: mujoco.MjData) -> Array:
-        """Return the joint positions (n,) in `data` [m or rad]."""
+        """Return the present joint positions (n,) in `data` [m or rad]."""
         return data.qpos[self.qpos].copy()
 
     def room(self, data: mujoco.MjData) -> Array:
@@ -297,7 +297,7 @@ class Robot:
         return np.divide(nearer, self.upper - self.lower, out=room, where=self._limited)
 
     def rates_measured(self, data: mujoco.MjData) -> Array:
-        """Return the joint velocities (n,) in `data` [m/s or rad/s]."""
+        """Return the present joint velocities (n,) in `data` [m/s or rad/s]."""
         return data.qvel[self._dof].copy()
 
     def jacobian(self, data: mujoco.MjData) -> Array:
@@ -512,7 +512,9 @@ class Robot:
         return False
 
     def refresh(self, data: mujoco.MjData) -> None:
-        """Compute body poses and Jacobians in `data` from its joint positions."""
+        """Compute the poses and Jacobians of all bodies in `data` anew, from its joint
+        positions.
+        """
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_comPos(self.model, data)
 
@@ -523,7 +525,7 @@ class Robot:
         return self.mounting.eye(self.hand(data))
 
     def camera(self, data: mujoco.MjData) -> Pose:
-        """Return T_world_camera, as of the last kinematics."""
+        """Return the camera's pose T_world_camera, as of the last kinematics of `data`."""
         standing = self.mounting.standing
         return self.hand(data) if standing is None else standing
 
@@ -558,7 +560,9 @@ def _stopping(room: float, acceleration: float) -> float:
 
 
 def _slowed(wanted: Array, box: list[tuple[float, float]]) -> float:
-    """Return the largest factor, at most 1, that brings all wanted rates (n,) into a box."""
+    """Return the largest factor, at most 1, that brings all wanted rates (n,) between the least and
+    the largest rate of each joint.
+    """
     pairs = zip(wanted.tolist(), box, strict=True)
     factors = ((high if rate > 0 else low) / rate for rate, (low, high) in pairs if rate)
     return min(1.0, *factors)

@@ -108,7 +108,9 @@ def with_stands(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 def _attach_robot(room: mujoco.MjSpec, robot: Design, camera: CameraConfig) -> None:
-    """Attach a robot to a room; its camera is then called CAMERA."""
+    """Attach a robot's model to the room's model, at its base; its camera is then called `CAMERA`,
+    "robot/eye".
+    """
     base = robot.base
     frame = room.worldbody.add_frame(pos=base.translation, quat=quaternion_of(base.rotation))
     spec = robot.spec.copy()

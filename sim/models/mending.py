@@ -133,7 +133,9 @@ def _leave_out_textures(spec: mujoco.MjSpec, path: Path, mended: Mended) -> None
 
 
 def _replace_meshes(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> None:
-    """Read the meshes that MuJoCo refuses by trimesh, and leave out those that it cannot read."""
+    """Read the meshes that MuJoCo refuses with trimesh instead; leave out those that trimesh cannot
+    read either, unless `whole` is set.
+    """
     for shape in spec.meshes:
         shape.name = shape.name or Path(shape.file).stem  # as MuJoCo names it
     wrong = [shape for shape in spec.meshes if not _compiles(spec, shape.name)]

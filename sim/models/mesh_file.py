@@ -174,7 +174,7 @@ def read_mesh(
     """
     suffix = path.suffix.lower()
     if suffix not in suffixes:
-        raise ValueError(f"{path}: a target's mesh has to be .obj or .stl")
+        raise ValueError(f"{path}: this is not a mesh of a target: give an .obj or .stl file")
     with reading.opened(path, "mesh") as file:
         content = file.read()
     used = None
@@ -275,7 +275,7 @@ def _joined(
 
 
 def _material(visual: Any, used: set[str] | None) -> Material | None:
-    """Return the material of a part; None if it has none."""
+    """Return the material of a part of a mesh, its colour or picture; None if it has none."""
     if visual.kind is None:
         return None
     if visual.kind != "texture":

@@ -105,7 +105,9 @@ def spec_of_urdf(path: Path, mended: Mended) -> mujoco.MjSpec:
 
 
 def _leave_out_namespaces(tree: Element) -> None:
-    """Delete elements that belong to other programs, such as a simulator's sensors."""
+    """Delete the elements of a URDF file that belong to other programs, such as a simulator's
+    sensors, by their XML namespace; refuse those of xacro.
+    """
     for parent in list(tree.iter()):
         for element in list(parent):
             if "xacro}" in element.tag:
@@ -125,10 +127,11 @@ def _complete_weights(link: Element, mended: Mended) -> None:
 
 
 def _check_limit(joint: Element) -> None:
-    """Check that a joint's lower limit is below its upper one; MuJoCo would ignore such a range.
+    """Check that a URDF joint's lower limit is not above its upper one; MuJoCo would ignore such a
+    range.
 
     Raises:
-        ValueError: It is not.
+        ValueError: The lower limit is above the upper one.
     """
     limit = joint.find("limit")
     if limit is None:

@@ -38,7 +38,7 @@ class Outlined:
         give, or else the one found in the model.
 
         Raises:
-            ValueError: Nothing of it is seen from above.
+            ValueError: No part of the target is seen from above.
         """
         target = target_of(spec)
         if self.outline is None:
@@ -58,7 +58,8 @@ def rgba(colour: Colour) -> list[float]:
         return [*colour, 1.0]
     if not HEX.fullmatch(colour):
         raise ValueError(
-            f"colour = {colour!r}: a colour is '#rrggbb', or three numbers from 0 to 1"
+            f"colour = {colour!r}: this colour is not known: give '#rrggbb', or three numbers "
+            "from 0 to 1"
         )
     return [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)] + [1.0]
 

@@ -42,8 +42,8 @@ def show(
     geoms: Sequence[mujoco.MjsGeom],
     parts: Sequence[tuple[Triangles, Material | None]],
 ) -> None:
-    """Show a mesh of several materials, of which MuJoCo draws one a geom: each part becomes a mesh
-    of its own, with a geom beside each geom of the whole mesh.
+    """Show a mesh that has several materials. MuJoCo draws one material for each geom, so each part
+    of one material becomes a mesh of its own, with a geom beside each geom of the whole mesh.
 
     Args:
         spec: The model, which is changed.
@@ -62,7 +62,7 @@ def show(
 
 
 def _twin(geom: mujoco.MjsGeom, mesh: str) -> mujoco.MjsGeom:
-    """Add a geom of another mesh at the place of a geom, without mass; return it."""
+    """Add a geom with another mesh at the place of a geom, without mass, and return it."""
     return geom.parent.add_geom(
         type=geom.type, meshname=mesh, pos=geom.pos, quat=geom.quat, group=geom.group, mass=0
     )

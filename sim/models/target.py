@@ -46,7 +46,7 @@ def target_of(spec: mujoco.MjSpec) -> Target:
     `outline`, or else the one that `seen_from_above` finds.
 
     Raises:
-        ValueError: Nothing of it is seen from above.
+        ValueError: No part of the target is seen from above.
     """
     own = outline_site(spec)
     return Target(spec, seen_from_above(spec) if own is None else own, found=own is None)
@@ -80,7 +80,7 @@ def outline_site(spec: mujoco.MjSpec) -> Array | None:
     mujoco.mj_kinematics(model, data)
     site = data.site(OUTLINE)
     if not np.allclose(site.xmat, np.eye(3).ravel(), atol=1e-6):
-        raise ValueError(f"the site '{OUTLINE}' is turned; it has to lie along the model's x and y")
+        raise ValueError(f"the site '{OUTLINE}' is turned: align it with the model's x and y")
     length, width, _ = 2 * model.site(OUTLINE).size
     return rectangle(site.xpos.copy(), length, width)
 
@@ -117,7 +117,9 @@ def _bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
 
 
 def _hits(model: mujoco.MjModel, data: mujoco.MjData, low: Array, high: Array) -> Array:
-    """Return the points (n, 3) where rays straight down, one a cell of a grid, meet the model."""
+    """Return the points (n, 3) [m] where vertical rays from above, one for each cell of a grid,
+    meet the model; rays that meet nothing have none.
+    """
     middles = (np.arange(RAYS) + 0.5) / RAYS
     xs, ys = (low[i] + middles * (high[i] - low[i]) for i in (0, 1))
     down = np.array([0.0, 0.0, -1.0])

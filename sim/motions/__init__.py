@@ -1,5 +1,5 @@
-"""Target motions, one per file: `Config.build(rng)` gives an object with `at(time) -> Pose`, which
-is T_world_target at a time [s].
+"""Package of the target's motions, one module each: `Config.build(rng)` returns an object with
+`at(time) -> Pose`, which is T_world_target at a time of the run [s].
 """
 
 from __future__ import annotations

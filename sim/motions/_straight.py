@@ -1,4 +1,4 @@
-"""Drives along a straight line, the nose ahead."""
+"""Base class of motions along a straight line, the nose ahead."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from sim.types import Pose
 
 @dataclass(frozen=True, slots=True)
 class Straight(BuildsItself):
-    """A drive along a straight line; the nose never turns."""
+    """Base class of motions along a straight line; the direction of the nose never changes."""
 
     x: Place = 0.0
     """Start position along world x [m]."""
@@ -22,7 +22,9 @@ class Straight(BuildsItself):
 
     @abstractmethod
     def way(self, time: float) -> float:
-        """Return the distance from the start at a time [s], along the nose [m]."""
+        """Return the distance from the start along the direction of the nose [m], at a time of the
+        run [s].
+        """
 
     def at(self, time: float) -> Pose:
         heading = radians(self.heading_deg)

@@ -1,4 +1,4 @@
-"""The target drives around a circle, its nose along the tangent."""
+"""Motion: the target drives around a circle, its nose along the tangent."""
 
 from dataclasses import dataclass
 from math import cos, pi, sin

@@ -1,4 +1,4 @@
-"""The target drives straight on at constant speed."""
+"""Motion: the target drives straight on at constant speed."""
 
 from dataclasses import dataclass
 

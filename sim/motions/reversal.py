@@ -1,5 +1,5 @@
-"""The target drives back and forth on a straight line at constant speed; it reverses instantly (the
-experiment of Teuliere, Marchand and Eck, section VI).
+"""Motion: the target drives back and forth on a straight line at constant speed, and reverses
+instantly (the experiment of Teuliere, Marchand and Eck, section VI).
 """
 
 from dataclasses import dataclass

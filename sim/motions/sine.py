@@ -1,4 +1,4 @@
-"""The target swings along a straight line, its position a sine of time."""
+"""Motion: the target swings along a straight line, its position a sine of time."""
 
 from dataclasses import dataclass
 from math import pi, sin

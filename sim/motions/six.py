@@ -1,5 +1,5 @@
-"""The target moves above the table in all six degrees of freedom, smoothly; frequencies and
-directions are drawn from the seed.
+"""Motion: the target moves above the table in all six degrees of freedom, smoothly, with
+frequencies and directions that are drawn from the seed.
 """
 
 from dataclasses import dataclass
@@ -60,7 +60,7 @@ class Six:
     """Amplitudes of x, y, z [m] and of the rotations about x, y, z [rad] (6,)."""
 
     def at(self, time: float) -> Pose:
-        """Return T_world_target at a time [s]."""
+        """Return the pose T_world_target at a time of the run [s]."""
         q = self.largest * np.sin(2 * pi * self.frequencies * time).mean(axis=0)
         turned = exp_so3(np.array([0.0, 0.0, q[5]]))
         return Pose(turned @ exp_so3(np.array([q[3], q[4], 0.0])), MIDDLE + q[:3])

@@ -1,4 +1,4 @@
-"""The target turns on the spot, drives a leg, turns on the spot again, and so on."""
+"""Motion: the target turns on the spot, drives straight on, turns on the spot again, and so on."""
 
 from dataclasses import dataclass
 from math import cos, radians, sin
@@ -44,6 +44,8 @@ class Config(BuildsItself):
         return Pose.planar(way.real, way.imag, float(np.angle(nose)))
 
     def _direction(self, turns: float) -> complex:
-        """Return the direction of the nose after a number of turns, as a complex unit number."""
+        """Return the direction of the nose after a number of turns on the spot, as a complex number
+        of length 1 (x + i y).
+        """
         angle = radians(self.heading_deg + turns * self.turn_deg)
         return complex(cos(angle), sin(angle))

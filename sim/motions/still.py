@@ -1,4 +1,4 @@
-"""The target stands still."""
+"""Motion of a target at rest: the target stands still."""
 
 from dataclasses import dataclass
 

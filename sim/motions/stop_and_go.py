@@ -1,4 +1,4 @@
-"""The target drives straight on, stops, and drives on: its speed jumps."""
+"""Motion: the target drives straight on, stops, and drives on: its speed jumps."""
 
 from dataclasses import dataclass
 from typing import Annotated

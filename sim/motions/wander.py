@@ -1,5 +1,5 @@
-"""The target drives around a smooth closed loop whose shape, start and sense are drawn from the
-seed.
+"""Motion: the target drives around a smooth closed loop, whose shape, start and sense are drawn
+from the seed.
 """
 
 from dataclasses import dataclass
@@ -37,8 +37,8 @@ class Config:
 
 @final
 class Wander:
-    """A closed path r(phi) = radius (1 + sum a_k cos(k phi + p_k)) around the table's middle,
-    driven at constant d phi/dt.
+    """Motion along a closed path r(phi) = radius (1 + sum a_k cos(k phi + p_k)) around the middle
+    of the table, with constant d phi/dt.
     """
 
     def __init__(self, config: Config, size: Array, phases: Array, sense: int) -> None:

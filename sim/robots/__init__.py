@@ -1,4 +1,6 @@
-"""Robots that carry the camera, one per file: `Config.build(rng)` gives a `Design`."""
+"""Package of the robots that carry the camera or the target, one module each: `Config.build(rng)`
+returns a `Design`.
+"""
 
 from __future__ import annotations
 

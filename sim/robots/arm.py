@@ -1,4 +1,4 @@
-"""A six-joint arm on a pedestal behind the table, with the camera at its wrist."""
+"""Robot: an arm with six joints on a pedestal behind the table, with the camera at its wrist."""
 
 from dataclasses import dataclass
 

@@ -1,8 +1,7 @@
-"""A camera that moves freely: it makes every commanded twist exactly, without limits of speed or
-tilt.
+"""Robot: a camera that moves freely and makes every commanded twist exactly, without limits of
+speed or tilt, unless the settings give its drives and encoders errors.
 
-Its position stays within 50 m of the room's origin on each axis, and the settings can give its
-drives and encoders errors.
+Its position stays within 50 m of the room's origin on each axis.
 """
 
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ INVERSION = Inversion(weakest=0.001, damping=0.001, exact=True)
 
 @dataclass(frozen=True, slots=True)
 class Config(Drives):
-    """Settings of the free camera: errors of its drives and encoders."""
+    """Settings of the freely moving camera: errors of its drives and encoders, by default none."""
 
     def build(self, rng: np.random.Generator) -> Design:
         """Return the design of the robot; uses no random numbers."""

@@ -1,4 +1,6 @@
-"""A 6-DOF gantry over the table: three slides, and a wrist whose axes meet in the camera."""
+"""Robot: a gantry with six joints over the table, three slides and a wrist whose axes meet in the
+camera.
+"""
 
 from dataclasses import dataclass
 

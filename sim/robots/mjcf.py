@@ -1,4 +1,4 @@
-"""A robot from a model file, MJCF or URDF, that carries a camera at its flange."""
+"""Robot from a model file of the user, MJCF or URDF, that carries the camera at its flange."""
 
 import functools
 import importlib
@@ -68,10 +68,11 @@ class Config(Drives):
     """Largest rate of each joint, or one for all [rad/s or m/s]; by default the model's."""
 
     def build(self, rng: np.random.Generator) -> Design:
-        """Return the design of the robot; uses no random numbers.
+        """Read the model file, and return the design of the robot; uses no random numbers.
 
         Raises:
-            ValueError: The model file is damaged or missing, or a setting does not fit the model.
+            ValueError: The model file is missing or damaged, or a setting does not fit the model;
+                the message says which.
         """
         path = model_path(self.model)
         spec = read_spec(path, WHAT, whole=False)
@@ -84,7 +85,16 @@ class Config(Drives):
         return Design(path.name, spec, drives=self, homes=self.home, base=base, advice=ELSEWHERE)
 
     def _prepare(self, spec: mujoco.MjSpec, own: dict[str, float]) -> None:
-        """Make a model a robot."""
+        """Turn a model into a robot, with the camera, the drives and the start postures of these
+        settings.
+
+        Args:
+            spec: The model, which is changed.
+            own: Largest rates of joints by name, from a URDF file [m/s or rad/s].
+
+        Raises:
+            ValueError: A setting does not fit the model.
+        """
         if self.camera and (self.flange or any(self.mount)):
             raise ValueError(
                 "camera is given together with flange or mount: give either camera, or flange "
@@ -112,11 +122,12 @@ class Config(Drives):
 
 
 def model_path(model: str) -> Path:
-    """Return the path of the robot model that the setting `robot.model` names.
+    """Return the path of the model file that the setting `robot.model` names: a path, a shipped
+    model's name, or "menagerie:" and a name.
 
     Raises:
-        ValueError: The Menagerie is not here or has no such robot, or no model of its bare name is
-            shipped.
+        ValueError: There is no shipped model of this bare name; or the Menagerie is not installed,
+            has no such robot, or cannot download the robot.
     """
     if model.startswith(MENAGERIE):
         return _in_menagerie(model)
@@ -124,8 +135,12 @@ def model_path(model: str) -> Path:
 
 
 def _in_menagerie(model: str) -> Path:
-    """Return the file of "menagerie:PATH" in a checkout, or of "menagerie:NAME" or
-    "menagerie:NAME/FILE" in the package, which downloads a robot at its first use.
+    """Return the model file that a name with "menagerie:" stands for: "menagerie:PATH" below the
+    folder MENAGERIE_ROOT, or "menagerie:NAME" or "menagerie:NAME/FILE" of the package
+    mujoco-menagerie, which downloads a robot at its first use.
+
+    Raises:
+        ValueError: The package is not installed, has no such robot, or cannot download the robot.
     """
     path = Path(model.removeprefix(MENAGERIE))
     folder = os.environ.get(ROOT)
@@ -152,12 +167,12 @@ def _in_menagerie(model: str) -> Path:
 def shipped(
     model: str, drives: Drives, homes: tuple[tuple[float, ...], ...], inversion: Inversion
 ) -> Design:
-    """Return the design of a shipped robot.
+    """Return the design of a robot that comes with servobench.
 
     Args:
         model: File of its model in `scenes/robots`, such as "arm.xml".
         drives: Errors of its drives and encoders.
-        homes: Joint positions at which searches begin [m or rad].
+        homes: Joint positions [m or rad] at which the search for a start pose begins.
         inversion: Settings of its inverse kinematics.
     """
     path = str(resources.files("scenes") / FOLDER / model)

@@ -1,4 +1,6 @@
-"""Targets of the tracker, one per file: `Config.build(rng)` gives a `Target`."""
+"""Package of the targets, one module each: `Config.build(rng)` returns a `Target`, a MuJoCo model
+with its reference rectangle.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A box in one colour, or with a picture on each side, as the target."""
+"""Target: a box in one colour, or with a picture on each side."""
 
 from dataclasses import dataclass
 

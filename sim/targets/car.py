@@ -1,4 +1,4 @@
-"""A blue toy car of 0.20 x 0.10 m with dark windows and a white stripe on its bonnet."""
+"""Target: a blue toy car of 0.20 x 0.10 m with dark windows and a white stripe on its bonnet."""
 
 import functools
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from sim.models.target import Target, target_of
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """The car has no settings."""
+    """Settings of the toy car: it has none."""
 
     def build(self, rng: np.random.Generator) -> Target:
         """Return the target; uses no random numbers."""

@@ -1,5 +1,5 @@
-"""A mesh of an OBJ or STL file as the target, scaled to a size, with its own materials, one colour,
-or another picture.
+"""Target: a mesh of an OBJ or STL file, scaled to a size, with its own materials, one colour, or
+another picture.
 """
 
 from dataclasses import dataclass, replace
@@ -87,7 +87,9 @@ class Config(Outlined):
         return spec
 
     def _placed(self, vertices: Array) -> Array:
-        """Return vertices (n, 3) of the file in the target's frame [m]."""
+        """Return the vertices (n, 3) of a mesh file in the target's frame [m]: turned, scaled,
+        centred, and resting on z = 0.
+        """
         points = vertices @ UPRIGHT[self.up].T
         length, width, _ = np.ptp(points, axis=0)
         if width > length:

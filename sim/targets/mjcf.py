@@ -1,4 +1,4 @@
-"""A user's model, MJCF or URDF, as the target: its geoms as they are, moving as one."""
+"""Target from a model file of the user, MJCF or URDF: its geoms as they are, moving as one."""
 
 from dataclasses import dataclass
 
@@ -30,7 +30,8 @@ class Config(Outlined):
         """Return the target; uses no random numbers.
 
         Raises:
-            ValueError: The file cannot be read or is broken, has a plane, or is not seen.
+            ValueError: The file cannot be read or is damaged, has a plane, or has nothing that is
+                seen from above.
         """
         path = file_of(self.model, "targets", ".xml", "model")
         spec = read_spec(path, "target")

@@ -1,4 +1,4 @@
-"""A flat picture on the table as the target, the picture's right side at the nose."""
+"""Target: a flat picture on the table, its right side at the target's nose."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""An AprilTag of the family 36h11, with a white margin of one cell.
+"""Target: an AprilTag of the family 36h11, with a white margin of one cell of its pattern.
 
 Olson 2011, "AprilTag: A robust and flexible visual fiducial system" (ICRA).
 """

@@ -53,6 +53,7 @@ IMPORTED = (
     "servo.study.cluster.remote",
     "tracking.drawing.video_writer",
     "tracking.trackers.frozen",
+    "pandas",  # PyArrow imports it, where it is, with the first table
 )
 PATIENCE = 180.0
 """No step of a test takes longer [s]."""
@@ -206,6 +207,7 @@ def serve(place):
     os.environ.update(import_module("servo.cli.guard").ENVIRONMENT | {"MPLBACKEND": "agg"})
     for name in IMPORTED:
         import_module(name)
+    _ready_compiled_loops()
     gc.freeze()
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(place)
@@ -217,6 +219,13 @@ def serve(place):
                 return _watched(connection)
             connection.close()
     sys.exit()
+
+
+def _ready_compiled_loops():
+    """Import the hundred modules that Numba imports before it runs its first function."""
+    target = import_module("numba.core.registry").cpu_target
+    target.typing_context.refresh()
+    target.target_context.refresh()
 
 
 def _watched(connection):

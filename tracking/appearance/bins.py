@@ -18,7 +18,7 @@ noise."""
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Pixels of an image in columns left .. right - 1 and rows top .. bottom - 1."""
+    """Rectangle of pixels of an image: columns left .. right - 1 and rows top .. bottom - 1."""
 
     left: int
     top: int
@@ -77,7 +77,9 @@ class Bins(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ColourBins:
-    """Bins of colour: equal intervals of each channel of RGB."""
+    """Bins of colour: each channel of RGB is divided into equal intervals, and a bin is one
+    interval of each.
+    """
 
     levels: int = 8
     """Bins a channel, 1 to `MOST_LEVELS`."""
@@ -100,13 +102,14 @@ class LabelledImage:
     def __init__(
         self, image: Image, bins: Bins, farthest: float = 0.0, blurred: Image | None = None
     ) -> None:
-        """Keep a picture and bins; pixels are labelled when they are asked for.
+        """Store a picture and bins; pixels are labelled when they are asked for.
 
         Args:
             image: RGB (H, W, 3); it must not change while this object is in use.
             bins: Bins of the pixels.
             farthest: Least radius [px], at scale 1, that is labelled around states.
-            blurred: The picture in which stored views are searched; None: `image`.
+            blurred: The picture in which stored views (small pictures of the target) are searched;
+                None: `image`.
         """
         self.image = image
         self.bins = bins

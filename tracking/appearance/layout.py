@@ -79,8 +79,8 @@ class Sampling:
     combine: Combine = "mean"
 
     def layout(self, region: Region, finer: int = 1) -> Layout:
-        """Return the layout of a region's template, with `finer` times as many points along each
-        side.
+        """Return the points of a region's template, with `finer` times as many points along each
+        side as the settings give.
         """
         density = finer * self.density
         if self.cells is None:

@@ -128,7 +128,9 @@ class TextureBins:
 
     @property
     def textures(self) -> int:
-        """Number of major textures; five of eight neighbours."""
+        """Number of texture bins: uniform patterns with a middle number of ones; five for eight
+        neighbours.
+        """
         return self.neighbours + 1 - 2 * FEWEST
 
     @property
@@ -157,7 +159,9 @@ class TextureBins:
 
 @dataclass(frozen=True)
 class TextureSettings(AppearanceSettings):
-    """Settings of histograms of colour and texture."""
+    """Settings of histograms over joint bins of colour and texture (uniform local binary
+    patterns).
+    """
 
     traits = frozenset({Trait.COLOUR, Trait.TEXTURE})
 

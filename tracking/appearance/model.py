@@ -41,8 +41,8 @@ annotated recordings (tracking/RESULTS.md)."""
 
 @dataclass(frozen=True)
 class AppearanceSettings:
-    """Settings of the histograms that describe a target: bins of colour, light, rim left out,
-    weight of the surroundings, and learning.
+    """Settings of the histograms that describe a target: bins of colour, correction of light, rim
+    that is left out, weight of the surroundings, and learning from later pictures.
     """
 
     traits = frozenset({Trait.COLOUR})
@@ -87,8 +87,9 @@ class AppearanceSettings:
 class SampledModel:
     """The target's reference histograms, and the distance of any state from them.
 
-    `contrast` adds eta times the similarity of the surrounding ring and the target to the squared
-    distance: the histogram alone does not change when the region shrinks into the target.
+    The setting `contrast` adds a multiple of the similarity between target and surrounding ring to
+    the squared distance: the histogram alone does not change when the region shrinks into the
+    target.
     """
 
     def __init__(

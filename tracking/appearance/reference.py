@@ -32,7 +32,7 @@ RARE = 1e-4
 
 
 class Reference:
-    """The reference histograms of all parts and of the whole target."""
+    """Reference histograms of the template's cells and of the whole target."""
 
     root_parts: Array
     """Square roots of the parts' histograms (K, B)."""
@@ -61,7 +61,7 @@ class Reference:
 
     @property
     def radius(self) -> float:
-        """Distance around the target up to which pictures are read, at scale 1 [px]."""
+        """Distance around the target up to which pixels are read, at scale 1 [px]."""
         return self._around.radius if self._learns else self._layout.radius
 
     def learn(self, image: LabelledImage, state: State) -> None:

@@ -32,13 +32,13 @@ class Views:
     """
 
     def __init__(self, image: Image, region: Region, state: State, count: int) -> None:
-        """Store the first view.
+        """Store the first view, a small picture of the target in the first frame.
 
         Args:
             image: First frame (H, W, 3).
             region: The template.
             state: State of the target there.
-            count: Largest number of views.
+            count: Largest number of stored views.
         """
         self._points = lattice(SIDE, region)
         self._region = region
@@ -108,9 +108,10 @@ class Views:
         return np.array([state for _, state in found[:most]]).reshape(-1, 4)
 
     def _shrunk(self, image: Image, theta: float, scale: float) -> tuple[Image, Array] | None:
-        """Return the picture turned by -theta [rad] and reduced to one pixel for each point of a
-        view, and the affine matrix (2, 3) from its coordinates to the picture's; None if the result
-        would be larger than `LARGEST` or smaller than a view.
+        """Return the picture turned by -theta [rad] and reduced until one pixel covers the area
+        between two points of a stored view of the target; also the affine matrix (2, 3) from its
+        coordinates to the picture's. Return None if the result would be larger than `LARGEST` or
+        smaller than a view.
         """
         c = math.cos(theta)
         s = math.sin(theta)

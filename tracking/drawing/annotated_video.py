@@ -29,7 +29,7 @@ class AnnotatedVideo:
         title: str,
         end: float | None = None,
     ) -> None:
-        """Prepare a film; the file is opened with the first picture.
+        """Store the settings of a film; the file is opened with the first picture.
 
         Args:
             to: The MP4 file to write, or the receiver of the frames.
@@ -44,7 +44,8 @@ class AnnotatedVideo:
         self._film: FilmPage | None = None
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a frame with a picture and its estimate.
+        """Write a frame of the film: a picture with the estimated and the true outline, and the
+        chart up to now.
 
         Args:
             shot: The picture and the estimate.
@@ -62,7 +63,7 @@ class AnnotatedVideo:
         film.add(shot.picture.time, [view], [shot.confidence], [shot.estimate.status.name], note)
 
     def close(self) -> None:
-        """Finish the file, if a picture was written."""
+        """Finish the film's file; do nothing if no picture was written."""
         if self._film:
             self._film.close()
 

@@ -83,7 +83,8 @@ def page(tiles: Sequence[Image]) -> Image:
 
 
 def tile(picture: Picture, truth: Array, found: Array | None) -> Image:
-    """Return a picture of a contact sheet (h, `TILE`, 3): resized, with its name and two outlines.
+    """Return one picture of a contact sheet (h, `TILE`, 3): resized to the sheet's width, with its
+    name and two outlines.
 
     Args:
         picture: The picture; black if it could not be read.

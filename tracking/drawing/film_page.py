@@ -57,7 +57,8 @@ def panel(
     particles: Array | None = None,
     paths: Marks = (),
 ) -> Image:
-    """Return a panel (height, width, 3), an image of a fixed size with a picture in its middle.
+    """Return a panel (height, width, 3), an image of a fixed size that shows a picture in its
+    middle.
 
     Args:
         image: The picture, RGB of any size; None: a black panel.
@@ -119,7 +120,7 @@ class FilmPage:
         size: tuple[int, int],
         chart: Chart,
     ) -> None:
-        """Lay out the frames, and open the file.
+        """Lay out the frames of a film, and open its file.
 
         Args:
             to: The MP4 file to write, or the receiver of the frames.
@@ -182,7 +183,7 @@ class FilmPage:
         statuses: Sequence[str],
         note: str,
     ) -> None:
-        """Write a frame.
+        """Write a frame of the film: panels, chart up to now, time and note.
 
         Args:
             time: Time of the frame [s], later than that of the last one.

@@ -83,7 +83,7 @@ class RunningChart:
         self._set_limits()
 
     def add(self, time: float, values: Sequence[float], statuses: Sequence[str]) -> bool:
-        """Extend the curves and bands by a frame.
+        """Extend the curves and the coloured bands to the time of a frame.
 
         Args:
             time: Time of the frame [s], later than that of the last one.

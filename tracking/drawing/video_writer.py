@@ -39,7 +39,7 @@ class VideoWriter:
     """
 
     def __init__(self, path: Path, rate: float, width: int, height: int) -> None:
-        """Open the file; an older one is replaced.
+        """Open the MP4 file for writing; an older file of this name is replaced.
 
         Args:
             path: The file.

@@ -14,7 +14,9 @@ from tracking.types import Estimate, Region, State, Status, Tracker, unknown_cov
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A picture of a source with the tracker's estimate for it."""
+    """A picture of a source with the tracker's estimate for it, and the time that the tracker
+    took.
+    """
 
     picture: Picture
     index: int
@@ -85,7 +87,7 @@ def follow(
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A tracker's estimates for n pictures, as arrays."""
+    """A tracker's estimates for n pictures of a source, as arrays with one row for each picture."""
 
     states: Array
     """x, y [px], theta [rad], scale (n, 4) in the image."""

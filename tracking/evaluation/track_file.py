@@ -93,7 +93,7 @@ class TrackFile:
             self._file.flush()
 
     def close(self) -> None:
-        """Close the file.
+        """Write the last rows to the disk, and close the CSV file.
 
         Raises:
             OSError: The last rows cannot be written.
@@ -121,7 +121,7 @@ def read(path: Path) -> Track:
     try:
         header, *rows = csv.reader(io.StringIO(text, newline=""))
     except (ValueError, csv.Error):
-        raise ValueError(f"{path}: this is not a track") from None
+        raise ValueError(f"{path}: this is not a track file of servobench") from None
     if tuple(header) != HEADER:
         raise ValueError(
             f"{path}: this is not a track of format {FORMAT}, which this version reads: its "

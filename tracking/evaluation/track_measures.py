@@ -187,9 +187,9 @@ def expected_overlap(c: Comparison) -> float:
 
 
 def late_success(c: Comparison, late: int) -> float:
-    """Return the area under the success curve (AUC) of a tracker whose estimates come `late` frames
-    late: frame i is compared with the estimate for frame i - late, or else for the first frame (Li,
-    Wang, Ramanan, Towards streaming perception, 2020).
+    """Return the area under the success curve (AUC), 0 to 1, of a tracker whose estimates come
+    `late` frames late: frame i is compared with the estimate for frame i - late, or else for the
+    first frame (Li, Wang, Ramanan, Towards streaming perception, 2020).
     """
     return _success_of(c, np.maximum(np.arange(len(c.present)) - late, 0))
 
@@ -241,8 +241,8 @@ def _relative(c: Comparison) -> Array:
 
 
 def _of_updates(c: Comparison, of: Callable[[Array], np.floating], values: Array) -> float:
-    """Return the mean or median of values (n,) over the frames for which the tracker made an
-    estimate: without the first one, and without pictures that cannot be read. 0 without any.
+    """Return the mean or median (`of`) of values (n,) over the frames for which the tracker made an
+    estimate: without the first one, and without pictures that cannot be read; 0 if there are none.
     """
     made = c.track.milliseconds > 0
     made[:1] = False

@@ -41,7 +41,8 @@ def warm_up(config: PartConfig[Tracker]) -> list[Shot]:
 
 
 def _images() -> list[Image]:
-    """Return four pictures of blurred noise: one, the same moved by 1 and 2 pixels, and another.
+    """Return four pictures of blurred noise: one, the same one moved by 1 and by 2 pixels, and one
+    of other noise.
 
     The last two are read-only as those of a simulated camera: numba compiles loops for both kinds.
     """

@@ -30,7 +30,7 @@ class Follower:
     """
 
     def __init__(self, config: PartConfig[Tracker], seed: int, rate: float) -> None:
-        """Prepare a tracker.
+        """Store the settings of a tracker; `start` makes it.
 
         Args:
             config: Settings of the tracker.
@@ -66,7 +66,7 @@ class Follower:
         return found, (left, top, width, height)
 
     def _frame(self, image: Image) -> Frame:
-        """Return the next frame, whose time follows from the rate."""
+        """Return a picture as the next frame; its time is its number divided by the rate [s]."""
         index = self._count
         self._count = self._count + 1
         return Frame(image, index / self._rate, index)
@@ -94,7 +94,7 @@ class OpenCVTracker:
         preset: str | None = None,
         **settings: object,
     ) -> None:
-        """Choose a tracker.
+        """Store the kind and the settings of the tracker; `init` starts it.
 
         Args:
             kind: Kind of the tracker, such as "mk_ssd".
@@ -120,7 +120,8 @@ class OpenCVTracker:
         self._follower.start(rgb(image), rect)
 
     def update(self, image: np.ndarray) -> tuple[bool, Rect]:
-        """Find the target in the next picture, BGR (H, W, 3).
+        """Find the target in the next picture, BGR (H, W, 3), and return its box, as OpenCV's
+        trackers do.
 
         Returns:
             True if the target is seen, and its upright box (left, top, width, height) [px].
@@ -146,7 +147,7 @@ class Got10kTracker:
         preset: str | None = None,
         **settings: object,
     ) -> None:
-        """Choose a tracker.
+        """Store the kind and the settings of the tracker; `init` starts it.
 
         Args:
             kind: Kind of the tracker, such as "mk_ssd".
@@ -236,7 +237,8 @@ def run_vot(
     preset: str | None = None,
     **settings: object,
 ) -> None:
-    """Follow a target for the VOT toolkit until its pictures end.
+    """Follow a target for the VOT toolkit: take its pictures one after the other, and report a
+    region for each, until they end.
 
     Args:
         handle: The toolkit's object, such as `vot.VOT("rectangle")`.

@@ -49,7 +49,7 @@ def run_trax(
     answers: TextIO | None = None,
     **settings: object,
 ) -> None:
-    """Serve a TraX client until it quits.
+    """Serve a TraX client: receive pictures and send the target's regions, until the client quits.
 
     The tracker is compiled and loaded before the first message (hello), because clients limit the
     time of each answer: the VOT toolkit ends a server after 30 s.

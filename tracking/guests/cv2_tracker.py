@@ -32,14 +32,14 @@ REMEDY = (
 
 
 class Cv2Tracker:
-    """A tracker of OpenCV, for pictures in BGR.
+    """One of OpenCV's own trackers, by its name, for pictures in BGR.
 
     An unusable model file raises an error in the first `update`. Errors of OpenCV in later updates,
     such as for a box that has left the picture, mean that the target is not seen.
     """
 
     def __init__(self, name: str, models: Sequence[str], seed: int) -> None:
-        """Make OpenCV's tracker of a name; `init` must be called before `update`.
+        """Create OpenCV's tracker of a name; `init` must be called before `update`.
 
         Args:
             name: Name of the tracker, such as "MIL".
@@ -100,7 +100,11 @@ class Cv2Tracker:
         return float(np.clip(np.nan_to_num(self._tracker.getTrackingScore()), 0, 1))
 
     def _made(self) -> Any:
-        """Return OpenCV's tracker with its model files."""
+        """Return a new object of OpenCV's tracker, made with its model files.
+
+        Raises:
+            ValueError: The number of model files is wrong, or one cannot be read.
+        """
         create = creator_of(self._name)
         parts = MODELS.get(self._name, ())
         if len(self._models) != len(parts):

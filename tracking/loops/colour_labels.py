@@ -19,7 +19,7 @@ def labels(
         top: First row.
         right: Column after the last.
         bottom: Row after the last.
-        levels: Bins a channel.
+        levels: Number of bins of each channel.
     """
     found = np.empty((max(bottom - top, 0), max(right - left, 0)), np.int16)
     part = image[top:bottom, left:right]

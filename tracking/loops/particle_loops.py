@@ -51,7 +51,7 @@ def mean(samples: Array, weights: Array) -> Array:
 
 @compiled()
 def covariance(samples: Array, weights: Array) -> Array:
-    """Return the weighted covariance (D, D) of samples (N, D)."""
+    """Return the weighted covariance (D, D) of samples (N, D) around their weighted mean."""
     middle = mean(samples, weights)
     count = samples.shape[1]
     found = np.zeros((count, count))
@@ -65,7 +65,7 @@ def covariance(samples: Array, weights: Array) -> Array:
 
 @compiled()
 def systematic(weights: Array, first: float) -> NDArray[np.int64]:
-    """Return the indices (N,) of a systematic resampling (Kitagawa 1996).
+    """Return the indices (N,) of the samples that a systematic resampling draws (Kitagawa 1996).
 
     Sample i is drawn floor or ceil of N w_i times.
 

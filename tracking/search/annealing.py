@@ -27,7 +27,7 @@ COOLING = 0.5
 
 
 class Schedule(StrEnum):
-    """Rule for the exponents beta of the layers."""
+    """Rule for the exponents beta of the annealing layers, from the broadest layer to the last."""
 
     SURVIVAL = "survival"
     """The share `SURVIVAL` of the particles survives each layer (Deutscher, Blake, Reid)."""

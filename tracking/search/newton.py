@@ -63,7 +63,9 @@ class Descent:
 
 @dataclass(frozen=True, slots=True)
 class KernelGrid:
-    """A grid of Epanechnikov kernels over the template."""
+    """Settings of a grid of Epanechnikov kernels over the template: their number and size, and the
+    colour bins.
+    """
 
     per_side: int = 3
     """Kernels along each side of the template; 3 makes the nine of Teuliere, Marchand, Eck."""
@@ -101,7 +103,7 @@ class KernelModel:
         *,
         turns: bool = True,
     ) -> None:
-        """Compute the reference histograms from the first picture.
+        """Compute the target's reference histograms from the first picture.
 
         Args:
             image: First picture, RGB (H, W, 3).
@@ -136,7 +138,8 @@ class KernelModel:
         tolerance: float = TOLERANCE,
         hopeless: float = 1.0,
     ) -> Descent:
-        """Descend from a state to the nearest minimum of the objective.
+        """Descend from a state to the nearest minimum of the objective, the distance of the
+        histograms there from the reference.
 
         Args:
             image: RGB (H, W, 3).

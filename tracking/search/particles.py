@@ -23,7 +23,7 @@ class ParticleFilter:
         noise: tuple[float, float, float],
         rng: np.random.Generator,
     ) -> None:
-        """Put all samples on one state.
+        """Create the filter with all samples at one state, and equal weights.
 
         Args:
             region: The template; position noise is relative to its size.
@@ -67,7 +67,7 @@ class ParticleFilter:
         return bool(self._noise[2] > 0), bool(self._noise[3] > 0)
 
     def best(self) -> State:
-        """Return the sample with the largest weight."""
+        """Return the sample with the largest weight as a state."""
         return State.of(self.samples[int(np.argmax(self.weights))])
 
     def estimate(

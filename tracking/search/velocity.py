@@ -13,7 +13,7 @@ class Velocity:
     """An exponential mean of the change (4,) of x, y [px], theta [rad] and ln scale per frame."""
 
     def __init__(self, state: State, memory: float) -> None:
-        """Begin with velocity 0.
+        """Begin at a state with the velocity 0.
 
         Args:
             state: First state of the target.

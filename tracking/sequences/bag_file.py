@@ -59,13 +59,13 @@ class Topic:
 
     @property
     def has_pictures(self) -> bool:
-        """True if the messages are pictures that can be read."""
+        """True if the topic's messages are of a type of pictures that can be decoded."""
         return self.kind in KINDS.get(self.serialization, ())
 
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """Topics, duration [s] and messages of an open bag."""
+    """What an open bag holds: its topics, its duration [s], and its messages."""
 
     topics: Iterable[Topic]
     span: float
@@ -91,7 +91,7 @@ class Bag:
     end: End | None = None
 
     def __init__(self, path: Path, topic: str | None) -> None:
-        """Find a topic in a bag; None: the only topic with pictures.
+        """Open a bag, and choose the topic with a name; None: the only topic with pictures.
 
         Raises:
             ValueError: The bag cannot be read, or has no such topic with pictures.
@@ -196,7 +196,10 @@ def _check_links(folder: Path) -> None:
     """
     for file in folder.iterdir():
         if file.resolve().parent != folder.resolve():
-            raise ValueError(f"{folder}: {file.name} is a link out of the folder of this bag")
+            raise ValueError(
+                f"{folder}: {file.name} is a link out of the folder of this bag: replace the link "
+                "by its file"
+            )
 
 
 @contextmanager

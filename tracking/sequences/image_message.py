@@ -48,7 +48,7 @@ def plain_kind(kind: str) -> str:
 
 
 def decoder_of(kind: str, serialization: str, schema: Schema | None = None) -> Decoder:
-    """Return the function that decodes messages of a type.
+    """Return the function that decodes messages of a type from their bytes.
 
     Args:
         kind: The type, one of `KINDS[serialization]`.

@@ -32,7 +32,7 @@ THERE = "folder, video file, bag, camera:NUMBER, or address such as rtsp://HOST/
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """Pictures with the target's true outlines."""
+    """Pictures with the target's true outline in each of them."""
 
     name: str
     source: Source
@@ -86,7 +86,8 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
         return Bag(path, topic)
     if topic is not None:
         raise ValueError(
-            f"{stream.shown(text)}: this is not a bag; only a bag has topics such as '{topic}'"
+            f"{stream.shown(text)}: this is not a bag, which alone has topics: leave the topic "
+            f"'{topic}' out"
         )
     if is_address:
         return stream.stream(text)

@@ -78,7 +78,7 @@ class Source(Protocol):
 
     @property
     def count(self) -> int | None:
-        """Number of pictures; None if it is unknown."""
+        """Number of pictures of the source; None if it is unknown, as for a stream."""
 
     @property
     def rate(self) -> float:

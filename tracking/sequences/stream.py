@@ -64,7 +64,7 @@ class SourceLost(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Feed:
-    """Pictures of an open camera or stream, and how to read them."""
+    """An open camera or stream: its pictures, and how they are read."""
 
     pictures: Iterator[Picture]
     """Pictures without names and times; the iteration raises SourceLost where the source breaks
@@ -81,11 +81,12 @@ class LiveSource:
     count: int | None = None
 
     def __init__(self, name: str, opened: Callable[[], AbstractContextManager[Feed]]) -> None:
-        """Make a source, which is opened when it is iterated.
+        """Create the source; the camera or stream is opened when its pictures are iterated.
 
         Args:
             name: Name of the source in messages.
-            opened: Opens the source for a `with` block; raises SourceLost if it cannot.
+            opened: Function that opens the camera or stream for a `with` block; it raises
+                SourceLost if it cannot.
         """
         self.name = name
         self.rate = RATE
@@ -193,7 +194,7 @@ def _stream(address: str) -> Generator[Feed]:
     """Open a stream for the block.
 
     Raises:
-        SourceLost: It cannot be opened, or is not one video.
+        SourceLost: The stream cannot be opened, or is not one video.
     """
     scheme, _, place = address.partition(":")
     scheme = scheme.lower()
@@ -218,7 +219,7 @@ def _stream(address: str) -> Generator[Feed]:
 
 
 def _pictures(container: InputContainer, video: VideoStream) -> Generator[Picture]:
-    """Yield the pictures of an open stream.
+    """Yield the pictures of an open stream as they come, without names and times.
 
     Raises:
         SourceLost: The stream breaks off.

@@ -97,7 +97,7 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
     """
     lines = reading.text(path, "truth", LARGEST_FILE).rstrip().splitlines()
     if not lines:
-        raise ValueError(f"{path}: this truth is empty")
+        raise ValueError(f"{path}: this truth file is empty")
     if count is not None and len(lines) > MOST_LINES * (count + 1):
         raise ValueError(other_count(str(path), len(lines), count))
     has_header = (
@@ -214,7 +214,9 @@ def _corners(row: Array, form: Format, place: str) -> Array:
         ValueError: The numbers do not fit the format.
     """
     if form in (Format.OTB, Format.TLD) and len(row) != BOX:
-        raise ValueError(f"{place}: a line of {form.name} has 4 numbers, not {len(row)}")
+        raise ValueError(
+            f"{place}: the line has {len(row)} numbers: expected 4, as in format {form.name}"
+        )
     if len(row) == QUAD:
         if crosses_itself(row.reshape(4, 2)):
             raise ValueError(
@@ -234,7 +236,8 @@ def _corners(row: Array, form: Format, place: str) -> Array:
         return np.full((4, 2), np.nan)
     if width <= 0 or height <= 0:
         raise ValueError(
-            f"{place}: the target is {width:g} x {height:g} px; both sides must be positive"
+            f"{place}: the target is {width:g} x {height:g} px: both sides should be positive; "
+            "correct that line"
         )
     # OTB counts pixels from 1.
     return corners_of(row) - (1.0 if form is Format.OTB else 0.0)
@@ -258,7 +261,7 @@ def _numbers(line: str, place: str) -> Array:
     if numbers.tolist() == ABSENT:
         return np.full(BOX, np.nan)
     if len(numbers) not in (BOX, QUAD):
-        raise ValueError(f"{place}: a line has 4 or 8 numbers, not {len(numbers)}")
+        raise ValueError(f"{place}: the line has {len(numbers)} numbers: expected 4 or 8")
     if not np.isnan(numbers).all() and not (np.abs(numbers) <= FARTHEST).all():
         raise ValueError(
             f"{place}: '{line[:LONGEST]}' is not a position in a picture: all numbers must be at "
@@ -326,5 +329,5 @@ def _of_csv(lines: list[str], path: Path) -> Array:
         numbers = ";".join(row[names.index(name)].strip() or "nan" for name in wanted)
         rows.append(_corners(_numbers(numbers, place), Format.VOT, place))
     if not rows:
-        raise ValueError(f"{path}: this truth is empty")
+        raise ValueError(f"{path}: this truth file is empty")
     return np.stack(rows)

@@ -229,7 +229,9 @@ def quoted(printed: Printed) -> str:
 
 
 def _container(file: BinaryIO) -> InputContainer:
-    """Open a video file by its content, as one of `FORMATS` alone."""
+    """Open a video file with FFmpeg, which finds its format by the content, among `FORMATS`
+    only.
+    """
     # Without the file's name, by which FFmpeg would guess the format.
     nameless = SimpleNamespace(read=file.read, seek=file.seek, tell=file.tell)
     options = {"format_whitelist": FORMATS, "protocol_whitelist": "pipe"}

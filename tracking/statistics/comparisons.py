@@ -45,7 +45,9 @@ class McNemar:
 
     @property
     def z(self) -> float:
-        """(|wins - losses| - 1) / sqrt(wins + losses) (Naeem, Pridmore, Mills: the KAMS paper)."""
+        """Test statistic z = (|wins - losses| - 1) / sqrt(wins + losses) of McNemar's test (Naeem,
+        Pridmore, Mills: the KAMS paper).
+        """
         discordant = self.wins + self.losses
         if discordant == 0:
             return 0.0
@@ -53,7 +55,7 @@ class McNemar:
 
     @property
     def p(self) -> float:
-        """Exact two-sided p value (binomial)."""
+        """Exact two-sided p value of McNemar's test, from the binomial distribution."""
         discordant = self.wins + self.losses
         if discordant == 0:
             return 1.0
@@ -64,7 +66,9 @@ class McNemar:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A value with its 95 % confidence interval."""
+    """A value with its 95 % confidence interval, and the number of independent repetitions behind
+    it.
+    """
 
     value: float
     low: float
@@ -118,7 +122,9 @@ def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Inte
 
 
 def mean_percent(shares: Array) -> Interval:
-    """Return the mean of shares (n,), each of one unit, with its interval [%]."""
+    """Return the mean of shares (n,), 0 to 1, one for each independent repetition, in percent with
+    its 95 % interval.
+    """
     return in_percent(mean_of(shares, least=0.0, most=1.0))
 
 
@@ -134,8 +140,8 @@ def difference_of_shares(first: Array, second: Array) -> Interval:
     based on paired data, 2012.
 
     Args:
-        first: Successes (n,) of the first on n units, 0 or 1.
-        second: Successes (n,) of the second on the same units, 0 or 1.
+        first: Successes (n,) of the first on n repetitions, 0 or 1.
+        second: Successes (n,) of the second on the same repetitions, 0 or 1.
     """
     count = len(first)
     only = np.array([np.sum(first > second), np.sum(first < second)])
@@ -160,7 +166,9 @@ def _unskewed(t: float, skewness: float, count: int) -> float:
 
 
 def _share(share: float, count: int) -> Interval:
-    """Return a share of `count` units with its interval (Wilson, Probable inference, 1927)."""
+    """Return a share, 0 to 1, of `count` repetitions with its 95 % interval (Wilson, Probable
+    inference, 1927).
+    """
     middle = (share + Z * Z / (2 * count)) / (1 + Z * Z / count)
     variance = share * (1 - share) / count + (Z / count) ** 2 / 4
     width = Z / (1 + Z * Z / count) * variance**0.5
@@ -170,13 +178,15 @@ def _share(share: float, count: int) -> Interval:
 
 
 def titles(names: Iterable[str]) -> list[str]:
-    """Return the column titles of intervals in a table: NAME, NAME_low, NAME_high, NAME_units."""
+    """Return the column titles of intervals in a table, four for each name: NAME, NAME_low,
+    NAME_high, NAME_units (number of independent repetitions).
+    """
     return [f"{name}{end}" for name in names for end in ("", "_low", "_high", "_units")]
 
 
 def cells(intervals: Iterable[Interval | None]) -> list[float | str]:
-    """Return the table cells of intervals, in the order of `titles`; empty texts for None and for
-    unknown ends.
+    """Return the table cells of intervals, in the order of `titles`: value, both ends, number of
+    repetitions; empty texts for None and for unknown ends.
     """
     found: list[float | str] = []
     for i in intervals:
@@ -202,7 +212,7 @@ def holm(p_values: Array) -> Array:
 def pairs_of(
     names: Sequence[Name], compare: Callable[[Name, Name], McNemar]
 ) -> list[tuple[Name, Name, McNemar, float]]:
-    """Compare every two of some methods.
+    """Compare every two methods of a list by McNemar's test.
 
     Returns:
         The earlier method, the later one, their test, and its p value, which is corrected for the

@@ -6,7 +6,9 @@ from tracking.statistics.comparisons import Interval
 
 
 class Finding(Enum):
-    """The verdict on a claim; the value is the sentence for users."""
+    """Verdict on a claim: it holds, it does not hold, or it is undecided; the value is the sentence
+    for users.
+    """
 
     HOLDS = "holds: the whole interval is on the claim's side of the bound"
     DOES_NOT_HOLD = "does not hold: the whole interval is on the other side of the bound"
@@ -14,7 +16,8 @@ class Finding(Enum):
 
 
 def not_worse(difference: Interval, margin: float) -> Finding:
-    """Judge whether the first is as good as the second: non-inferiority.
+    """Judge whether the first of two methods is as good as the second up to a margin: a test of
+    non-inferiority.
 
     Piaggio and others, Reporting of noninferiority and equivalence randomized trials, 2012.
 
@@ -29,7 +32,8 @@ def not_worse(difference: Interval, margin: float) -> Finding:
 
 
 def greater(value: Interval, bound: float) -> Finding:
-    """Judge whether a value is above a bound: superiority; the bound of a difference is 0.
+    """Judge whether a value is above a bound, by its confidence interval: a test of superiority.
+    The bound for a difference is 0.
 
     >>> greater(Interval(0.4, 0.1, 0.7), 0.0).name
     'HOLDS'

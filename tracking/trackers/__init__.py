@@ -1,4 +1,6 @@
-"""Trackers, one a file, named as in the literature: `Config.build(rng)` returns a `Tracker`."""
+"""Package of the trackers, one module each, named as in the literature: `Config.build(rng)` returns
+a `Tracker`.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +28,8 @@ def _adapted(found: object) -> type[Any] | None:
 
 
 def general_kinds() -> list[str]:
-    """Return the trackers meant by "all trackers": those that follow any target by pictures alone,
-    and need no program or model of the user.
+    """Return the kinds of the trackers meant by "all trackers": those that follow any target by
+    pictures alone, and need no program or model of the user.
     """
     from tracking.types import Trait, follows_any_target, traits_of
 

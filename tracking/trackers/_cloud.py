@@ -1,5 +1,5 @@
-"""The skeleton of all particle filters on one model of the target: predict, climb, weigh, estimate,
-resample.
+"""Base of all particle filters on one model of the target's appearance: predict, climb, weigh,
+estimate, resample.
 """
 
 from abc import ABC, abstractmethod
@@ -32,8 +32,8 @@ CLIMB_TOLERANCE = 0.5
 
 @dataclass(frozen=True, slots=True)
 class CloudMethod:
-    """Choices in which the particle filters differ: layers, climbing, the reported state, and the
-    weights used while the target is not seen.
+    """Choices in which the particle filters differ: number of annealing layers, climbing by mean
+    shift, the reported state, and the weights used while the target is not seen.
     """
 
     annealing: Annealing = ONE_LAYER
@@ -52,7 +52,7 @@ class CloudSettings(AppearanceSettings, ParticleSettings):
 
     @property
     def method(self) -> CloudMethod:
-        """Choices of the filter: by default those of Condensation."""
+        """Choices in which this filter differs from others: by default those of Condensation."""
         return CloudMethod()
 
     def build(self, rng: np.random.Generator) -> "ParticleTracker":
@@ -61,14 +61,16 @@ class CloudSettings(AppearanceSettings, ParticleSettings):
 
 
 class ParticleTracker(ABC):
-    """A particle filter on one appearance model; subclasses move, weigh and judge the particles."""
+    """Base class of particle filters on one appearance model: subclasses move, weigh and judge the
+    particles.
+    """
 
     _cloud: ParticleFilter = SET_BY_START
 
     def __init__(
         self, settings: CloudSettings, limits: LossLimits, rng: np.random.Generator
     ) -> None:
-        """Keep settings, limits and generator; `start` makes the particles.
+        """Store settings, limits and generator; `start` makes the particles.
 
         Args:
             settings: Settings of the filter and its model.

@@ -1,5 +1,5 @@
-"""A hue histogram, back-projected as a ratio (Swain, Ballard 1991), and the skeleton of OpenCV's
-searches on it or beside it.
+"""A hue histogram, back-projected as a ratio (Swain, Ballard 1991), and the base class of trackers
+by OpenCV that are judged by it.
 """
 
 from abc import abstractmethod
@@ -87,8 +87,8 @@ class HueModel:
 
 
 class HueTracker:
-    """A tracker whose position comes from a search of OpenCV, and whose status comes from a hue
-    histogram at that position.
+    """Base class of trackers whose position comes from a search of OpenCV, and whose status comes
+    from the hue histogram at that position.
     """
 
     follows = (False, False)

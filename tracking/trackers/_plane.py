@@ -12,13 +12,15 @@ SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) / 2
 
 
 def homography(source: Array, target: Array) -> Array:
-    """Return the homography (3, 3) that maps four source points (4, 2) to target points (4, 2)."""
+    """Return the homography (3, 3), with its last element 1, that maps four source points (4, 2) to
+    target points (4, 2).
+    """
     H = cv2.getPerspectiveTransform(source.astype(np.float32), target.astype(np.float32))
     return H.astype(np.float64)
 
 
 def through(H: Array, points: Array) -> Array:
-    """Return points (n, 2) mapped by a homography (3, 3)."""
+    """Return the points (n, 2) to which a homography (3, 3) maps points (n, 2)."""
     seen = np.column_stack([points, np.ones(len(points))]) @ H.T
     return seen[:, :2] / seen[:, 2:]
 

@@ -1,4 +1,4 @@
-"""Annealed particle filter on one colour histogram (Deutscher, Blake, Reid 2000)."""
+"""Tracker: annealed particle filter on one colour histogram (Deutscher, Blake, Reid 2000)."""
 
 from dataclasses import dataclass
 

@@ -19,7 +19,7 @@ SMALLEST_BOX = 4
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """Settings of the tracker `camshift`: it has none."""
 
     traits = frozenset({Trait.COLOUR})
 
@@ -30,7 +30,9 @@ class Config:
 
 @final
 class Camshift(HueTracker):
-    """A box whose size and angle follow the moments of the back-projection."""
+    """Tracker by OpenCV's CamShift: position and size follow the moments of the hue
+    back-projection, and the angle stays as it was first.
+    """
 
     follows = (False, True)
     _box: tuple[int, int, int, int] = SET_BY_START

@@ -1,5 +1,5 @@
-"""Condensation: a particle filter on one colour histogram (Isard and Blake 1998; Perez et al.
-2002).
+"""Tracker: Condensation, a particle filter on one colour histogram (Isard and Blake 1998; Perez et
+al. 2002).
 """
 
 from dataclasses import dataclass

@@ -14,7 +14,7 @@ from tracking.types import State, Trait
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """Settings of the tracker `cv_mean_shift`: it has none."""
 
     traits = frozenset({Trait.COLOUR})
 
@@ -25,7 +25,9 @@ class Config:
 
 @final
 class CvMeanShift(HueTracker):
-    """A box of fixed size, moved by OpenCV's meanShift to the mode of the hue back-projection."""
+    """Tracker with a box of fixed size, moved by OpenCV's meanShift to the mode of the hue
+    back-projection.
+    """
 
     def _found(self, frame: Frame, ego: Array | None) -> State:
         box = box_of(self._region, self._state.moved(ego), frame.image)

@@ -21,7 +21,7 @@ SEED_BITS = 31
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """Settings of the tracker `cv_mil`: it has none."""
 
     needs = frozenset({Channel.PICTURE})
     traits = frozenset({Trait.TEXTURE})
@@ -33,7 +33,7 @@ class Config:
 
 @final
 class CvMil(HueTracker):
-    """A box of fixed size, found by an online boosted classifier."""
+    """Tracker with a box of fixed size, found by OpenCV's online boosted classifier."""
 
     _mil: Cv2Tracker = SET_BY_START
 

@@ -1,4 +1,6 @@
-"""No tracking: the target stays where it was first seen. The baseline of all trackers."""
+"""Tracker that tracks nothing: the target stays where it was first seen. It is the baseline of all
+trackers.
+"""
 
 from dataclasses import dataclass
 from typing import final
@@ -20,7 +22,7 @@ from tracking.types import (
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """Settings of the tracker `frozen`: it has none."""
 
     traits = frozenset[Trait]()
 
@@ -31,12 +33,12 @@ class Config:
 
 @final
 class Frozen:
-    """Reports the first state in every frame, with status UNSURE."""
+    """Tracker that reports the first state in every frame, with the status UNSURE."""
 
     _state: State = SET_BY_START
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Keep the first state, which `update` reports.
+        """Store the first state, which `update` reports.
 
         Raises:
             ValueError: The region is empty, or most of it is outside the picture.

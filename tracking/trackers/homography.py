@@ -82,7 +82,7 @@ LARGEST_GROWTH = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings."""
+    """Settings of the tracker `homography`: it has none."""
 
     traits = frozenset({Trait.TEXTURE, Trait.CORNERS})
 
@@ -93,7 +93,9 @@ class Config:
 
 @final
 class Homography:
-    """A tracker that aligns a coarse template, and then the full one, in each frame."""
+    """Tracker of a textured plane: in each frame it aligns a coarse template of the target, and
+    then the full one.
+    """
 
     _velocity: Velocity = SET_BY_START
 

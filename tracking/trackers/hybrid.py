@@ -1,4 +1,6 @@
-"""Hybrid of Condensation and mean shift: every particle climbs (Maggio and Cavallaro 2005)."""
+"""Tracker: hybrid of Condensation and mean shift, in which every particle climbs (Maggio and
+Cavallaro 2005).
+"""
 
 from dataclasses import dataclass
 
@@ -11,7 +13,9 @@ PRESETS = {"paper": condensation.FILTER}
 
 @dataclass(frozen=True, slots=True)
 class Config(CloudSettings):
-    """Settings of the particles and of their colour histogram; not annealed, constant velocity."""
+    """Settings of the particles and of their colour histogram, without annealing, with a prediction
+    of constant velocity.
+    """
 
     particles: Count = 100
     noise: Spread = 0.3

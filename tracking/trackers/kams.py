@@ -1,4 +1,4 @@
-"""Kernel annealed mean shift (Naeem, Pridmore, Mills).
+"""Tracker: kernel annealed mean shift (Naeem, Pridmore, Mills).
 
 In each layer of an annealed particle filter every particle climbs to the nearest mode before it is
 weighed.
@@ -21,7 +21,7 @@ PRESETS = {"paper": annealed.FIXED | {"estimate": "mean"}}
 
 @dataclass(frozen=True, slots=True)
 class Config(CloudSettings):
-    """The annealed filter's settings, with fewer particles and sharper weights."""
+    """Settings as of the annealed filter, with fewer particles and sharper weights by default."""
 
     particles: Count = 40
     gamma: Sharpness = 100.0

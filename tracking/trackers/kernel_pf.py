@@ -1,6 +1,7 @@
-"""Single-kernel particle filter of the multi-kernel paper (Teuliere, Marchand, Eck).
+"""Tracker: single-kernel particle filter of the multi-kernel paper (Teuliere, Marchand, Eck).
 
-One histogram, four dimensions: orientation is hardly observable, which is why the paper has nine.
+It has one histogram for four dimensions: orientation is hardly observable, which is why the paper
+has nine histograms.
 """
 
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ PRESETS = {"paper": PLAIN | {"density": 48, "scatter": 0.0}}
 
 @dataclass(frozen=True, slots=True)
 class Config(SimilaritySettings):
-    """The multiple-kernel filter's settings with one cell."""
+    """Settings as of the multiple-kernel particle filter, with a single cell."""
 
     density: CellPoints = 15
     """Points along each side of the template at which a particle reads the image."""

@@ -1,4 +1,4 @@
-"""Kernel mean shift on a colour histogram (Comaniciu, Ramesh, Meer 2003)."""
+"""Tracker: kernel mean shift on a colour histogram (Comaniciu, Ramesh, Meer 2003)."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
 @dataclass(frozen=True, slots=True)
 class Climb:
     """Choices in which the searches by mean shift differ: length of a climb, whether the size is
-    followed, and when more climbs begin.
+    followed, and the confidence below which more climbs begin.
     """
 
     steps: int = 20
@@ -52,7 +52,9 @@ class Climb:
 
 @dataclass(frozen=True)
 class ClimbSettings(AppearanceSettings):
-    """Settings of a search by mean shift."""
+    """Settings of a tracker that climbs by mean shift: its histograms, the shift that ends a climb,
+    and the memory of its velocity.
+    """
 
     tolerance: Annotated[float, Ge(0.001), Le(1000)] = 0.2
     """A shorter shift ends the climb [px]."""
@@ -62,7 +64,7 @@ class ClimbSettings(AppearanceSettings):
     @property
     @abstractmethod
     def climb(self) -> Climb:
-        """Choices of the mean-shift search."""
+        """Choices in which this search by mean shift differs from others."""
 
     def build(self, rng: np.random.Generator) -> "MeanShift":
         """Return the tracker; uses no random numbers."""
@@ -89,7 +91,7 @@ class Config(ClimbSettings):
 
 @final
 class MeanShift:
-    """A tracker that climbs by mean shift from the predicted state in each frame."""
+    """Tracker that climbs by mean shift from the predicted state in each frame."""
 
     _model: SampledModel = SET_BY_START
 

@@ -1,4 +1,6 @@
-"""Multiple-kernel particle filter (Teuliere, Marchand, Eck, section IV): a histogram a cell."""
+"""Tracker: multiple-kernel particle filter (Teuliere, Marchand, Eck, section IV), with a histogram
+for each cell of the template.
+"""
 
 from dataclasses import dataclass
 
@@ -48,7 +50,7 @@ class SimilaritySettings(CloudSettings):
 
 @dataclass(frozen=True, slots=True)
 class Config(SimilaritySettings):
-    """Settings of the particles, in four dimensions, and of the cells."""
+    """Settings of the particles, in x, y, theta and scale, and of the template's cells."""
 
     density: CellPoints = 5
     """Points along each side of a cell at which a particle reads the image."""

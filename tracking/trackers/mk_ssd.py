@@ -1,5 +1,5 @@
 """Tracker by the histograms of multiple kernels, without random numbers: Newton's descent from the
-last state.
+predicted state.
 
 Hager, Dewan, Stewart 2004; Teuliere, Marchand, Eck, section III.
 """
@@ -35,7 +35,7 @@ PRESETS = {"paper": {"span": 1.0, "inset": 0.0, "velocity_memory": 1.0}}
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the kernels and of the prediction."""
+    """Settings of the histograms and kernels, and of the prediction of constant velocity."""
 
     levels: Levels = 8
     """Colour bins a channel."""
@@ -57,7 +57,9 @@ class Config:
 
 @final
 class MkSsd:
-    """A tracker of one Newton descent a frame; a hidden target is expected at its last state."""
+    """Tracker with one Newton descent in each frame; a hidden target is expected at its last
+    state.
+    """
 
     _velocity: Velocity = SET_BY_START
 

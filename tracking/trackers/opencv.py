@@ -1,4 +1,4 @@
-"""A tracker of OpenCV by its name: MIL; Nano, Vit and DaSiamRPN with model files of the user; CSRT
+"""Tracker of OpenCV by its name: MIL; Nano, Vit and DaSiamRPN with model files of the user; CSRT
 and KCF where OpenCV's additional modules are installed.
 """
 

@@ -1,12 +1,13 @@
-"""Particle filter and multiple-kernel SSD together (Teuliere, Marchand, Eck, section V).
+"""Tracker: particle filter and multiple-kernel SSD together (Teuliere, Marchand, Eck, section V).
 
 A small particle filter survives fast motion and occlusion but is coarse; Newton's descent is exact
 but has a small basin. So the filter proposes its mean x^PF, and the descent starts from there:
 
     if d_m(x^PF) <= tau:  x = Newton(x^PF)      else:  x = x^PF
 
-The paper prints >=, which contradicts the sentence before it: a large distance means an occlusion,
-where Newton would lock onto what is in front.
+with d_m the distance of the histograms there from the target's. The paper prints >=, which
+contradicts the sentence before it: a large distance means an occlusion, where Newton would lock
+onto what is in front.
 """
 
 from dataclasses import dataclass, replace
@@ -40,7 +41,9 @@ PRESETS: dict[str, dict[str, object]] = {
 
 @dataclass(frozen=True, slots=True)
 class Config(SimilaritySettings):
-    """Settings; the defaults hold for the 60 x 30 px car at 5 to 30 Hz."""
+    """Settings of particles, kernels and descent; the defaults were tuned for the 60 x 30 px car at
+    5 to 30 Hz.
+    """
 
     particles: Count = 75
     noise: Spread = 0.1
@@ -89,7 +92,7 @@ class Config(SimilaritySettings):
 
 @final
 class PfSsd(ParticleTracker):
-    """A particle filter whose estimate is refined by Newton's descent unless the target is
+    """Particle filter whose estimate is refined by Newton's descent, unless the target is
     occluded.
     """
 

@@ -1,7 +1,9 @@
-"""Structured octal kernel (Naeem, Mills, Pridmore 2006): mean shift from nine places when unsure.
+"""Tracker: structured octal kernel (Naeem, Mills, Pridmore 2006), mean shift from nine places when
+it is unsure.
 
-Where 1 - d falls below T, eight more climbs begin on a ring at twice the target's radius, so that
-the nine kernels cover nine times its area; the best of nine is the target.
+If the confidence 1 - d falls below a threshold T, with d the distance of the histograms, eight more
+climbs begin on a ring at twice the target's radius, so that the nine kernels cover nine times its
+area; the best of nine is the target.
 """
 
 from dataclasses import dataclass

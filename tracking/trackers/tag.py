@@ -29,7 +29,7 @@ share of the side."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """No settings: the tag nearest the region is followed."""
+    """Settings of the tracker `tag`: it has none. The tag nearest to the region is followed."""
 
     traits = frozenset({Trait.MARKER, Trait.CORNERS})
 
@@ -40,7 +40,9 @@ class Config:
 
 @final
 class Tag:
-    """A tracker that reports the region's corners, which are fixed in the tag's plane."""
+    """Tracker of the tag nearest to the region: it reports the region's corners, which are fixed in
+    the tag's plane.
+    """
 
     _state: State = SET_BY_START
 
@@ -56,7 +58,10 @@ class Tag:
         check_region(frame, region, state)
         found = self._detector.nearest(frame.image, np.array([state.x, state.y]))
         if found is None:
-            raise ValueError("no AprilTag 36h11 is seen in the first picture")
+            raise ValueError(
+                "no AprilTag 36h11 is seen in the first picture: begin with a picture that shows "
+                "the whole tag"
+            )
         self._seen: Array | None
         self._number, self._seen = found
         self._region = region

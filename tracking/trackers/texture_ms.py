@@ -1,4 +1,4 @@
-"""Mean shift on the joint colour and texture histogram (Ning, Zhang, Zhang, Wu 2009)."""
+"""Tracker: mean shift on the joint colour and texture histogram (Ning, Zhang, Zhang, Wu 2009)."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -17,7 +17,7 @@ PRESETS = {"paper": PAPERS | {"steps": 15, "tolerance": 0.1, "scale": False}}
 
 @dataclass(frozen=True, slots=True)
 class Config(TextureSettings, ClimbSettings):
-    """Settings of the histogram, of its texture, and of the climb by mean shift."""
+    """Settings of the colour and texture histogram, and of the climb by mean shift."""
 
     density: DiscPoints = DENSITY
     """Points along the kernel's diameter at which the image is read."""

@@ -1,4 +1,6 @@
-"""PFJCTH: particle filter on the joint colour and texture histogram (Nagy, Ahmed, Zayed)."""
+"""Tracker: PFJCTH, a particle filter on the joint colour and texture histogram (Nagy, Ahmed,
+Zayed).
+"""
 
 from dataclasses import dataclass
 
@@ -17,7 +19,7 @@ PRESETS = {"paper": PAPERS | {"scatter": 0.0}}
 
 @dataclass(frozen=True, slots=True)
 class Config(TextureSettings, CloudSettings):
-    """Settings of the particle filter and of the texture."""
+    """Settings of the particle filter, and of its colour and texture histogram."""
 
     scale_noise: Share = 0.03
 

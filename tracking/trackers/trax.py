@@ -1,4 +1,4 @@
-"""A tracker in a process of its own, in any language, over the TraX protocol (Cehovin 2017)."""
+"""Tracker in a process of its own, in any language, over the TraX protocol (Cehovin 2017)."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,5 @@
-"""The true state with chosen noise and dropouts: an ideal tracker, which reads no picture.
+"""Tracker of the true state with chosen noise and dropouts: an ideal tracker, which reads no
+picture.
 
 It needs a simulation. Other trackers are compared with it, and studies of control laws use it to
 leave tracking errors out. Its delay is set by `run.tracker_ms`, as that of any tracker.
@@ -19,7 +20,9 @@ NO_TRUTH = "the tracker 'truth' needs the true pose of the target, which only a 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Errors of an ideal tracker: independent from picture to picture, normally distributed."""
+    """Settings of an ideal tracker: the errors of its states, normally distributed and independent
+    from picture to picture, and its dropouts.
+    """
 
     noise: Annotated[float, Ge(0), Le(100)] = 0.0
     """Standard deviation of each coordinate of the centre, and of each corner [px]."""
@@ -35,7 +38,7 @@ class Config:
 
     @property
     def traits(self) -> Traits:
-        """The trait CORNERS if the tracker reports corners."""
+        """Traits of the tracker: CORNERS if it reports corners, otherwise none."""
         return frozenset({Trait.CORNERS}) if self.corners else frozenset()
 
     def build(self, rng: np.random.Generator) -> "TruthTracker":
@@ -53,14 +56,15 @@ class TruthTracker:
         self._truth: Truth | None = None
 
     def see(self, view: View) -> None:
-        """Keep the truth of the next frame, which the simulation provides."""
+        """Store the true state of the next frame, which the simulation provides."""
         self._truth = view.truth
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Keep the true size of the target in the first picture, which is scale 1 from then on.
+        """Store the true size of the target in the first picture, which counts as scale 1 from then
+        on.
 
         Raises:
-            ValueError: The frame comes without a truth, as outside a simulation.
+            ValueError: The true state is not given, as outside a simulation.
         """
         if self._truth is None:
             raise ValueError(NO_TRUTH)
@@ -68,8 +72,9 @@ class TruthTracker:
         self._state = state
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the true state with drawn errors; LOST where the target is outside the picture,
-        UNSURE in a dropout.
+        """Return the true state with drawn errors, as LOCKED. In a dropout (UNSURE), or with the
+        target outside the picture (LOST), return the last state, moved by the camera's motion if
+        that is given.
         """
         if self._truth is None:
             raise ValueError(NO_TRUTH)

@@ -56,7 +56,7 @@ def check_workers(workers: int) -> None:
 
 
 def _allow_files(needed: int) -> None:
-    """Raise the limit of open files of this process and its children to a number.
+    """Raise this process's limit of open files, which its children inherit, to at least `needed`.
 
     Raises:
         Refused: The system does not allow so many.
@@ -114,7 +114,8 @@ def local(workers: int) -> Generator[Cluster]:
 
 
 def replace_dead(cluster: LocalCluster, workers: int) -> None:
-    """Start new workers in place of those that died during their start; Dask restarts all others.
+    """Start new workers in place of those that died while they started; Dask itself restarts
+    workers that die later.
 
     Args:
         cluster: The cluster.
@@ -145,8 +146,8 @@ def _track_resources() -> None:
 
 @contextmanager
 def _deaf_children() -> Generator[None]:
-    """Let processes and threads that start in the block ignore Ctrl-C; in this process it takes
-    effect after the block.
+    """Let processes and threads that start in the block ignore Ctrl-C. This process ignores Ctrl-C
+    in the block, and obeys one from that time after the block.
 
     A terminal sends Ctrl-C to all processes, and a child that is still importing would print a
     traceback. Outside of the main thread the block has no effect.

@@ -38,7 +38,8 @@ def check_address(text: str) -> str:
     except ValueError:
         pass  # an invalid port or IPv6 address
     raise Mistake(
-        f"--scheduler {text}: this should be {PLAIN}://HOST:PORT or {ENCRYPTED}://HOST:PORT"
+        f"--scheduler {text}: this is no address of a scheduler: write {PLAIN}://HOST:PORT "
+        f"or {ENCRYPTED}://HOST:PORT"
     )
 
 

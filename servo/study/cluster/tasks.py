@@ -1,4 +1,6 @@
-"""Runs tasks on a local or external Dask cluster, each of them once, even if workers die."""
+"""Runs each task once on a Dask cluster, local or external; a task whose worker dies is run
+again.
+"""
 
 import logging
 import os
@@ -43,7 +45,9 @@ LOGGERS = ("distributed", "distributed.client", "tornado", "asyncio")
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """A running Dask cluster."""
+    """A running Dask cluster: its client, its name for messages, and a watch on its number of
+    workers.
+    """
 
     client: Client
     name: str
@@ -52,7 +56,7 @@ class Cluster:
     """Is called every `TICK` with the number of workers; raises ClusterLost if no worker comes."""
 
     def workers(self) -> int:
-        """Return the present number of workers.
+        """Return the present number of the cluster's workers.
 
         Raises:
             ClusterLost: A worker has several threads.
@@ -68,7 +72,7 @@ class Cluster:
 
 @dataclass(slots=True)
 class Patience:
-    """A timer that raises ClusterLost after too long a time without workers."""
+    """A timer that raises ClusterLost when a cluster has had no workers for `longest` seconds."""
 
     longest: float
     """Longest time without any worker [s]."""
@@ -79,7 +83,8 @@ class Patience:
     suspended."""
 
     def __call__(self, there: int) -> None:
-        """Count one `TICK` with this number of workers.
+        """Add one `TICK` to the time without workers, or reset this time if there are workers;
+        `there` is their present number.
 
         Raises:
             ClusterLost: There has been no worker for `longest` seconds.
@@ -160,7 +165,8 @@ def _ready(ended: as_completed) -> list[Future[Any]]:
 
 
 def _result(future: Future[Done | Failure], name: str) -> Done | Failure:
-    """Return the result of a task that has ended, or its failure.
+    """Return the result of a task that has ended, or its failure; `name` is the cluster's name for
+    messages.
 
     Raises:
         ClusterLost: The task was cancelled with its cluster, whose name this is.
@@ -179,7 +185,9 @@ def _result(future: Future[Done | Failure], name: str) -> Done | Failure:
 
 
 def _work_alone(work: Callable[[Task], Done], task: Task) -> Done | Failure:
-    """Do a task in a worker process with one thread and without repeated notices."""
+    """Do a task in this worker process, with one thread for numerical libraries and without the
+    notices that the process which began the study has printed.
+    """
     for name, value in ONE_THREAD.items():
         os.environ.setdefault(name, value)
     cv2.setNumThreads(1)

@@ -55,8 +55,8 @@ def dot(a: Array, b: Array) -> float:
 @compiled(error_model="numpy")
 def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) -> None:
     """Compute the colour of a triangle's corner and write it into the corner: the reflected light,
-    at most 1 a channel, by the lighting of OpenGL's fixed pipeline (Blinn-Phong), as MuJoCo uses
-    it.
+    at most 1 in each channel, by the lighting of OpenGL's fixed pipeline (Blinn-Phong), as MuJoCo
+    uses it.
 
     Args:
         corner: Position [m], colour, texture coordinates, pixel and 1 / z of the corner (11,); the
@@ -356,7 +356,7 @@ def level_of(s_right: float, t_right: float, s_down: float, t_down: float, level
 
 @compiled(error_model="numpy")
 def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found: Array) -> int:
-    """Clip a triangle at the near plane: write the corners of the part before the camera, and
+    """Clip a triangle at the near plane: write the corners of the part in front of the camera, and
     return their number, 0, 3 or 4.
 
     Args:

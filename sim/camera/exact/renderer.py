@@ -114,7 +114,11 @@ class ExactRenderer:
         drawn: NDArray[np.bool_],
         read: Callable[[Image], T] = lambda image: image,
     ) -> Future[T]:
-        """Begin a picture of some bodies as they are; `read` gets it and returns the result."""
+        """Begin a picture of the geoms that `drawn` (n,) selects, as they are in `data`.
+
+        Returns:
+            Future of the result of `read`, a function that is called with the picture.
+        """
         eye = camera_pose(data, self._camera)
         chosen = np.flatnonzero(drawn)
         to_camera = eye.rotation.T
@@ -181,8 +185,8 @@ def _check(model: mujoco.MjModel) -> None:
 
 
 def _looks(model: mujoco.MjModel) -> tuple[Array, Array]:
-    """Return the colours (n, 4) of all bodies, and their emission, specular reflection and specular
-    exponent (n, 3).
+    """Return the colours (n, 4), 0 to 1, of all bodies (geoms and sky), and their emission,
+    specular reflection and specular exponent (n, 3).
     """
     rgba = model.geom_rgba.astype(float)
     shine = np.tile(DEFAULT_SHINE, (len(rgba), 1))

@@ -125,12 +125,14 @@ def _scaled(surface: Surface, size: Array) -> Surface:
 
 
 def _split(quads: Array) -> Array:
-    """Return two triangles (6 n, k) for each quadrilateral (n, 4, k)."""
+    """Return the corners (6 n, k) of the two triangles of each of n quadrilaterals (n, 4, k), three
+    rows for each triangle.
+    """
     return quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, quads.shape[2])
 
 
 def _box() -> Surface:
-    """Return a cube with a half side of 1, whose upper face comes first."""
+    """Return the surface of a cube with half sides of 1, whose upper face comes first."""
     upper = [np.roll(TOP, k, axis=1) for k in range(3)]
     normals = np.roll(np.eye(3), 1, axis=0)[:, None] * np.ones((4, 1))
     faces = np.array([*upper, *(-face[::-1] for face in upper)])

@@ -1,4 +1,4 @@
-"""Kinds of painted (synthetic) sequences with exact truth; each file has one kind."""
+"""Package of the kinds of painted (synthetic) sequences with exact truth, one module each."""
 
 from __future__ import annotations
 

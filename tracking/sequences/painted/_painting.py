@@ -31,7 +31,8 @@ def blotches(
 
 
 def noisy(image: Image, noise: float, seed: int, index: int) -> Image:
-    """Return a picture (H, W, 3) plus Gaussian noise; the same index gets the same noise again.
+    """Return a picture (H, W, 3) with Gaussian noise added, as uint8; the same seed and index give
+    the same noise again.
 
     Args:
         image: The picture (H, W, 3) [grey levels], which may have fractions.

@@ -1,4 +1,5 @@
-"""Camouflage: a car in the colours of the ground, which only its finer texture shows.
+"""Painted sequence: camouflage, a car in the colours of the ground, which only its finer texture
+shows.
 
 For the claim of the PFJCTH paper that colour and texture together follow a target that neither
 follows alone. Gravel in another colour, with the car's texture, lies on the ground. Motion, sizes

@@ -1,5 +1,6 @@
-"""Clutter: a disc of four colours jumps over a background of similar discs (Naeem, Pridmore, Mills,
-artificial sequences, levels a to d; levels e to h are ours, and harder).
+"""Painted sequence: clutter, in which a disc of four colours jumps over a background of similar
+discs (Naeem, Pridmore, Mills, artificial sequences, levels a to d; levels e to h are ours, and
+harder).
 
 320x240 px, 140 frames, white background. The target, radius 14 px, has four sectors of different
 colours. It follows a smooth path (a sum of two sines in each axis) plus Gaussian noise in every

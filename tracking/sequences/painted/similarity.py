@@ -1,4 +1,5 @@
-"""Similarity: a textured rectangle moves, turns, scales, blurs and is hidden, over clutter.
+"""Painted sequence: similarity, in which a textured rectangle moves, turns, scales, blurs and is
+hidden, over clutter.
 
 For the claims of the multi-kernel paper (figures 6 and 7): x, y, theta and scale are known exactly.
 The rectangle, 60 x 40 px with three by three coloured fields, follows smooth curves, with motion
