@@ -108,7 +108,8 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     "--tracker",
     default="annealed",
     show_default=True,
-    help="The tracker (servobench list tracker), such as kams or kams:paper.",
+    help="The tracker (servobench list tracker): kind, kind:preset, module:Class, "
+    "'program:COMMAND', 'trax:COMMAND' or onnx:FILE[,FILE].",
 )
 @opt.changes_option
 @click.option(

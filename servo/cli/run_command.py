@@ -51,6 +51,7 @@ from sim.kinematics.doubts import doubts
 from sim.outline import Outline
 from sim.types import Array
 from tracking.advice import advice
+from tracking.guests.guest import GuestSettings
 from tracking.types import traits_of
 
 if TYPE_CHECKING:
@@ -128,7 +129,7 @@ def run_scenario(
     job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
     record = record_of(job, scenario, run)
     _print_record(console, scenario, record)
-    doubt = remarks_on_tracker(run)
+    doubt = remarks_on_tracker(run, is_guest=isinstance(scenario.tracker, GuestSettings))
     plain(console, unjudged(scenario, record.success), doubt)
     console.print(_stage_line(run, writing))
     print_paths(console, output.finish(RunReport.of(record, scenario, run.first.scene, doubt)))

@@ -32,6 +32,7 @@ from servo.output.track_folder import TrackFolder, TrackReport
 from servo.output.versions import versions
 from servo.report import words
 from servo.scenario.fill import fill_plugin
+from servo.scenario.part_names import settings_of
 from servo.scenario.toml import Table, assignment, is_table, put
 from sim.kinds import PartConfig
 from sim.types import Array
@@ -220,7 +221,9 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[Table, PartConfig[Tra
     Raises:
         Mistake: There is no such kind or setting.
     """
-    table: Table = {"tracker": TRACKERS.named(kind)}
+    table: Table = {}
+    for key, value in settings_of("tracker", kind).items():
+        put(table, key, value, f"--tracker {kind}")
     for item in changes:
         put(table, *assignment(item), f"--set {item}")
         if len(table) > 1:

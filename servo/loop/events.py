@@ -26,6 +26,8 @@ class Event(Enum):
     LEAVING = "The camera cannot keep the whole target in its view."
 
 
+ENOUGH = 10
+"""Pictures after which a size that never changed is not expected to change."""
 PARTS = ("centre", "angle", "size")
 """Names of the three results of `certain`."""
 STATUS = {Status.UNSURE: Event.OCCLUDED, Status.LOST: Event.LOST, Status.LOCKED: Event.FOUND}
@@ -58,14 +60,32 @@ def events(before: Step | None, step: Step) -> list[Event]:
     return found
 
 
-def remarks_on_tracker(run: Columns) -> str:
+def remarks_on_tracker(run: Columns, *, is_guest: bool = False) -> str:
     """Return what a reader of a run should know of the tracker's results, in sentences without the
     last full stop; "" if there is nothing.
+
+    Args:
+        run: The numbers of the run.
+        is_guest: Whether the tracker is one of another author, whose boxes may have no size.
     """
     last = run.final[-1]
     if last.goal_sight.picture is not None:
         return ""  # pixels are servoed
-    return ". ".join(filter(None, [_uncertain(run), _refused_sizes(run)]))
+    found = [_uncertain(run), _refused_sizes(run), _missing_size(run) if is_guest else ""]
+    return ". ".join(filter(None, found))
+
+
+def _missing_size(run: Columns) -> str:
+    """Return a sentence if the tracker reported boxes of one size in `ENOUGH` pictures or more, and
+    some feature needs the size; else "".
+    """
+    count = int((run["seen"] & run["decided"]).sum())
+    if count < ENOUGH or run["size_followed"].any() or not run.final[-1].needed[1]:
+        return ""
+    return (
+        f"The tracker's boxes had one size in all of {count} pictures: the size was not servoed, "
+        "and the camera's distance not controlled by it"
+    )
 
 
 def _refused_sizes(run: Columns) -> str:

@@ -261,17 +261,24 @@ class Step:
         feature must need it, the tracker must follow it, the loop must not refuse it, and the
         robot's joints must be able to change it.
         """
-        goal = self.goal_sight
-        known = self.scene.features.known
         estimate = self.estimate
         follows = np.array(estimate.follows) | (estimate.corners is not None)
         follows &= (True, estimate.likely_scale is None)
+        angle, size = (follows & self.needed).tolist()
+        return angle, size
+
+    @property
+    def needed(self) -> tuple[bool, bool]:
+        """Two flags: whether some feature that the robot's joints can change needs the target's
+        angle, and whether one needs its size.
+        """
+        goal = self.goal_sight
+        known = self.scene.features.known
         # A feature needs the angle if it would not be measured without it; so with the size.
         without = (replace(goal, angle_known=False), replace(goal, size_known=False))
         trace = self.command.trace
         by_joints = True if trace is None or trace.servoed is None else trace.servoed
-        needed = [(known(goal) & ~known(sight) & by_joints).any() for sight in without]
-        angle, size = (follows & needed).tolist()
+        angle, size = (bool((known(goal) & ~known(s) & by_joints).any()) for s in without)
         return angle, size
 
     @property

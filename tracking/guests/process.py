@@ -106,6 +106,10 @@ class GuestProcess:
             self.fail_ended(expected)
         return answer
 
+    def end(self) -> None:
+        """End the program, with all that it has started."""
+        self._close()
+
     def fail_ended(self, expected: str) -> NoReturn:
         """Raise a ValueError that says that the program has ended instead of answering."""
         with suppress(subprocess.TimeoutExpired):

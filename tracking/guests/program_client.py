@@ -71,7 +71,12 @@ class ProgramClient:
         Raises:
             ValueError: The program has ended, hangs, or its answer is not a report.
         """
-        return report_in(self._show(frame, {}), self._program.name)
+        answer = self._show(frame, {})
+        try:
+            return report_in(answer, self._program.name)
+        except ValueError:
+            self._program.end()
+            raise
 
     def _show(self, frame: Frame, more: Answer) -> Answer:
         """Send a picture, with more keys of its line, and return the answer."""
@@ -103,6 +108,6 @@ class ProgramClient:
         try:
             return cast("Answer", json.loads(line))
         except (ValueError, RecursionError) as error:
-            text = line.decode("utf-8", "replace").strip()[:80]
+            text = " ".join(line.decode("utf-8", "replace").split())[:80]
             reason = "too deep" if isinstance(error, RecursionError) else error
             self._program.fail(f"answered {text}, which is no JSON: {reason}")

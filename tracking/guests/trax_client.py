@@ -125,7 +125,11 @@ class TraxClient:
         if found.ndim > 1 and len(found) == CORNERS and convex(found):
             return report_of_corners(found)
         box = found if found.ndim == 1 else box_around(found)
-        return report_in(box.tolist(), self._server.name)
+        try:
+            return report_in(box.tolist(), self._server.name)
+        except ValueError:
+            self._server.end()
+            raise
 
     def _picture(self, image: Image) -> str:
         """Return a picture as the argument of a message, in a format that the server accepts; of
