@@ -129,8 +129,9 @@ class Estimator(Protocol):
     prediction's motion: v = -L# (gain e + de/dt).
 
     >>> from servo.estimators import KINDS
-    >>> KINDS.config("none").build(np.random.default_rng(0)).__class__.__doc__
-    'Predicts a target at rest.'
+    >>> estimator = KINDS.config("none").build(np.random.default_rng(0))
+    >>> callable(estimator.update) and callable(estimator.skip)
+    True
 
     All errors and motions are divided by `FeatureSet.scales`. An estimator whose `Config` declares
     `Channel.SEEN` also has a method `see(view)`, called before each of the others: `view.seen` is

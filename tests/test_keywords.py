@@ -135,8 +135,8 @@ def test_a_setting_that_a_part_of_ones_own_lacks_is_refused(given, message):
         ({"qqqqqq": 1.0}, "there is no setting 'qqqqqq'; 'servobench list' names all kinds"),
         (
             {"angle_deg": 3.0},
-            "angle_deg may be goal.angle_deg, start.angle_deg, region.angle_deg; give one of them, as "
-            "goal={'angle_deg': ...}",
+            "angle_deg is the name of several settings, goal.angle_deg, start.angle_deg, "
+            "region.angle_deg: give one of them with its table, as goal={'angle_deg': ...}",
         ),
         (
             {"gain": -1.0},

@@ -281,7 +281,7 @@ def test_what_never_comes_is_one_sentence(monkeypatch):
 def test_a_domain_that_cannot_be_is_one_sentence(monkeypatch, domain):
     monkeypatch.setenv("ROS_DOMAIN_ID", domain)
     monkeypatch.setenv("CYCLONEDDS_URI", "")
-    sentence = f"ROS 2: CycloneDDS cannot start with ROS_DOMAIN_ID='{domain}' (0 to 232) and CYCLONEDDS_URI=''"
+    sentence = f"ROS 2: CycloneDDS cannot start with ROS_DOMAIN_ID='{domain}' (0 to 232) and CYCLONEDDS_URI='': correct or unset them"
     with pytest.raises(Mistake, match=f"^{re.escape(sentence)}$"):
         Node()
 
