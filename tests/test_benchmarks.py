@@ -281,6 +281,7 @@ def test_a_row_of_another_version_is_refused(public):
         ("mine=collections:Counter", (), Division.CLOSED),
         ("mine=collections:Counter", ("tracker.particles=8",), Division.OPEN),
         ("mine=trax:python mine.py", (), Division.CLOSED),
+        ("mine=program:python mine.py", (), Division.CLOSED),
         ("mine=onnx:vit.onnx", (), Division.CLOSED),
         ("mine=opencv", ("tracker.name=MIL",), Division.OPEN),
         ("mean_shift", ("controller.gain=2",), Division.OPEN),
@@ -359,17 +360,21 @@ def test_the_digest_of_a_law_covers_the_modules_beside_it(tmp_path, monkeypatch)
     assert one.digest != before
 
 
-def test_a_network_is_a_guest_and_its_digest_covers_the_file(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("files", "settings"),
+    [
+        ("vit.onnx", ['name="Vit"', 'model="vit.onnx"']),
+        ("back.onnx,vit.onnx", ['name="Nano"', 'model=["back.onnx", "vit.onnx"]']),
+    ],
+)
+def test_a_network_is_a_guest_and_its_digest_covers_its_files(
+    tmp_path, monkeypatch, files, settings
+):
     monkeypatch.chdir(tmp_path)
-    (one,) = contestants(load("loop-v1"), ["mine=onnx:vit.onnx"])
+    (one,) = contestants(load("loop-v1"), [f"mine=onnx:{files}"])
+    assert one.division is Division.CLOSED
     words = shlex.split(one.settings["tracker.command"])
-    assert words[1:] == [
-        "-m",
-        "tracking.exported.trax_server",
-        "opencv",
-        'name="Vit"',
-        'model="vit.onnx"',
-    ]
+    assert words[1:] == ["-m", "tracking.exported.program_server", "opencv", *settings]
     before = one.digest
     (tmp_path / "vit.onnx").write_bytes(tiny_onnx.vit((0.31, 0.21)))
     assert one.digest != before
@@ -392,7 +397,7 @@ def test_a_command_without_a_program_is_refused_before_anything_runs(
 
 def test_a_silent_program_is_refused_before_anything_runs(monkeypatch, tmp_path, capfd):
     monkeypatch.chdir(tmp_path)
-    words = ["loop-v1", "--quick", "--tracker", "mine=trax:cat", "--set", "tracker.timeout=0.2"]
+    words = ["loop-v1", "--quick", "--tracker", "mine=trax:cat", "--set", "tracker.loading=0.2"]
     assert call(monkeypatch, capfd, "benchmark", *words, "--out", "o") == (
         2,
         "waiting at most 0.2 s for the first answer of 'cat'\n",
@@ -751,7 +756,7 @@ def test_a_class_runs_in_a_process_that_gets_pictures_only(monkeypatch, capfd, t
     assert code == 0
     assert "closed" in out
     first = Row.read(tmp_path / "o" / "rows" / "m.json")
-    assert (tmp_path / "seen").read_text() == "tracking.exported.trax_server"
+    assert (tmp_path / "seen").read_text() == "tracking.exported.program_server"
     for world in first.worlds.values():
         assert world.last not in ("", world.picture)
     assert first.resolved["tracker.timeout"] == 30.0

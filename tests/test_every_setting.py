@@ -227,7 +227,7 @@ def test_every_setting_changes_a_run(place, kind, name, value):
     assert (seen((*before, *after))[0] == seen(before)[0]) is False
 
 
-NOT_HERE = ("opencv", "trax", "tag", "truth")
+NOT_HERE = ("opencv", "program", "trax", "tag", "truth")
 """Trackers of others, and those that this target is nothing for."""
 
 

@@ -11,6 +11,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from importlib.machinery import PathFinder
@@ -101,14 +102,26 @@ class Contestant:
         found = set[Path]()
         before = ""
         for word in self._words():
-            path = Path(word.partition("=")[2].strip("\"'") or word)  # such as model="vit.onnx"
-            if path.is_file() and path != Path(sys.executable):
+            files = _files_in(word)
+            for path in files:
                 found |= files_behind(path)
                 found |= _modules(path.parent) if path.suffix in SCRIPTS else set()
-            elif before == "-m" or ":" in word:
+            if not files and (before == "-m" or ":" in word):
                 found |= _package(word.partition(":")[0].partition(".")[0])
             before = word
         return {path.resolve() for path in found}
+
+
+def _files_in(word: str) -> list[Path]:
+    """Return the files that a word of a command names: vit.onnx, model="vit.onnx" or
+    model=["a.onnx", "b.onnx"]; without Python's own program.
+    """
+    value = word.partition("=")[2]
+    with suppress(ValueError):
+        value = json.loads(value)
+    named = value if isinstance(value, list) else [value or word]
+    paths = [Path(str(each).strip("'")) for each in (word, *named)]
+    return [path for path in paths if path.is_file() and path != Path(sys.executable)]
 
 
 def _package(name: str) -> set[Path]:
