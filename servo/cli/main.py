@@ -449,12 +449,14 @@ def film(first: str, second: str, out: Path, quiet: bool) -> None:
     from servo.cli.film_command import write
     from servo.mistake import Mistake
     from servo.scenario.load import Scenario, load
+    from servo.scenario.part_names import changes_of
 
     def asked(words: list[str]) -> Scenario:
         given = run.make_context("run", words).params
         if given["ros2"]:
             raise Mistake("film: a run with --ros2 cannot be repeated: name another run")
-        return load(given["scenario"], given["changes"], given["seed"])
+        parts = changes_of(given["tracker"], given["controller"])
+        return load(given["scenario"], [*parts, *given["changes"]], given["seed"])
 
     write((first, second), asked, out, quiet=quiet)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections.abc import Sequence
 from math import degrees, radians
@@ -96,8 +95,7 @@ def run_scenario(
         Mistake: The scenario or a setting is wrong, or the folder cannot be used.
         Refused: A file could not be written completely; the table of steps has priority.
     """
-    parts = changes_of("tracker", tracker), changes_of("controller", controller)
-    changes = [*itertools.chain(*parts), *changes]
+    changes = [*changes_of(tracker, controller), *changes]
     scenario = load(name, changes, seed, outputs.server)
     outputs.check()
     flags = {"no_rerun": not rerun, "ros2": outputs.server is not None}

@@ -1,7 +1,6 @@
 """The ways to name a part on the command line, such as kams:paper, module:Class or trax:COMMAND."""
 
 import json
-from collections.abc import Iterator
 
 from servo.mistake import Mistake
 from servo.scenario.catalogue import PLUGINS
@@ -50,16 +49,20 @@ def settings_of(section: str, what: str) -> Settings:
     return {f"{section}.{key}": value for key, value in table.items()}
 
 
-def changes_of(section: str, what: str | None) -> Iterator[str]:
-    """Yield the changes KEY=VALUE, as --set takes them, that put a part into a section of a
+def changes_of(tracker: str | None, controller: str | None) -> list[str]:
+    """Return the changes KEY=VALUE, as --set takes them, that put a tracker and a controller into a
     scenario; none for None.
 
     Raises:
         Mistake: As `settings_of`.
     """
-    if what is not None:
-        for key, value in settings_of(section, what).items():
-            yield f"{key}={json.dumps(value)}"
+    given = {"tracker": tracker, "controller": controller}
+    return [
+        f"{key}={json.dumps(value)}"
+        for section, what in given.items()
+        if what is not None
+        for key, value in settings_of(section, what).items()
+    ]
 
 
 def _table(section: str, what: str) -> Settings:
