@@ -1,6 +1,7 @@
 """One tracker of another author by every way to connect it: the same estimates, bit for bit."""
 
 import dataclasses
+import re
 import shlex
 import sys
 from pathlib import Path
@@ -10,7 +11,9 @@ import pytest
 from followed import REGION, START, frame
 
 from servo.cli.main import app
+from servo.cli.new_command import new
 from servo.loop.episode import Episode
+from servo.mistake import Mistake
 from servo.scenario.load import load
 from servo.scenario.part_names import changes_of, settings_of
 from tracking import configured
@@ -131,3 +134,33 @@ def test_run_takes_a_tracker_and_a_controller(tmp_path, capsys):
     with pytest.raises(SystemExit):
         app(words)
     assert '"kind": "guests:Drifting"' in (tmp_path / "run" / "report.json").read_text()
+
+
+def test_a_new_tracker_gives_the_same_by_each_door_it_can_be_begun_with(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for door in ("class", "program", "trax"):
+        new("tracker", f"my_{door}", tmp_path / door, door)
+    monkeypatch.syspath_prepend(tmp_path / "class")
+    mine = configured("my_class.tracker:MyClass")
+    expected = followed(mine)
+    assert [e[0] for e in expected] == [55.0 + 2 * k for k in range(1, 12)]
+    program = tmp_path / "program" / "my_program" / "program.py"
+    assert followed(Program(command=f"{PYTHON} {program}")) == expected
+    server = tmp_path / "trax" / "my_trax" / "server.py"
+    assert followed(Trax(command=f"{PYTHON} {server}")) == expected
+    commands = [
+        (tmp_path / door / "README.md").read_text() for door in ("class", "program", "trax")
+    ]
+    assert [re.search(r"run line --tracker (.*)", text)[1] for text in commands] == [
+        "my_class.tracker:MyClass",
+        "'program:python my_program/program.py'",
+        "'trax:python my_trax/server.py'",
+    ]
+
+
+def test_a_door_is_for_trackers(tmp_path):
+    with pytest.raises(Mistake) as refused:
+        new("law", "mine", tmp_path / "law", "trax")
+    assert str(refused.value) == (
+        "--door trax has no effect on law: leave it out, or write new tracker"
+    )

@@ -464,8 +464,14 @@ def film(first: str, second: str, out: Path, quiet: bool) -> None:
 @app.command()
 @click.argument("part", type=click.Choice(PARTS))
 @click.argument("name")
+@click.option(
+    "--door",
+    type=click.Choice(["class", "program", "trax"]),
+    help="A tracker that knows nothing of servobench, and how it is connected: a class with init "
+    "and update, a program that speaks lines of JSON, or a server of TraX.",
+)
 @opt.out_option("NAME")
-def new(part: str, name: str, out: Path | None) -> None:
+def new(part: str, name: str, out: Path | None, door: str | None) -> None:
     """Write a small package with a part of your own.
 
     The part is a tracker, law, feature set, ...; "scenarios" writes a repository of scenarios
@@ -473,7 +479,7 @@ def new(part: str, name: str, out: Path | None) -> None:
     """
     from servo.cli import new_command
 
-    for path in new_command.new(part, name, out):
+    for path in new_command.new(part, name, out, door):
         click.echo(path)
 
 

@@ -31,6 +31,26 @@ SCENES = {
     "scenario.toml.jinja": "scenarios/{kind}.toml",
 }
 """Templates of a repository of scenarios, and the files that are made of them."""
+DOORS = {
+    "class": {"class_tracker.py.jinja": "{kind}/tracker.py"},
+    "program": {
+        "class_tracker.py.jinja": "{kind}/tracker.py",
+        "program_tracker.py.jinja": "{kind}/program.py",
+    },
+    "trax": {
+        "class_tracker.py.jinja": "{kind}/tracker.py",
+        "trax_tracker.py.jinja": "{kind}/server.py",
+    },
+}
+"""Templates of a tracker that knows nothing of servobench, by the way in which it is connected."""
+WORDS = {
+    "class": "{kind}.tracker:{name}",
+    "program": "'program:python {kind}/program.py'",
+    "trax": "'trax:python {kind}/server.py'",
+}
+"""What is written after --tracker for each of them."""
+OF_DOORS = {"door_readme.md.jinja": "README.md", "test_door.py.jinja": "tests/test_{kind}.py"}
+"""Templates that all of them have."""
 SECTIONS = {
     "tracker": "tracker",
     "law": "controller",
@@ -47,7 +67,7 @@ TAKEN = {
 }
 
 
-def new(part: str, kind: str, folder: Path | None) -> list[Path]:
+def new(part: str, kind: str, folder: Path | None, door: str | None = None) -> list[Path]:
     """Write the files of a package with a new part (a tracker, law, ...), or of a repository of
     scenarios, from templates.
 
@@ -57,6 +77,9 @@ def new(part: str, kind: str, folder: Path | None) -> list[Path]:
         kind: Name of the part and of its package, or of the first scenario.
         folder: The folder to write; None: a folder of that name.
 
+        door: How a tracker that knows nothing of servobench is connected: "class", "program" or
+            "trax"; None: the part is a package of servobench with settings of its own.
+
     Returns:
         The paths of the files.
 
@@ -64,16 +87,19 @@ def new(part: str, kind: str, folder: Path | None) -> list[Path]:
         Mistake: The name is not valid for a package or is taken, or the folder is not empty.
     """
     _check_name(part, kind)
+    if door is not None and part != "tracker":
+        raise Mistake(f"--door {door} has no effect on {part}: leave it out, or write new tracker")
     folder = folder or Path(kind)
     with writing(folder):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise Mistake(f"{folder}: something is there already; choose another folder with --out")
-        return [atomic.write(folder, name, text) for name, text in _files(part, kind).items()]
+        return [atomic.write(folder, name, text) for name, text in _files(part, kind, door).items()]
 
 
-def _files(part: str, kind: str) -> dict[str, str]:
+def _files(part: str, kind: str, door: str | None) -> dict[str, str]:
     """Return the texts of the files to write, by their paths inside the new folder."""
     section = SECTIONS.get(part, "")
+    name = "".join(word.capitalize() for word in kind.split("_"))
     words = {
         "part": part,
         "noun": f"{'an' if part[0] in 'aeiou' else 'a'} {part}".replace("a features", "features"),
@@ -82,13 +108,16 @@ def _files(part: str, kind: str) -> dict[str, str]:
         "kind": kind,
         "module": kind,
         "package": kind.replace("_", "-"),
-        "name": "".join(word.capitalize() for word in kind.split("_")),
+        "name": name,
+        "words": WORDS[door].format(kind=kind, name=name) if door else "",
         "version": servo.__version__,
         "scenario": {"law": "still", "motion": "circle"}.get(part, "line"),
     }
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)
     templates = resources.files("servo.cli") / "templates"
     chosen = PART | {f"{part}.py.jinja": "{kind}/__init__.py"} if section else SCENES
+    if door is not None:
+        chosen = OF_DOORS | DOORS[door]
     found = {
         name.format(kind=kind): environment.from_string(
             (templates / template).read_text("utf-8")
