@@ -1,4 +1,4 @@
-"""A tracker in a process of its own, in any language, that reads and writes lines of JSON."""
+"""Tracker in a process of its own, in any language, that reads and writes lines of JSON."""
 
 from dataclasses import dataclass
 
