@@ -19,7 +19,7 @@ EVERY = [(part, kind) for part, folder in FOLDERS.items() for kind in folder.nam
 
 
 ALONE = [
-    *(("tracker", kind) for kind in ("opencv", "tag", "trax", "truth")),
+    *(("tracker", kind) for kind in ("opencv", "program", "tag", "trax", "truth")),
     ("controller", "onnx"),
 ]
 """Parts that need a file, a server or a certain picture; they have tests of their own."""

@@ -54,6 +54,8 @@ REFUSED = (
     "has no model file",
     "has no score",
     "the command of the TraX server is empty",
+    "the command of the program is empty",
+    "OpenCV's MIL reports no confidence",
     "cannot be started",
     "is more than 85 deg from the optical axis",
     "is far outside of a picture",

@@ -11,7 +11,7 @@ from tracking import create
 from tracking.trackers import KINDS as TRACKERS
 from tracking.types import Region, State, Status
 
-KINDS = [kind for kind in TRACKERS.names() if kind not in ("tag", "trax", "truth")]
+KINDS = [kind for kind in TRACKERS.names() if kind not in ("program", "tag", "trax", "truth")]
 EXAMPLES = 20
 UHD = (3840, 2160)
 ANY = st.floats(allow_nan=True, allow_infinity=True)

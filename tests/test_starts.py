@@ -15,7 +15,9 @@ from sim.geometry import exp_se3
 from sim.types import Pose
 from tracking import trackers
 
-TRACKERS = [kind for kind in trackers.KINDS.names() if kind not in ("tag", "trax", "truth")]
+TRACKERS = [
+    kind for kind in trackers.KINDS.names() if kind not in ("program", "tag", "trax", "truth")
+]
 STILL = posture_of(np.zeros(6))
 GOAL = Pose.planar(0.0, 0.0, 0.0)
 

@@ -26,7 +26,12 @@ class Config(GuestSettings):
     kernel_cls1, kernel_r1)."""
 
     def guest(self, seed: int) -> Called:
-        """Return the tracker, with its networks loaded; OpenCV's own random state is seeded."""
+        """Return the tracker, with its networks loaded; OpenCV's own random state is seeded.
+
+        Raises:
+            ValueError: OpenCV has no such tracker, a model cannot be read, or `least_confidence` is
+                set for a tracker that reports none.
+        """
         models = (self.model,) if isinstance(self.model, str) else self.model
 
         def make(seed: int) -> Cv2Tracker:
@@ -34,4 +39,9 @@ class Config(GuestSettings):
 
         confidence = "score" if self.name in MODELS else None
         place = f"OpenCV's {self.name}"
+        if confidence is None and self.least_confidence > 0:
+            raise ValueError(
+                f"{place} reports no confidence, but least_confidence = {self.least_confidence:g} "
+                "needs one"
+            )
         return Wrapping(make, "opencv", confidence, place, rounds=True).called(seed)
