@@ -16,7 +16,7 @@ from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.scenario.load import load
 from servo.scenario.part_names import changes_of, settings_of
-from tracking import configured
+from tracking import configured, wrap
 from tracking.trackers.program import Config as Program
 from tracking.trackers.trax import Config as Trax
 
@@ -164,3 +164,35 @@ def test_a_door_is_for_trackers(tmp_path):
     assert str(refused.value) == (
         "--door trax has no effect on law: leave it out, or write new tracker"
     )
+
+
+class Oracle:
+    """Returns the true box: the target's centre and size, as the simulation knows them."""
+
+    gives = ("size",)
+    episode = None
+
+    def init(self, image, box):  # GOT-10k's convention: pixels counted from 1, no whole numbers
+        self.box = np.array(box, float)
+
+    def update(self, _image):
+        now = self.episode._truths[max(self.episode._truths)]
+        sides = self.box[2:] * now.size / self.first_size
+        return np.array([*(now.centre + 1 - sides / 2), *sides])
+
+
+@pytest.mark.parametrize("scenario", ["line", "barrel", "approach", "circle", "tilt_40_plate"])
+def test_a_guest_that_returns_the_true_box_is_as_good_as_the_truth(scenario):
+    oracle = Oracle()
+    settings = load(scenario, ["run.duration=0.6"])
+    config = wrap(lambda: oracle)()
+    with Episode(dataclasses.replace(settings, tracker=config)) as episode:
+        oracle.episode = episode
+        oracle.first_size = episode._truths[0].size
+        steps = [step.light() for step in episode]
+    for step in steps[1:]:
+        true = step.true_state_estimated
+        found = step.estimate.state
+        assert np.hypot(found.x - true.x, found.y - true.y) < 0.1
+        assert abs(found.scale / true.scale - 1) < 1e-3
+    assert steps[-1].estimate.follows == (False, True)
