@@ -125,7 +125,8 @@ def _check_loss(subject: _Subject) -> None:
     require(
         last.status is not Status.LOCKED,
         "the status is LOCKED two seconds after the target has disappeared; a robot would go on "
-        "moving: report UNSURE or LOST",
+        "moving: report UNSURE or LOST (a class with init and update: return False for the target "
+        'is not seen, or set judge = "histogram")',
     )
 
 
