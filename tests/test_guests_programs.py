@@ -95,20 +95,20 @@ for asked, picture in each():
 
 GOOD = "say({})\nfor asked, picture in each():\n    say({'box': [40 + 2 * count, 30, 30, 20]})\n"
 LIES = {
-    "sys.exit('no weights')": "ended with code 1 instead of sending line of JSON: no weights",
-    "os.kill(os.getpid(), 9)": "ended with code -9 instead of sending line of JSON",
+    "sys.exit('no weights')": "ended with code 1 instead of sending a line of JSON: no weights",
+    "os.kill(os.getpid(), 9)": "was killed by SIGKILL instead of sending a line of JSON",
     "say('{nothing}')": "answered {nothing}, which is no JSON: Expecting property name enclosed in "
     "double quotes: line 1 column 2 (char 1)",
     "say('{\"a\":' * 5000)": "which is no JSON: too deep",
     "say({'gives': 3})": "declares that it gives 3; there is size, angle, corners",
     "say({'gives': ['depth']})": "declares that it gives 'depth'; there is size, angle, corners",
     "say({'error': 'out\\nof memory'})": "refused: out of memory",
-    "time.sleep(60)": "sent no line of JSON within 1 s",
-    "while True: say('noise')": "sent no line of JSON within 1 s",
-    "while True: sys.stdout.buffer.write(b'\\xff' * (1 << 16))": "sent no line of JSON within 1 s",
+    "time.sleep(60)": "did not send a line of JSON within 1 s",
+    "while True: say('noise')": "did not send a line of JSON within 1 s",
+    "while True: sys.stdout.buffer.write(b'\\xff' * (1 << 16))": "did not send a line of JSON within 1 s",
     "while True: sys.stdout.buffer.write(b'{' + os.urandom(1 << 16))": "which is no JSON: ",
-    "sys.stdout.write('x' * (1 << 25))": "ended with code 0 instead of sending line of JSON",
-    "os.close(1); time.sleep(60)": "ended instead of sending line of JSON",
+    "sys.stdout.write('x' * (1 << 25))": "ended with code 0 instead of sending a line of JSON",
+    "os.close(1); time.sleep(60)": "closed its output instead of sending a line of JSON",
 }
 
 
@@ -131,9 +131,9 @@ ANSWERS = {
     "say({'box': [1, 2, 3, 4], 'confidence': 7})": "the confidence is 7; it must be from 0 to 1",
     "say({'where': 1})": "answered with the key 'where'; the keys are box, angle, corners, seen",
     "say({'error': 'lost'})": "refused: lost",
-    "sys.exit(3)": "ended with code 3 instead of sending line of JSON",
-    "time.sleep(60)": "sent no line of JSON within 1 s",
-    "os.system('kill -STOP ' + str(os.getpid()))": "sent no line of JSON within 1 s",
+    "sys.exit(3)": "ended with code 3 instead of sending a line of JSON",
+    "time.sleep(60)": "did not send a line of JSON within 1 s",
+    "os.system('kill -STOP ' + str(os.getpid()))": "did not send a line of JSON within 1 s",
 }
 
 
@@ -154,13 +154,51 @@ def test_a_program_that_fails_later_is_a_sentence(tmp_path, lie):
     assert set(psutil.Process().children(recursive=True)) <= before
 
 
+def test_a_second_answer_to_a_picture_is_noticed(tmp_path):
+    body = """say({})
+for asked, picture in each():
+    say({"box": [40 + count, 30, 30, 20]})
+    say({"box": [40, 30, 30, 20]})
+    open(os.environ["TOLD"], "w").write(str(count))
+"""
+    told = tmp_path / "told"
+    config = program(tmp_path, body)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TOLD", str(told))
+        tracker = config.build(np.random.default_rng(0))
+        tracker.start(frame(0), REGION, START)
+    until = time.monotonic() + 20
+    while not told.exists() and time.monotonic() < until:
+        time.sleep(0.01)
+    with pytest.raises(ValueError, match=r"sent more than one answer to a picture$"):
+        tracker.update(frame(1))
+
+
+@pytest.mark.parametrize("pipes", ["None, None, None", "None, 1, 2"])
+def test_a_child_in_a_session_of_its_own_holds_nothing_up(tmp_path, pipes):
+    """It keeps the program's output open, and may stay: nothing can find it."""
+    body = f"""
+import subprocess
+stdin, out, err = {pipes}
+subprocess.Popen(["sleep", "20"], start_new_session=True, stdin=stdin, stdout=out, stderr=err)
+say({{}})
+for asked, picture in each():
+    say({{"box": [40, 30, 30, 20]}})
+    if count == 2: os._exit(4)
+"""
+    began = time.monotonic()
+    with pytest.raises(ValueError, match=r"instead of sending|did not send"):
+        followed(program(tmp_path, body, timeout=2.0))
+    assert time.monotonic() - began < 15
+
+
 def test_a_program_that_does_not_read_is_ended_in_time(tmp_path):
     """The pipe is full before the first picture of this size is sent."""
     config = program(tmp_path, "say({})\ntime.sleep(60)\n", timeout=1.0)
     tracker = config.build(np.random.default_rng(0))
     large = dataclasses.replace(frame(0), image=np.zeros((1500, 2000, 3), np.uint8))
     began = time.monotonic()
-    with pytest.raises(ValueError, match="sent no line of JSON within 1 s"):
+    with pytest.raises(ValueError, match="did not send a line of JSON within 1 s"):
         tracker.start(large, REGION, START)
     assert time.monotonic() - began < 30
 

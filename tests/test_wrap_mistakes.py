@@ -94,6 +94,17 @@ def test_what_is_no_confidence_is_refused(sure):
     assert str(refused.value) == f"theirs: the confidence is {sure!r}; it must be from 0 to 1"
 
 
+def test_other_words_than_true_and_false_are_refused():
+    with pytest.raises(ValueError) as refused:
+        follow(answering(("yes", (1, 2, 3, 4))))
+    assert str(refused.value) == "theirs: the first of (ok, box) is 'yes'; it must be True or False"
+    with pytest.raises(ValueError) as refused:
+        follow(answering({"box": (1, 2, 3, 4), "corners": [[0, 0], [1, 0], [1, 1], [0, 1]]}))
+    assert str(refused.value) == (
+        "theirs answered with both 'box' and 'corners'; one of them is expected"
+    )
+
+
 def test_the_trackers_own_exceptions_are_not_hidden():
     class Failing(Moving):
         def update(self, _image):

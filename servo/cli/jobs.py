@@ -97,7 +97,8 @@ def print_estimate(
         console,
         f"a run takes {spent:.1f} s here, {len(missing):,} runs about {whole}, {at_once} at once",
     )
-    complain(*(f"{failure.reason} (again: {job.command})" for job, failure in failed))
+    again = [f" (again: {job.command})" if job.command else "" for job, _ in failed]
+    complain(*(f"{fail.reason}{more}" for (_, fail), more in zip(failed, again, strict=True)))
     return 1 if failed else 0
 
 

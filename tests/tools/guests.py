@@ -38,7 +38,7 @@ class DriftingFromOne(Drifting):
     """The same in GOT-10k's convention: RGB, and pixels counted from 1."""
 
     def init(self, image, box):
-        super().init(image, [box[0] - 1, box[1] - 1, box[2], box[3]])
+        super().init(image, whole([box[0] - 1, box[1] - 1, box[2], box[3]]))
 
     def update(self, image):
         seen, (x, y, width, height) = super().update(image)
@@ -71,6 +71,13 @@ def say(text):
     sys.stdout.flush()
 
 
+def whole(box):
+    """The whole pixels nearest to the edges of a box, which OpenCV's trackers begin with."""
+    x, y, width, height = box
+    left, top = round(x), round(y)
+    return left, top, round(x + width) - left, round(y + height) - top
+
+
 def _image(data, width, height):
     return np.frombuffer(data, np.uint8).reshape(height, width, 3)[..., ::-1]
 
@@ -84,7 +91,7 @@ def lines(tracker):
             width, height = asked["width"], asked["height"]
             image = _image(sys.stdin.buffer.read(width * height * 3), width, height)
             if "box" in asked:
-                tracker.init(image, tuple(round(number) for number in asked["box"]))
+                tracker.init(image, whole(asked["box"]))
             else:
                 seen, box = tracker.update(image)
                 answer = {"box": box, "seen": seen}
@@ -108,7 +115,7 @@ def trax(tracker, region):
         if given:
             xs, ys = (given[0::2], given[1::2]) if len(given) > 4 else ([], [])
             box = [min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys)] if xs else given
-            tracker.init(image, tuple(round(number) for number in box))
+            tracker.init(image, whole(box))
             given = None
             say('@@TRAX:state "1,2,3,4"')
             continue

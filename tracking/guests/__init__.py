@@ -1,1 +1,1 @@
-"""Trackers of other authors behind the protocol `tracking.types.Tracker`: OpenCV, GOT-10k, TraX."""
+"""Trackers of other authors by one contract: classes, programs, servers of TraX, networks."""

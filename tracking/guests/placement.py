@@ -112,7 +112,7 @@ class Placement:
         self._log_size = grown if self._log_size is None else self._log_size
         if self._gives is not None:
             self.resizes = self._sizes and "size" in self._gives
-            self.turns = "angle" in self._gives
+            self.turns = self.turns and "angle" in self._gives
         elif abs(grown - self._log_size) > RESIZED:
             self.resizes = self._sizes
         self.state = self._first.moved(

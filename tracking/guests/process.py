@@ -4,12 +4,12 @@ when its connection is closed or our own process is killed.
 
 import fcntl
 import os
+import select
 import shlex
 import shutil
 import signal
 import subprocess
 import tempfile
-import threading
 import time
 import weakref
 from collections import deque
@@ -63,6 +63,14 @@ class GuestProcess:
         """A temporary folder, removed with the program."""
         self._log = self.folder / "stderr.txt"
         process = self._process = self._started(command, environment)
+        assert process.stdin is not None  # a pipe
+        assert process.stdout is not None
+        self._input = process.stdin.fileno()
+        self._output = process.stdout.fileno()
+        self._read = bytearray()
+        """Output that was read, from the last line that was returned on."""
+        self._is_asked = False
+        os.set_blocking(self._input, False)
         _enlarge(process)
         script = ["sh", "-c", KEEPER, "sh", str(process.pid), str(self.folder)]
         keeper = subprocess.Popen(
@@ -88,23 +96,70 @@ class GuestProcess:
         Raises:
             ValueError: The program has ended, or gave no answer within the limit.
         """
-        # A program that hangs blocks our reading and writing: its kill ends both.
-        began = time.monotonic()
-        late = threading.Timer(limit, _kill, (self._process,))
-        late.daemon = True
-        late.start()
+        until = time.monotonic() + limit
+        if self._is_asked and self._has_waiting(answer_in):
+            self.fail("sent more than one answer to a picture")
+        self._is_asked = True
         answer = None
         try:
-            self._send(parts)
-            while answer is None and (line := self._line()):
+            self._send(parts, until)
+            while answer is None and (line := self._line(until)):
                 answer = answer_in(line)
-        finally:
-            late.cancel()
-        if answer is None and time.monotonic() - began >= limit:
-            self.fail(f"sent no {expected} within {limit:g} s")
+        except TimeoutError:
+            self.fail(f"did not send {expected} within {limit:g} s")
         if answer is None:
             self.fail_ended(expected)
         return answer
+
+    def _has_waiting(self, answer_in: Callable[[bytes], object]) -> bool:
+        """Return True if the program has already sent an answer that nobody asked for."""
+        while select.select([self._output], [], [], 0)[0]:
+            data = os.read(self._output, PIPE)
+            self._read += data
+            if not data or len(self._read) > LONGEST_LINE:
+                break
+        *lines, rest = self._read.split(b"\n")
+        self._read = rest
+        return any(answer_in(bytes(line)) is not None for line in lines)
+
+    def _send(self, parts: Sequence[bytes], until: float) -> None:
+        """Send bytes; a program that has ended is ignored, as it will not answer.
+
+        Raises:
+            TimeoutError: The program does not read them until a time.
+        """
+        for part in parts:
+            rest = memoryview(part)
+            while rest:
+                if not select.select([], [self._input], [], _left(until))[1]:
+                    raise TimeoutError
+                try:
+                    rest = rest[os.write(self._input, rest) :]
+                except BlockingIOError:
+                    continue
+                except OSError:
+                    return
+
+    def _line(self, until: float) -> bytes:
+        """Return the next line of output with its end, or its first `LONGEST_LINE` bytes; b"" at
+        the end of the output.
+
+        Raises:
+            TimeoutError: There is none until a time.
+        """
+        searched = 0
+        while (end := self._read.find(b"\n", searched)) < 0 and len(self._read) < LONGEST_LINE:
+            searched = len(self._read)
+            # Not until the pipe ends: children of the program may keep it open.
+            if not select.select([self._output], [], [], _left(until))[0]:
+                raise TimeoutError
+            data = os.read(self._output, PIPE)
+            if not data:
+                break
+            self._read += data
+        line = bytes(self._read[: end + 1 if end >= 0 else LONGEST_LINE])
+        del self._read[: len(line)]
+        return line
 
     def end(self) -> None:
         """End the program, with all that it has started."""
@@ -115,7 +170,7 @@ class GuestProcess:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(GRACE)
         code = self._process.poll()
-        ended = "ended" if code is None else f"ended with code {code}"
+        ended = "closed its output" if code is None else _ended_with(code)
         self.fail(f"{ended} instead of sending {expected}")
 
     def fail(self, fault: str) -> NoReturn:
@@ -149,17 +204,19 @@ class GuestProcess:
             reason = getattr(error, "strerror", None) or error
             raise ValueError(f"{self.name} cannot be started: {reason}") from None
 
-    def _send(self, parts: Sequence[bytes]) -> None:
-        """Send bytes; a program that has ended is ignored, as it will not answer."""
-        assert self._process.stdin is not None  # a pipe
-        with suppress(OSError):
-            self._process.stdin.writelines(parts)
-            self._process.stdin.flush()
 
-    def _line(self) -> bytes:
-        """Return the next line of output, or its first `LONGEST_LINE` bytes; b"" at the end."""
-        assert self._process.stdout is not None  # a pipe
-        return self._process.stdout.readline(LONGEST_LINE)
+def _ended_with(code: int) -> str:
+    """Return how a program ended, by its exit code; a negative one is the signal that killed it."""
+    if code >= 0:
+        return f"ended with code {code}"
+    with suppress(ValueError):
+        return f"was killed by {signal.Signals(-code).name}"
+    return f"was killed by signal {-code}"
+
+
+def _left(until: float) -> float:
+    """Return the time that is left until a time of the monotonic clock [s]; at least 0."""
+    return max(until - time.monotonic(), 0.0)
 
 
 def _enlarge(process: subprocess.Popen[bytes]) -> None:
@@ -173,20 +230,16 @@ def _enlarge(process: subprocess.Popen[bytes]) -> None:
             fcntl.fcntl(process.stdin, set_size, PIPE)
 
 
-def _kill(process: subprocess.Popen[bytes]) -> None:
-    """Kill a program and its children."""
-    with suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
-
-
 def _end(process: subprocess.Popen[bytes], keeper: subprocess.Popen[bytes], goodbye: bytes) -> None:
     """End a program and the processes that it has started, and remove its folder."""
     assert process.stdin is not None  # a pipe
+    assert process.stdout is not None  # a pipe
     with suppress(OSError):
-        process.stdin.write(goodbye)
-        process.stdin.close()
-    process.stdin = None  # `communicate` would flush it
+        os.write(process.stdin.fileno(), goodbye)
+    process.stdin.close()
     with suppress(subprocess.TimeoutExpired):
         process.wait(GRACE)
     keeper.communicate(b"\n")
-    process.communicate()
+    # Nothing waits for the end of the output: a child in a session of its own may keep it open.
+    process.stdout.close()
+    process.wait()

@@ -92,7 +92,7 @@ class ProgramClient:
                 or reports an error.
         """
         sent = [json.dumps(line).encode() + b"\n", picture]
-        answer = self._program.ask(sent, self._object_in, limit, "line of JSON")
+        answer = self._program.ask(sent, self._object_in, limit, "a line of JSON")
         if "error" in answer:
             self._program.fail(f"refused: {' '.join(str(answer['error']).split())[:200]}")
         return answer

@@ -69,6 +69,10 @@ def report_in(answer: object, name: str) -> Report:
     given = answer
     if isinstance(answer, tuple | list) and len(answer) == 2 and np.ndim(answer[0]) == 0:
         ok, given = answer
+        if not isinstance(ok, bool | int | np.bool_ | np.integer):
+            raise ValueError(
+                f"{name}: the first of (ok, box) is {shown(ok)}; it must be True or False"
+            )
         if not ok:
             return UNSEEN
     box = _numbers(given, (4,))
@@ -192,6 +196,8 @@ def _of_mapping(answer: Mapping[object, object], name: str) -> Report:
     angle = _number(given["angle"]) if "angle" in given else None
     if "angle" in given and (angle is None or not abs(angle) <= FARTHEST):  # nan is not
         raise ValueError(f"{name}: 'angle' is {shown(given['angle'])}; it must be a number [rad]")
+    if "corners" in given and "box" in given:
+        raise ValueError(f"{name} answered with both 'box' and 'corners'; one of them is expected")
     if "corners" in given:
         corners = _numbers(given["corners"], (4, 2))
         if corners is None or not convex(corners):
@@ -220,11 +226,12 @@ def _numbers(value: object, shape: tuple[int, ...]) -> Array | None:
     """Return a value as an array of a shape; None if it is not one of numbers up to `FARTHEST`."""
     try:
         found = np.asarray(value)
-        numbers = found.astype(float)
     except (TypeError, ValueError):
         return None
-    fits = found.shape == shape and found.dtype.kind in NUMBERS
-    return numbers if fits and bool((np.abs(numbers) <= FARTHEST).all()) else None  # nan is not
+    if found.shape != shape or found.dtype.kind not in NUMBERS:
+        return None
+    numbers = found.astype(float)
+    return numbers if bool((np.abs(numbers) <= FARTHEST).all()) else None  # nan is not
 
 
 def _has_area(box: Array) -> bool:
