@@ -228,7 +228,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         """Return the scenario for a seed, with the settings of `options`."""
         name, overrides, settings = self._given
         if not isinstance(options, dict) or not all(isinstance(k, str) for k in options):  # pyright: ignore[reportUnknownVariableType]
-            raise Mistake(f"options: expected settings by name, got {options!r}")
+            raise Mistake(
+                f"options: expected settings by name, such as {{'duration': 5.0}}, got {options!r}"
+            )
         if options:
             given: dict[str, Any] = {"scenario": name, "overrides": ()} | settings | options
             overrides = *overrides, *texts(given.pop("overrides"))
@@ -240,17 +242,17 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return parse(table, base.name, name, own=own_parts(settings))
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, object]]:
-        """Move the camera as the action says until the next picture, and return what is observed
-        then.
+        """Move the camera until the next picture, by the action or, with action="residual", by the
+        law's twist plus the action; return what is observed then.
 
         Args:
-            action: Camera velocities (n,) over `reach`, from -1 to 1, for the components `dof`.
+            action: Components `dof` of the camera twist (n,) over `reach`, clipped to -1..1.
 
         Returns:
             Observation, reward, terminated, truncated and info.
 
         Raises:
-            Mistake: No run has begun, it is over, or the action is not finite.
+            Mistake: No run has begun, it is over, or the action is not n finite numbers.
         """
         if self._episode is None:
             raise Mistake("step: there is no run; call reset first")

@@ -27,11 +27,11 @@ def compiled(
     error_model: Literal["python", "numpy"] = "python", fastmath: Collection[str] = ()
 ) -> Callable[[Loop], Loop]:
     """Return a decorator that compiles a numeric function with numba at its first call, and stores
-    the machine code beside its source.
+    the machine code beside its source. Compiled functions run without Python's global lock.
 
     If neither the source's folder nor the user's cache can be written, as in a container, the
-    machine code is stored in the temporary folder. If it cannot be stored at all, the function is
-    compiled in each process, and one line on stderr reports that.
+    machine code is stored in a temporary folder; if it cannot be stored at all, the function is
+    compiled in each process. One line on stderr reports the latter, or a new temporary folder.
 
     Args:
         error_model: With "python" a division by zero raises an error, with "numpy" it gives inf or

@@ -328,7 +328,7 @@ def _check_config(config: ConfigClass, name: str) -> None:
     ]
     if bare:
         raise UnknownKind(
-            f"'{name}': the settings {', '.join(bare)} have no defaults: give each one"
+            f"'{name}': the settings {', '.join(bare)} have no defaults: give each a default"
         )
     presets = getattr(config, "PRESETS", {})
     if not isinstance(presets, dict) or not all(isinstance(p, dict) for p in presets.values()):

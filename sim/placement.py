@@ -117,7 +117,9 @@ def check_above_table(T_world_camera: Pose) -> None:
     """
     height = float(T_world_camera.translation[2])
     if height <= 0:
-        raise ValueError(f"the camera would be {-height:.2f} m below the table's top")
+        raise ValueError(
+            f"the camera would be {-height:.2f} m below the table's top: place it higher"
+        )
 
 
 def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> None:
@@ -129,9 +131,14 @@ def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> N
     """
     T_camera_target = T_world_camera.inverse() @ T_world_target
     if T_camera_target.apply(outline)[:, 2].min() <= 0:
-        raise ValueError("part of the target would be behind the camera")
+        raise ValueError(
+            "part of the target would be behind the camera: place the camera farther away, or tilt "
+            "it less"
+        )
     if T_camera_target.inverse().translation[2] <= outline[0, 2]:
-        raise ValueError("the camera would be on the back of the target")
+        raise ValueError(
+            "the camera would be on the back of the target: place it on the front side"
+        )
 
 
 def truth_above(camera: Camera, outline: Array, pixel: Array, theta: float, depth: float) -> Truth:

@@ -45,9 +45,11 @@ class Motion(Protocol):
 
 
 class Disturbance(Protocol):
-    """A change of light, visibility or frame delivery, as a function of time alone.
+    """A change of light, of what is in view (a board, a second target) or of frame delivery, as a
+    function of time alone.
 
-    `at` returns what the disturbance changes at a time, and `Effect()` while it changes nothing.
+    `at` returns what the disturbance changes at a time of the run, and `Effect()` while it changes
+    nothing; `props` names what it needs in the scene: "second_target", or "spot" (a spot light).
     Effects of several disturbances are combined by `|`. As with a motion, the same time has to give
     the same effect.
 

@@ -694,7 +694,9 @@ def test_a_row_without_a_world_of_the_others_is_a_sentence():
         row("still", [0.0] * 3),
         replace(row("a", [1.0]), worlds={"x-00": WorldScore(1.0, True)}),
     ]
-    sentence = "^'a' was run in none of the worlds of the contestants that fix the scale: run 'a' in the same"
+    sentence = (
+        "^there is no world in which each of 'a', 'still' has a result: run the benchmark again for"
+    )
     with pytest.raises(Mistake, match=sentence):
         standings(rows)
 

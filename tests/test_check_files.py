@@ -137,7 +137,10 @@ def test_a_name_that_xml_cannot_have_is_written_out(tmp_path, name):
     [
         ("x/out.xml", "there is no folder .*/x: make it first$"),
         ("folder.xml", r"this is not a file; name a file to write, such as x\.xml$"),
-        ("link.xml", r"this is not a file; name a file to write, such as x\.xml$"),
+        (
+            "link.xml",
+            "this is a link, and nothing is written through a link: name the file itself$",
+        ),
     ],
 )
 def test_a_file_that_cannot_be_written_is_refused_before_the_runs(tmp_path, name, sentence):

@@ -119,7 +119,8 @@ def test_a_suite_that_names_a_module_is_refused(table, trap):
 @pytest.mark.parametrize("label", NO_LABELS)
 def test_a_label_that_is_no_name_of_a_folder_is_refused(label):
     with pytest.raises(
-        ValueError, match="cannot name a folder: expected 1 to 60 characters without / and"
+        ValueError,
+        match="cannot name a folder: expected 1 to 60 printable characters without / and",
     ):
         Contender(label, None)
 
@@ -185,8 +186,8 @@ def test_a_bench_with_an_evil_label_exits_2_and_writes_nothing(monkeypatch, capf
     code, err = call(monkeypatch, capfd, "evaluate", "suite.toml", "--out", "../out")
     assert code == 2
     assert err == (
-        f"servobench: suite.toml: trackers[0].label: '{label}' cannot name a folder: expected 1 to 60 characters "
-        "without / and \\, and no dot in front\n"
+        f"servobench: suite.toml: trackers[0].label: '{label}' cannot name a folder: expected 1 to 60 printable "
+        "characters without / and \\, no dot in front, and no space at either end\n"
     )
     assert outside(home, home / "nothing") == before
 

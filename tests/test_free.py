@@ -106,11 +106,12 @@ def test_a_start_may_be_the_targets_pose(world):
     [
         (
             ["start.pose=[0.0, 0.0, 1.0, 180.0, 0.0, 0.0]"],
-            "still: start: the camera would be 0.96 m below the table's top",
+            "still: start: the camera would be 0.96 m below the table's top: place it higher",
         ),
         (
             ["start.pose=[0.0, 0.0, 0.05, 0.0, 80.0, 0.0]", "motion.x=0.0"],
-            "still: start: part of the target would be behind the camera",
+            "still: start: part of the target would be behind the camera: place the camera farther "
+            "away, or tilt it less",
         ),
     ],
 )
@@ -125,7 +126,10 @@ def test_the_back_of_a_target_is_not_seen():
     target = Pose(exp_so3(np.array([1.2, 0.0, 0.0])), np.array([0.0, 0.0, 2.0]))
     outline = 0.1 * np.array([[-1.0, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]])
     check_sight(outline, target @ Pose(DOWN, np.array([0.0, 0.0, 1.0])), target)
-    with pytest.raises(ValueError, match=r"^the camera would be on the back of the target$"):
+    with pytest.raises(
+        ValueError,
+        match=r"^the camera would be on the back of the target: place it on the front side$",
+    ):
         check_sight(outline, target @ Pose(np.eye(3), np.array([0.0, 0.0, -1.0])), target)
 
 

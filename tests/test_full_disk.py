@@ -65,7 +65,8 @@ def test_a_recording_that_cannot_grow_costs_neither_rows_nor_report(tmp_path):
     code, err = limited(1260, f"run still --out out {QUICK} --set camera.noise=40", tmp_path)
     assert (code, err) == (
         1,
-        "servobench: out/run.rrd: this output ends too early: the disk refuses more\n",
+        "servobench: out/run.rrd: this output ends too early: the disk refuses more (is a quota or a limit of file sizes "
+        "reached?)\n",
     )
     assert pq.read_table(tmp_path / "out" / "steps.parquet").num_rows == 60
     assert json.loads((tmp_path / "out" / "report.json").read_text())["outcome"] == "TIMED_OUT"

@@ -105,9 +105,21 @@ def test_what_cannot_be_used_is_one_sentence(tmp_path, monkeypatch):
     assert refused(path) == f"line: controller: file = '{path}': there is no such file"
     assert refused("") == "line: controller: file = '': there is no such file"
     path.write_bytes(b"no network at all" * 9)
-    assert refused(path).startswith(f"line: controller: file = '{path}': Load model from ")
+    unreadable = (
+        f"line: controller: file = '{path}': ONNX Runtime cannot load this network; export it"
+    )
+    assert refused(path).startswith(f"{unreadable} again: Load model from ")
+    unknown = tiny_onnx.model(
+        [node("Unknown", ["joints"], "twist")], {}, {"joints": (1, 6)}, {"twist": (1, 6)}
+    )
+    path.write_bytes(unknown)  # the reason itself has " : " in it
+    assert refused(path).startswith(f"{unreadable} again: Load model from ")
+    assert "No Op registered for Unknown" in refused(path)
     for weights, sentence in (
-        (np.ones((3, 6)), "controller 'onnx': Got invalid dimensions for input: joints"),
+        (
+            np.ones((3, 6)),
+            "controller 'onnx': ONNX Runtime cannot run the network: Got invalid dimensions for",
+        ),
         (np.ones((6, 3)), "it should be a NumPy array of six finite numbers (vx, "),
         (np.full((6, 6), np.nan), "Command.twist is [nan nan nan nan nan nan]"),
     ):

@@ -153,7 +153,7 @@ def test_names_that_two_packages_use_are_written_with_the_package(package):
 @pytest.mark.parametrize(
     ("of", "sentence"),
     [
-        ("Bare", "'x': the settings size have no defaults: give each one"),
+        ("Bare", "'x': the settings size have no defaults: give each a default"),
         ("Plain", "'x' has a method build(rng), but is no dataclass of settings: make it one"),
         (
             "VALUE",

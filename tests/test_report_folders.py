@@ -5,6 +5,8 @@ import json
 import re
 import shlex
 import shutil
+from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -231,7 +233,7 @@ BAD = {
     ),
     "half a file": (
         {"study.json": STUDY[:-9]},
-        "{}/study.json: this is not JSON; it may be half-written",
+        "{}/study.json: this is not JSON; it may be half-written: run its command again into a new folder",
     ),
     "a value is missing": (
         {"papers.json": b'{"format": 1, "kind": "papers"}'},
@@ -276,8 +278,27 @@ def test_broken_pictures_and_recordings_are_mistakes(ran, tmp_path):
     shutil.copytree(ran, tmp_path / "run")
     whole = (ran / "run.rrd").read_bytes()
     (tmp_path / "run" / "run.rrd").write_bytes(whole[:100] + bytes(500))
-    with pytest.raises(Mistake, match=r"/run\.rrd: this recording is damaged$"):
+    with pytest.raises(
+        Mistake,
+        match=r"/run\.rrd: this recording is damaged: run its command again into a new folder$",
+    ):
         write([tmp_path / "run"], None)
+
+
+@pytest.mark.newest
+@pytest.mark.parametrize("blob", [b"", b"no picture"])
+def test_a_picture_of_a_recording_that_cannot_be_decoded_is_a_mistake(monkeypatch, blob):
+    from servo.output.recording import recorded_frames as reader
+
+    logged = (reader.BLOB, 3, 0.1, SimpleNamespace(as_py=lambda: [blob]))
+    monkeypatch.setattr(reader, "check", lambda path: None)
+    monkeypatch.setattr(reader, "_logged", lambda path: iter([logged]))
+    with pytest.raises(Mistake) as found:
+        reader.pictures(Path("run.rrd"), 1)
+    assert str(found.value) == (
+        "run.rrd: this recording is damaged (the picture of frame 3 cannot be decoded): run its "
+        "command again into a new folder"
+    )
 
 
 def test_a_page_that_cannot_be_written_is_a_mistake(make_papers, tmp_path):

@@ -150,7 +150,9 @@ def test_got_10k_s_layout_is_found_and_its_boxes_count_from_1(tmp_path, label):
 
 def test_a_sequence_that_begins_without_its_target_is_refused(tmp_path):
     layout(tmp_path / "late", "img", 2, {"groundtruth.txt": ["nan,nan,nan,nan", "9,9,9,9"]})
-    with pytest.raises(ValueError, match="the target is not in the first picture"):
+    with pytest.raises(
+        ValueError, match=r"groundtruth\.txt: the first line has no outline of the target"
+    ):
         read_folder(tmp_path / "late", 30.0)
 
 

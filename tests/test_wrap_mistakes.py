@@ -63,10 +63,13 @@ POINTS = "it must be four points [x, y] [px] that go around a convex region"
             "theirs answered with the key 'bbox'; the keys are box, angle, corners, seen, "
             "confidence",
         ),
-        ({"box": (1, 2, 3, 4), "angle": "x"}, "theirs: 'angle' is 'x'; it must be a number [rad]"),
+        (
+            {"box": (1, 2, 3, 4), "angle": "x"},
+            "theirs: 'angle' is 'x'; it must be a number from -1e+06 to 1e+06 [rad]",
+        ),
         (
             {"box": (1, 2, 3, 4), "angle": 1e9},
-            "theirs: 'angle' is 1000000000.0; it must be a number [rad]",
+            "theirs: 'angle' is 1000000000.0; it must be a number from -1e+06 to 1e+06 [rad]",
         ),
         ({"box": (1, 2, 3, 4), "seen": 1}, "theirs: 'seen' is 1; it must be true or false"),
         (

@@ -32,8 +32,8 @@ DOUBT = 0.3
 
 @dataclass(frozen=True, slots=True)
 class LossLimits:
-    """Settings of `LossJudge`: limits of the appearance distance, 0..1, above which a target counts
-    as not seen.
+    """Settings of `LossJudge`: bounds of the threshold of the appearance distance, 0..1, above
+    which a target counts as not seen; and when it counts as seen again, or as lost.
     """
 
     floor: float = 0.25

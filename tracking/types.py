@@ -93,7 +93,7 @@ class Region:
 
     def first_corners(self, state: State) -> Array:
         """Return the target's corners (4, 2) in the first picture [px]: `quad`, if it is known,
-        else the rectangle's at a state.
+        else those of the rectangle at `state`, the target's state in that picture.
         """
         return self.corners(state) if self.quad is None else self.quad
 

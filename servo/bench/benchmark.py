@@ -71,8 +71,8 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A world of a benchmark: a scenario whose settings and seed are drawn at random from a
-    condition.
+    """A world of a benchmark: a scenario with the settings of a condition (such as "rain"), with
+    other settings drawn from the condition's ranges, and with a seed of its own.
     """
 
     condition: str

@@ -1,4 +1,6 @@
-"""The table of a benchmark: scores with intervals over worlds, ranks, and effects of conditions."""
+"""The table of a benchmark: scores with confidence intervals over its worlds (random scenarios),
+ranks, and effects of factors such as the light.
+"""
 
 from __future__ import annotations
 
@@ -66,20 +68,21 @@ class Standing:
 def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
     """Return the points of a contestant by world (random scenario); their mean is its score.
 
-    0 points are the mean of `null`, the contestant whose camera stands still; 100 points are the
-    mean of `perfect` or, without it, a score of 1. Means are over the worlds that all these results
-    have.
+    The points of a world are 100 (own - null) / (top - mean of null). There own and null are the
+    results (0..1) of `row` and of `null`, whose camera stands still; top is the mean result of
+    `perfect` or, without it, 1. Means are over the worlds in which all of them have a result.
 
     Raises:
-        Mistake: The rows have no world in common.
+        Mistake: There is no such world.
     """
     worlds = sorted(row.worlds.keys() & null.worlds.keys())
     if perfect is not None:
         worlds = [key for key in worlds if key in perfect.worlds]
     if not worlds:
+        all_of = ", ".join(f"'{of.contestant}'" for of in (row, null, perfect) if of is not None)
         raise Mistake(
-            f"'{row.contestant}' was run in none of the worlds of the contestants that fix the "
-            f"scale: run '{row.contestant}' in the same band"
+            f"there is no world in which each of {all_of} has a result: run the benchmark again "
+            "for these contestants"
         )
     own, least = (np.array([of.worlds[key].area for key in worlds]) for of in (row, null))
     top = [1.0 if perfect is None else perfect.worlds[key].area for key in worlds]

@@ -305,8 +305,8 @@ def sweep(**options: Any) -> None:
 def compare(**options: Any) -> None:
     """Compare trackers, laws or settings in scenarios.
 
-    Writes a page, a LaTeX table and PDF figures. A worker of Dask gets a class by its name only:
-    its module must be installed there as well.
+    Writes an HTML page, a LaTeX table and PDF figures. A Dask worker imports a variant that is
+    given as module:Class by this name: the module must be installed there as well.
     """
     from servo.cli import compare_command
 

@@ -87,7 +87,8 @@ class Outputs:
         option --live.
 
         Raises:
-            Mistake: There is no display, or a port is in use.
+            Mistake: There is no display for a window, or a port is in use.
+            Refused: The viewer's server does not start.
         """
         if not self.live:
             return None
@@ -223,13 +224,17 @@ def check_place(path: Path | None, *suffixes: str) -> None:
     ends in one of the suffixes.
 
     Raises:
-        Mistake: The folder is missing, the path is not a file, or the suffix differs.
+        Mistake: The folder is missing, the path is a link or no file, or the suffix differs.
     """
     if path is None:
         return
     if not path.absolute().parent.is_dir():
         raise Mistake(f"{path}: there is no folder {path.parent}: make it first")
-    if path.is_symlink() or (path.exists() and not path.is_file()):
+    if path.is_symlink():
+        raise Mistake(
+            f"{path}: this is a link, and nothing is written through a link: name the file itself"
+        )
+    if path.exists() and not path.is_file():
         raise Mistake(f"{path}: this is not a file; name a file to write, such as x{suffixes[0]}")
     check_suffix(path, *suffixes)
 

@@ -56,17 +56,19 @@ def run(
         names: The claims; none: all.
         effort: Whether one seed of each is enough, a folder of real sequences, and the first seed.
         workers: Number of processes.
-        out: The folder; None: runs/papers, or another name for other seeds.
+        out: The folder; None: runs/papers, runs/papers-quick for a quick run, or runs/papers-SEED
+            for another first seed.
         dry_run: Whether to print only how many runs there are and how long they take.
         quiet: Whether to print nothing but mistakes and changed verdicts.
 
     Returns:
-        The exit code: 1 if a run failed, or if a full run on the registered seeds found another
-        verdict than the published one, else 0.
+        The exit code: 1 if a run failed, or if a full run on the seeds that the claims' rules name
+        found another verdict than the published one, else 0.
 
     Raises:
-        Mistake: There is no such claim, none of the claims uses the given sequences, or the seeds
-            are not for verdicts.
+        Mistake: There is no such claim, none of the claims uses the given sequences, or a first
+            seed is given that was used for tuning, for a quick run, or for a claim that has seeds
+            of its own.
     """
     chosen = _chosen(names, effort)
     with as_mistake():
@@ -176,7 +178,7 @@ def _check_first(effort: Effort, first: int, chosen: Sequence[Claim]) -> None:
 
 def _print_beside(console: Console, found: Found, first: int) -> None:
     """Print a table of the verdicts on the seeds from `first` on, beside the published verdicts on
-    the registered seeds.
+    the seeds that the claims' rules name.
     """
     plain(console, f"  verdicts on seeds from {first} on, beside those on the registered seeds:")
     before = known()

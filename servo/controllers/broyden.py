@@ -57,7 +57,10 @@ class Config:
 
 @final
 class Broyden:
-    """Controller v = -lambda L+ e, with the interaction matrix L as learned so far."""
+    """Controller that first moves the camera a little forth and back along each component of its
+    twist, and then commands v = -lambda L+ e. It learns the interaction matrix L from the changes
+    of the features (Broyden's update).
+    """
 
     def __init__(self, config: Config) -> None:
         """Store the settings."""

@@ -2,6 +2,7 @@
 in, the camera twist out.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,8 @@ INPUTS: dict[str, tuple[int | str, ...]] = {
     "joints": (1, "n"),
 }
 """Inputs that a network may have, and their shapes; a word stands for any number."""
+HEAD = re.compile(r"^\[ONNXRuntimeError\] : \d+ : \w+ : ")
+"""Matches the beginning of an ONNX Runtime error message: its number and name."""
 EXTRA = "the controller 'onnx' needs ONNX Runtime: pip install 'servobench[onnx]'"
 
 
@@ -79,7 +82,10 @@ class Network:
         try:
             self._session: Any = onnxruntime.InferenceSession(file, options, providers)
         except Exception as error:  # its errors have nothing else in common
-            raise ValueError(f"file = '{file}': {_sentence(error)}") from None
+            raise ValueError(
+                f"file = '{file}': ONNX Runtime cannot load this network; export it again: "
+                f"{_reason(error)}"
+            ) from None
         self._timeout = timeout
         self._new_options = onnxruntime.RunOptions
         self._shapes = {each.name: each.shape for each in self._session.get_inputs()}
@@ -111,7 +117,8 @@ class Network:
                 f"the network gave no twist within {self._timeout:g} s: correct the network, or "
                 "set a longer controller.timeout"
             )
-            raise ValueError(late if options.terminate else _sentence(error)) from None
+            failed = f"ONNX Runtime cannot run the network: {_reason(error)}"
+            raise ValueError(late if options.terminate else failed) from None
         finally:
             limit.cancel()
         return np.ravel(found[0])
@@ -152,6 +159,8 @@ def _filled(value: Array | Image, shape: Sequence[int | str | None]) -> NDArray[
     return resized.transpose(2, 0, 1)[None].astype(np.float32) / np.float32(255)
 
 
-def _sentence(error: Exception) -> str:
-    """Return the text after the last " : " of an ONNX Runtime error message, in one line."""
-    return " ".join(str(error).split()).rpartition(" : ")[2]
+def _reason(error: Exception) -> str:
+    """Return the message of an ONNX Runtime error in one line, without its head, such as
+    "[ONNXRuntimeError] : 10 : INVALID_GRAPH : ".
+    """
+    return HEAD.sub("", " ".join(str(error).split()))

@@ -31,8 +31,8 @@ class Config:
 
 @final
 class Integral(Unfiltered):
-    """Estimator whose motion is the gain times the sum of errors over time; the law uses it for the
-    features that it feeds forward.
+    """Estimator that returns, as the target's motion de/dt, the gain [1/s^2] times the integral of
+    the error over time; the law uses this motion for the features that it feeds forward.
     """
 
     def __init__(self, gain: float) -> None:

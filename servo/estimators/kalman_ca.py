@@ -38,8 +38,8 @@ ACCELERATION_AT_5_HZ = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Constants of the filter of a nearly constant acceleration; only the ratios of its variances
-    change the estimate.
+    """Settings of the Kalman filter of a nearly constant target acceleration; of its three
+    variances only the ratios change the estimate, so that two settings give all three.
     """
 
     rho: Memory = 0.5

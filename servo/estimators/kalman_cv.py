@@ -38,8 +38,8 @@ RATIO_AT_5_HZ = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Constants of the filter of a nearly constant velocity; only the ratio of its variances
-    changes the estimate.
+    """Settings of the Kalman filter of a nearly constant target velocity; of its two variances only
+    the ratio changes the estimate, so that one setting gives both.
     """
 
     rho: Memory = RHO

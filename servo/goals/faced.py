@@ -1,5 +1,5 @@
 """Goal at which the camera faces the target, given by pixel, angle and depth; the depth may change
-once in the run.
+to another one at constant speed, once in the run.
 """
 
 from dataclasses import dataclass, replace

@@ -1,5 +1,5 @@
-"""Control law of a scenario, its feature set, estimator and controller: views of the target in,
-camera twists out.
+"""Runs a scenario's control law (feature set, estimator and controller): it takes what the camera
+sees of the target (`Sight`), and returns the camera twist.
 """
 
 from collections.abc import Callable, Mapping
@@ -101,8 +101,9 @@ class Law:
             return
         if self.uses_pictures:
             raise ValueError(
-                "estimator: this kind needs the target's true motion, which is not known for "
-                "features made of pixels: choose another estimator, such as none"
+                "estimator: this kind needs the target's true motion, which is not known where "
+                "features, estimator or controller use the pictures themselves: choose another "
+                "estimator, such as none"
             )
         if not true_motion:
             raise ValueError(NO_TRUTH)

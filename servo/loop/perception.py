@@ -1,5 +1,5 @@
-"""Perception of a scenario, its tracker and the conversion of estimates: pictures in, views of the
-target out.
+"""Runs a scenario's tracker on pictures, and converts its estimates to what a control law needs of
+the target: its moments, corners, plane and pose in the camera frame (`Sight`).
 """
 
 from dataclasses import replace

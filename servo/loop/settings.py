@@ -1,5 +1,5 @@
-"""Settings of a run, one class for each section of a scenario, and the random generators of its
-components.
+"""All settings of a run (`Setup`), the classes of a scenario's sections run, start, region and
+measure, and the random generator of each component.
 """
 
 from dataclasses import dataclass, replace

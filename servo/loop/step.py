@@ -232,12 +232,14 @@ class Step:
 
     @property
     def features(self) -> Array:
-        """Features s (k,) as last measured; nan if the controller uses none."""
+        """Features s (k,) as last measured, in their units; all nan if the controller uses no
+        features.
+        """
         return self._unknown if self.command.trace is None else self.command.trace.features
 
     @property
     def error(self) -> Array:
-        """Feature error e = s - s* (k,) as last measured; nan if the controller uses no
+        """Feature error e = s - s* (k,) as last measured; all nan if the controller uses no
         features.
         """
         return self._unknown if self.command.trace is None else self.command.trace.error

@@ -18,7 +18,9 @@ LARGEST = 1_000_000_000
 ABSURD = 1e100
 """Largest number in a file; a larger one cannot be drawn."""
 Number = Annotated[float, Ge(-ABSURD), Le(ABSURD)]
-HALF = "it may be half-written"
+AGAIN = "run its command again into a new folder"
+HALF = f"it may be half-written: {AGAIN}"
+"""What to do about a file that is not as it was written, for messages."""
 T = TypeVar("T")
 
 
@@ -28,10 +30,7 @@ class OtherFormat(Mistake):
     def __init__(self, path: Path, found: object, number: int) -> None:
         has = "has no format number" if found is None else f"has format {found!r}"
         self.fact = f"{path}: this file {has}, and this version of servobench reads format {number}"
-        super().__init__(
-            f"{self.fact}: run its command again into a new folder, or read it with the version "
-            "that wrote it"
-        )
+        super().__init__(f"{self.fact}: {AGAIN}, or read it with the version that wrote it")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

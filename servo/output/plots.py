@@ -42,7 +42,8 @@ def draw(curves: RunCurves, title: str, folder: Path) -> list[Path]:
 
 
 def motion_figure(curves: RunCurves, title: str) -> Drawing:
-    """Return figure 9: the target's own motion in the image over time, as rates of the features.
+    """Return the figure of the target's own motion in the image over time, as rates of the features
+    (like figure 9 of Teuliere, Marchand, Eck).
 
     Each fed-forward feature has axes of its own, with the measured, estimated and true rate.
     """
@@ -53,8 +54,9 @@ def motion_figure(curves: RunCurves, title: str) -> Drawing:
 
 
 def error_figure(curves: RunCurves, title: str) -> Drawing:
-    """Return figure 10: the feature errors over time, and below them the distances [px] of the true
-    centre from the goal and from the estimate.
+    """Return the figure of a run's errors: the feature errors over time, and below them the
+    distances [px] of the true centre from the goal and from the estimate (like figure 10 of
+    Teuliere, Marchand, Eck).
     """
     figure, axes = _figure(2, 5.4)
     _draw_errors(curves, title, axes)

@@ -107,7 +107,7 @@ class PapersReport(Made):
 
     quick: bool
     first_seed: int | None = None
-    """First seed of every claim; None: the registered seeds."""
+    """First seed of every claim; None: the seed that its rule names."""
     claims: dict[str, Judged]
 
 

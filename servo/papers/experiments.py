@@ -66,8 +66,8 @@ def _painted(kind: str, config: object, seed: int) -> Painting:
 
 
 def generated(kind: str, **settings: float | str) -> Generated:
-    """Return a kind of painted (synthetic) sequence with changed settings; each seed gives another
-    sequence.
+    """Return the description of a painted (synthetic) sequence of a kind, with changed settings;
+    its `build(seed)` gives another sequence for each seed, and caches the pictures.
     """
     return CachedPainting(kind, GENERATORS.config(kind, **settings))
 
@@ -212,8 +212,9 @@ class EstimatedLoop:
         return {"scenario": self.name, "changes": list(self.changes)}
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the scenario, and return its record with series of time [s], error [px], and
-        estimated and true velocity of the feature `ALONG` [m/s].
+        """Run the scenario with the job's seed, and return its record with series of time [s],
+        servo error [px], and the rate of the feature `ALONG` that the target's own motion causes,
+        estimated and true [m/s]. The folder is not used.
         """
         scenario = scenarios.load(self.name, self.changes, job.seed)
         steps = [step.light() for step in run(scenario)]

@@ -136,8 +136,8 @@ def _unfinished(folder: Path, study: StudyFile) -> Section:
 def blocks_of(
     benchmark: Benchmark, worlds: Sequence[World], groups: Mapping[str, Sequence[Row]]
 ) -> list[Block]:
-    """Return, for each group of rows, the blocks of the report with its table, curves, conditions
-    and factors.
+    """Return the blocks of a report, two for each group of rows (each the results of a contestant):
+    one with the contestants' table and figures, one with the effects of the worlds' factors.
 
     Args:
         benchmark: The benchmark.
@@ -197,8 +197,8 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
 
 
 def is_home(row: Row) -> bool:
-    """Return whether a row of results is of a tracker or law that servobench ships; reports draw
-    these in grey beside those of other people.
+    """Return whether a row of results is in the division HOME: of a tracker or law as servobench
+    ships it, without changed settings. Reports draw these in grey where there are others.
     """
     return row.division == Division.HOME.name
 

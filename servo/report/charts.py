@@ -260,7 +260,9 @@ def colour(i: int) -> str:
 
 @contextmanager
 def styled() -> Generator[None]:
-    """Set Matplotlib's settings to the style of all figures within a `with` block."""
+    """Give Matplotlib the style of reports' figures within a `with` block, and hide its warnings
+    about characters that the font lacks.
+    """
     with mpl.rc_context(STYLE), warnings.catch_warnings():
         # The browser has the characters that our font lacks.
         warnings.filterwarnings("ignore", "Glyph")

@@ -25,8 +25,9 @@ TEX = str.maketrans(
 
 
 def latex(sections: Sequence[Section]) -> str:
-    """Return LaTeX with the tables of all sections, each in an environment `table`; tables of more
-    than 60 rows or 16 columns are left out.
+    """Return LaTeX, to be included by a document that loads booktabs, with the tables of all
+    sections, each in an environment `table`; tables of more than 60 rows or 16 columns are left
+    out.
     """
     tables = template("tables.tex.jinja", tex=_escaped, label=_label)
     return tables.render(sections=sections, rows=MOST_ROWS, columns=MOST_COLUMNS)

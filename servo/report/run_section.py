@@ -143,7 +143,7 @@ def _steps(path: Path) -> pa.Table:
     try:
         found = pq.read_table(raw, page_checksum_verification=True)
     except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError):
-        raise Mistake(f"{path}: this is not a Parquet table; {HALF}") from None
+        raise Mistake(f"{path}: this table cannot be read; {HALF}") from None
     written = (found.schema.metadata or {}).get(b"format", b"").decode(errors="replace")
     check_format(path, int(written) if written.isdecimal() else written or None, FORMAT)
     return found

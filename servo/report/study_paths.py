@@ -15,6 +15,7 @@ from sim.camera.camera import CameraConfig
 from sim.types import Array
 
 MOST = 12
+"""Most figures."""
 PATH = LIGHT[1]
 """Colour of the camera's path."""
 GREY = "#8a8f98"
@@ -25,10 +26,11 @@ CELL = 2.1
 
 def paths(study: StudyResults) -> list[Figure]:
     """Return figures of the paths of the camera and of the target's corners, from the runs of the
-    first seed: a figure for each combination of the axes that are not compared, with a column for
-    each value of the compared axis.
+    first seed: a figure for each combination of the axes that are not compared, up to `MOST`, with
+    a column for each value of the compared axis.
 
-    The list is empty if the study does not compare named groups of settings.
+    The list is empty if the study compares no named groups of settings, or groups that only set
+    the tracker.
     """
     if study.compared is None or not shows(study):
         return []

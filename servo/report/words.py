@@ -79,7 +79,10 @@ def spread(interval: Interval | None, units: int = 0) -> str:
 
 
 def basis(interval: Interval, unit: str) -> str:
-    """Return an interval's description, such as "mean of 7 recordings, 95 %: 1.9 to 2.4"."""
+    """Return what a mean is based on, such as "mean of 7 recordings, 95 %: 1.9 to 2.4"; without a
+    known interval "mean of 7 recordings: no interval". `unit` is the counted noun in the singular,
+    such as "recording".
+    """
     over = f"mean of {counted(interval, unit)}"
     if not interval.known:
         return f"{over}: no interval"
@@ -87,7 +90,9 @@ def basis(interval: Interval, unit: str) -> str:
 
 
 def counted(interval: Interval | None, unit: str) -> str:
-    """Return the number of an interval's units with their noun, such as "7 recordings"."""
+    """Return the number of an interval's units with their noun, such as "7 recordings"; `unit` is
+    this noun in the singular.
+    """
     count = interval.units if interval else 0
     return f"{count} {unit}{'' if count == 1 else 's'}"
 

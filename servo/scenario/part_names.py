@@ -1,4 +1,6 @@
-"""The ways to name a part on the command line, such as kams:paper, module:Class or trax:COMMAND."""
+"""The ways to name a tracker or control law on the command line, such as kams:paper (KIND:PRESET),
+module:Class or trax:COMMAND, and the settings that they stand for.
+"""
 
 import json
 

@@ -45,15 +45,17 @@ class CornersToPose:
     def of(self, corners: Array, T_base_camera: Pose) -> Pose | None:
         """Return the pose T_camera_object of a target that moves little between pictures, while the
         camera may move; None if the corners are not those of a rectangle that is seen from its
-        front.
+        front. Earlier calls help to decide between the two poses that fit, so it is to be called
+        for each picture in turn.
 
         The object's origin is in the middle of the rectangle; x goes along the target's nose, y to
         the right of the nose as seen from above, z into the table. The rotation is the identity if
         the camera faces the target and its nose points to the right.
 
         Args:
-            corners: Corners (4, 2) in normalised image coordinates, in the order of a region's
-                corners.
+            corners: Corners (4, 2) in normalised image coordinates, in the order rear left, front
+                left, front right, rear right: the nose is in front, and the target is seen from
+                above.
             T_base_camera: Pose of the camera in the robot's base frame when the picture was taken.
         """
         found = _candidates(corners, self._size)

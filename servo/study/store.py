@@ -352,13 +352,14 @@ class Store:
                     self.damaged.append(key)
 
     def read(self, keys: Iterable[str], *, long: bool = False) -> Iterator[Record]:
-        """Yield records of finished jobs.
+        """Yield records of finished jobs, in the order of the keys.
 
         Args:
             keys: Keys of the jobs, which are in `done`.
             long: Whether the records include series and contact sheets.
 
         Raises:
+            Mistake: The database is damaged.
             Refused: The database cannot be read.
         """
         if not self.done:  # perhaps there is no database yet
@@ -374,6 +375,7 @@ class Store:
         series and contact sheets.
 
         Raises:
+            Mistake: The database is damaged.
             Refused: The database cannot be read.
         """
         return list(self.read([job.key for job in jobs if job.key in self.done], long=True))
@@ -383,6 +385,7 @@ class Store:
         must be one record or more.
 
         Raises:
+            Mistake: The database is damaged.
             Refused: The database cannot be read.
         """
         return table_of(self._batches(long=False))
@@ -396,7 +399,8 @@ class Store:
         """Store the record of a job, which is then in `done`.
 
         Raises:
-            Mistake: The worker that ran the job has other versions of some packages.
+            Mistake: The worker that ran the job has other versions of some packages, or the
+                database is damaged.
             Refused: The disk is full, or the database cannot be written.
         """
         for name, here in versions().items():
@@ -449,7 +453,8 @@ class Store:
             table: The results, as `table` returns them; series are read from the database.
 
         Raises:
-            Refused: The disk is full, or a file cannot be written.
+            Mistake: The database is damaged.
+            Refused: The disk is full, the database cannot be read, or a file cannot be written.
         """
         with (
             on_disk(self.folder, f"write {SERIES}"),

@@ -275,8 +275,8 @@ class Unseen:
 
 
 class Backdrop:
-    """Finds out whether the table fills the picture: sky and floor then need not be drawn, which
-    saves a third of the time.
+    """Finds out for each picture whether the table fills it: sky and floor then need not be drawn,
+    which saves a third of the rendering time.
     """
 
     def __init__(self, model: mujoco.MjModel, view: Camera) -> None:

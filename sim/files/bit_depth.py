@@ -24,8 +24,8 @@ class BitDepth:
     """A sentence for the user if fewer than 16 bits are used."""
 
     def uses_all(self, deep: NDArray[np.uint16]) -> bool:
-        """Return whether the source of a uint16 picture (H, W, ...) uses all 16 bits; the first
-        picture that is not black decides.
+        """Return whether the source of a uint16 picture (H, W, ...) uses all 16 bits. The first
+        picture that is not black decides; until then the answer is no.
         """
         largest = int(deep.max(initial=0))
         if self.used is None and largest > 0:

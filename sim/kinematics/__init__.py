@@ -1,1 +1,3 @@
-"""Robots that carry the camera: their chain of joints, drives, kinematics and start poses."""
+"""Robots that carry the camera or the target: their joints, velocity drives, forward and inverse
+kinematics, and workspaces.
+"""

@@ -102,7 +102,9 @@ class Inversion:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """A robot before it is put into the room: what a robot's `Config.build` returns.
+    """A robot before it is put into the room, as a robot's `Config.build` returns it: its model and
+    drives, the joint positions from which inverse kinematics searches (`homes`), the pose of its
+    base in the room, and whether it carries the camera or the target (`mounting`).
 
     Its model needs a camera and a site, both called `eye`, at the same pose, and one `velocity`
     actuator for each joint of the chain that carries them. `Robot` reads all limits from the model.

@@ -12,8 +12,9 @@ from sim.ranges import Place
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """Settings of a straight line on which the target oscillates: its middle x, y [m] and direction
-    [deg], and the oscillation's amplitude [m] and frequency [Hz].
+    """Settings of a straight line on which the target oscillates: its middle x, y in the world [m];
+    its direction, in which the nose points, from world x towards y [deg]; and the oscillation's
+    amplitude [m] and frequency [Hz].
     """
 
     amplitude: Place = 0.15

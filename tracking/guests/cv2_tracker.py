@@ -170,7 +170,9 @@ def running() -> str:
 
 
 def seed_opencv(seed: int) -> None:
-    """Seed the random numbers of OpenCV's trackers."""
+    """Seed the random numbers of OpenCV's trackers: OpenCV's own, and the C library's rand() of the
+    whole process.
+    """
     cv2.setRNGSeed(seed)
     # MIL draws its features with the C library's rand(), which OpenCV's seed does not reach.
     ctypes.CDLL(None).srand(seed)

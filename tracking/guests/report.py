@@ -195,7 +195,10 @@ def _of_mapping(answer: Mapping[object, object], name: str) -> Report:
         return Report(seen=False, confidence=sure)
     angle = _number(given["angle"]) if "angle" in given else None
     if "angle" in given and (angle is None or not abs(angle) <= FARTHEST):  # nan is not
-        raise ValueError(f"{name}: 'angle' is {shown(given['angle'])}; it must be a number [rad]")
+        raise ValueError(
+            f"{name}: 'angle' is {shown(given['angle'])}; it must be a number from "
+            f"{-FARTHEST:g} to {FARTHEST:g} [rad]"
+        )
     if "corners" in given and "box" in given:
         raise ValueError(f"{name} answered with both 'box' and 'corners'; one of them is expected")
     if "corners" in given:

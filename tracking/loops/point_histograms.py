@@ -144,7 +144,9 @@ def coefficients(
 
 @compiled()
 def squared_distances(rho: Array) -> Array:
-    """Return squared distances d_m^2 = 1 - mean_k rho_k (N,) of coefficients rho (N, K)."""
+    """Return squared distances d_m^2 = 1 - mean_k rho_k (N,), at least 0, of coefficients rho
+    (N, K).
+    """
     found = np.empty(len(rho))
     for n in range(len(rho)):
         found[n] = max(1.0 - np.mean(rho[n]), 0.0)

@@ -11,14 +11,15 @@ LEAST = 1e-6
 
 @compiled()
 def view(image: Image, state: Array, points: Array) -> Array:
-    """Return the colours (3 P,) at template points under a state, less their mean, with length 1.
+    """Return the colours (3 P,) at the template points of a target in a state: each channel less
+    its mean, and all divided by their norm; zeros if there is no contrast.
 
-    Points off the image have the mean colour.
+    Points off the image count as the mean colour.
 
     Args:
         image: RGB (H, W, 3).
         state: x, y [px], theta [rad], ln scale (4,).
-        points: Template points (P, 2) [px].
+        points: Template points (P, 2) from the target's centre, at scale 1 [px].
     """
     height, width = image.shape[:2]
     found = np.zeros((len(points), 3))

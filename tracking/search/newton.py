@@ -31,9 +31,9 @@ TINY = 1e-12
 PIXELS = 2000
 """Most pixels that are read: of larger targets only every second, third, ... one."""
 TOLERANCE = 0.2
-"""Length of a step that ends the descent [px, or as much in angle and scale]. It is taken without
-an evaluation: so near the minimum Newton's steps are right, and an evaluation would cost a third of
-the search."""
+"""A step with all coordinates below this ends the descent [px, or as much in angle and scale]. It
+is taken without an evaluation: so near the minimum Newton's steps are right, and an evaluation
+would cost a third of the search."""
 UNITS = np.array([1.0, 1.0, 1 / 20, 1 / 20])
 """Steps of x, y [px], of the angle [rad] and of ln scale that move a common target's rim alike."""
 
@@ -50,13 +50,14 @@ the angle evenly over all, of ln scale about threefold."""
 
 @dataclass(frozen=True, slots=True)
 class Descent:
-    """End of a descent: the last state, its distance from the reference histograms, and the number
-    of states evaluated.
+    """End of a descent: the last state, the distance from the reference histograms there or just
+    before, and the number of states evaluated.
     """
 
     state: State
     distance: float
-    """Bhattacharyya distance d_m at `state`, 0..1; the objective is O = 2 d_m^2."""
+    """Bhattacharyya distance d_m, 0..1, at the last evaluated state that was accepted: `state`, or
+    the one before it if the last step was not evaluated; the objective is O = 2 d_m^2."""
     evaluations: int
     """Number of states whose histograms were computed."""
 
@@ -145,12 +146,13 @@ class KernelModel:
             image: RGB (H, W, 3).
             state: First state.
             most: Largest number of states whose histograms are computed.
-            tolerance: A step shorter than this ends the descent [px, or 1/20 rad, or 1/20 of ln
-                scale].
+            tolerance: A step with all coordinates below this ends the descent [px, or 1/20 rad, or
+                1/20 of ln scale]; it is taken, but its end is not evaluated.
             hopeless: Distance d_m, 0..1; a first state with a larger one is returned as it is.
 
         Returns:
-            The last state, its distance, and the number of states evaluated.
+            The last state, the distance of the last evaluated state that was accepted, and the
+            number of states evaluated.
         """
         x, cost, evaluations = loops.descend(
             image,

@@ -175,7 +175,8 @@ def check_truth(
 
 
 def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
-    """Return the sequences of one folder of pictures, one for each truth file.
+    """Return the sequences of one folder of pictures, one for each truth file; an empty list if it
+    has none.
 
     Args:
         folder: The folder, also in OTB's and VOT's layouts.
@@ -183,7 +184,8 @@ def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[S
         form: Format of the truth files.
 
     Raises:
-        ValueError: The folder has no pictures, or a truth cannot be read.
+        ValueError: The folder has no pictures, a truth cannot be read or does not fit the pictures,
+            or the target is not in the first picture.
     """
     source = Folder.of(pictures_in(folder), rate)
     found = truths_in(folder)
@@ -192,7 +194,10 @@ def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[S
         corners = truths.read(path, form, source.count)
         check_truth(corners, source, str(path), form)
         if not np.isfinite(corners[0]).all():
-            raise ValueError(f"{path}: the target is not in the first picture")
+            raise ValueError(
+                f"{path}: the first line has no outline of the target, with which a sequence must "
+                "begin: leave out the pictures and lines before the target appears"
+            )
         name = f"{folder.name}-{number}" if len(found) > 1 else folder.name
         sequences.append(Sequence(name, source, corners, *placement(corners[0])))
     return sequences

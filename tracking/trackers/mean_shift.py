@@ -52,8 +52,9 @@ class Climb:
 
 @dataclass(frozen=True)
 class ClimbSettings(AppearanceSettings):
-    """Settings of a tracker that climbs by mean shift: its histograms, the shift that ends a climb,
-    and the memory of its velocity.
+    """Settings of a tracker that climbs by mean shift: its histograms, the shift [px] below which a
+    climb ends, and the share of the old velocity, 0..1, that the new one keeps (with 1 the velocity
+    stays zero).
     """
 
     tolerance: Annotated[float, Ge(0.001), Le(1000)] = 0.2

@@ -122,7 +122,11 @@ class RecordingFile(SentRecording):
         more data.
         """
         full = shutil.disk_usage(self.path.parent).free < FULL
-        why = "the disk is full" if full else "the disk refuses more"
+        why = (
+            "the disk is full"
+            if full
+            else "the disk refuses more (is a quota or a limit of file sizes reached?)"
+        )
         return Refused(f"{self.path}: the recording ends too early: {why}")
 
 

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from rerun.chunk import RrdReader
 
 from servo.mistake import Mistake
+from servo.output.formats import AGAIN
 from servo.output.recording.layout import IMAGE
 from servo.output.recording.view import check
+from sim.files.picture_file import decoded
 from sim.types import Array, Image
 
 BLOB = "EncodedImage:blob"
@@ -55,7 +56,7 @@ def pictures(path: Path, count: int) -> list[RecordedFrame]:
             for name, frame, time, value in _logged(path):
                 found[name][frame] = time, value
     except (RuntimeError, ValueError, OSError):
-        raise Mistake(f"{path}: this recording is damaged") from None
+        raise Mistake(f"{path}: this recording is damaged: {AGAIN}") from None
     frames = sorted(found[BLOB])
     if not frames:
         return []
@@ -84,13 +85,15 @@ def _recorded(
     found: dict[str, dict[int, tuple[float, Any]]], frame: int, path: Path
 ) -> RecordedFrame:
     time, blob = found[BLOB][frame]
-    image = cv2.imdecode(np.frombuffer(bytes(blob.as_py()[0]), np.uint8), cv2.IMREAD_COLOR)
-    if image is None:
-        raise Mistake(f"{path}: the picture of frame {frame} cannot be decoded")
+    try:
+        image = decoded(bytes(blob.as_py()[0]))
+    except ValueError:
+        raise Mistake(
+            f"{path}: this recording is damaged (the picture of frame {frame} cannot be decoded): "
+            f"{AGAIN}"
+        ) from None
     truth, estimate = (_corners(found[who].get(frame)) for who in ("truth", "estimate"))
-    return RecordedFrame(
-        time, cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8), truth, estimate
-    )
+    return RecordedFrame(time, image, truth, estimate)
 
 
 def _corners(logged: tuple[float, Any] | None) -> Array:

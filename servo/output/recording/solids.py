@@ -161,10 +161,12 @@ def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, rr
 
 
 def entities(names: Sequence[str]) -> list[str]:
-    """Return entity paths for bodies with these names, whose poses are logged in the world.
+    """Return the entity path of each body, in the order of their names; their poses are logged in
+    the world frame.
 
     No path lies below the path of another body: Rerun would apply both poses. "robot/yaw" becomes
-    "world/robot/yaw" only if there is no body "robot".
+    "world/robot/yaw" if there is no body "robot", else one part below "world" with its slash
+    escaped; a body without a name becomes "world/body_NUMBER".
     """
     found: list[str] = []
     for number, name in enumerate(names):

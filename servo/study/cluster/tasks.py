@@ -196,7 +196,11 @@ def _work_alone(work: Callable[[Task], Done], task: Task) -> Done | Failure:
 
 
 def reason(error: BaseException) -> str:
-    """Return the message of the first error with a message in an exception's chain of causes."""
+    """Return the message of the deepest one of an exception and its causes that has a message.
+
+    If the deepest of all is an error of the system, it is the system's text alone, such as "No
+    space left on device"; if none has a message, it is the name of the deepest one's type.
+    """
     message = str(error)
     while error.__cause__ is not None:
         error = error.__cause__
