@@ -348,7 +348,7 @@ def test_the_program_ends_with_a_sentence():
     )
     code, (*_, said) = program("frozen", close=">&-", input="")
     assert code == 2
-    assert said.endswith("standard input or output is closed, but a TraX client needs both")
+    assert said.endswith("standard input or output is closed, but a client needs both")
 
 
 def test_ctrl_c_ends_the_program_without_a_traceback():

@@ -37,7 +37,7 @@ from sim.types import Frame
 from tracking.files import atomic
 from tracking.files.json_text import as_json
 from tracking.guests.guest import GuestSettings
-from tracking.trackers import program, trax
+from tracking.guests.process import ProcessSettings
 from tracking.types import Region, State
 
 
@@ -161,7 +161,7 @@ def _try_out(scenario: Scenario, console: Console) -> None:
     settings = scenario.tracker
     if not isinstance(settings, GuestSettings):
         return
-    if isinstance(settings, program.Config | trax.Config):
+    if isinstance(settings, ProcessSettings):
         plain(
             console,
             f"waiting at most {settings.loading:g} s for the first answer of '{settings.command}'",

@@ -2,32 +2,31 @@
 your own in a process of its own: `python -m tracking.exported.program_server module:Class`.
 """
 
-import argparse
 import json
 import sys
-import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import redirect_stdout
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from sim.installed import plain
+from sim.kinds import PartConfig
 from sim.types import Frame, Image
 from tracking import configured
 from tracking.evaluation.warm_up import warm_up
+from tracking.exported.command_line import serve
 from tracking.exported.served import Served
 from tracking.guests.guest import GuestSettings
 from tracking.guests.report import Report
-from tracking.types import Region, State
+from tracking.types import Region, State, Tracker
 
 
 def run_program(
     kind: str,
     preset: str | None = None,
     *,
-    requests: BinaryIO,
-    answers: BinaryIO,
+    requests: BinaryIO | None = None,
+    answers: BinaryIO | None = None,
     **settings: object,
 ) -> None:
     """Serve a client until its input ends. The tracker is loaded before the first answer.
@@ -36,8 +35,9 @@ def run_program(
         kind: Kind of the tracker; see `tracking.create`.
         preset: "paper" for the settings in the paper that describes the tracker; None for the best
             settings known.
-        requests: Stream of the client's lines and pictures.
-        answers: Stream of our lines.
+        requests: Stream of the client's lines and pictures; None: standard input.
+        answers: Stream of our lines; None: standard output. What a tracker prints goes to standard
+            error.
         **settings: Settings of the tracker.
 
     Raises:
@@ -45,21 +45,35 @@ def run_program(
             sends something else than the protocol has.
         TypeError: The tracker has no such setting.
     """
-    config = configured(kind, preset, **settings)
-    if not isinstance(config, GuestSettings):
-        warm_up(config)
+    lines = requests or sys.stdin.buffer
+    out = answers or sys.stdout.buffer
+    with redirect_stdout(sys.stderr):  # what a tracker prints is no answer
+        config = configured(kind, preset, **settings)
+        if not isinstance(config, GuestSettings):
+            warm_up(config)
+        for answer in _conversation(config, lines):
+            out.write(json.dumps(answer).encode() + b"\n")
+            out.flush()
+
+
+def _conversation(
+    config: PartConfig[Tracker], requests: BinaryIO
+) -> Iterator[Mapping[str, object]]:
+    """Yield the answer to each line that a client sends.
+
+    Raises:
+        ValueError: The client sends a picture first, or its input ends within a picture.
+    """
     served: Served | None = None
     while line := requests.readline():
         asked: Mapping[str, Any] = json.loads(line)
         if "seed" in asked:
             served = Served(config, asked["seed"])
-            answer = {} if served.gives is None else {"gives": sorted(served.gives)}
+            yield {} if served.gives is None else {"gives": sorted(served.gives)}
         elif served is None:
             raise ValueError("the client sent a picture before its first line, which has the seed")
         else:
-            answer = _answer(served, asked, _picture(requests, asked))
-        answers.write(json.dumps(answer).encode() + b"\n")
-        answers.flush()
+            yield _answer(served, asked, _picture(requests, asked))
 
 
 def _answer(served: Served, asked: Mapping[str, Any], image: Image) -> Mapping[str, object]:
@@ -100,28 +114,5 @@ def _words(report: Report) -> Mapping[str, object]:
     return {key: value for key, value in given.items() if value is not None}
 
 
-def main() -> None:
-    """Serve the tracker that the command line names until the client ends; exit code 1 for an
-    error, 2 for a wrong command line, 130 for Ctrl-C.
-    """
-    parser = argparse.ArgumentParser(prog="python -m tracking.exported.program_server")
-    parser.add_argument("kind")
-    parser.add_argument("settings", nargs="*", help="such as particles=80")
-    parser.add_argument("--preset")
-    given = parser.parse_args()
-    if None in (sys.stdin, sys.stdout):
-        parser.error("standard input or output is closed, but a client needs both")
-    requests = sys.stdin.buffer
-    answers = sys.stdout.buffer
-    try:
-        settings = tomllib.loads("\n".join(given.settings))
-        with redirect_stdout(sys.stderr):  # what a tracker prints is no answer
-            run_program(given.kind, given.preset, requests=requests, answers=answers, **settings)
-    except KeyboardInterrupt:
-        raise SystemExit(130) from None
-    except (ValueError, TypeError, OSError) as error:
-        raise SystemExit(f"program_server: {plain(str(error))}") from None
-
-
 if __name__ == "__main__":
-    main()
+    serve("program_server", run_program)

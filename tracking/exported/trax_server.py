@@ -2,18 +2,16 @@
 tracking.exported.trax_server KIND`.
 """
 
-import argparse
 import sys
-import tomllib
 from collections.abc import Iterable, Iterator
 from typing import TextIO
 
 from sim.files.bit_depth import BitDepth
-from sim.installed import plain
 from sim.kinds import PartConfig
 from sim.types import Array, Frame
 from tracking import configured
 from tracking.evaluation.warm_up import warm_up
+from tracking.exported.command_line import serve
 from tracking.exported.served import Served
 from tracking.guests.report import Report, box_around
 from tracking.guests.trax_messages import (
@@ -139,8 +137,8 @@ def _region(text: str) -> Array:
 
 
 def _answer(region: Array, report: Report) -> Message:
-    """Return the answer to a picture: a region (4,) or (n, 2) [px], and what a report says of it:
-    the confidence, and whether the tracker sees the target.
+    """Return the message that answers a picture: a box (4,) or an outline (n, 2) [px], with the
+    confidence and whether the target is seen, both from a report.
     """
     named = {} if report.confidence is None else {CONFIDENCE: f"{report.confidence:.6f}"}
     return Message(
@@ -148,26 +146,5 @@ def _answer(region: Array, report: Report) -> Message:
     )
 
 
-def main() -> None:
-    """Serve the tracker that the command line names until the client quits; exit code 1 for an
-    error, 2 for a wrong command line, 130 for Ctrl-C.
-    """
-    parser = argparse.ArgumentParser(prog="python -m tracking.exported.trax_server")
-    parser.add_argument("kind")
-    parser.add_argument("settings", nargs="*", help="such as particles=80")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--preset")
-    given = parser.parse_args()
-    if None in (sys.stdin, sys.stdout):
-        parser.error("standard input or output is closed, but a TraX client needs both")
-    try:
-        settings = tomllib.loads("\n".join(given.settings))
-        run_trax(given.kind, given.seed, preset=given.preset, **settings)
-    except KeyboardInterrupt:
-        raise SystemExit(130) from None
-    except (ValueError, TypeError, OSError) as error:
-        raise SystemExit(f"trax_server: {plain(str(error))}") from None
-
-
 if __name__ == "__main__":
-    main()
+    serve("trax_server", run_trax, seeded=True)

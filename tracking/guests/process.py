@@ -1,5 +1,5 @@
-"""A program of another author, started and asked with time limits, and ended with all its children
-when its connection is closed or our own process is killed.
+"""A program of another author: its settings, and the connection to it. It is started and asked with
+time limits, and ended with its children when the connection is closed or our own process is killed.
 """
 
 import fcntl
@@ -15,10 +15,14 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, NoReturn, TypeVar
 
 from annotated_types import Ge, Le
+
+from tracking.guests.guest import GuestSettings
+from tracking.types import Trait
 
 Limit = Annotated[float, Ge(0.1), Le(3600.0)]
 """A time limit of a program's answer [s]."""
@@ -30,11 +34,31 @@ LONGEST_LINE = 1 << 24
 the memory."""
 PIPE = 1 << 20
 """Size of the pipe to a program [bytes]: a picture of 640 x 480 pixels fits into it."""
+LOOK = 0.1
+"""Time between two looks whether a silent program has ended [s]."""
 GRACE = 0.5
 """Time between the request to quit and the kill of a program [s]."""
 KEEPER = 'read -r _; kill -s KILL -- "-$1"; rm -rf -- "$2"'
 """Shell script that kills a program with its children and removes its folder, as soon as the script
 reads a line or the end of its input, which ends also when our own process is killed."""
+
+
+@dataclass(frozen=True)
+class ProcessSettings(GuestSettings):
+    """Settings of a tracker in a process of its own: its command, and the time limits of its
+    answers.
+    """
+
+    traits = frozenset({Trait.FOREIGN})
+    not_from_file = ("command",)
+    """Settings that a file may not give: files are data, and nothing in them is run."""
+
+    command: str = ""
+    """The program with its arguments, such as "python my_tracker.py"; run without a shell."""
+    timeout: Limit = 30.0
+    """Longest wait for the answer to a picture [s]."""
+    loading: Limit = 120.0
+    """Longest wait for the first answer, before which the program loads what it needs [s]."""
 
 
 class GuestProcess:
@@ -89,13 +113,16 @@ class GuestProcess:
 
         Args:
             parts: The bytes, in pieces.
-            answer_in: Returns the answer in a line of output; None for a line that is none.
+            answer_in: Returns the answer in a line of output; None if the line has no answer.
             limit: Longest wait [s].
             expected: What the answer should be, for messages.
 
         Raises:
-            ValueError: The program has ended, or gave no answer within the limit.
+            ValueError: The program has ended, gave no answer within the limit, or sent an answer
+                before it was asked.
         """
+        if not self._close.alive:
+            raise ValueError(f"{self.name} was ended, and cannot be asked again")
         until = time.monotonic() + limit
         if self._is_asked and self._has_waiting(answer_in):
             self.fail("sent more than one answer to a picture")
@@ -113,7 +140,7 @@ class GuestProcess:
 
     def _has_waiting(self, answer_in: Callable[[bytes], object]) -> bool:
         """Return True if the program has already sent an answer that nobody asked for."""
-        while select.select([self._output], [], [], 0)[0]:
+        while _is_ready(self._output, select.POLLIN, 0.0):
             data = os.read(self._output, PIPE)
             self._read += data
             if not data or len(self._read) > LONGEST_LINE:
@@ -131,7 +158,7 @@ class GuestProcess:
         for part in parts:
             rest = memoryview(part)
             while rest:
-                if not select.select([], [self._input], [], _left(until))[1]:
+                if not _is_ready(self._input, select.POLLOUT, until - time.monotonic()):
                     raise TimeoutError
                 try:
                     rest = rest[os.write(self._input, rest) :]
@@ -145,18 +172,22 @@ class GuestProcess:
         the end of the output.
 
         Raises:
-            TimeoutError: There is none until a time.
+            TimeoutError: No line is complete at a time of the monotonic clock [s].
         """
         searched = 0
         while (end := self._read.find(b"\n", searched)) < 0 and len(self._read) < LONGEST_LINE:
             searched = len(self._read)
-            # Not until the pipe ends: children of the program may keep it open.
-            if not select.select([self._output], [], [], _left(until))[0]:
+            left = until - time.monotonic()
+            if _is_ready(self._output, select.POLLIN, min(left, LOOK)):
+                data = os.read(self._output, PIPE)
+                self._read += data
+            elif left <= 0:
                 raise TimeoutError
-            data = os.read(self._output, PIPE)
-            if not data:
+            else:
+                # A child in a session of its own may keep the output of an ended program open.
+                data = None if self._process.poll() is None else b""
+            if data == b"":
                 break
-            self._read += data
         line = bytes(self._read[: end + 1 if end >= 0 else LONGEST_LINE])
         del self._read[: len(line)]
         return line
@@ -214,9 +245,13 @@ def _ended_with(code: int) -> str:
     return f"was killed by signal {-code}"
 
 
-def _left(until: float) -> float:
-    """Return the time that is left until a time of the monotonic clock [s]; at least 0."""
-    return max(until - time.monotonic(), 0.0)
+def _is_ready(file: int, event: int, wait: float) -> bool:
+    """Return True if a file descriptor can be read or written within a time [s]; at its end or in
+    an error, too.
+    """
+    poll = select.poll()  # `select.select` takes no descriptor above 1023
+    poll.register(file, event)
+    return bool(poll.poll(max(wait, 0.0) * 1e3))
 
 
 def _enlarge(process: subprocess.Popen[bytes]) -> None:
