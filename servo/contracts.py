@@ -185,8 +185,8 @@ ESTIMATE = (
     ),
     Rule("distance", partial(_is_number, least=0, most=1), "it should be from 0 to 1"),
     Rule("status", partial(_is_exactly, Status), "use tracking.types.Status"),
-    Rule("ess", _is_sample_size, "it should be a number from 0 on, or nan"),
-    Rule("evaluations", _is_count, "it should be a whole number from 0 on"),
+    Rule("ess", _is_sample_size, "it should be a number of at least 0, or nan"),
+    Rule("evaluations", _is_count, "it should be a whole number of at least 0"),
     Rule(
         "follows", _are_flags, "it should be two flags: whether the tracker follows angle, and size"
     ),
@@ -227,7 +227,7 @@ COMMAND = (
 )
 """The rules of `servo.types.Command`."""
 EFFECT = tuple(
-    Rule(field, partial(_is_number, least=0), "it should be a factor from 0 on")
+    Rule(field, partial(_is_number, least=0), "it should be a factor of at least 0")
     for field in ("gain", "lamp")
 )
 """The rules of `sim.types.Effect`."""

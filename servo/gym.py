@@ -128,7 +128,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self._moves = self._law_moves() if dof is None else each_once(dof, "dof", DOF)
         self._reach = np.repeat(numbers(reach, "reach", 2), 3)[self._moves]
         if self._reach.min() < 0:
-            raise Mistake(f"reach: expected speeds from 0 on, got {reach!r}")
+            raise Mistake(f"reach: expected speeds of at least 0, got {reach!r}")
         modes = [m for m in self.metadata["render_modes"] if m != "human" or has_display()]
         self.metadata = {"render_modes": modes, "render_fps": round(self._base.camera.rate)}
         self._error = np.zeros(self._features)

@@ -53,7 +53,7 @@ class PartConfig(Protocol[Thing]):
     """
 
     def build(self, rng: np.random.Generator) -> Thing:
-        """Return the component that these settings describe.
+        """Return a new component, such as a tracker, with these settings.
 
         Args:
             rng: Source of all random numbers of the component: the same seed gives the same run.

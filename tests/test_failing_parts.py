@@ -88,19 +88,19 @@ FAILURES = {
         lambda e: dataclasses.replace(e, status="LOST")),
     "tracker 'odd': Estimate.corners is [[nan nan]":
         tracker(lambda e: dataclasses.replace(e, corners=np.full((4, 2), np.nan))),
-    "tracker 'odd': Estimate.evaluations is 'x'; it should be a whole number from 0 on": tracker(
+    "tracker 'odd': Estimate.evaluations is 'x'; it should be a whole number of at least 0": tracker(
         lambda e: dataclasses.replace(e, evaluations="x")),
-    "tracker 'odd': Estimate.evaluations is -5; it should be a whole number from 0 on": tracker(
+    "tracker 'odd': Estimate.evaluations is -5; it should be a whole number of at least 0": tracker(
         lambda e: dataclasses.replace(e, evaluations=-5)),
-    "tracker 'odd': Estimate.evaluations is 2.5; it should be a whole number from 0 on": tracker(
+    "tracker 'odd': Estimate.evaluations is 2.5; it should be a whole number of at least 0": tracker(
         lambda e: dataclasses.replace(e, evaluations=2.5)),
-    f"tracker 'odd': Estimate.evaluations is {2**63}; it should be a whole number from 0 on": tracker(
+    f"tracker 'odd': Estimate.evaluations is {2**63}; it should be a whole number of at least 0": tracker(
         lambda e: dataclasses.replace(e, evaluations=2**63)),
-    "tracker 'odd': Estimate.evaluations is nan; it should be a whole number from 0 on": tracker(
+    "tracker 'odd': Estimate.evaluations is nan; it should be a whole number of at least 0": tracker(
         lambda e: dataclasses.replace(e, evaluations=np.nan)),
-    "tracker 'odd': Estimate.ess is 'a'; it should be a number from 0 on, or nan": tracker(
+    "tracker 'odd': Estimate.ess is 'a'; it should be a number of at least 0, or nan": tracker(
         lambda e: dataclasses.replace(e, ess="a")),
-    "tracker 'odd': Estimate.ess is -1.0; it should be a number from 0 on, or nan": tracker(
+    "tracker 'odd': Estimate.ess is -1.0; it should be a number of at least 0, or nan": tracker(
         lambda e: dataclasses.replace(e, ess=-1.0)),
     "controller 'odd': Command.saturated is 'no'; it should be True or False": controller(
         Command(np.zeros(6), saturated="no")),

@@ -23,7 +23,7 @@ def made(**settings):
     ("wrong", "sentence"),
     [
         ({"reach": 0.2}, "reach: expected 2 finite numbers, got 0.2"),
-        ({"reach": (-1, 1)}, "reach: expected speeds from 0 on, got (-1, 1)"),
+        ({"reach": (-1, 1)}, "reach: expected speeds of at least 0, got (-1, 1)"),
         (
             {"dof": ["vx", "vx"]},
             "dof = ['vx', 'vx']: expected a list of some of vx, vy, vz, wx, wy, wz, each once",

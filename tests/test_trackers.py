@@ -160,4 +160,4 @@ def test_an_update_before_the_start_is_refused(kind):
 def test_a_seed_that_is_none_is_refused(seed):
     with pytest.raises(ValueError) as refused:
         create("kams", seed=seed)
-    assert str(refused.value) == f"seed = {seed!r}: expected a whole number from 0 on"
+    assert str(refused.value) == f"seed = {seed!r}: expected a whole number of at least 0"

@@ -35,8 +35,8 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: obje
         UnknownKind: There is no such kind or preset, and the message lists those that exist; or the
             class that `kind` names cannot be imported.
         TypeError: The kind has no such setting.
-        ValueError: The seed is not a whole number from 0 on, or a setting has the wrong type or is
-            out of range.
+        ValueError: The seed is not a whole number of at least 0, or a setting has the wrong type or
+            is out of range.
 
     Example:
         >>> import numpy as np
@@ -53,7 +53,7 @@ def create(kind: str, seed: int = 0, preset: str | None = None, **settings: obje
     try:
         rng = np.random.default_rng(seed)
     except (TypeError, ValueError):
-        raise ValueError(f"seed = {seed!r}: expected a whole number from 0 on") from None
+        raise ValueError(f"seed = {seed!r}: expected a whole number of at least 0") from None
     return configured(kind, preset, **settings).build(rng)
 
 

@@ -228,8 +228,8 @@ class Ibvs:
         self, predicted: Prediction, mode: Mode, posture: Posture, dt: float, seen: Sight | None
     ) -> LimitedTwist:
         """Return the camera twist of the law for a mode, limited by the guard, but not yet in
-        speed. `_ends` then has the joints that are held at the ends of their ranges; None if there
-        are none.
+        speed. `_ends` then has the joints that are held at the ends of their ranges, or None if no
+        joint is held.
         """
         self._ends = None
         if mode is Mode.HOLDING:

@@ -128,7 +128,7 @@ def _check_input(file: str, name: str, kind: str, shape: Sequence[int | str | No
     """Check the name, type and shape of an input of a network against `INPUTS`.
 
     Raises:
-        ValueError: The name is none of `INPUTS`, or type or shape do not fit it.
+        ValueError: The name is not in `INPUTS`, or type or shape do not fit it.
     """
     if name not in INPUTS:
         raise ValueError(

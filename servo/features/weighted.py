@@ -27,7 +27,9 @@ class Config:
     picture."""
 
     def build(self, outline: Array) -> "WeightedFeatures":
-        """Return the feature set, which is the same for any outline (4, 3)."""
+        """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not
+        used.
+        """
         return WeightedFeatures(self.border)
 
 

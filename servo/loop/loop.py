@@ -144,7 +144,7 @@ class Loop:
                 is a tag, its outline the black square, and the tracker "tag", a square that is
                 detected near the region replaces both.
             goal: The camera's picture (H, W, 3) at the goal, for features made of pixels and for
-                policies; None: there is none.
+                policies; None if neither is used.
             true_motion: Function that returns the target's true motion, for an estimator that needs
                 it; only a simulation has it.
             truth: Function that returns the true poses of a picture by its number, for components

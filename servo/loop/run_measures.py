@@ -203,7 +203,7 @@ def _longest(flags: NDArray[np.bool_]) -> int:
 
 def _settling_time(times: Array, servo: Array, turned: Array, grown: Array) -> float:
     """Return the time of the run from which on all errors stay below 2 px, 1 degree and 2 % of size
-    until its end [s]; inf if there is none.
+    until its end [s]; inf if some error is not below them at the end.
 
     Args:
         times: Times (n,) [s].

@@ -191,7 +191,8 @@ class Timeline:
 
     def _estimated_before(self, end: float) -> _Work | None:
         """Return a picture whose estimate is ready before a time of the run [s], and remove it from
-        the queue; None if there is none. A tracker that is not busy first takes the next picture.
+        the queue; None if no estimate is ready. A tracker that is not busy first takes the next
+        picture.
         """
         # A picture may be taken in an earlier frame interval than that in which it is finished.
         if self._work is None and self._coming:

@@ -219,7 +219,7 @@ def _forget(table: Table, keys: list[str]) -> None:
 
 def _inside(at: Table | list[object], key: str, usual: object) -> object:
     """Return the value under a key of a table, which is first set to `usual` if it is missing. Of a
-    list, return the item at an index such as "0"; None if there is none.
+    list, return the item at an index such as "0", or None if the list has no such item.
     """
     if isinstance(at, dict):
         return at.setdefault(key, usual)

@@ -71,7 +71,9 @@ class Bins(Protocol):
         ...
 
     def label(self, image: Image, window: Window) -> Labels:
-        """Return the bin numbers (h, w) of the pixels in a window; negative ones are in no bin."""
+        """Return the number of the histogram bin of each pixel in a window of h x w pixels, as
+        integers (h, w); a negative number: the pixel counts in no bin.
+        """
         ...
 
 

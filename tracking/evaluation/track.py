@@ -20,7 +20,7 @@ class Shot:
 
     picture: Picture
     index: int
-    """Number of the picture in its source, from 0 on."""
+    """Number of the picture in its source; the first is 0."""
     estimate: Estimate
     seconds: float
     """Time that the tracker took [s]; 0 if the picture could not be read."""

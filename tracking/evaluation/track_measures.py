@@ -242,7 +242,8 @@ def _relative(c: Comparison) -> Array:
 
 def _of_updates(c: Comparison, of: Callable[[Array], np.floating], values: Array) -> float:
     """Return the mean or median (`of`) of values (n,) over the frames for which the tracker made an
-    estimate: without the first one, and without pictures that cannot be read; 0 if there are none.
+    estimate: without the first one, and without pictures that cannot be read; 0 if no frame is
+    left.
     """
     made = c.track.milliseconds > 0
     made[:1] = False

@@ -62,7 +62,7 @@ def report_in(answer: object, name: str) -> Report:
         name: Name of the tracker, to begin messages.
 
     Raises:
-        ValueError: The answer is none of these, or one of its numbers is not possible.
+        ValueError: The answer has another form, or one of its numbers is not possible.
     """
     if isinstance(answer, Mapping):
         return _of_mapping(cast("Mapping[object, object]", answer), name)

@@ -121,7 +121,7 @@ def region_in(text: str) -> Array | None:
         None where the target is not seen: for a single number, a box of zeros or an empty mask.
 
     Raises:
-        ValueError: The text is none of these; the message is written to follow "The text is".
+        ValueError: The text has another form; the message is written to follow "The text is".
     """
     try:
         numbers = np.array(text.removeprefix(MASK).split(","), dtype=float)

@@ -51,7 +51,9 @@ def mean(samples: Array, weights: Array) -> Array:
 
 @compiled()
 def covariance(samples: Array, weights: Array) -> Array:
-    """Return the weighted covariance (D, D) of samples (N, D) around their weighted mean."""
+    """Return the weighted covariance (D, D) of N samples (N, D) around their weighted mean, in the
+    products of the samples' units; the weights (N,) sum to 1.
+    """
     middle = mean(samples, weights)
     count = samples.shape[1]
     found = np.zeros((count, count))

@@ -244,7 +244,7 @@ class PaintedSource:
     """Source of pictures that a function paints."""
 
     paint: Callable[[int], Image]
-    """Returns the picture of a number from 0 on, RGB (H, W, 3)."""
+    """Returns the picture of a number, RGB (H, W, 3); the first is 0."""
     count: int
     """Number of pictures."""
     rate: float = RATE
