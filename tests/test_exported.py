@@ -9,9 +9,12 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from followed import frame
 
+from tracking import configured
 from tracking.exported import Got10kTracker, OpenCVTracker, run_vot
-from tracking.types import Estimate, Status
+from tracking.exported.served import Served
+from tracking.types import Estimate, Region, State, Status
 
 FRAMES = 10
 
@@ -236,3 +239,21 @@ def test_traxs_own_client_follows_with_ours(tmp_path):
             assert (left, top) == pytest.approx((40 + 3 * k, 30), abs=1.0)
         client.quit()
         assert server.wait(10) == 0
+
+
+@pytest.mark.parametrize("kind", ["mean_shift", "mk_ssd"])
+def test_a_served_tracker_reports_an_angle_if_it_follows_one(kind):
+    """A tracker that keeps the first angle has measured none: it reports the box around."""
+    served = Served(configured(kind), seed=0)
+    region, state = Region(30.0, 20.0), State(55.0, 40.0, 0.3)
+    served.start(frame(0), region, state)
+    report = served.update(frame(0))
+    assert report.seen
+    if kind == "mk_ssd":
+        assert report.angle == pytest.approx(0.3, abs=0.2)
+        expected = [40.0, 30.0, 30.0, 20.0]
+    else:
+        assert report.angle is None
+        corners = region.corners(state)
+        expected = [*corners.min(axis=0), *np.ptp(corners, axis=0)]
+    np.testing.assert_allclose(report.box, expected, atol=4.0)

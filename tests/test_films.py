@@ -34,6 +34,7 @@ from servo.output.film import (
 )
 from servo.output.room_view import RoomView
 from servo.study.run_report import RunReport
+from sim.kinds import kind_of
 from tracking.drawing.colours import GOAL, PARTICLES, STATUS_ON_WHITE
 from tracking.drawing.film_page import (
     BELOW,
@@ -240,7 +241,7 @@ def test_films_of_two_need_one_rate(tmp_path):
 
 def test_the_command_takes_words_of_run_and_folders(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    given = "still --set run.duration=0.1 --set tracker.kind=frozen --seed 3"
+    given = "still --set run.duration=0.1 --tracker frozen --controller hold --seed 3"
     (tmp_path / "done").mkdir()
     command = f"servobench run {given} --no-rerun"
     head = {"format": RunReport.FORMAT, "kind": RunReport.KIND, "command": command}
@@ -258,6 +259,8 @@ def test_the_command_takes_words_of_run_and_folders(tmp_path, monkeypatch):
     assert (result.exit_code, result.output) == (0, "b.mp4\n")
     assert [loaded.run.seed for loaded in asked] == [3, 3]
     assert [loaded.run.duration for loaded in asked] == [0.1, 0.1]
+    assert {kind_of(loaded.tracker) for loaded in asked} == {"frozen"}
+    assert {kind_of(loaded.controller) for loaded in asked} == {"hold"}
 
 
 def test_the_room_is_as_it_was_at_the_time_of_the_frame():

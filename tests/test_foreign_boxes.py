@@ -84,3 +84,21 @@ def test_only_a_convex_quadrilateral_is_one():
     assert not convex(square[[0, 2, 1, 3]])  # it crosses itself
     assert not convex(np.array([[0.0, 0], [10, 0], [2, 2], [0, 10]]))
     assert not convex(np.zeros((4, 2)))
+
+
+def test_what_is_not_declared_is_not_followed():
+    """An angle that was reported, but not declared; and one that was declared, but not reported."""
+    turned = State(110.0, 50.0, 0.9, 2.0)
+    for report in (
+        report_of_box(np.array([70.0, 30.0, 80.0, 40.0]), 0.9),
+        Report(corners=REGION.corners(turned)),
+    ):
+        place = placed(frozenset({"size"}))
+        place.follow(report)
+        assert (place.state.x, place.state.y) == pytest.approx((110.0, 50.0))
+        assert (place.state.theta, place.turns, place.resizes) == (0.3, False, True)
+        assert place.state.scale == pytest.approx(2.0)
+    place = placed(frozenset({"angle"}))
+    place.follow(report_of_box(BOX))
+    assert (place.state.theta, place.state.scale) == (0.3, 1.5)
+    assert (place.turns, place.resizes) == (False, False)

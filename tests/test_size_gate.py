@@ -116,12 +116,45 @@ class Still:
         return True, self.rect
 
 
-def test_a_run_says_that_boxes_of_one_size_control_no_distance():
-    scenario = load("still", ["run.duration=0.5"])
+def test_the_depth_comes_from_the_size_that_the_cameras_motion_predicts():
+    scenario = load("still", ["run.duration=1"])
+    with Episode(dataclasses.replace(scenario, tracker=wrap(Collapsing)())) as episode:
+        last = [step.light() for step in episode][-1]
+        seen = episode.sight
+    assert last.estimate.state.scale < 0.3
+    assert last.estimate.likely_scale == pytest.approx(last.true_state_estimated.scale, rel=0.15)
+    true = last.truth_estimated
+    distance = (true.T_world_camera.inverse() @ true.T_world_target).translation[2]
+    assert seen.pose.translation[2] == pytest.approx(distance, rel=0.15)
+    assert not seen.size_known
+
+
+def test_the_time_of_dropped_pictures_counts(monkeypatch):
+    intervals = []
+    judged = SizeGate.judged
+
+    def noted(gate, estimate, ego, interval):
+        intervals.append(interval)
+        return judged(gate, estimate, ego, interval)
+
+    monkeypatch.setattr(SizeGate, "judged", noted)
+    with Episode(load("dropped_frames", ["run.duration=4"])) as episode:
+        frames = [step.frame for step in episode]
+    assert len(intervals) < len(frames) - 1  # some were dropped
+    last = max(frame.time for frame in frames if frame.fresh)
+    assert sum(intervals) == pytest.approx(last)
+
+
+@pytest.mark.parametrize(("frames", "says"), [(9, False), (15, True)])
+def test_a_run_says_that_boxes_of_one_size_control_no_distance(frames, says):
+    scenario = load("still", [f"run.duration={frames / 30}"])
     with Episode(dataclasses.replace(scenario, tracker=wrap(Still)())) as episode:
         run = Columns.of(episode)
+    assert remarks_on_tracker(run) == ""
+    if not says:
+        assert remarks_on_tracker(run, is_guest=True) == ""
+        return
     assert remarks_on_tracker(run, is_guest=True) == (
         "The tracker's boxes had one size in all of 15 pictures: the size was not servoed, and the "
         "camera's distance not controlled by it"
     )
-    assert remarks_on_tracker(run) == ""

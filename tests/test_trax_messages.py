@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tracking.guests import trax_messages as messages
 from tracking.guests.trax_messages import Message
+from tracking.types import Region, State
 
 TEXTS = st.text(st.characters(blacklist_categories=["Cs"], blacklist_characters="\r"))
 
@@ -104,3 +105,12 @@ def test_a_region_is_a_box_a_polygon_or_nothing(text, region):
 def test_what_is_no_region_is_refused(text):
     with pytest.raises(ValueError, match=r"^neither a rectangle nor a polygon nor a mask$"):
         messages.region_in(text)
+
+
+def test_a_mask_is_a_part_of_the_picture_with_runs_of_zeros_and_ones():
+    assert messages.region_in("m3,5,4,3,5,2,5").tolist() == [4, 6, 2, 1]
+    assert messages.region_in("m3,5,4,3,2,3").tolist() == [3, 5, 4, 2]  # over the end of a row
+    assert messages.region_in("m3,5,4,3,12") is None
+    corners = Region(7.0, 4.0).corners(State(20.5, 11.0))
+    text = messages.mask_text(corners, np.zeros((30, 40, 3), np.uint8))
+    assert messages.region_in(text).tolist() == [17, 9, 7, 4]
