@@ -163,6 +163,10 @@ def test_list_names_everything_and_shows_settings(monkeypatch, capfd):
     _, out, _ = call(monkeypatch, capfd, "list")
     for name in ("reversal_5hz", "wander", "pf_ssd", "kalman_cv", "ibvs", "board"):
         assert name in out
+    assert "Which one?" not in out
+    _, out, _ = call(monkeypatch, capfd, "list", "tracker")
+    for word in ("Which one?", "NanoTrack", "texture_pf", "recordings", "fails"):
+        assert word in out
     _, out, _ = call(monkeypatch, capfd, "list", "kalman_cv")
     assert "estimator.rho" in out
     assert "0.6" in out

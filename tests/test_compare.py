@@ -95,6 +95,14 @@ def test_an_unknown_kind_is_named_before_anything_runs():
         compared(tracker=["a=kam", "kams"])
 
 
+def test_a_program_that_cannot_start_is_named_before_anything_runs(tmp_path):
+    asked = dict.fromkeys(PARTS, ()) | {"tracker": ["frozen", "a=program:not-there"]}
+    with pytest.raises(Mistake) as raised:
+        compare_command.run(["still"], **(PLAIN | asked | {"out": tmp_path / "x"}))
+    assert str(raised.value) == ("program 'not-there' cannot be started: No such file or directory")
+    assert not (tmp_path / "x").exists()
+
+
 def test_one_command_writes_study_page_table_and_figures(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     line = "compare still --tracker frozen --tracker best=truth --set run.duration=0.3 --seeds 1"

@@ -368,6 +368,22 @@ def test_what_has_an_effect_is_not_said_to_have_none(changes, setting):
 
 
 @pytest.mark.parametrize(
+    ("features", "tracker", "stands"),
+    [
+        ("pose", "frozen", True),
+        ("partitioned", "frozen", True),
+        ("pose", "homography", False),
+        ("decoupled", "homography", True),
+    ],
+)
+def test_weights_that_let_nothing_move_are_said(features, tracker, stands):
+    changes = (f"features.kind={features}", f"tracker.kind={tracker}")
+    said = said_or_refused((*changes, "controller.weights=[0, 0, 0, 1, 1, 0]"))
+    assert ("the camera will stand still: controller.weights is 0 for each" in said) is stands
+    assert "stand still" not in said_or_refused(changes)
+
+
+@pytest.mark.parametrize(
     "disturbance",
     [
         "kind='board', start=5",

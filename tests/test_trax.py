@@ -110,6 +110,14 @@ def test_a_target_that_the_server_does_not_see_is_unseen():
     assert {(e.distance, e.state) for e in found} == {(1.0, START)}
 
 
+@pytest.mark.parametrize("version", ["5", "banana"])
+def test_a_version_that_we_do_not_speak_is_refused(version):
+    said = f"speaks version '{version}' of TraX; servobench speaks 1 to 4"
+    with pytest.raises(ValueError) as refused:
+        follow(config("good", version))
+    assert said in str(refused.value)
+
+
 UNKNOWN = "which is neither a rectangle nor a polygon nor a mask"
 
 
@@ -117,6 +125,10 @@ UNKNOWN = "which is neither a rectangle nor a polygon nor a mask"
     ("words", "message"),
     [
         ("dies", "ended with code 1 instead of sending 'hello': no weights found"),
+        (
+            "raises",
+            "ended with code 1 instead of sending 'hello': in load | 1 / 0 | no division by 0",
+        ),
         ("crashes", "ended with code 3 instead of sending 'state': out of memory"),
         ("leaves", "ended with code 0 instead of sending 'state'"),
         ("hello", "sent 'hello' instead of 'state'"),
@@ -188,7 +200,10 @@ def test_a_server_that_hangs_is_ended(mode, wanted):
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        ("", "the command of the TraX server is empty: give one, such as 'python my_tracker.py'"),
+        (
+            "",
+            "the command of the TraX server is empty: set tracker.command, such as 'python my_tracker.py'",
+        ),
         (
             "no-such-program x",
             "TraX server 'no-such-program x' cannot be started: No such file or directory",

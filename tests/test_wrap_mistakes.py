@@ -1,5 +1,8 @@
 """What a wrapped tracker returns or lacks is refused in a sentence that names it."""
 
+import threading
+import time
+
 import numpy as np
 import pytest
 from followed import Moving, follow
@@ -172,3 +175,68 @@ def test_what_makes_no_tracker_is_refused_at_once():
     with pytest.raises(ValueError) as refused:
         wrap(5)
     assert str(refused.value).startswith("5 is not a tracker: expected methods init and update")
+
+
+class Endless(Moving):
+    """Computes for ever from the third picture on."""
+
+    def update(self, image):
+        while self.count == 2:
+            pass
+        return super().update(image)
+
+
+class Sleeping(Moving):
+    """Waits for ever outside Python from the third picture on."""
+
+    def update(self, image):
+        if self.count == 2:
+            time.sleep(60)
+        return super().update(image)
+
+
+class Loading(Moving):
+    """Never ends loading."""
+
+    def __init__(self):
+        time.sleep(60)
+
+
+class Learning(Moving):
+    """Never ends learning the target."""
+
+    def init(self, image, rect):
+        time.sleep(60)
+
+
+@pytest.mark.parametrize(
+    ("made", "limit"),
+    [(Endless, "timeout"), (Sleeping, "timeout"), (Loading, "loading"), (Learning, "loading")],
+)
+def test_a_class_that_never_answers_ends_in_a_sentence(made, limit):
+    config = wrap(made, name="theirs")(**{limit: 0.1})
+    with pytest.raises(ValueError) as late:
+        follow(config)
+    assert str(late.value) == (
+        f"theirs did not answer within 0.1 s: correct it, or set a longer tracker.{limit}"
+    )
+
+
+def test_a_loop_in_python_is_stopped_and_threads_end_with_their_trackers():
+    with pytest.raises(ValueError, match=r"within 0\.1 s"):
+        follow(wrap(Endless, name="endless")(timeout=0.1))
+    follow(wrap(Moving, name="moving")())
+    until = time.monotonic() + 20
+    while {"endless", "moving"} & {thread.name for thread in threading.enumerate()}:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def test_what_a_class_raises_comes_as_it_is():
+    class Stops(Moving):
+        def update(self, _image):
+            raise SystemExit(3)
+
+    with pytest.raises(SystemExit) as stopped:
+        follow(wrap(Stops)())
+    assert stopped.value.code == 3

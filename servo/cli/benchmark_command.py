@@ -24,21 +24,17 @@ from servo.bench.row import Row, check_version, file_name, row_of, shipped_rows
 from servo.bench.world_run import CONTESTANT, SLOW, WORLD, jobs_of
 from servo.cli.jobs import complete_jobs, go_on, print_estimate, progress
 from servo.cli.terminal import plain, print_table
-from servo.mistake import Mistake, as_mistake, writing
+from servo.cli.try_out import try_out
+from servo.mistake import Mistake, writing
 from servo.output.formats import command_line
 from servo.output.versions import versions
 from servo.report import benchmark_section
-from servo.scenario.load import Scenario
 from servo.study.execute import Workers, check_number, execute
 from servo.study.run import Failure, Record
 from servo.study.store import Store, StudyFile, opened
 from sim.camera import gl
-from sim.types import Frame
 from tracking.files import atomic
 from tracking.files.json_text import as_json
-from tracking.guests.guest import GuestSettings
-from tracking.guests.process import ProcessSettings
-from tracking.types import Region, State
 
 
 def run(
@@ -94,8 +90,7 @@ def run(
         )
     of = _sealed(sealed, chosen) if sealed is not None else Band("v1" if band == "v1" else "dev")
     worlds = benchmark.every_world(of, QUICK if quick else None)
-    for one in chosen:  # what is wrong with it is said before anything is run
-        _try_out(benchmark.scenario_of(worlds[0], one.settings), console)
+    try_out((benchmark.scenario_of(worlds[0], one.settings).tracker for one in chosen), console)
     known = _scale_rows(benchmark) if of.name == "v1" else []
     every = chosen if known else [*scale_of(benchmark), *chosen]
     jobs = jobs_of(benchmark, every, worlds)
@@ -148,28 +143,6 @@ def run(
             plain(console, f"  {submit}")
         plain(console, f"for a page of results, run: servobench report {store.folder}")
     return 1 if failed else 0
-
-
-def _try_out(scenario: Scenario, console: Console) -> None:
-    """Start the tracker of a scenario on a picture of noise and end it, if it is a user's.
-
-    A program that does not answer would fail in every world, each time after its time limit.
-
-    Raises:
-        Mistake: The tracker cannot be loaded or started.
-    """
-    settings = scenario.tracker
-    if not isinstance(settings, GuestSettings):
-        return
-    if isinstance(settings, ProcessSettings):
-        plain(
-            console,
-            f"waiting at most {settings.loading:g} s for the first answer of '{settings.command}'",
-        )
-    noise = np.random.default_rng(0).integers(0, 256, (240, 320, 3), np.uint8)
-    with as_mistake():
-        guest = settings.guest(seed=0)
-        guest.start(Frame(noise, 0.0, 0), Region(80.0, 60.0), State(160.0, 120.0))
 
 
 def _sealed(value: str, chosen: Sequence[Contestant]) -> Band:

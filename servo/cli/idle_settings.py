@@ -54,7 +54,8 @@ def idle_settings(episode: Episode) -> list[str]:
             is_one = {setting, setting.partition(".")[0]} & {*need.settings}
             if is_one and setting not in said and not need.is_met(episode):
                 said[setting] = need.otherwise
-    return [f"{setting} has no effect: {why}" for setting, why in said.items()] + _late(episode)
+    idle = [f"{setting} has no effect: {why}" for setting, why in said.items()]
+    return idle + _late(episode) + _standing(episode)
 
 
 def reports_corners(scenario: Setup) -> bool:
@@ -74,6 +75,26 @@ def _late(episode: Episode) -> list[str]:
                 f"disturbances[{i}] has no effect in the {scenario.run.duration:g} s of the run"
             )
     return said
+
+
+def _standing(episode: Episode) -> list[str]:
+    """Return a sentence if the law's weights let no component of the twist move, whatever the
+    tracker may measure in the run.
+    """
+    law = episode.scenario.controller
+    if not isinstance(law, LawSettings) or not _has_six_joints(episode):
+        return []
+    features = episode.loop.features
+    has_weight = np.array(law.weights) > 0
+    for sight in _sights(episode):
+        known = features.known(sight)
+        moves = law.moves_for(features, known, tilt_seen=sight.tilt_known)
+        if (moves & has_weight).any():
+            return []
+    return [
+        "the camera will stand still: controller.weights is 0 for each component of the twist that "
+        "may move with the features that this tracker measures"
+    ]
 
 
 def _of_scenario(is_met: Callable[[Setup], object]) -> Callable[[Episode], bool]:

@@ -12,6 +12,7 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.markdown import Markdown
 from rich.table import Table
 
 from servo.cli.terminal import escape, print_table
@@ -30,6 +31,8 @@ FOLDERS = {
 }
 FILES = {"scenario": resources.files("scenes"), "study": resources.files("scenes") / "studies"}
 PARTS = (*FILES, *FOLDERS)
+ADVICE = "**Which one?**"
+"""Beginning of the manual's paragraph that says which tracker to take."""
 
 
 def show_all() -> None:
@@ -56,6 +59,8 @@ def show(name: str) -> None:
         _show_kind(part, name)
     if found and not with_settings:
         _show_names(found)
+    if name == "tracker":
+        _show_advice()
 
 
 def _show_names(found: Iterable[tuple[str, str]]) -> None:
@@ -63,6 +68,15 @@ def _show_names(found: Iterable[tuple[str, str]]) -> None:
     for part, name in found:
         table.add_row(part, f"[bold]{escape(name)}[/]", escape(_about(part, name)))
     Console().print(table)
+
+
+def _show_advice() -> None:
+    """Print the paragraph and the table of the manual that say which tracker to take."""
+    manual = (resources.files("tracking") / "README.md").read_text(encoding="utf-8")
+    advice = manual[manual.index(ADVICE) :]
+    end = advice.index("\n\n", advice.index("|"))
+    Console().print()
+    Console().print(Markdown(advice[:end], hyperlinks=False))
 
 
 def _about(part: str, name: str) -> str:

@@ -1,7 +1,7 @@
 """The command `servobench sweep`: do the missing runs of a study and summarise all its runs."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -9,10 +9,12 @@ from rich.console import Console
 
 from servo.cli.jobs import complete_jobs, go_on, print_estimate
 from servo.cli.terminal import complain, escape, plain, print_paths, print_table, waiting
+from servo.cli.try_out import try_out
 from servo.mistake import check_known
 from servo.output.formats import command_line
 from servo.report.study_data import cell_row
 from servo.report.words import Table
+from servo.scenario.load import Scenario
 from servo.study.axes import MOST_VALUES
 from servo.study.bounds import doubtful_bounds, missed_by_cells
 from servo.study.execute import Workers
@@ -29,6 +31,7 @@ from servo.study.results import (
     moved,
     uncounted,
 )
+from servo.study.run import Job
 from servo.study.scenario_run import MEASURED, RECORDED, StudiedScenario
 from servo.study.store import Store, StudyFile, opened
 from sim.camera import gl
@@ -36,6 +39,8 @@ from tracking.files.csv_text import csv_text
 
 MOST_SHOWN = 60
 """Most cells in the printed table; the files have all."""
+MOST_TRIED = 200
+"""Most scenarios of a study without bounds whose trackers are tried before the first run."""
 
 
 def run(
@@ -122,7 +127,11 @@ def run_study(
         Mistake: The folder cannot be used.
         Refused: A file cannot be written, or the workers cannot work.
     """
-    plain(console, *_doubts(study))
+    most = MOST_VALUES if study.expect else MOST_TRIED
+    samples = [_parsed(job) for job in islice(study.samples(), most)]
+    plain(console, *_doubts(study, samples))
+    if workers.scheduler is None:  # else the workers' machines have the programs
+        try_out((scenario.tracker for scenario in samples), console)
     folder = out or Path("runs") / f"sweep-{study.name}"
     if dry_run:
         return print_estimate(list(study.jobs()), workers.count, console, Store(folder))
@@ -140,15 +149,24 @@ def run_study(
     return 1 if failed else code
 
 
-def _doubts(study: Study) -> list[str]:
+def _parsed(job: Job) -> Scenario:
+    """Return the scenario of a run, with its seed and settings."""
+    base = job.subject
+    assert isinstance(base, StudiedScenario)
+    return base.parsed(job.seed, job.settings)
+
+
+def _doubts(study: Study, samples: Iterable[Scenario]) -> list[str]:
     """Return a sentence for each bound of the study that all runs with some settings miss, or that
     none can miss.
+
+    Args:
+        study: The study.
+        samples: A scenario with each of the study's settings.
     """
-    lines = list[str]()
-    for job in islice(study.samples() if study.expect else (), MOST_VALUES):
-        base = job.subject
-        assert isinstance(base, StudiedScenario)
-        lines += doubtful_bounds(study.expect, base.parsed(job.seed, job.settings))
+    if not study.expect:
+        return []
+    lines = [line for each in samples for line in doubtful_bounds(study.expect, each)]
     return list(dict.fromkeys(lines))
 
 

@@ -69,8 +69,8 @@ def changes_of(tracker: str | None, controller: str | None) -> list[str]:
 
 def _table(section: str, what: str) -> Settings:
     """Return the settings of a part by their names in its section."""
-    begin = f"{what.partition(':')[0]}:"
-    given = what.removeprefix(begin).strip()
+    kind, colon, given = what.partition(":")
+    begin, given = kind + colon, given.strip()
     is_tracker = section == "tracker"
     if (is_tracker and begin in (TRAX, PROGRAM, ONNX)) or (section, begin) == ("controller", ONNX):
         if not given:
@@ -78,7 +78,7 @@ def _table(section: str, what: str) -> Settings:
     else:
         return {**PLUGINS[section][0].named(what)}
     if begin != ONNX:
-        return {"kind": begin.removesuffix(":"), "command": Trusted(given)}
+        return {"kind": kind, "command": Trusted(given)}
     if not is_tracker:
         return {"kind": "onnx", "file": given}
     files = given.split(",")

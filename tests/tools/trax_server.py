@@ -23,6 +23,9 @@ if mode == "dies":
     sys.exit("no weights found")
 if mode == "silent":
     time.sleep(60)
+if mode == "raises":
+    marks = "    ~~^~~\n           ^\n"
+    sys.exit(f"Traceback (most recent call last):\n  in load\n    1 / 0\n{marks}no division by 0")
 say("loading ...")
 if mode == "writes":
     for _ in range(3):

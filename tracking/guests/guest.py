@@ -6,9 +6,10 @@ class, as a program, over TraX, as a network. Its own word decides whether the t
 
 import math
 from dataclasses import dataclass
-from typing import Literal, Protocol, final
+from typing import Annotated, Literal, Protocol, final
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from sim.channels import Channel
 from sim.plain_part import DRAWN
@@ -32,6 +33,10 @@ LIMITS = LossLimits(floor=0.5, cap=0.75)
 """Limits of the histogram's distance: with hard bins, even that of a seen target is far above 0."""
 
 
+Limit = Annotated[float, Ge(0.1), Le(3600.0)]
+"""A time limit of a tracker's answer [s]."""
+
+
 class Guest(Protocol):
     """Connection to a tracker of another author: an object in this process, or a program."""
 
@@ -49,8 +54,8 @@ class Guest(Protocol):
 
 @dataclass(frozen=True)
 class GuestSettings:
-    """Settings of a tracker of another author: who decides whether the target is seen, and whether
-    its size is used.
+    """Settings of a tracker of another author: who decides whether the target is seen, whether its
+    size is used, and how long its answers may take.
     """
 
     needs = frozenset({Channel.PICTURE})
@@ -62,6 +67,10 @@ class GuestSettings:
     """The target also counts as not seen where the tracker reports a smaller confidence."""
     follow_size: bool = True
     """Use the size of the tracker's boxes, once it has changed."""
+    timeout: Limit = 30.0
+    """Longest wait for the answer to a picture [s]."""
+    loading: Limit = 120.0
+    """Longest wait for the first answer, before which the tracker loads what it needs [s]."""
 
     def guest(self, seed: int) -> Guest:
         """Return a new tracker of the other author, loaded and ready for the first picture.

@@ -17,18 +17,16 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, NoReturn, TypeVar
-
-from annotated_types import Ge, Le
+from typing import NoReturn, TypeVar
 
 from tracking.guests.guest import GuestSettings
 from tracking.types import Trait
 
-Limit = Annotated[float, Ge(0.1), Le(3600.0)]
-"""A time limit of a program's answer [s]."""
 Answer = TypeVar("Answer")
 LAST_LINES = 3
 """Number of lines of a program's stderr that an error quotes."""
+MARKS = b" \t\r\n^~"
+"""What lines consist of that are empty, or that only mark a place in a line of a traceback."""
 LONGEST_LINE = 1 << 24
 """Most bytes of a program's output that are read at once: output without an end of line cannot fill
 the memory."""
@@ -45,9 +43,7 @@ reads a line or the end of its input, which ends also when our own process is ki
 
 @dataclass(frozen=True)
 class ProcessSettings(GuestSettings):
-    """Settings of a tracker in a process of its own: its command, and the time limits of its
-    answers.
-    """
+    """Settings of a tracker in a process of its own: its command."""
 
     traits = frozenset({Trait.FOREIGN})
     not_from_file = ("command",)
@@ -55,10 +51,6 @@ class ProcessSettings(GuestSettings):
 
     command: str = ""
     """The program with its arguments, such as "python my_tracker.py"; run without a shell."""
-    timeout: Limit = 30.0
-    """Longest wait for the answer to a picture [s]."""
-    loading: Limit = 120.0
-    """Longest wait for the first answer, before which the program loads what it needs [s]."""
 
 
 class GuestProcess:
@@ -80,7 +72,8 @@ class GuestProcess:
         """
         if not command.strip():
             raise ValueError(
-                f"the command of the {name} is empty: give one, such as 'python my_tracker.py'"
+                f"the command of the {name} is empty: set tracker.command, such as "
+                "'python my_tracker.py'"
             )
         self.name = f"{name} '{command}'"
         self.folder = Path(tempfile.mkdtemp(prefix="guest-"))
@@ -209,7 +202,7 @@ class GuestProcess:
         stderr.
         """
         with self._log.open("rb") as log:
-            lines = deque(filter(bytes.strip, log), LAST_LINES)
+            lines = deque((line for line in log if line.strip(MARKS)), LAST_LINES)
         self._close()
         words = " | ".join(line.decode("utf-8", "replace").strip()[:200] for line in lines)
         raise ValueError(f"{self.name} {fault}{words and f': {words}'}") from None

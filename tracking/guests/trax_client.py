@@ -32,7 +32,9 @@ from tracking.guests.trax_messages import (
 from tracking.types import Region, State
 
 TOGETHER = {"1", "2", "3"}
-"""Versions of TraX whose first message holds region and picture; later versions send two."""
+"""Versions of TraX whose first message holds region and picture."""
+SEPARATE = "4"
+"""The version that sends region and picture in two messages."""
 PICTURES = frozenset({"path", "memory", "buffer", "data"})
 """Formats of the pictures that we can send."""
 REGIONS = frozenset({"rectangle", "polygon", "mask"})
@@ -51,8 +53,8 @@ class TraxClient:
             loading: Longest wait for the hello, before which the server loads what it needs [s].
 
         Raises:
-            ValueError: The server does not start, sends no hello, or accepts none of our formats of
-                regions or pictures.
+            ValueError: The server does not start, sends no hello, speaks another version of TraX,
+                or accepts none of our formats of regions or pictures.
         """
         goodbye = Message("quit").line().encode()
         self._server = GuestProcess("TraX server", command, {"TRAX": "1"}, goodbye)
@@ -63,7 +65,10 @@ class TraxClient:
         """What the argument trax.gives of the hello declares; None: it has none."""
         if "trax.gives" in hello:
             self.gives = gives_in(_words(hello, "gives", ""), self._server.name)
-        self._separate = hello.get("trax.version", "1") not in TOGETHER
+        version = hello.get("trax.version", "1")
+        if version not in (*TOGETHER, SEPARATE):
+            self._server.fail(f"speaks version '{version}' of TraX; servobench speaks 1 to 4")
+        self._separate = version == SEPARATE
         self._pictures = self._taken(_words(hello, "image", "path"), PICTURES, "picture")
         self._regions = self._taken(_words(hello, "region", "rectangle"), REGIONS, "region")
         if (channels := _words(hello, "channels", "color")) != ["color"]:

@@ -25,6 +25,7 @@ from sim.types import Array, Frame, Image
 from tracking.guests.boxes import exact_box, whole_box
 from tracking.guests.cv2_tracker import seed_opencv
 from tracking.guests.guest import GuestSettings
+from tracking.guests.own_thread import TimedGuest
 from tracking.guests.report import DIGITS, Gives, Report, confidence_in, gives_in, report_in
 from tracking.types import Region, State
 
@@ -177,6 +178,19 @@ class Wrapping:
     rounds: bool = False
     """Whether the tracker is one of OpenCV's own (see `Called`)."""
 
+    def timed(self, seed: int, settings: GuestSettings) -> TimedGuest:
+        """Return a new tracker, ready for the first picture, in a thread of its own.
+
+        Args:
+            seed: Seed of all random numbers of the tracker.
+            settings: Settings with the time limits of the tracker's answers.
+
+        Raises:
+            ValueError: As `called` does, or the tracker was not made within `settings.loading`.
+        """
+        limits = {"timeout": settings.timeout, "loading": settings.loading}
+        return TimedGuest(lambda: self.called(seed), self.name, **limits)
+
     def called(self, seed: int) -> Called:
         """Return a new tracker, ready for the first picture. All its random numbers follow from the
         seed: the tracker is the same in any process.
@@ -234,9 +248,9 @@ class WrapSettings(GuestSettings):
 
     wrapping: ClassVar[Wrapping]
 
-    def guest(self, seed: int) -> Called:
+    def guest(self, seed: int) -> TimedGuest:
         """Return a new tracker, ready for the first picture."""
-        return self.wrapping.called(seed)
+        return self.wrapping.timed(seed, self)
 
     def __reduce__(self) -> tuple[object, ...]:
         return _again, (self.wrapping, dataclasses.asdict(self))

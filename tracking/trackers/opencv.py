@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from sim.ranges import File
 from tracking.guests.cv2_tracker import MODELS, Cv2Tracker
 from tracking.guests.guest import GuestSettings
-from tracking.guests.wrap import Called, Wrapping
+from tracking.guests.own_thread import TimedGuest
+from tracking.guests.wrap import Wrapping
 from tracking.types import Trait
 
 
@@ -25,7 +26,7 @@ class Config(GuestSettings):
     """ONNX files: one for Vit, two for Nano (backbone, neckhead), three for DaSiamRPN (model,
     kernel_cls1, kernel_r1)."""
 
-    def guest(self, seed: int) -> Called:
+    def guest(self, seed: int) -> TimedGuest:
         """Return the tracker, with its networks loaded; OpenCV's own random state is seeded.
 
         Raises:
@@ -44,4 +45,4 @@ class Config(GuestSettings):
                 f"{place} reports no confidence, but least_confidence = {self.least_confidence:g} "
                 "needs one"
             )
-        return Wrapping(make, "opencv", confidence, place, rounds=True).called(seed)
+        return Wrapping(make, "opencv", confidence, place, rounds=True).timed(seed, self)
