@@ -14,6 +14,14 @@ class NamesFile:
 File = Annotated[str, NamesFile()]
 """A file's name, relative to the scenario that names it, else to the working directory. A study
 identifies the file by its content, too."""
+
+
+class NamesFolder(NamesFile):
+    """Marks the type of a setting that names a file or a folder."""
+
+
+FileOrFolder = Annotated[str, NamesFolder()]
+"""The name of a file or a folder; as for `File`."""
 LONGEST = 3600.0
 """The longest run [s]: nothing in it can begin later or last longer."""
 

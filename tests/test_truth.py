@@ -95,7 +95,7 @@ def test_four_numbers_that_may_be_two_corners_are_not_guessed(tmp_path):
         truth.read(path)
     assert str(refused.value) == (
         f"{path}: these numbers may be x,y,w,h or x1,y1,x2,y2; give the format of this truth: "
-        "otb, vot or tld (--truth-format, or truth_format in a suite)"
+        "otb, vot or tld (--truth-format, or truth_format in a suite or in [recording])"
     )
     box = truth.read(path, truth.Format.VOT)[0]
     np.testing.assert_array_equal(box, [[10, 20], [50, 20], [50, 80], [10, 80]])

@@ -229,7 +229,13 @@ def _size_is_seen(episode: Episode) -> bool:
 
 FEW = "the robot has fewer than six joints, and the joints decide which components can move"
 INVERTS = "this feature set computes the twist from the error by an inverse of its own"
+DRAWN = "the pictures are those of a recording, in which nothing is drawn"
 NEEDS = (
+    Need(
+        ("ground", "clutter", "light"),
+        _of_scenario(lambda s: s.camera.renderer != "recording"),
+        DRAWN,
+    ),
     Need(
         ("goal.change_start", "goal.change_duration"),
         _of_scenario(lambda s: s.goal.depth_to is not None),

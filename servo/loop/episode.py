@@ -155,7 +155,8 @@ class Episode:
         )
         seen |= Channel.PICTURE in s.needs or s.world.visibility or s.camera.depth
         with self._refusals():
-            return World(parts, sensor, encoders, renderer if seen else Unseen, depth)
+            make = (renderer or s.recording.renderer()) if seen else Unseen
+            return World(parts, sensor, encoders, make, depth)
 
     @contextmanager
     def _refusals(self, where: str = "", kind: type[Mistake] = Mistake) -> Generator[None]:

@@ -22,6 +22,7 @@ from sim.marker import marker_of
 from sim.miscalibration import BelievedConfig
 from sim.models.target import Target
 from sim.ranges import LONGEST, Degrees, Place, Time
+from sim.recording.recorded import RecordingSettings
 from sim.stage import Disturbance, Motion
 from sim.surroundings import ClutterConfig, GroundConfig, LightConfig
 from sim.types import Array, Truth
@@ -175,6 +176,7 @@ class Setup:
     ground: GroundConfig
     clutter: ClutterConfig
     light: LightConfig
+    recording: RecordingSettings
     robot: PartConfig[Design]
     target: PartConfig[Target]
     motion: PartConfig[Motion]

@@ -195,6 +195,19 @@ def camera_of_info(info: Any, topic: str) -> Camera:
         "binning_y": info.binning_y,
     }
     found = intrinsics_of(document, topic)
+    return _camera(found)
+
+
+def camera_in(path: Path) -> Camera:
+    """Return the camera that a calibration file describes.
+
+    Raises:
+        Mistake: The file is no calibration, or the lens is not simulated.
+    """
+    return _camera(_read(path))
+
+
+def _camera(found: Intrinsics) -> Camera:
     config = CameraConfig(distortion=found.distortion, coefficients=tuple(found.coefficients))
     size = (found.width, found.height)
     return Camera(found.fx, found.fy, found.cx, found.cy, *size, distortion=config.lens)

@@ -17,6 +17,7 @@ from servo.scenario.expected import SUCCESS_RATE, Expected, tracker_of
 from servo.scenario.fill import WrongSetting, fill, fill_plugin
 from servo.scenario.keywords import Change
 from servo.scenario.named_files import read
+from servo.scenario.recording import SECTION, recorded_parts, with_recording
 from servo.scenario.tables import KEYS, SECTIONS, SETTABLE, TABLES, config_of, section_of
 from servo.scenario.toml import Table, copied, is_table, put, with_settings
 from sim import kinds
@@ -195,14 +196,17 @@ def parse(
     if written is not None:  # a change replaces a draw: a wrong one in the file would go unseen
         draws_of(written.get("vary", {}), f"{place}: vary")
     draws = draws_of(table.get("vary", {}), f"{where('vary')}: vary")
-    fixed = {key: value for key, value in table.items() if key != "vary"}
+    written_out = {key: value for key, value in table.items() if key != "vary"}
+    is_recorded = SECTION in table
     try:
+        fixed = with_recording(written_out, where(SECTION))
         values = {key: _filled(key, fixed, own) for key in TABLES}
         drawn = _drawn(draws, fixed, values["run"].seed, own)
         if drawn:
-            fixed = with_settings(fixed, drawn, place)
-            changed = {section_of(key) for key in drawn}
+            fixed = with_recording(with_settings(written_out, drawn, place), where(SECTION))
+            changed = TABLES if is_recorded else {section_of(key) for key in drawn}
             values |= {key: _filled(key, fixed, own) for key in changed}
+        values |= recorded_parts(values[SECTION])
         _check_latency(fixed.get("run", {}))
     except WrongSetting as error:
         # The settings of a calibration file have the place of the option that names the file.

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import fields
 from importlib import resources
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, Protocol, get_args, get_type_hints
 
 from servo.mistake import Mistake, unknown
 from servo.scenario import toml
@@ -22,12 +22,14 @@ from servo.scenario.toml import Table
 from sim.files.behind import files_behind
 from sim.files.shipped import warn_of_own, warn_of_shipped
 from sim.installed import Trusted
-from sim.ranges import NamesFile
+from sim.ranges import NamesFile, NamesFolder
 
 MISSING = "missing"
 """Digest of a file that cannot be read."""
 DIGITS = 12
 """Digits of a digest: 48 bits do not collide by chance among the files of a study."""
+TRUTHS = (".csv", ".txt")
+"""Suffixes of the truth file beside a recording."""
 AROUND = {"vary": 1, "set": 1, "axes": 1, "named": 3}
 """Tables whose keys are settings of other tables, and the number of keys before each setting."""
 
@@ -68,20 +70,24 @@ def path_of(name: str, what: str = "scenario") -> Path:
 
 
 @functools.cache
-def file_settings(config: type[Any]) -> frozenset[str]:
+def file_settings(config: type[Any], mark: type[NamesFile] = NamesFile) -> frozenset[str]:
     """Return the names of the settings in a dataclass whose values are names of files; no names if
     the dataclass has annotations that cannot be evaluated.
+
+    Args:
+        config: The dataclass.
+        mark: `NamesFolder` for those settings only that may name a folder, too.
     """
     with suppress(Exception):
         hints = get_type_hints(config, include_extras=True)
-        return frozenset(field.name for field in fields(config) if _names_file(hints[field.name]))
+        return frozenset(each.name for each in fields(config) if _has(hints[each.name], mark))
     return frozenset()
 
 
-def _names_file(hint: object) -> bool:
-    """Return whether a type is `File` or contains it, as `File | None` does."""
+def _has(hint: object, mark: type[NamesFile]) -> bool:
+    """Return whether a type, or one that it contains as `File | None` does, has a mark."""
     marks = getattr(hint, "__metadata__", ())
-    return any(isinstance(m, NamesFile) for m in marks) or any(map(_names_file, get_args(hint)))
+    return any(isinstance(m, mark) for m in marks) or any(_has(h, mark) for h in get_args(hint))
 
 
 def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
@@ -96,12 +102,12 @@ def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
         *bases: Tables of the study's scenarios, which name the kinds of its settings.
     """
 
-    def whole(name: str) -> str:
+    def whole(name: str, *, may_be_folder: bool) -> str:
         if isinstance(name, Trusted):
             return name
         try:
             path = (folder / name).resolve()
-            if not path.is_file():
+            if not path.is_file() and not (may_be_folder and name and path.is_dir()):
                 return name
         except (OSError, RuntimeError, ValueError):  # no file can have this name
             return name
@@ -115,7 +121,8 @@ def named_in(*tables: Table) -> list[str]:
     """Return the names of the files in some tables, those of a study and its scenarios."""
     found: list[str] = []
 
-    def note(name: str) -> str:
+    def note(name: str, *, may_be_folder: bool) -> str:
+        del may_be_folder
         found.append(name)
         return name
 
@@ -147,16 +154,28 @@ def digest_of(name: str) -> str:
     """Return the SHA-256 digest of a file and of the files that it refers to, such as a model's
     meshes, or `MISSING` if one of them cannot be read.
     """
-    path = Path(name)
     try:
-        files = sorted(files_behind(path)) if path.is_file() else []
+        files = sorted(_files(name))
         each = [_digest(f, f.stat().st_mtime_ns, f.stat().st_size) for f in files]
     except (OSError, ValueError):
         return MISSING
     return hashlib.sha256(" ".join(each).encode()).hexdigest()[:DIGITS] if each else MISSING
 
 
-@functools.lru_cache(maxsize=1024)
+def _files(name: str) -> set[Path]:
+    """Return a file and those that it refers to, or all files of a folder; no files if there is
+    neither. The truth of a recording has the recording's name with another suffix.
+    """
+    path = Path(name)
+    if name and path.is_dir():
+        return {each for each in path.rglob("*") if each.is_file()}
+    if not path.is_file():
+        return set()
+    truths = {path.with_suffix(suffix) for suffix in TRUTHS}
+    return files_behind(path) | {each for each in truths if each.is_file()}
+
+
+@functools.lru_cache(maxsize=100_000)
 def _digest(path: Path, changed: int, size: int) -> str:
     """Return the SHA-256 digest of a file. It is cached until the file's time of change `changed`
     [ns] or its `size` [bytes] differs.
@@ -166,7 +185,15 @@ def _digest(path: Path, changed: int, size: int) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _changed(table: Table, tables: Iterable[Table], change: Callable[[str], str]) -> Table:
+class Change(Protocol):
+    """A function that returns the new name of a file."""
+
+    def __call__(self, name: str, /, *, may_be_folder: bool) -> str:
+        """Return the new name; `may_be_folder`: the setting may name a folder, too."""
+        ...
+
+
+def _changed(table: Table, tables: Iterable[Table], change: Change) -> Table:
     """Return a table in which each name of a file is replaced by `change` of it.
 
     Args:
@@ -183,9 +210,11 @@ def _changed(table: Table, tables: Iterable[Table], change: Callable[[str], str]
         return text
 
     def changed(section: str, setting: str, text: str) -> str:
-        configs = [config_of(section, kind) for kind in kinds[section] or [None]]
-        is_file = any(c is not None and setting in file_settings(c) for c in configs)
-        return change(text) if is_file else text
+        each = [config_of(section, kind) for kind in kinds[section] or [None]]
+        configs = [config for config in each if config is not None]
+        is_file = any(setting in file_settings(config) for config in configs)
+        is_folder = any(setting in file_settings(config, NamesFolder) for config in configs)
+        return change(text, may_be_folder=is_folder) if is_file else text
 
     for each in tables:
         _visited(each, note_kind)

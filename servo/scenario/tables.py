@@ -11,6 +11,8 @@ from servo.loop.settings import (
     StartConfig,
 )
 from servo.scenario.catalogue import LISTS, PLUGINS
+from servo.scenario.recording import SECTION as RECORDING
+from servo.scenario.recording import RecordingConfig
 from servo.sight.estimate_to_sight import SightConfig
 from sim.camera.camera import CameraConfig
 from sim.kinds import UnknownKind
@@ -33,6 +35,7 @@ SECTIONS: dict[str, type[Any]] = {
     "ground": GroundConfig,
     "clutter": ClutterConfig,
     "light": LightConfig,
+    RECORDING: RecordingConfig,
 }
 """Tables without a `kind`, and their dataclasses."""
 TABLES = (*SECTIONS, *PLUGINS, *LISTS)

@@ -19,7 +19,7 @@ NEAREST, FARTHEST = 0.1, 10.0
 """Default range of a depth camera [m]."""
 SAME_PIXEL = 1e-6
 """A border pixel must come back as exactly as this [px]; absurd coefficients fail."""
-Kind = Literal["opengl", "exact"]
+Kind = Literal["opengl", "exact", "recording"]
 """Renderers."""
 STANDS = (0.0, -1.0, 0.8, -100.0, 0.0, 0.0)
 HELD = (0.0, 0.0, 0.05, 0.0, 0.0, 0.0)
@@ -89,7 +89,8 @@ class CameraConfig:
     renderer: Kind = "opengl"
     """Renderer of the pictures: "opengl", with MuJoCo's renderer and this machine's driver; or
     "exact", which needs none, gives the same pictures on every machine, and draws no shadows,
-    reflections or translucence. Without OpenGL "exact" is used, and a line says so."""
+    reflections or translucence. Without OpenGL "exact" is used, and a line says so. A table
+    [recording] sets it to "recording"."""
     auto_gain: Interval | None = None
     """Time constant with which a gain, 1/8 to 8, brings the picture's mean back to that of the
     first [s]; by default the gain is fixed."""

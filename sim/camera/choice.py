@@ -10,7 +10,12 @@ from sim.camera.renderer import MakeRenderer, OpenGLRenderer
 def renderer_of(kind: Kind) -> MakeRenderer:
     """Return the class of the renderer that the setting `camera.renderer` names; on a machine
     without OpenGL, that of the software renderer "exact".
+
+    Raises:
+        ValueError: The pictures are those of a recording, and none is given.
     """
+    if kind == "recording":
+        raise ValueError('camera.renderer = "recording" needs a table [recording]')
     if kind == "opengl" and gl.is_there():
         return OpenGLRenderer
     from sim.camera.exact.renderer import ExactRenderer  # loads compiled code

@@ -43,7 +43,8 @@ MOST_LINES = 2
 """Most lines of a truth for each picture: a longer truth is refused before it is parsed."""
 DOUBT = "these numbers may be x,y,w,h or x1,y1,x2,y2"
 REMEDY = (
-    "give the format of this truth: otb, vot or tld (--truth-format, or truth_format in a suite)"
+    "give the format of this truth: otb, vot or tld (--truth-format, or truth_format in a suite or "
+    "in [recording])"
 )
 
 

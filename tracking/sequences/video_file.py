@@ -29,7 +29,7 @@ from av.video.stream import VideoStream
 from sim.files import reading
 from sim.files.bit_depth import DEEP, BitDepth
 from sim.files.picture_file import check_size
-from sim.types import Image
+from sim.types import Array, Image
 from tracking.sequences.sources import SECOND, End, Picture, timed
 
 SLOWEST = 0.01
@@ -86,6 +86,22 @@ class Video:
             except ValueError as error:
                 reason = str(error)
         raise ValueError(f"{path}: {reason}")
+
+    def times(self) -> Array:
+        """Return the times (n,) of the frames since the first one [s], by their packets' stamps,
+        without decoding; evenly spaced if the file has no stamps.
+
+        Raises:
+            ValueError: The file cannot be read.
+        """
+        with reading.opened(self.path, "video") as file, _container(file) as container:
+            stream = only_video(container)
+            packets = [packet.pts for packet in container.demux(stream) if packet.size]
+            unit = float(stream.time_base or 0)
+        stamps = np.array([pts for pts in packets if pts is not None], float)
+        if unit == 0 or len(stamps) < len(packets):
+            return np.arange(len(packets)) / self.rate
+        return (np.sort(stamps) - stamps.min(initial=np.inf)) * unit
 
     def __iter__(self) -> Iterator[Picture]:
         """Yield all frames; those that are missing at the end of a cut file have no image."""

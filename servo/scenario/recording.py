@@ -1,0 +1,357 @@
+"""The table [recording] of a scenario: a recording of a real scene, in which the camera of a
+pan-tilt head turns.
+"""
+
+import functools
+from dataclasses import dataclass
+from functools import partial
+from math import atan2, degrees, hypot, radians, tan
+from pathlib import Path
+from typing import Annotated, Literal
+
+import mujoco
+import numpy as np
+from annotated_types import Ge, Le
+
+from servo.mistake import Mistake, as_mistake
+from servo.scenario.calibration import camera_in
+from servo.scenario.fill import fill
+from servo.scenario.toml import Table, is_number, is_table
+from sim.camera.camera import CameraConfig, camera_of
+from sim.camera.renderer import MakeRenderer
+from sim.files.shipped import file_of
+from sim.models.target import Target
+from sim.ranges import LONGEST, File, FileOrFolder
+from sim.recording.recorded import Recorded, RecordedMotion, Shown
+from sim.recording.renderer import RecordingRenderer
+from sim.recording.room import Range, room_in, turned
+from sim.types import Array, Camera
+from tracking.sequences import sequence
+from tracking.sequences import truth as truths
+from tracking.sequences.sources import RATE, Folder, Source
+from tracking.sequences.stream import ADDRESS, shown
+from tracking.sequences.truth import Format
+from tracking.sequences.video_file import Video
+
+SECTION = "recording"
+FOLDER = "recordings"
+"""Folder of the shipped recordings in `scenes`."""
+FOV = 60.0
+"""Horizontal field of view of a recording camera that nothing states [deg]."""
+LEAST = 640, 480
+"""The recording is taken to have at least so many columns and rows of pixels of the view."""
+MARGIN = 0.98
+"""Share of the ranges of pan and tilt in which the run starts."""
+SLACK = 1e-6
+"""A run may be longer than its recording by less than this [s]."""
+MOVES = ("motion", "target")
+"""Tables of parts that the recording replaces."""
+VIEW = ("fovy_deg", "fx", "fy", "cx", "cy", "calibration")
+"""Settings of [camera] that give the view's focal length."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingConfig:
+    """Settings of a recording in which the camera turns: pictures, truth, and the recording
+    camera's field of view [deg] or calibration.
+    """
+
+    pictures: FileOrFolder = ""
+    """A folder of pictures, a video file or a bag, as `servobench track` reads them, or a shipped
+    recording's name; by default there is none, and the room is drawn."""
+    truth: File = ""
+    """File with the target's box or corners in each picture; by default the one with a usual name
+    in the folder, or beside the video."""
+    truth_format: Literal["auto", "otb", "vot", "tld", "csv"] = "auto"
+    """Format of the truth file, where its name and header do not decide it."""
+    rate: Annotated[float, Ge(0.5), Le(1000)] = RATE
+    """Rate of a folder's pictures [1/s]; videos and bags have their own."""
+    fov_deg: Annotated[float, Ge(1), Le(150)] | None = None
+    """Horizontal field of view of the recording camera [deg]; by default 60, and a line says so."""
+    calibration: File = ""
+    """Calibration file of the recording camera, of ROS or OpenCV, in place of `fov_deg`."""
+
+    def __post_init__(self) -> None:
+        if self.calibration and self.fov_deg is not None:
+            raise ValueError("fov_deg and calibration both give the lens; leave one out")
+
+    def renderer(self) -> MakeRenderer | None:
+        """Return the maker of the renderer that turns inside the recording; None without one.
+
+        Raises:
+            Mistake: The recording cannot be read.
+        """
+        return partial(RecordingRenderer, recorded_of(self)) if self.pictures else None
+
+    def remarks(self) -> list[str]:
+        """Return a sentence for each value that is assumed."""
+        if not self.pictures:
+            return []
+        camera = recorded_of(self).camera
+        said = list[str]()
+        if not self.calibration and self.fov_deg is None:
+            said.append(
+                f"the recording's field of view is taken to be {FOV:g} deg: set recording.fov_deg "
+                "or recording.calibration"
+            )
+        if (factor := scale_of(camera)) > 1:
+            said.append(
+                f"the recording has {camera.width} x {camera.height} px: its pictures are enlarged "
+                f"{factor:.3g} times"
+            )
+        return said
+
+
+@dataclass(frozen=True)
+class MovedByRecording:
+    """Settings of the motion of a recorded target."""
+
+    kind = "recorded"
+    recording: RecordingConfig
+
+    def build(self, rng: np.random.Generator) -> RecordedMotion:
+        """Return the motion; uses no random numbers."""
+        return recorded_of(self.recording).motion()
+
+
+@dataclass(frozen=True)
+class ShownByRecording:
+    """Settings of a recorded target, which only the recording shows."""
+
+    kind = "recorded"
+    recording: RecordingConfig
+
+    def build(self, rng: np.random.Generator) -> Target:
+        """Return the target; uses no random numbers."""
+        return recorded_of(self.recording).target()
+
+
+def recorded_parts(config: RecordingConfig) -> dict[str, object]:
+    """Return the settings of the motion and the target of a recording, by table; none without
+    one.
+    """
+    if not config.pictures:
+        return {}
+    return {"motion": MovedByRecording(config), "target": ShownByRecording(config)}
+
+
+def with_recording(table: Table, place: str) -> Table:
+    """Return a scenario's table whose run, camera, robot and start are those of its recording, if
+    it has one: the recording's rate and duration, a head whose ranges end where the view would
+    leave the recording, and a start that looks at the target.
+
+    Args:
+        table: The scenario's table; settings of the user stay.
+        place: The scenario's file, or the option that names the recording, for messages.
+
+    Raises:
+        Mistake: The recording cannot be read, or a setting does not fit it.
+    """
+    given = table.get(SECTION)
+    if not is_table(given) or not given.get("pictures"):
+        return table
+    for name in MOVES:
+        if table.get(name):
+            raise Mistake(f"{place}: the recording gives the {name}: leave [{name}] out")
+    config: RecordingConfig = fill(RecordingConfig, given, SECTION)
+    recorded = recorded_of(config)
+    camera = _camera(_section(table, "camera"), recorded)
+    view = _view(camera)
+    room = room_in(recorded.camera, view)
+    if room is None:
+        raise Mistake(
+            f"{place}: the view of {view.width} x {view.height} px is larger than the recording: "
+            "set a smaller camera.width and camera.height, or a longer focal length (camera.fx)"
+        )
+    robot = _section(table, "robot")
+    if robot.get("kind", "head") != "head":
+        raise Mistake(
+            f'{place}: in a recording the camera can only turn: leave robot.kind out, or set "head"'
+        )
+    pan, tilt = map(list, room)
+    return table | {
+        "camera": camera,
+        "run": _section(table, "run") | {"duration": _duration(recorded, table, place)},
+        "robot": {"kind": "head", "pan": pan, "tilt": tilt} | robot,
+        "world": {"visibility": True} | _section(table, "world"),
+        "start": _start(recorded, view, room) | _section(table, "start"),
+    }
+
+
+def _section(table: Table, name: str) -> Table:
+    """Return a table inside a scenario's table; an empty one where there is none, or no table."""
+    found = table.get(name)
+    return found if is_table(found) else {}
+
+
+def _camera(given: Table, recorded: Recorded) -> Table:
+    """Return the table [camera] of a run in a recording: its rate and, if the user has set nothing
+    that gives the focal length, a view whose pixels are those of the recording, scaled to at least
+    `LEAST` pixels.
+
+    Raises:
+        Mistake: The camera has depth pictures, stands in the room, or is drawn.
+    """
+    if given.get("depth"):
+        raise Mistake("camera.depth: a recording has no depth pictures: leave camera.depth out")
+    if given.get("mounted", "robot") != "robot":
+        raise Mistake("camera.mounted: in a recording the robot carries the camera: leave it out")
+    if given.get("renderer", SECTION) != SECTION:
+        raise Mistake("camera.renderer: the pictures are recorded: leave camera.renderer out")
+    rate = 1 / float(np.median(np.diff(recorded.times))) if len(recorded.times) > 1 else RATE
+    usual: Table = {"renderer": SECTION, "rate": round(rate, 6)}
+    if not any(name in given for name in VIEW):
+        usual["fx"] = recorded.camera.focal * scale_of(recorded.camera)
+    return usual | given
+
+
+def _view(camera: Table) -> Camera:
+    """Return the intrinsics that a table [camera] gives."""
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_camera(name=SECTION)
+    return camera_of(fill(CameraConfig, camera, "camera"), spec.compile(), SECTION)
+
+
+def scale_of(camera: Camera) -> float:
+    """Return how many times as wide a recording is taken to be, in pixels of the view."""
+    return max(LEAST[0] / camera.width, LEAST[1] / camera.height)
+
+
+def _duration(recorded: Recorded, table: Table, place: str) -> float:
+    """Return the duration of a run [s]: the user's, or that of the recording.
+
+    Raises:
+        Mistake: The recording is shorter.
+    """
+    times = recorded.times
+    most = float(times[-1] + np.median(np.diff(times))) if len(times) > 1 else 1 / RATE
+    asked = _section(table, "run").get("duration")
+    if not is_number(asked):
+        return min(most, LONGEST)
+    if asked > most + SLACK:
+        raise Mistake(f"{place}: run.duration = {asked:g} s: the recording lasts {most:.4g} s")
+    return asked
+
+
+def _start(recorded: Recorded, view: Camera, room: tuple[Range, Range]) -> Table:
+    """Return the start [px] at which the camera looks at the target in the first picture, as nearly
+    as the recording allows: the target's distance from the middle of the view.
+    """
+    x, y = recorded.camera.normalise(recorded.corners[0]).mean(axis=0)
+    wanted = degrees(atan2(x, 1)), degrees(-atan2(y, hypot(x, 1)))
+    turns = [
+        radians(float(np.clip(turn, MARGIN * low, MARGIN * high)))
+        for turn, (low, high) in zip(wanted, room, strict=True)
+    ]
+    seen = view.project(turned(*turns).T @ (x, y, 1.0))
+    return dict(zip("xy", (seen - (view.width / 2, view.height / 2)).tolist(), strict=True))
+
+
+def recorded_of(config: RecordingConfig) -> Recorded:
+    """Return the recording that settings name, as it is on the disk now.
+
+    Raises:
+        Mistake: Pictures or truth cannot be read, do not fit each other, or the target is not in
+            the first picture.
+    """
+    path = Path(config.pictures)
+    with as_mistake():
+        if ADDRESS.match(config.pictures) or config.pictures.startswith(sequence.CAMERA):
+            raise ValueError(
+                f"{shown(config.pictures)}: a camera or stream cannot be read again: record it "
+                "first"
+            )
+        if not path.is_dir():
+            path = file_of(config.pictures, FOLDER, ".mp4", "recording.pictures")
+        truth = Path(config.truth) if config.truth else _truth_beside(path)
+        if truth is None:
+            raise ValueError(
+                f"{path}: there is no truth file in it or beside it, with the target's box in each "
+                "picture: set recording.truth"
+            )
+        files = (path, truth, Path(config.calibration or truth))
+        stamps = tuple(each.stat().st_mtime_ns for each in files if each.exists())
+        return _recorded(config, path.resolve(), truth.resolve(), stamps)
+
+
+def _truth_beside(path: Path) -> Path | None:
+    """Return the truth file of a recording with a usual name; None if there is none."""
+    if path.is_dir():
+        return sequence.truth_beside(str(path))
+    beside = (path.with_suffix(suffix) for suffix in (".csv", ".txt"))
+    return next((each for each in beside if each.is_file()), None)
+
+
+@functools.lru_cache(maxsize=16)
+def _recorded(
+    config: RecordingConfig, path: Path, truth: Path, changed: tuple[int, ...]
+) -> Recorded:
+    """Return a recording. It is cached until a file's time of change `changed` [ns] differs.
+
+    Raises:
+        ValueError: As for `recorded_of`.
+    """
+    del changed
+    source = sequence.source_of(str(path), config.rate)
+    form = Format.named(config.truth_format)
+    corners = truths.read(truth, form, source.count)
+    sequence.check_truth(corners, source, str(truth), form)
+    if not np.isfinite(corners[0]).all():
+        raise ValueError(
+            f"{truth}: the target is not in the first picture: leave out the pictures and lines "
+            "before it appears"
+        )
+    times = _times(source)
+    if len(times) < len(corners):
+        raise ValueError(
+            f"{path}: this recording breaks off after {len(times)} of {len(corners)} pictures: "
+            "leave out the rest of the truth, or repair the file"
+        )
+    image = next((each.image for each in source if each.image is not None), None)
+    if image is None:
+        raise ValueError(f"{path}: no picture can be decoded")
+    height, width = image.shape[:2]
+    return Recorded(
+        _intrinsics(config, width, height), times[: len(corners)], corners, _Pictures(source)
+    )
+
+
+@dataclass(frozen=True)
+class _Pictures:
+    """Reads the pictures of a source, from the first one, each time that it is called."""
+
+    source: Source
+
+    def __call__(self) -> Shown:
+        """Yield the time [s] and the image of each picture."""
+        for picture in self.source:
+            yield picture.time, picture.image
+
+
+def _times(source: Source) -> Array:
+    """Return the times (n,) of a source's pictures [s]; those of a video by its packets, without
+    decoding.
+    """
+    if isinstance(source, Folder):
+        return np.arange(len(source.files)) / source.rate
+    if isinstance(source, Video):
+        return source.times()
+    return np.array([picture.time for picture in source])
+
+
+def _intrinsics(config: RecordingConfig, width: int, height: int) -> Camera:
+    """Return the recording camera.
+
+    Raises:
+        Mistake: The calibration file cannot be read, or is of pictures of another size.
+    """
+    if config.calibration:
+        camera = camera_in(Path(config.calibration))
+        if (camera.width, camera.height) != (width, height):
+            raise Mistake(
+                f"{config.calibration}: this calibration is for {camera.width} x {camera.height} "
+                f"px, and the recording has {width} x {height} px"
+            )
+        return camera
+    f = width / 2 / tan(radians(config.fov_deg or FOV) / 2)
+    return Camera(f, f, width / 2, height / 2, width, height)

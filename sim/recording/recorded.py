@@ -1,0 +1,126 @@
+"""A recording with the target's true outlines as the motion of a flat target in the room."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from math import atan2
+from typing import Protocol, final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.camera.renderer import MakeRenderer
+from sim.models.paint import THIN
+from sim.models.target import Target, rectangle
+from sim.outline import area
+from sim.placement import DOWN
+from sim.types import Array, Camera, Image, Pose
+
+HEIGHT = 2.0
+"""Height of the recording camera above the table, from where it looks straight down [m]."""
+EYE = Pose(DOWN, np.array([0.0, 0.0, HEIGHT]))
+"""T_world_camera of the recording camera: image u along world x."""
+FIRST_DEPTH = 1.0
+"""Distance along the optical axis at which the target is in the first picture [m]; a recording does
+not show how large things are."""
+SAME_TIME = 1e-6
+"""A picture counts as taken at a time if it is later by less than this [s]."""
+
+Shown = Iterator[tuple[float, Image | None]]
+"""Times [s] and RGB pictures (H, W, 3) in order; None for a picture that cannot be decoded."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A recording: its camera, the times of its pictures, and where the target is in them."""
+
+    camera: Camera
+    """Intrinsics of the recording camera, with its lens."""
+    times: Array
+    """Time of each picture since the first (n,) [s], ascending."""
+    corners: Array
+    """The target's corners (n, 4, 2) in each picture [px]; nan where it is absent. It is there in
+    the first picture."""
+    pictures: Callable[[], Shown]
+    """Function that returns an iterator over the pictures, from the first one."""
+
+    def index(self, time: float) -> int:
+        """Return the number of the picture that was the newest at a time since the first one [s]:
+        the first for earlier times, the last for later ones.
+        """
+        number = int(np.searchsorted(self.times, time + SAME_TIME, side="right")) - 1
+        return min(max(number, 0), len(self.times) - 1)
+
+    @cached_property
+    def present(self) -> NDArray[np.bool_]:
+        """True (n,) for each picture in which the target is seen."""
+        return np.asarray(np.isfinite(self.corners).all(axis=(1, 2)))
+
+    @cached_property
+    def _rays(self) -> Array:
+        """Corners (n, 4, 2) as X/Z, Y/Z in the frame of the recording camera; where the target is
+        absent, those of the last picture that shows it.
+        """
+        last = np.maximum.accumulate(np.where(self.present, np.arange(len(self.times)), 0))
+        return self.camera.normalise(self.corners[last])
+
+    def target(self) -> Target:
+        """Return a flat target with the sides of the target's outline in the first picture."""
+        first = self._rays[0]
+        length, width = np.linalg.norm(first[1:3] - first[:2], axis=1) * FIRST_DEPTH
+        spec = mujoco.MjSpec()
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX, size=[length / 2, width / 2, THIN], pos=[0, 0, -THIN]
+        )
+        return Target(spec, rectangle(np.zeros(3), float(length), float(width)))
+
+    def motion(self) -> "RecordedMotion":
+        """Return the motion of that target.
+
+        It is parallel to the plane of the picture, on the ray of the outline's middle, and at the
+        depth at which it covers the outline's area. Its angle is the rotation of the similarity
+        that takes the first outline to the present one.
+        """
+        middles = self._rays.mean(axis=1)
+        areas = np.array([area(corners) for corners in self._rays])
+        first = self._rays[0]
+        own = np.prod(np.linalg.norm(first[1:3] - first[:2], axis=1))
+        depths = FIRST_DEPTH * np.sqrt(own / areas)
+        # As complex numbers: the factor between the centred corners has the rotation as its angle.
+        away = (self._rays - middles[:, None]) @ [1, 1j]
+        turned = np.angle(away @ away[0].conj()) + atan2(*(first[1] - first[0])[::-1])
+        points = np.column_stack([middles, np.ones(len(middles))]) * depths[:, None]
+        poses = [
+            Pose(Pose.planar(0.0, 0.0, -theta).rotation, EYE.apply(point))
+            for point, theta in zip(points, turned.tolist(), strict=True)
+        ]
+        return RecordedMotion(self, poses)
+
+
+@final
+class RecordedMotion:
+    """The motion of a recorded target: a `sim.stage.Motion`. Between two pictures the target stays
+    where it was in the earlier one, as the picture does.
+    """
+
+    def __init__(self, recorded: Recorded, poses: list[Pose]) -> None:
+        """Move as T_world_target of each picture says."""
+        self._recorded = recorded
+        self._poses = poses
+
+    def at(self, time: float) -> Pose:
+        """Return T_world_target at a time since the start of the run [s]."""
+        return self._poses[self._recorded.index(time)]
+
+
+class RecordingSettings(Protocol):
+    """Settings of the recording of a run, if there is one."""
+
+    def renderer(self) -> MakeRenderer | None:
+        """Return the maker of the renderer that turns inside the recording; None without one."""
+        ...
+
+    def remarks(self) -> list[str]:
+        """Return remarks for the user, a sentence each."""
+        ...

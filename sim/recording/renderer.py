@@ -1,0 +1,170 @@
+"""Renderer whose pictures are parts of recorded ones: those of a camera that turns about the centre
+of the recording camera.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import final
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.camera.renderer import DepthPromise, Promise, camera_pose
+from sim.recording.recorded import EYE, Recorded, Shown
+from sim.types import Array, Camera, Image
+
+CELL = 8
+"""Behind a lens, pixels at this distance are looked up exactly, and those between them by bilinear
+interpolation [px]; a hundredth of a pixel is lost."""
+MIDDLE = 0.5
+"""A pixel's middle from its corner [px]; OpenCV counts from the middle of the first pixel."""
+
+
+@final
+class RecordingRenderer:
+    """A renderer (`sim.camera.renderer.Renderer`) of the pictures of a camera inside a recording.
+
+    A thread reads and warps the pictures, and decodes the next one ahead.
+    """
+
+    def __init__(
+        self, recorded: Recorded, model: mujoco.MjModel, camera: str, view: Camera
+    ) -> None:
+        """Prepare the warps from the recording to a pinhole view.
+
+        Args:
+            recorded: The recording.
+            model: The model of the scene.
+            camera: Name of the turning camera in the model.
+            view: Its intrinsics.
+        """
+        self._recorded = recorded
+        self._camera = model.camera(camera).id
+        self._view = view
+        self._shrunk = max(1, int(recorded.camera.focal / view.focal))
+        self._reader = ThreadPoolExecutor(1, "recording")
+        self._shown: Shown = iter(())
+        self._latest = -1
+        """Number of the last picture that was read; -1: none was."""
+        self._pictures: dict[int, Image] = {}
+        """The last two pictures that were read, by their numbers."""
+        if recorded.camera.distortion is not None:
+            self._across = _weights(view.width)
+            self._down = _weights(view.height)
+
+    def close(self) -> None:
+        """End the reading."""
+        self._reader.shutdown(wait=True, cancel_futures=True)
+        self._shown = iter(())
+
+    def begin(self, data: mujoco.MjData) -> Promise:
+        """Begin the picture at the time and the camera pose of `data`; see `Renderer.begin`."""
+        number = self._recorded.index(data.time)
+        turn = EYE.rotation.T @ camera_pose(data, self._camera).rotation
+        begun = self._reader.submit(self._warped, number, turn)
+        self._reader.submit(self._read, number + 1)
+        return begun.result
+
+    def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
+        """Return a mask (H, W) of the whole picture: true where the target alone would be, and else
+        where the recording shows it. So the visible fraction is 1 or, where it is absent, 0.
+        """
+        is_seen = alone or bool(self._recorded.present[self._recorded.index(data.time)])
+        return np.full((self._view.height, self._view.width), is_seen)
+
+    def begin_depth(self, data: mujoco.MjData) -> DepthPromise:
+        """Return a function that returns depths (H, W) of inf: a recording shows none."""
+        return lambda: np.full((self._view.height, self._view.width), np.inf, np.float32)
+
+    def _read(self, number: int) -> None:
+        """Read on to the picture with a number, or to the last one; one that cannot be decoded is
+        replaced by the picture before it.
+        """
+        if self._latest < 0 or number < self._latest - 1:
+            self._shown = self._recorded.pictures()
+            self._latest = -1
+        while self._latest < min(number, len(self._recorded.times) - 1):
+            _, image = next(self._shown, (0.0, None))
+            before = self._pictures.get(self._latest)
+            self._latest += 1
+            picture = before if image is None else self._reduced(image)
+            if picture is not None:
+                self._pictures[self._latest] = picture
+            self._pictures.pop(self._latest - 2, None)
+
+    def _reduced(self, image: Image) -> Image:
+        """Return a recorded picture with the means of blocks of pixels, as many as fit into a pixel
+        of the view: the view would skip pixels otherwise, and edges flicker.
+        """
+        times = self._shrunk
+        if times == 1:
+            return image
+        height, width = image.shape[0] // times, image.shape[1] // times
+        whole = image[: height * times, : width * times]
+        return cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
+
+    def _warped(self, number: int, turn: Array) -> Image:
+        """Return the view (H, W, 3) in the picture with a number, of a camera that is turned by R
+        in the frame of the recording camera.
+        """
+        self._read(number)
+        picture = self._pictures[number]
+        if self._recorded.camera.distortion is not None:
+            u, v = self._maps(turn)
+            return cv2.remap(picture, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[return-value]
+        to_rays = np.linalg.inv(_matrix(self._view, 1))
+        seen_at = _matrix(self._recorded.camera, self._shrunk) @ turn @ to_rays
+        return cv2.warpPerspective(  # type: ignore[return-value]
+            picture,
+            seen_at,
+            (self._view.width, self._view.height),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+
+    def _maps(self, turn: Array) -> NDArray[np.float32]:
+        """Return for each pixel of the view its u and v in the recorded picture (2, H, W), as
+        OpenCV counts them, through the recording's lens.
+        """
+        v, u = np.meshgrid(
+            _nodes(self._view.height) + MIDDLE, _nodes(self._view.width) + MIDDLE, indexing="ij"
+        )
+        rays = self._view.normalise(np.stack([u, v], axis=-1))
+        places = seen_from(self._recorded.camera, turn, rays) / self._shrunk - MIDDLE
+        whole = self._down @ np.moveaxis(places, -1, 0) @ self._across.T
+        return np.asarray(whole, np.float32)
+
+
+def seen_from(recording: Camera, turn: Array, rays: Array) -> Array:
+    """Return the pixels (..., 2) of the recording [px] that a turned camera sees along its rays
+    X/Z, Y/Z (..., 2); nan for rays behind the recording camera.
+
+    Args:
+        recording: The recording camera.
+        turn: Rotation (3, 3) of the turned camera in its frame.
+        rays: Rays of the turned camera.
+    """
+    x, y, z = np.moveaxis(rays @ turn[:, :2].T + turn[:, 2], -1, 0)
+    ahead = np.where(z > 0, z, np.nan)
+    return recording.to_pixels(np.stack([x / ahead, y / ahead], axis=-1))
+
+
+def _matrix(camera: Camera, shrunk: int) -> Array:
+    """Return the intrinsic matrix (3, 3) of a camera whose picture is shrunk, with pixels counted
+    from the middle of the first one, as OpenCV does.
+    """
+    cx = camera.cx / shrunk - MIDDLE
+    cy = camera.cy / shrunk - MIDDLE
+    return np.array([[camera.fx / shrunk, 0, cx], [0, camera.fy / shrunk, cy], [0, 0, 1.0]])
+
+
+def _nodes(size: int) -> Array:
+    """Return pixels about `CELL` apart, from 0 to size - 1."""
+    return np.linspace(0, size - 1, max(2, size // CELL))
+
+
+def _weights(size: int) -> Array:
+    """Return the weights (size, n) of linear interpolation from the n `_nodes` to all pixels."""
+    nodes = _nodes(size)
+    return np.column_stack([np.interp(np.arange(size), nodes, unit) for unit in np.eye(len(nodes))])

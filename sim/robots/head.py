@@ -1,0 +1,45 @@
+"""Robot: a camera that only turns, by pan and tilt about axes that meet in its centre; at zero it
+looks straight down.
+
+Its pictures of a scene follow exactly from those of a camera that stands in its place, as those of
+a recording (`sim.recording`) do.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from sim.kinematics.robot import Design, Drives, Inversion
+from sim.ranges import check
+from sim.robots.mjcf import shipped
+
+Turn = Annotated[float, Ge(-85), Le(85)]
+INVERSION = Inversion(weakest=0.01, damping=0.01)
+"""Chosen by hand: within 85 degrees neither axis becomes parallel to the other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config(Drives):
+    """Settings of the turning camera: ranges of pan and tilt [deg], errors of drives and
+    encoders. In a recording the ranges end where the view would leave it.
+    """
+
+    pan: tuple[Turn, Turn] = (-85.0, 85.0)
+    """Range of the turn to the right about the picture's vertical [deg]."""
+    tilt: tuple[Turn, Turn] = (-85.0, 85.0)
+    """Range of the turn upwards [deg]."""
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in {"pan": self.pan, "tilt": self.tilt}.items():
+            check((low >= high, f"{name} = [{low:g}, {high:g}]: the first should be smaller"))
+
+    def build(self, rng: np.random.Generator) -> Design:
+        """Return the design of the robot; uses no random numbers."""
+        middles = [np.radians(sum(each) / 2).item() for each in (self.pan, self.tilt)]
+        design = shipped("head.xml", self, (tuple(middles),), INVERSION)
+        spec = design.spec.copy()
+        for name, limits in {"pan": self.pan, "tilt": self.tilt}.items():
+            spec.joint(name).range = np.radians(limits)
+        return replace(design, spec=spec)
