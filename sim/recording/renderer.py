@@ -3,6 +3,7 @@ of the recording camera.
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from math import ceil
 from typing import final
 
 import cv2
@@ -49,9 +50,9 @@ class RecordingRenderer:
         """Number of the last picture that was read; -1: none was."""
         self._pictures: dict[int, Image] = {}
         """The last two pictures that were read, by their numbers."""
-        if recorded.camera.distortion is not None:
-            self._across = _weights(view.width)
-            self._down = _weights(view.height)
+        u, v = np.meshgrid(_nodes(view.width), _nodes(view.height))
+        self._rays = view.normalise(np.stack([u, v], axis=-1))
+        """Rays of pixels `CELL` apart, with one more at each side."""
 
     def close(self) -> None:
         """End the reading."""
@@ -123,17 +124,19 @@ class RecordingRenderer:
             borderMode=cv2.BORDER_REPLICATE,
         )
 
-    def _maps(self, turn: Array) -> NDArray[np.float32]:
-        """Return for each pixel of the view its u and v in the recorded picture (2, H, W), as
+    def _maps(self, turn: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return for each pixel of the view its u and its v (H, W) in the recorded picture, as
         OpenCV counts them, through the recording's lens.
         """
-        v, u = np.meshgrid(
-            _nodes(self._view.height) + MIDDLE, _nodes(self._view.width) + MIDDLE, indexing="ij"
+        places = seen_from(self._recorded.camera, turn, self._rays) / self._shrunk - MIDDLE
+        rows, columns = places.shape[:2]
+        size = columns * CELL, rows * CELL
+        inside = np.s_[CELL : CELL + self._view.height, CELL : CELL + self._view.width]
+        u, v = (
+            np.asarray(cv2.resize(places[..., i].astype(np.float32), size)[inside], np.float32)
+            for i in (0, 1)
         )
-        rays = self._view.normalise(np.stack([u, v], axis=-1))
-        places = seen_from(self._recorded.camera, turn, rays) / self._shrunk - MIDDLE
-        whole = self._down @ np.moveaxis(places, -1, 0) @ self._across.T
-        return np.asarray(whole, np.float32)
+        return u, v
 
 
 def seen_from(recording: Camera, turn: Array, rays: Array) -> Array:
@@ -160,11 +163,7 @@ def _matrix(camera: Camera, shrunk: int) -> Array:
 
 
 def _nodes(size: int) -> Array:
-    """Return pixels about `CELL` apart, from 0 to size - 1."""
-    return np.linspace(0, size - 1, max(2, size // CELL))
-
-
-def _weights(size: int) -> Array:
-    """Return the weights (size, n) of linear interpolation from the n `_nodes` to all pixels."""
-    nodes = _nodes(size)
-    return np.column_stack([np.interp(np.arange(size), nodes, unit) for unit in np.eye(len(nodes))])
+    """Return the middles [px] of blocks of `CELL` pixels that cover a side of the view, with one
+    more block at each end, as `cv2.resize` spreads values over blocks.
+    """
+    return CELL * (np.arange(-1.0, ceil(size / CELL) + 1) + 0.5)
