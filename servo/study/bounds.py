@@ -9,13 +9,10 @@ from typing import Any
 import numpy as np
 
 from servo.loop.measure import COUNTED, MEASURES
-from servo.loop.run_measures import Outcome
 from servo.loop.settings import Setup
-from servo.mistake import Mistake, unknown
-from servo.scenario.catalogue import PLUGINS
-from servo.scenario.expected import ANY, DRAWN, SUCCESS_RATE, tracker_of
+from servo.scenario.expected import DRAWN, SUCCESS_RATE
 from servo.scenario.load import Scenario
-from servo.scenario.toml import Table, is_number
+from servo.scenario.toml import is_number
 from sim.kinds import kind_of
 from tracking.files.json_text import number
 
@@ -57,14 +54,9 @@ def unjudged(scenario: Scenario, success: bool) -> str:
     return scenario.unjudged if success or scenario.success_rate is None else UNDECIDED
 
 
-def is_kept(value: float | None, bound: float) -> bool:
-    """Return whether a measured value is finite and at most an upper bound."""
-    return value is not None and np.isfinite(value) and value <= bound
-
-
 def missed_bounds(
     outcome: str,
-    measures: Mapping[str, float | None],
+    measures: Mapping[str, float],
     expect: Mapping[str, float | str],
     as_written: Mapping[str, object] | None = None,
 ) -> tuple[MissedBound, ...]:
@@ -84,9 +76,8 @@ def missed_bounds(
         if isinstance(bound, str):
             if outcome != bound:
                 found.append(MissedBound(name, outcome, bound, drawn))
-        elif not is_kept(value := measures[name], bound):
-            value = None if value is None else number(value)
-            found.append(MissedBound(name, value, bound, drawn))
+        elif not measures[name] <= bound:
+            found.append(MissedBound(name, number(measures[name]), bound, drawn))
     return tuple(found)
 
 
@@ -249,39 +240,3 @@ def missed_by_cells(
             if without or found.mean() > bound:
                 sentences.append(f"{where}: {name} {text}, expected at most {bound:g}")
     return sentences
-
-
-def check_expect(scenario: Scenario) -> None:
-    """Check the names and values of a scenario's bounds for all trackers.
-
-    Raises:
-        Mistake: A tracker, a measure or an outcome is unknown, or a bound is not a finite number.
-    """
-    place = f"{scenario.name}: expect"
-    known = PLUGINS["tracker"][0].names()
-    for kind, expect in scenario.bounds.others.items():
-        if kind not in (*known, ANY) and ":" not in kind:
-            raise Mistake(f"{place}.tracker: {unknown(kind, known, 'tracker')}")
-        _check_bounds(expect, f"{place}.tracker.{kind}")
-    made = scenario.bounds.made_for(tracker_of(scenario.table))
-    _check_bounds(scenario.bounds.expect | made, place)
-
-
-def _check_bounds(expect: Table, place: str) -> None:
-    """Check the names and values of the bounds in a table, such as [expect]; `place`, the table's
-    name, begins messages.
-    """
-    for key, bound in expect.items():
-        name = key.removeprefix(DRAWN)
-        if key == f"{DRAWN}{SUCCESS_RATE}":
-            if not is_number(bound) or not 0 <= bound <= 1:
-                raise Mistake(f"{place}.{key} = {bound!r}: expected a share from 0 to 1")
-        elif name == "outcome":
-            if not isinstance(bound, str) or bound not in Outcome.__members__:
-                names = ", ".join(Outcome.__members__)
-                raise Mistake(f"{place}.{key} = {bound!r}: expected one of {names}")
-        elif name not in MEASURES:
-            at = place if key == name else f"{place}.{DRAWN[:-1]}"
-            raise Mistake(f"{at}: {unknown(name, (*MEASURES, 'outcome'))}")
-        elif not is_number(bound):
-            raise Mistake(f"{place}.{key} = {bound!r}: expected a finite number")

@@ -30,7 +30,6 @@ from servo.study.axes import (
     flat,
     named_of,
 )
-from servo.study.bounds import check_expect
 from servo.study.plan import Study
 from servo.study.scenario_run import StudiedScenario
 
@@ -223,7 +222,7 @@ def _check(study: Study, place: str) -> None:
         # Mistakes of this table name their place already.
         table = base.table_of(job.seed, job.settings)
         try:
-            check_expect(parse_scenario(table, base.name, base.place, base.table))
+            parse_scenario(table, base.name, base.place, base.table)
         except Mistake as error:
             _check_base(base, place)
             settings = base.changes | job.settings
@@ -240,7 +239,7 @@ def _check_base(base: StudiedScenario, place: str) -> None:
         Mistake: A setting of the scenario is wrong; the message begins with the study's `place`.
     """
     try:
-        check_expect(parse_scenario(base.table, base.name, base.place))
+        parse_scenario(base.table, base.name, base.place)
     except Mistake as error:
         raise Mistake(str(error) if base.place == place else f"{place}: {error}") from None
 

@@ -24,7 +24,7 @@ from servo.scenario.load import Scenario
 from servo.scenario.named_files import digest_of
 from servo.scenario.toml import Table, assignment, copied, put
 from servo.study.axes import SCENARIO, Named
-from servo.study.bounds import check_expect, missed_bounds, unjudged
+from servo.study.bounds import missed_bounds, unjudged
 from servo.study.run import Job, Record, Series
 from sim.kinds import UnknownKind
 from sim.types import Image
@@ -116,9 +116,7 @@ class StudiedScenario:
         Raises:
             Mistake: A setting or a bound is not valid.
         """
-        scenario = scenarios.parse(self.table_of(seed, settings), self.name, self.place, self.table)
-        check_expect(scenario)
-        return scenario
+        return scenarios.parse(self.table_of(seed, settings), self.name, self.place, self.table)
 
     def command(self, seed: int, settings: Table) -> str:
         """Return the command line that repeats one run alone; arguments are as for `table_of`."""
