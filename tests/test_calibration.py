@@ -143,7 +143,6 @@ LINES = {
     "distortion_model_name: equidistant": "fisheye",
     "lensDistortionModel: Kannala-Brandt": "fisheye",
     "model_name: fisheye": "fisheye",
-    "optics: fisheye": "fisheye",
     "camera: {model: fisheye}": "fisheye",
     "distortion: {model: equidistant}": "fisheye",
     "lens: {name: fisheye}": "fisheye",
@@ -155,6 +154,7 @@ LINES = {
     "left: {serial_number: fisheye, frame_id: fisheye, title: fisheye 3}": "plumb_bob",
     "sensor: OmniVision OV7251": "plumb_bob",
     "board: {type: aprilgrid}": "plumb_bob",
+    "optics: fisheye": "plumb_bob",
 }
 
 
@@ -355,18 +355,6 @@ WRONG = {
         "head",
         "head\nmirror_parameters: {xi: 1.2}",
         f"cam.yaml: mirror_parameters.xi = 1.2 {NO_LENS}",
-    ),
-    "a lens that is named by no usual key": (
-        "head",
-        "head\ncalibration_method: cv2.fisheye.calibrate",
-        "cam.yaml: calibration_method = 'cv2.fisheye.calibrate' is not known; there is "
-        f"{LENSES} (leave it out if it names no lens)",
-    ),
-    "an omnidirectional lens": (
-        "head",
-        "head\nflags: [CALIB_OMNIDIR]",
-        f"cam.yaml: flags = ['CALIB_OMNIDIR'] is not known; there is {LENSES} (leave it out if it "
-        "names no lens)",
     ),
     "a model that is called after two": (
         "head",

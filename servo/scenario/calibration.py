@@ -5,7 +5,6 @@ corner: the principal point is 0.5 px larger here.
 """
 
 import re
-from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,8 +23,8 @@ from sim.types import Camera
 
 LARGEST_FILE = 20_000
 """Largest file that is read [bytes]; a calibration has about a thousand."""
-GIVES = ("fovy_deg", "fx", "fy", "cx", "cy", "distortion", "coefficients")
-"""Settings of [camera] that a calibration gives or replaces."""
+PIXELS = ("fx", "fy", "cx", "cy")
+"""Focal lengths and principal point among the settings of [camera]."""
 MODELS: dict[str, Model] = {
     "plumb_bob": "plumb_bob",
     "radtan": "plumb_bob",
@@ -64,16 +63,8 @@ LENS = re.compile(
     r"^(distortion|projection)$"
 )
 """Matches keys whose value names a lens: an unknown value is then an error."""
-WIDE = re.compile("fish|equidist|kannala|omnidir")
-"""Matches values that name a lens under any key, except under those that match `NAMES`."""
-NAMES = re.compile("name|title|serial|file|path|id$")
-"""Matches keys of the names of cameras and files."""
-NO_DISTORTION = "none"
-UNSAID = ("", NO_DISTORTION, "pinhole", "perspective", "0", "false", "no")
+UNSAID = ("", "none", "pinhole", "perspective", "0", "false", "no")
 """Values that do not tell which distortion the lens has."""
-YES = ("1", "true", "yes")
-"""Values of a key such as fisheye_model that mean that the lens is a fisheye."""
-ROI = ("x_offset", "y_offset", "width", "height")
 
 
 def _data(value: object) -> object:
@@ -98,26 +89,6 @@ class Calibration(BaseModel):
     roi: dict[str, int] = Field(default_factory=dict[str, int])
 
 
-@dataclass(frozen=True, slots=True)
-class Intrinsics:
-    """Settings of [camera] that a calibration file gives: focal lengths, principal point, image
-    size and distortion.
-    """
-
-    width: int
-    """Image width [px]."""
-    height: int
-    """Image height [px]."""
-    fx: float
-    """Focal lengths fx, fy and principal point cx, cy [px], measured from the image's corner."""
-    fy: float
-    cx: float
-    cy: float
-    distortion: Model
-    coefficients: list[float]
-    """Coefficients of the distortion, in OpenCV's order."""
-
-
 def calibrated(camera: object, place: str) -> object:
     """Replace the key `calibration` of a table [camera] by the settings in the file that it names.
 
@@ -134,25 +105,23 @@ def calibrated(camera: object, place: str) -> object:
     """
     if not is_table(camera) or not isinstance(camera.get("calibration"), str):
         return camera
-    for key in GIVES:
+    for key in ("fovy_deg", *PIXELS, "distortion", "coefficients"):
         if key in camera:
             raise Mistake(f"{place}: {key} and calibration both give the lens; leave one out")
     path = Path(str(camera["calibration"]))
     found = _read(path)
-    width = camera.get("width", found.width)
-    height = camera.get("height", found.height)
+    whole = found["width"]
+    width = camera.get("width", whole)
+    height = camera.get("height", found["height"])
     if is_number(width) and is_number(height):
-        if width * found.height != height * found.width:
+        if width * found["height"] != height * whole:
             raise Mistake(
-                f"{place}: {width} x {height} px has another aspect ratio than the {found.width} x "
-                f"{found.height} px of {path}: correct camera.width or camera.height"
+                f"{place}: {width} x {height} px has another aspect ratio than the {whole} x "
+                f"{found['height']} px of {path}: correct camera.width or camera.height"
             )
-        scaled = {
-            key: getattr(found, key) * width / found.width for key in ("fx", "fy", "cx", "cy")
-        }
-        found = replace(found, **scaled)
+        found |= {key: found[key] * width / whole for key in PIXELS}
     kept = {key: value for key, value in camera.items() if key != "calibration"}
-    return kept | asdict(found) | {"width": width, "height": height}
+    return kept | found | {"width": width, "height": height}
 
 
 def camera_info(camera: Camera) -> dict[str, Any]:
@@ -195,13 +164,13 @@ def camera_of_info(info: Any, topic: str) -> Camera:
         "binning_y": info.binning_y,
     }
     found = intrinsics_of(document, topic)
-    config = CameraConfig(distortion=found.distortion, coefficients=tuple(found.coefficients))
-    size = (found.width, found.height)
-    return Camera(found.fx, found.fy, found.cx, found.cy, *size, distortion=config.lens)
+    coefficients = tuple(found.pop("coefficients"))
+    lens = CameraConfig(distortion=found.pop("distortion"), coefficients=coefficients).lens
+    return Camera(**found, distortion=lens)
 
 
-def _read(path: Path) -> Intrinsics:
-    """Read a calibration file of ROS or OpenCV.
+def _read(path: Path) -> dict[str, Any]:
+    """Return the settings of [camera] in a calibration file of ROS or OpenCV.
 
     Raises:
         Mistake: The file is no calibration, or a key in it is wrong.
@@ -220,8 +189,9 @@ def _read(path: Path) -> Intrinsics:
     return intrinsics_of(document, str(path))
 
 
-def intrinsics_of(document: Table, place: str) -> Intrinsics:
-    """Check the keys and values of a calibration file, and convert them to settings of [camera].
+def intrinsics_of(document: Table, place: str) -> dict[str, Any]:
+    """Check the keys and values of a calibration file, and convert them to settings of [camera]:
+    width, height, fx, fy, cx, cy [px], distortion and coefficients.
 
     Args:
         document: Values by key, named as in files of ROS's camera_calibration.
@@ -233,7 +203,8 @@ def intrinsics_of(document: Table, place: str) -> Intrinsics:
     """
     given = validated(Calibration, document, f"{place}: ")
     size = (given.image_width, given.image_height)
-    if tuple(given.roi.get(key, 0) for key in ROI) not in ((0, 0, 0, 0), (0, 0, *size)):
+    part = tuple(given.roi.get(key, 0) for key in ("x_offset", "y_offset", "width", "height"))
+    if part not in ((0, 0, 0, 0), (0, 0, *size)):
         raise Mistake(
             f"{place}: roi = {given.roi} is not the whole picture; give the calibration of "
             "the whole picture"
@@ -251,8 +222,16 @@ def intrinsics_of(document: Table, place: str) -> Intrinsics:
         raise Mistake(
             f"{place}: distortion_coefficients has {len(values)} numbers; {model} has {count}"
         )
-    values = [*values, *[0.0] * count][:count]
-    return Intrinsics(*size, K[0], K[4], K[2] + MIDDLE, K[5] + MIDDLE, model, values)
+    return {
+        "width": given.image_width,
+        "height": given.image_height,
+        "fx": K[0],
+        "fy": K[4],
+        "cx": K[2] + MIDDLE,
+        "cy": K[5] + MIDDLE,
+        "distortion": model,
+        "coefficients": [*values, *[0.0] * count][:count],
+    }
 
 
 def _of_yaml(text: str, path: Path) -> list[tuple[object, object]]:
@@ -325,12 +304,11 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
     named: dict[Model, str] = {}
     for key, value in leaves(document):
         word = _letters(key)
-        letters = "" if value is None else _letters(value)
-        if "fisheye" in word and letters in YES:
-            letters = "fisheye"
-        is_named = WIDE.search(letters) is not None and not NAMES.search(word)
-        if not (LENS.search(word) or is_named) or letters in UNSAID:
+        letters = _letters(value)
+        if not LENS.search(word) or letters in UNSAID:
             continue
+        if "fisheye" in word and letters in ("1", "true", "yes"):
+            letters = "fisheye"
         model = LENSES.get(letters)
         if model is None:
             raise Mistake(
@@ -342,10 +320,9 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
         raise Mistake(f"{place}: {' and '.join(named.values())} are of different lenses")
     if named:
         return next(iter(named))
-    name = document.get("distortion_model")
-    if name is not None and _letters(name) == NO_DISTORTION and any(values):
+    if document.get("distortion_model") == "none" and any(values):
         raise Mistake(
-            f"{place}: distortion_model = {name!r}, but distortion_coefficients are given: "
+            f"{place}: distortion_model = 'none', but distortion_coefficients are given: "
             "leave one out"
         )
     return "rational" if any(values[COEFFICIENTS["plumb_bob"] :]) else "plumb_bob"
