@@ -70,7 +70,6 @@ COLUMNS = (
     "for angles)"
 )
 """Columns that a log needs beside time_s."""
-NEEDS = "a log in MCAP needs the package mcap: install servobench[ros]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,8 +123,6 @@ class Log:
     """Median interval of the rows [s]."""
     missing: float
     """Share of the rows that are missing, by this interval."""
-    cut: str
-    """A sentence about a last line that was left out, or an empty text."""
     clock: str
     """A sentence about unreliable arrival times, or an empty text."""
     still: list[str]
@@ -144,7 +141,7 @@ def read(path: Path) -> Log:
         Mistake: The file cannot be read, a column contradicts its name, or no channel has both a
             command and positions that vary.
     """
-    table, cut = _table(path)
+    table = _table(path)
     names = table.column_names
     commands = [found.groups() for found in map(COMMAND.fullmatch, names) if found]
     used = {*STAMPS, *PICTURES, *(part for each in commands for part in _parts(*each))}
@@ -192,7 +189,6 @@ def read(path: Path) -> Log:
         [(c.name, c.unit) for c in channels],
         float(np.median(np.diff(time))),
         float(lost.sum() / (lost.sum() + len(time))),
-        cut,
         clock,
         [c.name for c in channels if c.command.varies and len(c.moved.values) and c not in moving],
     )
@@ -238,18 +234,23 @@ def listed(names: Sequence[str], most: int) -> str:
     return ", ".join(names[:most]) + more
 
 
-def _table(path: Path) -> tuple[pa.Table, str]:
-    """Return a log's rows, and a sentence about a last line that was left out."""
+def _table(path: Path) -> pa.Table:
+    """Return a log's rows; a last line of a CSV file without line end is left out, because it may
+    have lost some of its digits.
+    """
     with as_mistake():
         data = reading.content(path, "log", LARGEST)
     try:
         match path.suffix.lower():
             case ".csv":
-                return _lines(data)
+                # Messages about a row have its number only if one thread reads all rows.
+                options = pyarrow.csv.ReadOptions(use_threads=False)
+                whole = data[: 1 + data.rfind(b"\n")] or data
+                return pyarrow.csv.read_csv(io.BytesIO(whole), read_options=options)
             case ".parquet":
-                return pq.read_table(pa.BufferReader(data), page_checksum_verification=True), ""
+                return pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
             case ".mcap":
-                return pa.Table.from_pylist(_messages(data)), ""
+                return pa.Table.from_pylist(_messages(data))
             case _:
                 raise Mistake(
                     f"{path}: this is no log: give a file that ends in .csv, .parquet or .mcap"
@@ -259,24 +260,6 @@ def _table(path: Path) -> tuple[pa.Table, str]:
             raise
         text = " ".join(str(error).split())
         raise Mistake(f"{path}: cannot read this log: {text}") from error
-
-
-def _lines(data: bytes) -> tuple[pa.Table, str]:
-    """Return the rows of a CSV file, and a sentence about a last line that was left out.
-
-    A last line without an end may have lost some of its digits, so it is left out; a file system
-    may have filled the unwritten rest of a file with zeros.
-    """
-    data = data.rstrip(b"\0")
-    whole = 1 + data.rfind(b"\n")
-    cut = ""
-    if 0 < whole < len(data):
-        number = 1 + data.count(b"\n")
-        cut = f"line {number}, the last, was left out: it has no line end, so it may be cut"
-        data = data[:whole]
-    # Messages about a row have its number only if one thread reads all rows.
-    options = pyarrow.csv.ReadOptions(use_threads=False)
-    return pyarrow.csv.read_csv(io.BytesIO(data), read_options=options), cut
 
 
 def _numbers(table: pa.Table, name: str, path: Path) -> Array:
@@ -293,7 +276,7 @@ def _messages(data: bytes) -> list[dict[str, object]]:
         from mcap.exceptions import McapError
         from mcap.reader import make_reader
     except ImportError:
-        raise Mistake(NEEDS) from None
+        raise Mistake("a log in MCAP needs the package mcap: install servobench[ros]") from None
     try:
         found = list(make_reader(io.BytesIO(data)).iter_messages())
     except McapError as error:

@@ -15,7 +15,7 @@ from servo.loop.measure import COUNTED, MEASURES, TIMED
 from servo.scenario.expected import SUCCESS_RATE
 from servo.scenario.toml import Table
 from servo.study.plan import Study
-from servo.study.run import SCENARIO, Row
+from servo.study.run import SCENARIO, Row, grouped_by
 from servo.study.scenario_run import MEASURED, RECORDED, TRACK_MS
 from sim.types import Array
 from tracking.files.csv_text import csv_text
@@ -105,10 +105,7 @@ def uncounted(rows: Sequence[Row]) -> str:
 
 def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
     """Group rows by the tuple of their values in some columns."""
-    found: dict[Any, list[Row]] = {}
-    for row in rows:
-        found.setdefault(tuple(row.get(key) for key in keys), []).append(row)
-    return found
+    return grouped_by(rows, lambda row: tuple(row.get(key) for key in keys))
 
 
 def _varies(rows: Sequence[Row], keys: Collection[str]) -> bool:

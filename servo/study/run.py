@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -21,17 +21,14 @@ from tracking.files.json_text import as_json, number
 
 Task = TypeVar("Task")
 Done = TypeVar("Done")
+Item = TypeVar("Item")
+Key = TypeVar("Key")
 Series = NDArray[Any]
 """Numbers or flags (n,)."""
 Row = Mapping[str, Any]
 """A run's row in a table of results: values by column."""
 SCENARIO = "scenario"
 SEQUENCE = "sequence"
-VERSION = "version_"
-"""Prefix of the columns of versions."""
-NO_THREAD = "can't start new thread"
-"""Part of Python's message if there is no memory for a thread's stack."""
-TOO_LITTLE = "there is too little memory, or too few processes are allowed (ulimit -a)"
 
 
 class Subject(Protocol):
@@ -164,6 +161,14 @@ class Record:
         }
 
 
+def grouped_by(items: Iterable[Item], key: Callable[[Item], Key]) -> dict[Key, list[Item]]:
+    """Group items, such as records or rows, by their key, in the order of the items."""
+    found: dict[Key, list[Item]] = {}
+    for item in items:
+        found.setdefault(key(item), []).append(item)
+    return found
+
+
 def key_of(number: int) -> str:
     """Return the name under which a study stores a run, such as "000012" for number 12."""
     return f"{number:06}"
@@ -173,7 +178,7 @@ def version_columns(found: Mapping[str, str]) -> dict[str, str]:
     """Return package versions by name of their column in tables of results, such as "version_numpy"
     for "numpy".
     """
-    return {f"{VERSION}{n.replace('-', '_').replace(' ', '_')}": v for n, v in found.items()}
+    return {f"version_{n.replace('-', '_').replace(' ', '_')}": v for n, v in found.items()}
 
 
 def _text(value: float | str | None) -> str | None:
@@ -205,8 +210,14 @@ class Failure:
         trace = "".join(traceback.format_exception(error))
         if isinstance(error, OSError) and error.errno in FULL:
             return Failure(trace, f"{error.filename}: {error.strerror}", full=True)
-        if isinstance(error, MemoryError) or NO_THREAD in str(error):
-            return Failure(trace, f"{TOO_LITTLE} ({error or 'MemoryError'})", full=True)
+        # A thread that cannot be started has no memory for its stack.
+        if isinstance(error, MemoryError) or "can't start new thread" in str(error):
+            return Failure(
+                trace,
+                "there is too little memory, or too few processes are allowed (ulimit -a) "
+                f"({error or 'MemoryError'})",
+                full=True,
+            )
         return Failure(trace, str(error) if isinstance(error, Mistake) else "")
 
     @property
