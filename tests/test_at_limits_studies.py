@@ -124,18 +124,6 @@ def test_seeds_of_the_command_line(tmp_path, monkeypatch):
     assert [passes(parse.load, str(path), (), n) for n in (1_000_000, 1_000_001)] == [True, False]
 
 
-def test_numbers_of_runs_are_written_out_up_to_a_limit(tmp_path):
-    path, end = tmp_path / "mine.toml", ": this study has {} runs; the limit is 1,000,000"
-    axes = "\n".join(
-        f"axes.start.{k} = {{ linspace = [1, 2, 10000] }}" for k in ("x", "y", "scale")
-    )
-    for seeds, runs in ((999, "999,000,000,000,000"), (1000, "more than 1e+15")):
-        path.write_text(f"scenario = 'still'\nseeds = {seeds}\n{axes}\n")
-        with pytest.raises(Mistake) as refused:
-            parse.load(str(path))
-        assert str(refused.value) == f"mine.toml{end.format(runs)}"
-
-
 @pytest.mark.parametrize(
     ("label", "right"),
     [

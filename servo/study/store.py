@@ -8,6 +8,7 @@ the disk before the next run begins. At the end the rows are exported to `result
 from __future__ import annotations
 
 import errno
+import os
 import sqlite3
 import zlib
 from collections.abc import Generator, Iterable, Iterator, Sequence
@@ -20,7 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
-from servo.mistake import Mistake, Refused, unwritable
+from servo.mistake import Mistake, Refused, writing
 from servo.output.formats import Document, Made, Number, OtherFormat
 from servo.output.versions import versions
 from servo.scenario.toml import Table
@@ -148,26 +149,31 @@ def opened(folder: Path, described: StudyFile) -> Generator[Store]:
         Mistake: The folder cannot be written, has other files or results of another study or of
             other versions, or another process is writing into it.
     """
-    try:
+    with writing(folder):
         if folder.is_dir():
             _described(folder, described.holds)
         folder.mkdir(parents=True, exist_ok=True)
         lock = FileLock(folder / LOCK)
-        lock.acquire(blocking=False)
-    except Timeout:
-        raise Mistake(f"{folder}: another command is writing into this folder") from None
-    except OSError as error:
-        raise unwritable(folder, error) from None
+        try:
+            lock.acquire(blocking=False)
+        except Timeout:
+            raise Mistake(f"{folder}: another command is writing into this folder") from None
     try:
         before = _described(folder, described.holds)
-        if before is not None:
-            _check_same(folder, before, described)
         if before is None:
             with on_disk(folder, f"write {described.FILE}"):
                 described.write(folder)
-        with on_disk(folder, f"write {RUNS}"):
+        else:
+            _check_same(folder, before, described)
+        action = f"write {RUNS}"
+        with on_disk(folder, action):
             database = _writable(folder / RUNS)
         with closing(database):
+            with on_disk(folder, action):
+                with suppress(sqlite3.OperationalError):  # not possible on network file systems
+                    database.execute("PRAGMA journal_mode = WAL")
+                database.execute("PRAGMA synchronous = FULL")
+                database.execute(SCHEMA)
             yield Store(folder, database)
             # Put all rows into one file; another process that is reading may prevent this.
             with suppress(sqlite3.Error):
@@ -189,14 +195,6 @@ def _writable(path: Path) -> sqlite3.Connection:
             raise OSError(errno.ELOOP, "nothing is written through a link", file)
     database = sqlite3.connect(path, isolation_level=None)
     database.text_factory = _text
-    try:
-        with suppress(sqlite3.OperationalError):  # not possible on network file systems
-            database.execute("PRAGMA journal_mode = WAL")
-        database.execute("PRAGMA synchronous = FULL")
-        database.execute(SCHEMA)
-    except BaseException:
-        database.close()
-        raise
     return database
 
 
@@ -204,18 +202,11 @@ def _readable(path: Path) -> sqlite3.Connection:
     """Open the database of a study for reading; another process may be writing into it.
 
     Raises:
-        sqlite3.Error: The database cannot be read.
+        sqlite3.Error: The database cannot be opened.
     """
-    place = f"{path.absolute().as_uri()}?mode=ro"
-    database = sqlite3.connect(place, uri=True)
-    try:
-        database.execute("SELECT 1 FROM runs")
-    except sqlite3.OperationalError:  # the folder is read-only
-        database.close()
-        database = sqlite3.connect(f"{place}&immutable=1", uri=True)
-    except sqlite3.Error:
-        database.close()
-        raise
+    # SQLite reads a database that was left in its WAL mode only where it can write files beside it.
+    kind = "" if os.access(path.parent, os.W_OK) else "&immutable=1"
+    database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro{kind}", uri=True)
     database.text_factory = _text
     return database
 
@@ -412,13 +403,10 @@ class Store:
                 )
         row = [job.key, job.digest, *stored(record)]
         with self._opened(f"write run {job.key}") as database:
-            try:
-                database.execute(
-                    "INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?)", [*row, _checksum(row)]
-                )
-            finally:  # Ctrl-C may have come while it was written
-                if database.execute("SELECT 1 FROM runs WHERE key = ?", [job.key]).fetchone():
-                    self.done.add(job.key)
+            database.execute(
+                "INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?)", [*row, _checksum(row)]
+            )
+        self.done.add(job.key)
 
     def forget(self, job: Job) -> None:
         """Remove a job from `done`, so that it is run again and its record is replaced."""
