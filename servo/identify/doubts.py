@@ -9,7 +9,7 @@ import numpy as np
 
 from servo.identify.fit import LONGEST, SLOWEST, Identified
 from servo.identify.log import FEWEST, LEAST, SPARSEST, Log, LogChannel, Series
-from servo.mistake import Mistake
+from servo.mistake import Mistake, check_rules
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
@@ -126,15 +126,19 @@ def _of_gain(name: str, gain: Interval, *, is_joint: bool) -> Iterator[str]:
         Mistake: A joint does not follow its command, or with another sign or unit.
     """
     is_sure = gain.high - gain.low < VAGUE * abs(gain.value)
-    if is_joint and not (is_sure or gain.low <= 1 <= gain.high):
-        raise Mistake(
-            f"{name} does not follow its commands with a delay and a lag of {LONGEST:g} s at most: "
-            f"leave the columns of {name} out, or correct them: commands must be rates"
-        )
     times = f"{name} moves {interval_text(gain)} times as far as commanded"
-    if is_joint and _outside(gain, REFUSED):
-        wrong = "sign" if gain.value < 0 else "unit"
-        raise Mistake(f"{times}: the {wrong} of its commands or of its positions is wrong")
+    wrong = "sign" if gain.value < 0 else "unit"
+    check_rules(
+        (
+            is_joint and not (is_sure or gain.low <= 1 <= gain.high),
+            f"{name} does not follow its commands with a delay and a lag of {LONGEST:g} s at most: "
+            f"leave the columns of {name} out, or correct them: commands must be rates",
+        ),
+        (
+            is_joint and _outside(gain, REFUSED),
+            f"{times}: the {wrong} of its commands or of its positions is wrong",
+        ),
+    )
     if _outside(gain, DOUBTED):
         yield f"{times}, and simulated drives move as far as commanded"
 

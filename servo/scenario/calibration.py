@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field, FiniteFloat, PositiveInt
 
-from servo.mistake import Mistake, as_mistake
+from servo.mistake import Mistake, as_mistake, check_rules
 from servo.scenario.draws import leaves
 from servo.scenario.fill import validated
 from servo.scenario.toml import Table, is_number, is_table
@@ -204,17 +204,21 @@ def intrinsics_of(document: Table, place: str) -> dict[str, Any]:
     given = validated(Calibration, document, f"{place}: ")
     size = (given.image_width, given.image_height)
     part = tuple(given.roi.get(key, 0) for key in ("x_offset", "y_offset", "width", "height"))
-    if part not in ((0, 0, 0, 0), (0, 0, *size)):
-        raise Mistake(
-            f"{place}: roi = {given.roi} is not the whole picture; give the calibration of "
-            "the whole picture"
-        )
-    K, values = given.camera_matrix, given.distortion_coefficients
-    if len(K) != 9 or K[1] or K[3] or K[6:] != [0.0, 0.0, 1.0] or min(K[0], K[4]) <= 0:
-        raise Mistake(
+    K = given.camera_matrix
+    values = given.distortion_coefficients
+    is_plain = len(K) == 9 and not K[1] and not K[3] and K[6:] == [0.0, 0.0, 1.0]
+    check_rules(
+        (
+            part not in ((0, 0, 0, 0), (0, 0, *size)),
+            f"{place}: roi = {given.roi} is not the whole picture; give the calibration of the "
+            "whole picture",
+        ),
+        (
+            not is_plain or min(K[0], K[4]) <= 0,
             f"{place}: camera_matrix should be fx 0 cx, 0 fy cy, 0 0 1, without skew, with focal "
-            "lengths above zero"
-        )
+            "lengths above zero",
+        ),
+    )
     model = _model(document, place, values)
     count = COEFFICIENTS[model]
     fewest = count - 1 if model == "plumb_bob" else count  # k3 may be left out

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Strict, create_model
 
 from servo.loop.measure import MEASURES
 from servo.loop.run_measures import Outcome
-from servo.mistake import Mistake, unknown
+from servo.mistake import check_rules, unknown
 from servo.scenario.catalogue import PLUGINS
 from servo.scenario.fill import STRICT, validated
 from servo.scenario.toml import Table, is_table
@@ -61,13 +61,17 @@ class Expected:
         kinds = PLUGINS[TRACKER][0].names()
         others: dict[str, Table] = {}
         for kind, bounds in expect.pop(TRACKER, {}).items():
-            if kind == own:
-                raise Mistake(
+            check_rules(
+                (
+                    kind == own,
                     f"{at}.tracker.{own}: {own} is the scenario's own tracker; write its bounds "
-                    "directly into [expect]"
-                )
-            if kind not in (*kinds, ANY) and ":" not in kind:
-                raise Mistake(f"{at}.tracker: {unknown(kind, kinds, 'tracker')}")
+                    "directly into [expect]",
+                ),
+                (
+                    kind not in (*kinds, ANY) and ":" not in kind,
+                    f"{at}.tracker: {unknown(kind, kinds, 'tracker')}",
+                ),
+            )
             others[kind] = _flat(of_others, bounds, f"{at}.tracker.{kind}")
         as_written = {name for name in known if not name.startswith((DRAWN, TRACKER))}
         replaced = not as_written <= expect.keys()  # as a whole: --set expect={}

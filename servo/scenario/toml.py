@@ -26,7 +26,6 @@ INTEGERS = range(-(1 << 63), 1 << 63)
 ATOMS = frozenset({bool, float, int, str, Trusted})
 """Types of values that cannot change, which copies share."""
 TOO_DEEP = f"tables and lists are nested too deep; the limit is {DEEPEST} levels"
-TOO_LARGE = f"an integer is too large; the limit is {INTEGERS[-1]}"
 
 
 def read(path: Path, what: str) -> str:
@@ -81,16 +80,12 @@ def check(value: object, place: str, depth: int = 0) -> None:
             for item in value:
                 check(item, place, depth + 1)
         case int() if value not in INTEGERS:
-            raise Mistake(f"{place}: {TOO_LARGE}")
-        case str() if not value.isascii() and any(map(_is_half, value)):
+            raise Mistake(f"{place}: an integer is too large; the limit is {INTEGERS[-1]}")
+        # Halves of a character, which no Unicode text has.
+        case str() if not value.isascii() and re.search("[\ud800-\udfff]", value):
             raise Mistake(f"{place}: {value!r} is not a Unicode text")
         case _:
             pass
-
-
-def _is_half(character: str) -> bool:
-    """Return whether this is half of a character, which no Unicode text has."""
-    return "\ud800" <= character <= "\udfff"
 
 
 def copied(table: Table) -> Table:
@@ -104,12 +99,7 @@ def _copied(value: object) -> object:
         return value
     if is_table(value):
         return copied(value)
-    return [*map(_copied, value)] if is_list(value) else copy.deepcopy(value)
-
-
-def is_list(value: object) -> TypeGuard[list[object]]:
-    """Return whether a value of TOML is a list."""
-    return isinstance(value, list)
+    return [*map(_copied, value)] if isinstance(value, list) else copy.deepcopy(value)
 
 
 def is_table(value: object) -> TypeGuard[Table]:

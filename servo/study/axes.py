@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from servo.mistake import Mistake
+from servo.mistake import Mistake, check_rules
 from servo.scenario.catalogue import LISTS, PLUGINS
 from servo.scenario.draws import LAWS, Draw, Value, flat, law_of
 from servo.scenario.tables import SECTIONS
@@ -75,10 +75,11 @@ def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...
         if not isinstance(given, list) or not given:
             forms = ", ".join(COUNTS)
             raise Mistake(f"{at} = {given!r}: expected a list of values, or one of {forms}")
-        if len(given) > MOST_VALUES:
-            raise Mistake(f"{at} has {len(given):,} values; the limit is {MOST_VALUES:,}")
-        if _has_equal(given):
-            raise Mistake(f"{at} has the same value twice")
+        count = len(given)
+        check_rules(
+            (count > MOST_VALUES, f"{at} has {count:,} values; the limit is {MOST_VALUES:,}"),
+            (_has_equal(given), f"{at} has the same value twice"),
+        )
         axes.append(Axis(key, tuple(given)))
     return tuple(axes), tuple(draws)
 

@@ -172,9 +172,7 @@ def doubtful_bounds(bounds: Mapping[str, object], setup: Setup, place: str = "ex
     found = list[str]()
     for key, bound in bounds.items():
         name = key.removeprefix(DRAWN)
-        if not is_number(bound) or name not in MEASURES:
-            continue
-        if why := _doubt(name, bound, setup):
+        if is_number(bound) and name in MEASURES and (why := _doubt(name, bound, setup)):
             found.append(f"{place}.{key} = {bound:g}: {why}")
     return found
 
@@ -189,24 +187,35 @@ def _doubt(name: str, bound: float, setup: Setup) -> str:
         setup: Settings of the runs.
     """
     measure = MEASURES[name]
-    if bound < 0:
-        return "all runs miss this bound, because no measure is below 0"
-    if measure.of_joints and kind_of(setup.robot) == "free":
-        return "no run misses this bound, because the free camera has no joints with limits"
-    if bound < ROUNDING and not (measure.share or measure.exact):
-        return f"rounding errors exceed this bound; raise it above {ROUNDING:g}"
-    if bound >= 100 and (measure.share or name == "joint_range_peak_pct"):
-        return "no run misses this bound, because the measure is at most 100 %"
-    if bound >= 180 and measure.unit == "deg":
-        return "no run misses this bound, because no angle is above 180 deg"
     rate = setup.camera.rate
     times = np.arange(setup.frames) / rate
     counted = np.count_nonzero(times >= setup.measure.after - ROUNDING) / rate
-    if bound >= counted > 0 and name == "longest_off_s":
-        return f"no run misses this bound, because only {counted:g} s of the run count"
-    if bound >= times[-1] and name == "settle_s":
-        return f"a run of {setup.run.duration:g} s misses this bound only if it never settles"
-    return ""
+    kept = "no run misses this bound, because"
+    doubts = (
+        (bound < 0, "all runs miss this bound, because no measure is below 0"),
+        (
+            measure.of_joints and kind_of(setup.robot) == "free",
+            f"{kept} the free camera has no joints with limits",
+        ),
+        (
+            bound < ROUNDING and not (measure.share or measure.exact),
+            f"rounding errors exceed this bound; raise it above {ROUNDING:g}",
+        ),
+        (
+            bound >= 100 and (measure.share or name == "joint_range_peak_pct"),
+            f"{kept} the measure is at most 100 %",
+        ),
+        (bound >= 180 and measure.unit == "deg", f"{kept} no angle is above 180 deg"),
+        (
+            bound >= counted > 0 and name == "longest_off_s",
+            f"{kept} only {counted:g} s of the run count",
+        ),
+        (
+            bound >= times[-1] and name == "settle_s",
+            f"a run of {setup.run.duration:g} s misses this bound only if it never settles",
+        ),
+    )
+    return next((sentence for is_doubtful, sentence in doubts if is_doubtful), "")
 
 
 def missed_by_cells(

@@ -11,7 +11,7 @@ from annotated_types import Ge, Le, MinLen
 from pydantic import BaseModel
 
 from servo.loop.measure import MEASURES
-from servo.mistake import Mistake, check_known
+from servo.mistake import Mistake, check_known, check_rules
 from servo.scenario.catalogue import sentence, shipped
 from servo.scenario.draws import Value
 from servo.scenario.expected import SUCCESS_RATE
@@ -195,13 +195,14 @@ def _compared(study: Study, asked: str | None, place: str) -> Study:
     keys = study.keys
     if asked is None:
         return replace(study, compare="tracker.kind" if "tracker.kind" in keys else None)
-    if asked in [draw.key for draw in study.draws]:
-        raise Mistake(
-            f"{place}: compare = {asked!r}: this setting is drawn at random; name an axis of "
-            "the study"
-        )
-    if not keys:
-        raise Mistake(f"{place}: compare = {asked!r}: this study has no axis to compare")
+    at = f"{place}: compare = {asked!r}"
+    check_rules(
+        (
+            asked in [draw.key for draw in study.draws],
+            f"{at}: this setting is drawn at random; name an axis of the study",
+        ),
+        (not keys, f"{at}: this study has no axis to compare"),
+    )
     check_known([asked], keys, f"{place}: compare", "axis")
     return replace(study, compare=asked)
 
