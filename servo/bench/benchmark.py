@@ -47,10 +47,6 @@ ten degrees."""
 OF_CONTESTANTS = {"tracker": ("tracker",), "law": ("features", "controller")}
 """Tables of a scenario that a contestant sets; the hash does not cover their defaults."""
 Settings = Table
-Levels = Mapping[str, Settings]
-"""Settings of each level of a factor, by the level's name."""
-Ranges = dict[str, list[float]]
-"""Least and largest value of each setting; an empty list takes a common range away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +56,11 @@ class Condition:
     """
 
     name: str
-    about: str
     settings: Settings
     ranges: dict[str, tuple[float, float]]
     """The two ends of each setting that is drawn uniformly."""
-    factors: dict[str, Levels]
+    factors: dict[str, dict[str, Settings]]
+    """Settings of each level of each factor, by the names of both."""
     size: str | None = None
     """The key in `ranges` whose value measures how large the task is."""
 
@@ -286,11 +282,12 @@ def parsed(
     conditions = [
         Condition(
             key,
-            given["about"],
             flat(given.get("set", {}), name),
             {
                 key: (ends[0], ends[1])
-                for key, ends in cast(Ranges, common | flat(given.get("ranges", {}), name)).items()
+                for key, ends in cast(
+                    dict[str, list[float]], common | flat(given.get("ranges", {}), name)
+                ).items()
                 if ends  # [] takes a common range away
             },
             {

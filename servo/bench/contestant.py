@@ -10,7 +10,7 @@ import os
 import shlex
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
@@ -195,7 +195,7 @@ def contestants(
     chosen = list(home.values())
     if given:
         served = not any(key.startswith("tracker.") for key in changed)
-        chosen = [home.get(text) or _guest(benchmark, text, served) for text in given]
+        chosen = [home.get(text) or _guest(benchmark, home, text, served) for text in given]
     names = [one.name for one in chosen]
     for name in names:
         if names.count(name) > 1 or name in (NULL, PERFECT):
@@ -219,11 +219,10 @@ def _served(settings: Settings) -> Settings:
     return settings_of("tracker", PROGRAM + shlex.join(words))
 
 
-def _guest(benchmark: Benchmark, text: str, served: bool) -> Contestant:
+def _guest(benchmark: Benchmark, home: Collection[str], text: str, served: bool) -> Contestant:
     name, what = named_part(text)
     is_law = benchmark.contestant == "law"
     kinds = [*FEATURES.names(), *LAWS.names()] if is_law else TRACKERS.names()
-    home = {one.name: one for one in home_of(benchmark)}
     if what not in (*home, *kinds) and ":" not in what:
         shipped = ", ".join(f"'{one}'" for one in home)
         raise Mistake(f"there is no contestant '{what}'; shipped are {shipped}")

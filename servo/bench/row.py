@@ -34,7 +34,7 @@ from servo.bench.world_run import CONTESTANT, ERROR, LAST, PICTURE, SLOW, WORLD
 from servo.mistake import Mistake
 from servo.output.formats import Made
 from servo.output.versions import versions
-from servo.study.run import Record
+from servo.study.run import Record, grouped_by
 from servo.study.scenario_run import TRACK_MS
 from sim.types import Array
 
@@ -211,11 +211,12 @@ def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> 
     """
     if benchmark.slow is None:
         return {}
-    held: dict[float, list[bool]] = {}
-    for (world, ms), each in errors.items():
-        if condition_of(world) == benchmark.slow.condition:
-            held.setdefault(ms, []).append(score_errors(each).held)
-    return {f"{ms:g}": float(np.mean(of)) for ms, of in sorted(held.items())}
+    condition = benchmark.slow.condition
+    runs = grouped_by([at for at in errors if condition_of(at[0]) == condition], lambda at: at[1])
+    return {
+        f"{ms:g}": float(np.mean([score_errors(errors[at]).held for at in of]))
+        for ms, of in sorted(runs.items())
+    }
 
 
 def _measures(records: Sequence[Record]) -> dict[str, float | None]:

@@ -10,7 +10,7 @@ from servo.estimators import KINDS as ESTIMATORS
 from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
 from servo.papers.experiments import loop_job
 from servo.papers.summaries import COLOURS, bars, column, group, panels
-from servo.study.run import Job, Record
+from servo.study.run import Job, grouped_by
 from tracking.statistics.comparisons import Interval, mean_of
 from tracking.statistics.verdicts import Finding
 
@@ -88,8 +88,13 @@ Scores = dict[str, list[Interval]]
 def _judge(evidence: Evidence) -> Verdict:
     """Return the verdict: the claim holds if all bounds of all cases are kept."""
     found: Scores = {
-        estimator: [_score(evidence.records, estimator, case) for case in CASES]
-        for estimator in TESTED
+        estimator: [
+            mean_of(column(group(runs, rate=case.rate, motion=case.motion), case.measure))
+            for case in CASES
+        ]
+        for estimator, runs in grouped_by(
+            evidence.records, lambda record: str(record.settings["estimator"])
+        ).items()
     }
     missed = [text for i, case in enumerate(CASES) for text in _missed(found, i, case)]
     bounds = sum(len(case.bounds) for case in CASES)
@@ -104,12 +109,6 @@ def _judge(evidence: Evidence) -> Verdict:
         _table(found),
         _draw({name: scores for name, scores in found.items() if name != "none"}),
     )
-
-
-def _score(records: list[Record], estimator: str, case: Case) -> Interval:
-    """Return the mean error [px] of an estimator in a case, over its seeds."""
-    runs = group(records, estimator=estimator, rate=case.rate, motion=case.motion)
-    return mean_of(column(runs, case.measure))
 
 
 def _missed(found: Scores, i: int, case: Case) -> list[str]:

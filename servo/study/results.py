@@ -68,7 +68,9 @@ class Units:
         """
         if apart != SCENARIO and len({row.get(SCENARIO) for row in rows}) > 1:
             return Units("scenario", _by(rows, [SCENARIO]))
-        if drawn or _varies(rows, keys):
+        # Seeds count if two of them differ in more than a computing time.
+        cells = _by(rows, [SCENARIO, *keys]).values()
+        if drawn or any(len(_by(cell, ["outcome", *UNTIMED])) > 1 for cell in cells):
             return Units("draw" if drawn else "seed", _by(rows, ["seed"]))
         return Units("run", {(): list(rows)} if rows else {})
 
@@ -106,14 +108,6 @@ def uncounted(rows: Sequence[Row]) -> str:
 def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
     """Group rows by the tuple of their values in some columns."""
     return grouped_by(rows, lambda row: tuple(row.get(key) for key in keys))
-
-
-def _varies(rows: Sequence[Row], keys: Collection[str]) -> bool:
-    """Return True if two seeds with the same axis values differ in outcome or in a measure that is
-    not a computing time.
-    """
-    cells = _by(rows, [SCENARIO, *keys]).values()
-    return any(len(_by(cell, ["outcome", *UNTIMED])) > 1 for cell in cells)
 
 
 @dataclass(frozen=True, slots=True)

@@ -253,7 +253,9 @@ def _described(folder: Path, holds: str) -> StudyFile | None:
     """
     path = folder / StudyFile.FILE
     if not path.exists():
-        if any(not _of_the_beginning(there) for there in folder.iterdir()):
+        # Files that a process leaves that was killed before it wrote study.json.
+        begun = (LOCK, atomic.ASIDE.format(path.name))
+        if any(there.name not in begun for there in folder.iterdir()):
             raise Mistake(
                 f"{folder}: this folder has files, but no {path.name} of `servobench {holds}`; "
                 "choose another folder with --out"
@@ -268,13 +270,6 @@ def _described(folder: Path, holds: str) -> StudyFile | None:
             f"{path}: this file is damaged, so the results beside it cannot be identified; "
             "choose another folder with --out"
         ) from None
-
-
-def _of_the_beginning(path: Path) -> bool:
-    """Return True if a file may be left by a process that was killed before it wrote study.json, so
-    that its folder counts as new.
-    """
-    return path.name in (LOCK, atomic.ASIDE.format(StudyFile.FILE))
 
 
 def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
