@@ -11,9 +11,9 @@ from servo.report import words
 from servo.scenario import toml
 from servo.scenario.draws import LARGEST_NUMBER
 from servo.study import parse
-from servo.study.axes import MOST_VALUES, axes_of
 from servo.study.cluster import local as local_cluster
 from servo.study.cluster import tasks as cluster
+from servo.study.plan import MOST_VALUES, axes_of
 from servo.study.run import ClusterLost
 from servo.study.sequence_run import LONGEST_LABEL, Contender
 

@@ -13,26 +13,24 @@ from pydantic import BaseModel
 from servo.loop.measure import MEASURES
 from servo.mistake import Mistake, check_known, check_rules
 from servo.scenario.catalogue import sentence, shipped
-from servo.scenario.draws import Value
+from servo.scenario.draws import Value, flat
 from servo.scenario.expected import SUCCESS_RATE
 from servo.scenario.fill import STRICT, validated
 from servo.scenario.load import parse as parse_scenario
 from servo.scenario.named_files import digests, found_beside, named_in, path_of, read
 from servo.scenario.toml import Table, assignment, is_table
-from servo.study.axes import (
+from servo.study.plan import (
     ALL,
     ENDS,
     MOST_VALUES,
     Axis,
-    Named,
+    Study,
     axes_of,
     check_apart,
     check_key,
-    flat,
     named_of,
 )
-from servo.study.plan import Study
-from servo.study.scenario_run import StudiedScenario
+from servo.study.scenario_run import Named, StudiedScenario
 
 MOST_RUNS = 1_000_000
 """Most runs of a study."""

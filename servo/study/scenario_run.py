@@ -23,15 +23,16 @@ from servo.scenario.expected import tracker_of
 from servo.scenario.load import Scenario
 from servo.scenario.named_files import digest_of
 from servo.scenario.toml import Table, assignment, copied, put
-from servo.study.axes import SCENARIO, Named
 from servo.study.bounds import missed_bounds, unjudged
-from servo.study.run import Job, Record, Series
+from servo.study.run import SCENARIO, Job, Record, Series
 from sim.kinds import UnknownKind
 from sim.types import Image
 from tracking.drawing.contact_sheet import page, tile
 from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture
 
+Named = dict[str, dict[str, Table]]
+"""Groups of settings by the name of their axis and their own name: the study's table [named]."""
 TILES = 8
 """Pictures of a contact sheet."""
 JPEG_QUALITY = 80
