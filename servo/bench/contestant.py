@@ -2,8 +2,6 @@
 those of a user, by class or command.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """The published results of a contestant in a benchmark (its row of the table): a JSON file."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import platform

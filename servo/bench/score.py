@@ -2,8 +2,6 @@
 ranks, and effects of factors such as the light.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -226,7 +224,7 @@ class Difficulty:
     worlds: int
 
     @staticmethod
-    def of(table: Sequence[Standing]) -> Difficulty | None:
+    def of(table: Sequence[Standing]) -> "Difficulty | None":
         """Count the worlds in which no contestant, or every one, holds the target; return None for
         fewer than three contestants.
         """

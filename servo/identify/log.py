@@ -332,28 +332,36 @@ def _arrivals(waited: Array, *, is_with_commands: bool) -> tuple[str, Array]:
     least, quarter, three, most = np.quantile(found, (0, 0.25, 0.75, 1))
     reach = most - least
     is_tailed = reach > TAIL * (three - quarter)
-    if reach > COARSE and (is_tailed or np.corrcoef(found[1:], found[:-1])[0, 1] > DEPENDENT):
-        return (
-            f"pictures arrive {least:.6g} to {most:.6g} s after their stamps, half of them within "
-            f"{three - quarter:.3g} s; a simulated wait is uniform and independent of time, so "
-            "arrived_s is not used: it has outliers, or its unit or clock is not that of time_s"
-        ), np.empty(0)
-    if least >= 0 and most <= LATEST:
-        late = (
+    arrive = f"pictures arrive {least:.6g} to {most:.6g} s after their stamps"
+    cases = (
+        (
+            reach > COARSE and (is_tailed or np.corrcoef(found[1:], found[:-1])[0, 1] > DEPENDENT),
+            f"{arrive}, half of them within {three - quarter:.3g} s; a simulated wait is uniform "
+            "and independent of time, so arrived_s is not used: it has outliers, or its unit or "
+            "clock is not that of time_s",
+            np.empty(0),
+        ),
+        (0 <= least <= SLOW and most <= LATEST, "", found),
+        (
+            least > SLOW and most <= LATEST,
             f"pictures arrive {least:.3g} s after their stamps or later: is arrived_s on the clock "
-            "of time_s?"
-        )
-        return late if least > SLOW else "", found
-    other = f"pictures arrive {least:.6g} to {most:.6g} s after their stamps, so "
-    if is_with_commands and least > -LATEST:
-        return (
-            f"{other}arrived_s and asked_s are of another clock than time_s; latency_ms is right "
-            "if both are of the same"
-        ), found
-    return (
-        f"{other}arrived_s is of another clock, and the shortest wait, which is unknown, is not in "
-        "latency_ms"
-    ), found - least
+            "of time_s?",
+            found,
+        ),
+        (
+            is_with_commands and least > -LATEST,
+            f"{arrive}, so arrived_s and asked_s are of another clock than time_s; latency_ms is "
+            "right if both are of the same",
+            found,
+        ),
+        (
+            True,
+            f"{arrive}, so arrived_s is of another clock, and the shortest wait, which is unknown, "
+            "is not in latency_ms",
+            found - least,
+        ),
+    )
+    return next((sentence, waits) for applies, sentence, waits in cases if applies)
 
 
 def _channel(

@@ -2,8 +2,6 @@
 of the last full run, with which those of a new run are compared.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from importlib import resources
@@ -63,7 +61,7 @@ class Judged:
     """Paths of figures, relative to the folder of papers.json."""
 
     @staticmethod
-    def of(claim: Claim, verdict: Verdict) -> Judged:
+    def of(claim: Claim, verdict: Verdict) -> "Judged":
         """Return a claim and its verdict in the form of the file papers.json."""
         return Judged(
             claim.says,

@@ -24,7 +24,7 @@ from servo.papers.summaries import (
     words,
 )
 from servo.papers.tuning import AS_PUBLISHED, LEVELS, TUNED, published, tuned
-from servo.study.run import Job, Record
+from servo.study.run import Job
 from servo.study.sequence_run import Contender, Generated, Recorded
 from sim.types import Array
 from tracking.appearance.bins import LabelledImage
@@ -113,7 +113,10 @@ def _judge_pairs(decide: Decide, evidence: Evidence) -> Verdict:
     first, *others = runs
     ours = runs[first]
     gains = {o: completed_more(ours, runs[o]) for o in others}
-    tests = {o: _mcnemar(ours, runs[o], "completed") for o in others}
+    tests, tests_of_frames = (
+        {o: McNemar.of(column(ours, measure), column(runs[o], measure)) for o in others}
+        for measure in ("completed", "frames_until_loss")
+    )
     corrected = dict(zip(others, holm(np.array([t.p for t in tests.values()])), strict=True))
     findings = {o: decide(gains[o], tests[o], corrected[o]) for o in others}
     nearest = min(others, key=lambda o: gains[o].value)
@@ -135,7 +138,7 @@ def _judge_pairs(decide: Decide, evidence: Evidence) -> Verdict:
             words(gains[o]),
             f"{tests[o].wins}-{tests[o].losses}",
             f"{corrected[o]:.2g}",
-            f"{_mcnemar(ours, runs[o], 'frames_until_loss').z:.2f}",
+            f"{tests_of_frames[o].z:.2f}",
             PAPER_Z.get(o.rpartition("-")[0], ""),
             reads(runs[o]),
             WORDS[findings[o]],
@@ -154,11 +157,6 @@ def _judge_pairs(decide: Decide, evidence: Evidence) -> Verdict:
         [head, [first, done(ours), "", "", "", "", "", reads(ours), ""], *rows],
         intervals("who completes", "sequences completed [%]", shares),
     )
-
-
-def _mcnemar(first: Sequence[Record], second: Sequence[Record], measure: str) -> McNemar:
-    """Compare a measure of two trackers on the same sequences; the higher value wins."""
-    return McNemar.of(column(first, measure), column(second, measure))
 
 
 def _errors(effort: Effort) -> Sequence[Job]:

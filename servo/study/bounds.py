@@ -155,10 +155,13 @@ def doubts_of(scenario: Scenario) -> list[str]:
     """Return a sentence for each bound of a scenario that no run can keep, or that every run keeps;
     bounds for all trackers are checked.
     """
-    found = doubtful_bounds(scenario.bounds.expect, scenario)
-    for kind, bounds in scenario.bounds.others.items():
-        found += doubtful_bounds(bounds, scenario, f"expect.tracker.{kind}")
-    return found
+    others = scenario.bounds.others.items()
+    tables = {"expect": scenario.bounds.expect} | {f"expect.tracker.{k}": b for k, b in others}
+    return [
+        sentence
+        for place, bounds in tables.items()
+        for sentence in doubtful_bounds(bounds, scenario, place)
+    ]
 
 
 def doubtful_bounds(bounds: Mapping[str, object], setup: Setup, place: str = "expect") -> list[str]:
@@ -242,10 +245,8 @@ def missed_by_cells(
                 continue
             found = np.array([row.get(name) for row in rows], dtype=float)  # None becomes nan
             without = np.count_nonzero(~np.isfinite(found))
-            if without:
-                text = f"has no finite value in {without} of {len(rows)} runs"
-            else:
-                text = f"is {found.mean():.3g}"
+            text = f"has no finite value in {without} of {len(rows)} runs"
             if without or found.mean() > bound:
+                text = text if without else f"is {found.mean():.3g}"
                 sentences.append(f"{where}: {name} {text}, expected at most {bound:g}")
     return sentences

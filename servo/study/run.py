@@ -1,7 +1,5 @@
 """A run of a study as values: a `Job` before the run, and a `Record` or a `Failure` after it."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import traceback
@@ -43,7 +41,7 @@ class Subject(Protocol):
         """Return all settings that decide the results, in types of JSON."""
         ...
 
-    def perform(self, job: Job, folder: Path) -> Record:
+    def perform(self, job: "Job", folder: Path) -> "Record":
         """Run a job of this subject and return its record.
 
         Args:
@@ -91,7 +89,7 @@ class Job:
         """
         return hashlib.sha256(json.dumps(as_json(self.describe())).encode()).hexdigest()
 
-    def run(self, folder: Path) -> Record:
+    def run(self, folder: Path) -> "Record":
         """Run this job and return its record; files such as tracks go into the study's folder.
 
         Raises:
@@ -203,7 +201,7 @@ class Failure:
     """Whether disk or memory is full, so that all other jobs would fail too."""
 
     @staticmethod
-    def of(error: BaseException) -> Failure:
+    def of(error: BaseException) -> "Failure":
         """Return the failure with the traceback of an exception, and its sentence if it is a
         mistake of the user, or a full disk or memory.
         """

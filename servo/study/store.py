@@ -5,8 +5,6 @@ the disk before the next run begins. At the end the rows are exported to `result
 `series.parquet`, for other programs. One process writes at a time; others may read meanwhile.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import sqlite3
@@ -90,7 +88,7 @@ class StudyFile(Made):
     """Digests of the files that these tables name, by path."""
 
     @staticmethod
-    def of(study: Study, command: str) -> StudyFile:
+    def of(study: Study, command: str) -> "StudyFile":
         """Return the contents of the file study.json of a study; `command` is the command line that
         begins the study.
         """
@@ -129,14 +127,14 @@ class FailureFile(Document):
     """The traceback."""
 
     @staticmethod
-    def of(job: Job, error: str) -> FailureFile:
+    def of(job: Job, error: str) -> "FailureFile":
         """Return the contents of a failed job's file; `error` is the traceback."""
         settings = job.settings | {"seed": job.seed}
         return FailureFile(run=job.number, settings=settings, command=job.command, error=error)
 
 
 @contextmanager
-def opened(folder: Path, described: StudyFile) -> Generator[Store]:
+def opened(folder: Path, described: StudyFile) -> Generator["Store"]:
     """Open the folder of a study for writing, and lock it until the end of the block.
 
     The folder is made if it is missing; nothing is written into one with other files.
