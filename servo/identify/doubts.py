@@ -161,8 +161,7 @@ def _of_unit(
 
 def _outside(gain: Interval, limits: tuple[float, float]) -> bool:
     """Return whether the whole interval of a gain is below or above the limits."""
-    low, high = limits
-    return gain.high < low or gain.low > high
+    return gain.high < limits[0] or gain.low > limits[1]
 
 
 def _correlation(first: Array, second: Array) -> float:

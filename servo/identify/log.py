@@ -84,10 +84,8 @@ class Series:
     @property
     def varies(self) -> bool:
         """True if two numbers differ by more than rounding to single precision explains."""
-        if len(self.values) < 2:
-            return False
-        rounding = ROUNDING * np.abs(self.values).max()
-        return bool(np.ptp(self.values) > max(LEAST, rounding))
+        rounding = ROUNDING * np.abs(self.values).max(initial=0.0)
+        return len(self.values) > 1 and bool(np.ptp(self.values) > max(LEAST, rounding))
 
 
 @dataclass(frozen=True, slots=True)
