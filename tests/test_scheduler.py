@@ -62,7 +62,7 @@ def sweep(monkeypatch, capfd, address):
         "garbage",
         "tcp://",
         "tcp://h:0",
-        "tcp://h:999999",
+        "tcp://h:99999",
         "tcp://h:x",
         "tcp://[::1:80",
         "h",

@@ -14,7 +14,9 @@ from servo.mistake import Mistake
 from servo.study.cluster import tasks
 from servo.study.cluster.tasks import Cluster, silence
 
-ADDRESS = re.compile(r"(?:(tcp|tls)://)?((?:\[[0-9a-f:.]+\]|[^\s/@?#:\[\]]+):[1-9]\d{0,4})", re.I)
+ADDRESS = re.compile(
+    r"(?:(tcp|tls)://)?((?:\[[0-9a-f:.]+\]|[^\s/@?#:\[\]]+):([1-9]\d{0,4}))", re.IGNORECASE
+)
 """Matches HOST:PORT, with tcp:// or tls:// in front or without."""
 TLS_FILES = ("tls_ca_file", "tls_client_cert", "tls_client_key")
 CONNECTING = 0.75
@@ -30,7 +32,7 @@ def check_address(text: str) -> str:
         Mistake: The text is not HOST:PORT, with tcp:// or tls:// in front or without.
     """
     found = ADDRESS.fullmatch(text)
-    if found is None:
+    if found is None or int(found[3]) >= 1 << 16:  # no port
         raise Mistake(
             f"--scheduler {text}: this is no address of a scheduler: write tcp://HOST:PORT or "
             "tls://HOST:PORT"
