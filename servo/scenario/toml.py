@@ -23,8 +23,6 @@ DEEPEST = 20
 """Deepest nesting of tables and lists."""
 INTEGERS = range(-(1 << 63), 1 << 63)
 """The integers that TOML has."""
-ATOMS = frozenset({bool, float, int, str, Trusted})
-"""Types of values that cannot change, which copies share."""
 TOO_DEEP = f"tables and lists are nested too deep; the limit is {DEEPEST} levels"
 
 
@@ -89,17 +87,8 @@ def check(value: object, place: str, depth: int = 0) -> None:
 
 
 def copied(table: Table) -> Table:
-    """Return a copy of a table, inner tables and lists included: a study makes one for each run."""
-    return {key: _copied(value) for key, value in table.items()}
-
-
-def _copied(value: object) -> object:
-    """Return a copy of a value of TOML, three times as fast as `copy.deepcopy`."""
-    if type(value) in ATOMS:
-        return value
-    if is_table(value):
-        return copied(value)
-    return [*map(_copied, value)] if isinstance(value, list) else copy.deepcopy(value)
+    """Return a copy of a table, inner tables and lists included."""
+    return copy.deepcopy(table)
 
 
 def is_table(value: object) -> TypeGuard[Table]:

@@ -143,12 +143,11 @@ class DrawnShare:
             runs: The scenario of each run, and whether the run ended as expected; only runs with
                 drawn settings count.
         """
-        counted = [(s, success) for s, success in runs if s.success_rate is not None]
+        counted = [(s.success_rate, success) for s, success in runs if s.success_rate is not None]
         if not counted:
             return None
-        scenario, ended = counted[0][0], sum(success for _, success in counted)
-        assert scenario.success_rate is not None
-        return DrawnShare(scenario.name, ended, len(counted), scenario.success_rate)
+        ended = sum(success for _, success in counted)
+        return DrawnShare(runs[0][0].name, ended, len(counted), counted[0][0])
 
 
 def doubts_of(scenario: Scenario) -> list[str]:
