@@ -215,7 +215,7 @@ def test_bounds_are_those_of_the_tracker_in_the_file_and_others_have_their_own(m
     assert judged("expect.tracker.pf_ssd.settle_s=1", "tracker.kind=pf_ssd").expect == {
         "settle_s": 1
     }
-    assert other.bounds.success == "TIMED_OUT"
+    assert other.bounds.expect["outcome"] == "TIMED_OUT"
     any_other = "expect.tracker.*.settle_s=2"
     assert judged(any_other, "tracker.kind=pf_ssd").expect == {"settle_s": 2}
     assert judged(any_other, "tracker.kind=frozen").expect == {"servo_rms_px": 9.0}

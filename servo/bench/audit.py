@@ -47,14 +47,12 @@ def errors_parquet(records: Sequence[Record]) -> bytes:
     """Return the contents of a Parquet file with the error in each picture of some runs, in target
     sizes (square root of the target's area in the goal picture).
     """
-    table = pa.table(
-        {
-            WORLD: [r.settings[WORLD] for r in records],
-            SLOW: [r.settings[SLOW] for r in records],
-            ERROR: [np.asarray(r.series[ERROR], np.float32) for r in records],
-        }
-    )
-    return parquet(table)
+    columns = {
+        WORLD: [r.settings[WORLD] for r in records],
+        SLOW: [r.settings[SLOW] for r in records],
+        ERROR: [np.asarray(r.series[ERROR], np.float32) for r in records],
+    }
+    return parquet(pa.table(columns))
 
 
 def read_errors(path: Path) -> Errors:

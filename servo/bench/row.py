@@ -160,9 +160,8 @@ def curve_of(errors: Sequence[Array]) -> list[float]:
 
 def is_within(record: Record, position: float, rotation: float) -> bool:
     """Return True if a run's camera ended within a distance [mm] and an angle [deg] of its goal."""
-    measures = record.measures
-    near = measures["end_position_mm"] <= position
-    return bool(near and measures["end_rotation_deg"] <= rotation)
+    near = record.measures["end_position_mm"] <= position
+    return bool(near and record.measures["end_rotation_deg"] <= rotation)
 
 
 def row_of(

@@ -162,8 +162,9 @@ def read(path: Path) -> Log:
         )
     span = round(float(time[-1]) - float(time[0]), 3)
     if not SHORTEST <= span <= LONGEST:
-        length = f"{span:.3g} s long: record {SHORTEST:g} to {LONGEST:g} s"
-        raise Mistake(f"{path}: this log is {length}")
+        raise Mistake(
+            f"{path}: this log is {span:.3g} s long: record {SHORTEST:g} to {LONGEST:g} s"
+        )
     lost = _lost(time)
     asked, waited = _pictures(columns, lost)
     new = np.isfinite(asked) & (np.diff(asked, prepend=np.nan) != 0)  # rows with a new command

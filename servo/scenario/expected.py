@@ -97,11 +97,6 @@ class Expected:
         own, of_drawn = _parts(found)
         return own | of_drawn | _parts(self.changed)[0] if drawn else own
 
-    @property
-    def success(self) -> object:
-        """Return the outcome in [expect], which counts as success for every tracker, or None."""
-        return self.expect.get("outcome")
-
     def unjudged(self, kind: str) -> str:
         """Return a sentence that explains why runs with a kind of tracker have no verdict, if the
         scenario has bounds only for other trackers; else "".

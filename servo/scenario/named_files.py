@@ -99,14 +99,12 @@ def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
     def whole(name: str) -> str:
         if isinstance(name, Trusted):
             return name
-        try:
+        with suppress(OSError, RuntimeError, ValueError):  # no file can have this name
             path = (folder / name).resolve()
-            if not path.is_file():
-                return name
-        except (OSError, RuntimeError, ValueError):  # no file can have this name
-            return name
-        warn_of_shipped(name)
-        return str(path)
+            if path.is_file():
+                warn_of_shipped(name)
+                return str(path)
+        return name
 
     return _changed(table, (table, *bases), whole)
 

@@ -183,8 +183,10 @@ def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
     """Return the mean results for each combination of axis values that has runs, in the study's
     order.
     """
-    drawn = bool(study.draws)
-    return [Cell.of(settings, group, drawn=drawn) for settings, group in grouped(study.keys, rows)]
+    return [
+        Cell.of(settings, group, drawn=bool(study.draws))
+        for settings, group in grouped(study.keys, rows)
+    ]
 
 
 def moved(cells: Sequence[Cell]) -> list[str]:

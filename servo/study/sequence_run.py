@@ -62,9 +62,8 @@ class Contender:
         some.
         """
         found: Table = {"kind": kind_of(self.config), "settings": as_json(self.config)}
-        if files := digests(named_by(self.config)):
-            found["files"] = files
-        return found
+        files = digests(named_by(self.config))
+        return found | ({"files": files} if files else {})
 
 
 @dataclass(frozen=True, slots=True)
