@@ -78,16 +78,17 @@ class Job:
         """
         return self.name or key_of(self.number)
 
-    def describe(self) -> dict[str, object]:
-        """Return all settings that decide the record, without versions, in types of JSON."""
-        return {"subject": self.subject.describe(), "seed": self.seed, "settings": self.settings}
-
     @property
     def digest(self) -> str:
         """Return the SHA-256 digest of all settings that decide the run's record; versions of
         packages do not count.
         """
-        return hashlib.sha256(json.dumps(as_json(self.describe())).encode()).hexdigest()
+        described = {
+            "subject": self.subject.describe(),
+            "seed": self.seed,
+            "settings": self.settings,
+        }
+        return hashlib.sha256(json.dumps(as_json(described)).encode()).hexdigest()
 
     def run(self, folder: Path) -> "Record":
         """Run this job and return its record; files such as tracks go into the study's folder.
@@ -151,7 +152,11 @@ class Record:
             "outcome": self.outcome,
             "success": self.success,
             "missed": [
-                {"name": m.name, "found": _text(m.found), "bound": _text(m.bound)}
+                {
+                    "name": m.name,
+                    "found": None if m.found is None else str(m.found),
+                    "bound": str(m.bound),
+                }
                 for m in self.missed
             ],
             **{name: number(value) for name, value in self.measures.items()},
@@ -177,10 +182,6 @@ def version_columns(found: Mapping[str, str]) -> dict[str, str]:
     for "numpy".
     """
     return {f"version_{n.replace('-', '_').replace(' ', '_')}": v for n, v in found.items()}
-
-
-def _text(value: float | str | None) -> str | None:
-    return None if value is None else str(value)
 
 
 class ClusterLost(RuntimeError):
