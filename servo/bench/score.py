@@ -73,11 +73,10 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
     Raises:
         Mistake: There is no such world.
     """
-    worlds = sorted(row.worlds.keys() & null.worlds.keys())
-    if perfect is not None:
-        worlds = [key for key in worlds if key in perfect.worlds]
+    rows = [of for of in (row, null, perfect) if of is not None]
+    worlds = sorted(set(row.worlds).intersection(*(of.worlds for of in rows)))
     if not worlds:
-        all_of = ", ".join(f"'{of.contestant}'" for of in (row, null, perfect) if of is not None)
+        all_of = ", ".join(f"'{of.contestant}'" for of in rows)
         raise Mistake(
             f"there is no world in which each of {all_of} has a result: run the benchmark again "
             "for these contestants"

@@ -119,11 +119,12 @@ def marked(name: str, finding: str) -> str:
     """Return the text of a claim's finding, with a note if the design of the test, and not the
     results, decided it.
     """
-    if finding == WORDS[Finding.HOLDS] and name in BY_CONSTRUCTION:
-        return f"{finding} (by construction)"
-    if finding == WORDS[Finding.UNDECIDED] and name in WITHOUT_POWER:
-        return f"{finding} (power)"
-    return finding
+    notes = {
+        WORDS[Finding.HOLDS]: (BY_CONSTRUCTION, "by construction"),
+        WORDS[Finding.UNDECIDED]: (WITHOUT_POWER, "power"),
+    }
+    names, note = notes.get(finding, ((), ""))
+    return f"{finding} ({note})" if name in names else finding
 
 
 Found = dict[str, tuple[str, str]]

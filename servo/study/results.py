@@ -278,10 +278,11 @@ def _mcnemar(first: _Held, second: _Held) -> McNemar:
     """Compare the success rates of two values of an axis in each unit (independent observation),
     over the runs that both values have.
     """
-    rates: list[tuple[float, float]] = []
-    for unit in first.keys() & second.keys():
-        both = first[unit].keys() & second[unit].keys()
-        if both:
-            pair = [float(np.mean([held[unit][at] for at in both])) for held in (first, second)]
-            rates.append((pair[0], pair[1]))
+    units = first.keys() & second.keys()
+    common = {unit: first[unit].keys() & second[unit].keys() for unit in units}
+    rates = [
+        [np.mean([held[unit][at] for at in both]) for held in (first, second)]
+        for unit, both in common.items()
+        if both
+    ]
     return McNemar.of(*np.array(rates, float).reshape(-1, 2).T)
