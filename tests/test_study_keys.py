@@ -132,7 +132,7 @@ BAD = {
     ),
     "a bound of the scenario that is a list": (
         STILL + "set.expect.settle_s = [1]",
-        "where expect.settle_s = [1]: still: expect.settle_s = [1]: input should be a valid number",
+        "where expect.settle_s = [1]: still.toml: expect.settle_s = [1]: input should be a valid number",
     ),
 }
 

@@ -13,7 +13,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from servo.mistake import Mistake, unknown
+from servo.mistake import Mistake, check_rules, unknown
 from servo.scenario import toml
 from servo.scenario.catalogue import sentence
 from servo.scenario.draws import flat
@@ -208,13 +208,16 @@ class Benchmark:
             Mistake: A value differs; settings that were added later do not count.
         """
         now = self.settings()
-        for key, value in (self.frozen | self.pinned).items():
-            if now.get(key) != value:
-                raise Mistake(
-                    f"{self.name}: {key} is {now.get(key)!r} in this version, and was "
-                    f"{value!r} when the benchmark was frozen: new results could not be "
-                    "compared with old ones"
+        check_rules(
+            *(
+                (
+                    now.get(key) != value,
+                    f"{self.name}: {key} is {now.get(key)!r} in this version, and was {value!r} "
+                    "when the benchmark was frozen: new results could not be compared with old ones",
                 )
+                for key, value in (self.frozen | self.pinned).items()
+            )
+        )
 
     def every_world(self, band: Band, count: int | None = None) -> list[World]:
         """Return the worlds of a band (worlds with seeds of their own): the first `count` of each

@@ -18,7 +18,7 @@ from pathlib import Path
 from servo.bench.benchmark import Benchmark, Settings
 from servo.controllers import KINDS as LAWS
 from servo.features import KINDS as FEATURES
-from servo.mistake import Mistake
+from servo.mistake import Mistake, check_rules
 from servo.scenario.part_names import PROGRAM, TRAX, named_part, settings_of
 from servo.scenario.toml import assignment
 from sim.files.behind import files_behind
@@ -195,9 +195,15 @@ def contestants(
         served = not any(key.startswith("tracker.") for key in changed)
         chosen = [home.get(text) or _guest(benchmark, home, text, served) for text in given]
     names = [one.name for one in chosen]
-    for name in names:
-        if names.count(name) > 1 or name in (NULL, PERFECT):
-            raise Mistake(f"two contestants are called '{name}': write another name before the =")
+    check_rules(
+        *(
+            (
+                names.count(name) > 1 or name in (NULL, PERFECT),
+                f"two contestants are called '{name}': write another name before the =",
+            )
+            for name in names
+        )
+    )
     if changed:
         chosen = [Contestant(c.name, c.settings | changed, Division.OPEN) for c in chosen]
     return chosen

@@ -96,12 +96,11 @@ def _each(key: str, found: Mapping[str, Interval], joints: Sequence[str]) -> lis
         return []
     values = {name: f"{each.value:.3g}" for name, each in found.items() if each.low > 0}
     each = ", ".join(f"{name} {interval_text(interval)}" for name, interval in found.items())
-    small = [name for name, interval in found.items() if interval.low <= 0]
-    if small:
-        each += f"; not distinguished from 0, so 0: {', '.join(small)}"
-    unknown = [name for name in joints if name not in found]
-    if unknown:
-        each += f"; not measured, so 0: {', '.join(unknown)}"
+    zeros = {
+        "not distinguished from 0": [name for name in found if name not in values],
+        "not measured": [name for name in joints if name not in found],
+    }
+    each += "".join(f"; {why}, so 0: {', '.join(of)}" for why, of in zeros.items() if of)
     return [f"{key} = {_listed(values, joints)}  # {each}"]
 
 

@@ -105,9 +105,12 @@ def calibrated(camera: object, place: str) -> object:
     """
     if not is_table(camera) or not isinstance(camera.get("calibration"), str):
         return camera
-    for key in ("fovy_deg", *PIXELS, "distortion", "coefficients"):
-        if key in camera:
-            raise Mistake(f"{place}: {key} and calibration both give the lens; leave one out")
+    check_rules(
+        *(
+            (key in camera, f"{place}: {key} and calibration both give the lens; leave one out")
+            for key in ("fovy_deg", *PIXELS, "distortion", "coefficients")
+        )
+    )
     path = Path(str(camera["calibration"]))
     found = _read(path)
     whole = found["width"]

@@ -15,7 +15,7 @@ from servo.loop.episode import Episode, Kept
 from servo.loop.measure import MEASURES, Measure
 from servo.loop.run_measures import CONVERGED_PX, Outcome, summarise, timed
 from servo.loop.step import Step
-from servo.mistake import Mistake
+from servo.mistake import Mistake, check_rules
 from servo.output.formats import command_line
 from servo.scenario import load as scenarios
 from servo.scenario.draws import Value
@@ -133,12 +133,16 @@ class StudiedScenario:
             Mistake: A package that the scenario needs is missing on this machine, or a file has
                 changed since the study began.
         """
-        for path, digest in self.files.items():
-            if digest_of(path) != digest:
-                raise Mistake(
+        check_rules(
+            *(
+                (
+                    digest_of(path) != digest,
                     f"on {platform.node()}, the file {path} is missing or differs from the one at "
-                    "the start of the study; copy it there"
+                    "the start of the study; copy it there",
                 )
+                for path, digest in self.files.items()
+            )
+        )
         try:
             scenario = self.parsed(job.seed, job.settings)
         except Mistake as error:

@@ -19,7 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
-from servo.mistake import Mistake, Refused, writing
+from servo.mistake import Mistake, Refused, check_rules, writing
 from servo.output.formats import Document, Made, Number, OtherFormat
 from servo.output.versions import versions
 from servo.scenario.toml import Table
@@ -277,23 +277,29 @@ def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
     Raises:
         Mistake: It has not.
     """
-    if before.holds != now.holds:
-        raise Mistake(
+    check_rules(
+        (
+            before.holds != now.holds,
             f"{folder}: this folder holds results of another command; choose another folder with "
-            "--out"
-        )
-    for what in DECIDE:
-        if as_json(getattr(before, what)) != as_json(getattr(now, what)):
-            raise Mistake(
+            "--out",
+        ),
+        *(
+            (
+                as_json(getattr(before, what)) != as_json(getattr(now, what)),
                 f"{folder}: this folder holds another study (its {what} differs); choose another "
-                "folder with --out"
+                "folder with --out",
             )
-    for name, version in now.versions.items():
-        if before.versions.get(name) != version:
-            raise Mistake(
+            for what in DECIDE
+        ),
+        *(
+            (
+                before.versions.get(name) != version,
                 f"{folder}: these results are of {name} {before.versions.get(name)}, and {version} "
-                "is installed now: numbers may differ; choose another folder with --out"
+                "is installed now: numbers may differ; choose another folder with --out",
             )
+            for name, version in now.versions.items()
+        ),
+    )
 
 
 class Store:
@@ -387,13 +393,16 @@ class Store:
                 database is damaged.
             Refused: The disk is full, or the database cannot be written.
         """
-        for name, here in versions().items():
-            there = record.versions.get(name)
-            if there != here:
-                raise Mistake(
-                    f"a worker has {name} {there}, and {here} is installed here: numbers may "
-                    "differ; install the same version on every worker"
+        check_rules(
+            *(
+                (
+                    record.versions.get(name) != here,
+                    f"a worker has {name} {record.versions.get(name)}, and {here} is installed "
+                    "here: numbers may differ; install the same version on every worker",
                 )
+                for name, here in versions().items()
+            )
+        )
         row = [job.key, job.digest, *stored(record)]
         with self._opened(f"write run {job.key}") as database:
             database.execute(

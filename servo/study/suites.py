@@ -10,7 +10,7 @@ from typing import Annotated
 from annotated_types import MinLen
 from pydantic import BaseModel
 
-from servo.mistake import Mistake, as_mistake
+from servo.mistake import Mistake, as_mistake, check_rules
 from servo.scenario import toml
 from servo.scenario.fill import STRICT, fill_plugin, validated
 from servo.scenario.toml import Table
@@ -157,12 +157,16 @@ def _check_unique(names: Iterable[str], what: str, place: str) -> None:
     Raises:
         Mistake: Two are equal; the message begins with `place`.
     """
-    for name, count in Counter(names).items():
-        if count > 1:
-            raise Mistake(
+    check_rules(
+        *(
+            (
+                count > 1,
                 f"{place}: two {what} are called '{name}': leave one out, or give it another name, "
-                "which is a sequence's folder or a tracker's label in a suite's file"
+                "which is a sequence's folder or a tracker's label in a suite's file",
             )
+            for name, count in Counter(names).items()
+        )
+    )
 
 
 def _entries(item: Table, beside: Path, place: str) -> Sequence[Entry]:
