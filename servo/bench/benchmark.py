@@ -213,7 +213,8 @@ class Benchmark:
                 (
                     now.get(key) != value,
                     f"{self.name}: {key} is {now.get(key)!r} in this version, and was {value!r} "
-                    "when the benchmark was frozen: new results could not be compared with old ones",
+                    "when the benchmark was frozen: new results could not be compared with old "
+                    "ones",
                 )
                 for key, value in (self.frozen | self.pinned).items()
             )
