@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from servo.mistake import Mistake, as_mistake
+from servo.mistake import Mistake, as_mistake, check_rules
 from sim.files import reading
 from sim.types import Array
 
@@ -207,17 +207,20 @@ def _check_enough(moving: Sequence[LogChannel], path: Path) -> None:
     """
     for channel in moving:
         positions = len(channel.moved.values)
-        if positions < FEWEST:
-            raise Mistake(
-                f"{path}: this log has {positions} positions of {channel.name}; record at "
-                f"least {FEWEST}, and more than one movement"
-            )
         # Stamps of 10 Hz differ by 0.1 s and a rounding error.
-        if (interval := round(float(np.median(np.diff(channel.moved.times))), 3)) > SPARSEST:
-            raise Mistake(
-                f"{path}: the positions of {channel.name} are {interval:.3g} s apart, too "
-                f"far for delay and lag: record one every {SPARSEST:g} s or more often"
-            )
+        interval = round(float(np.median(np.diff(channel.moved.times))), 3)
+        check_rules(
+            (
+                positions < FEWEST,
+                f"{path}: this log has {positions} positions of {channel.name}; record at least "
+                f"{FEWEST}, and more than one movement",
+            ),
+            (
+                interval > SPARSEST,
+                f"{path}: the positions of {channel.name} are {interval:.3g} s apart, too far for "
+                f"delay and lag: record one every {SPARSEST:g} s or more often",
+            ),
+        )
     if not moving:
         raise Mistake(
             f"{path}: no joint in this log has commanded rates and positions that change; a "
