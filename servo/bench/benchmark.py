@@ -43,20 +43,6 @@ NEAR_DEG = 10.0
 """Arrival in the wider sense that is used for learned servoing: a tenth of a path of a metre, and
 ten degrees."""
 Settings = Table
-CONSTANTS: dict[str, Settings] = {
-    "held": {
-        "score.farthest": FARTHEST,
-        "score.held_size": HELD_SIZE,
-        "score.held_share": HELD_SHARE,
-    },
-    "arrives": {
-        "score.arrived_mm": ARRIVED_MM,
-        "score.arrived_deg": ARRIVED_DEG,
-        "score.near_mm": NEAR_MM,
-        "score.near_deg": NEAR_DEG,
-    },
-}
-"""The constants of the measures that each score depends on, by dotted key."""
 OF_CONTESTANTS = {"tracker": ("tracker",), "law": ("features", "controller")}
 """Tables of a scenario that a contestant sets; the hash does not cover their defaults."""
 
@@ -189,7 +175,7 @@ class Benchmark:
         found = parse(copy.deepcopy(self.scenario), self.name, self.name).settings()
         for part in OF_CONTESTANTS[self.contestant]:
             del found[part]
-        return flat(as_json(found), self.name) | CONSTANTS[self.score]
+        return flat(as_json(found), self.name) | _constants(self.score)
 
     def resolved(self, contestant: Settings) -> Settings:
         """Return, by dotted key, every setting of the tables that a contestant may set, such as
@@ -334,6 +320,22 @@ def parsed(
         rendering=rendering,
         text=text,
     )
+
+
+def _constants(score: str) -> Settings:
+    """Return the constants of measures that a score ("held" or "arrives") depends on, by a dotted
+    key.
+    """
+    of_scores = {
+        "held": {"farthest": FARTHEST, "held_size": HELD_SIZE, "held_share": HELD_SHARE},
+        "arrives": {
+            "arrived_mm": ARRIVED_MM,
+            "arrived_deg": ARRIVED_DEG,
+            "near_mm": NEAR_MM,
+            "near_deg": NEAR_DEG,
+        },
+    }
+    return {f"score.{name}": value for name, value in of_scores[score].items()}
 
 
 def _spread(rng: np.random.Generator, count: int) -> Array:
