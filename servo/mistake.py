@@ -112,6 +112,20 @@ def check_suffix(path: Path, *suffixes: str) -> None:
         raise Mistake(f"{path}: the name of this file should end in {' or '.join(suffixes)}")
 
 
+def check_rules(*rules: tuple[bool, str]) -> None:
+    """Check rules that an input has to keep.
+
+    Args:
+        *rules: Pairs of a condition that is true if the rule is broken, and a sentence.
+
+    Raises:
+        Mistake: A rule is broken; the sentence is that of the first one.
+    """
+    for is_broken, sentence in rules:
+        if is_broken:
+            raise Mistake(sentence)
+
+
 def refusal(error: OSError) -> str:
     """Return a sentence for an error of the operating system: which file, and why."""
     why = error.strerror or str(error)

@@ -40,7 +40,7 @@ from servo.report.words import Table, shown
 from servo.scenario import arguments
 from servo.scenario.load import Scenario, load
 from servo.study import parse
-from servo.study.bounds import MissedBound, check_expect, unjudged
+from servo.study.bounds import MissedBound, unjudged
 from servo.study.execute import Workers, complete
 from servo.study.plan import Study
 from servo.study.record_file import rows_of
@@ -80,7 +80,6 @@ def simulate(
         scenario = load(scenario, overrides, seed, **settings)
     elif overrides or settings or seed is not None:
         raise Mistake("a loaded scenario cannot be changed: give the changes to servo.load")
-    check_expect(scenario)
     steps = list[Step]()
     pictures = list[bytes]()
     with Episode(scenario) as episode, notebook.progress(scenario.name, episode.frames) as bar:

@@ -332,12 +332,12 @@ def test_a_position_that_changes_by_rounding_only_does_not_move(tmp_path, column
 
 def test_a_delay_at_the_end_of_the_search_is_not_printed_as_an_estimate():
     near = Interval(0.4999, 0.45, 0.5)
-    assert _too_long("delay", near, near, 0.5) == [
+    assert list(_too_long("delay", near, near, 0.5)) == [
         "the delay may be above 500 ms, the longest that is searched"
     ]
     vague = Interval(0.5, 0.0, 0.5)
     with pytest.raises(Mistake, match=r"^the lag is too uncertain in this log: record "):
-        _too_long("lag", vague, near, 0.5)
+        list(_too_long("lag", vague, near, 0.5))
 
 
 def test_settings_that_no_run_takes_are_refused(tmp_path, columns):

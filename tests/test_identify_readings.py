@@ -13,7 +13,7 @@ from servo.cli import identify_command
 from servo.cli.main import app
 from servo.identify.doubts import doubts, interval_text
 from servo.identify.fit import identify
-from servo.identify.lines import BEHIND, lines
+from servo.identify.lines import lines
 from servo.identify.log import read
 from tracking.statistics.comparisons import Interval
 
@@ -119,7 +119,7 @@ def test_a_play_that_may_be_none_is_none_and_nowhere(path):
     text = lines(found, ["x", "y"], 0.008, [])
     assert "\nbacklash = [0.0, 0.0]  # x 0.0000" in text
     assert "; not distinguished from 0, so 0: x; not measured, so 0: y\n" in text
-    assert BEHIND not in text
+    assert "behind the lag" not in text
 
 
 def test_a_play_is_in_the_units_of_the_joint_where_its_gain_is_not_one(path):

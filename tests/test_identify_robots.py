@@ -177,6 +177,4 @@ def test_a_last_line_that_was_cut_is_left_out(tmp_path, end):
     text = path.read_text()
     path.write_text(text[:-3] + end)
     cut = read(path)
-    assert cut.cut == "line 2001, the last, was left out: it has no line end, so it may be cut"
     np.testing.assert_array_equal(cut.channels[0].moved.values, whole.channels[0].moved.values[:-1])
-    assert whole.cut == ""

@@ -138,5 +138,5 @@ def test_a_name_with_dots_stands_in_quotes():
     assert others["kams"] == {"servo_rms_px": 4}
     wrong = 'expect.tracker."mine.py:Name"=3'
     assert mistake("still", [wrong]) == (
-        f"--set {wrong}: expect.tracker should be a table of bounds by kind of tracker"
+        f"--set {wrong}: expect.tracker.mine.py:Name should be a table of settings, not 3"
     )

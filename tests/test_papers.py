@@ -209,7 +209,7 @@ def test_verdicts_are_found_on_seeds_that_no_tuning_has_seen():
         for job in jobs:
             assert job.seed >= 1000
             # What two claims share is run once.
-            assert described.setdefault(job.key, job.describe()) == job.describe()
+            assert described.setdefault(job.key, job.digest) == job.digest
     for claim in tuning.TUNING:
         assert all(job.seed < 1000 for job in claim.jobs(FULL))
 

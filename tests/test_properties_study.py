@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from servo.mistake import LONGEST, Mistake
 from servo.scenario.draws import LAWS
 from servo.study import parse
-from servo.study.axes import SPANS
+from servo.study.plan import SPANS
 
 NUMBERS = st.one_of(
     st.integers(-3, 12), st.floats(-2.0, 40.0), st.floats(), st.integers(-(1 << 63), (1 << 63) - 1),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from servo.mistake import Mistake
-from servo.study.axes import axes_of
+from servo.study.plan import axes_of
 from sim.files import picture_file
 from tracking import exported
 from tracking.sequences import truth

@@ -122,7 +122,7 @@ def test_a_file_that_is_no_database_is_one_sentence(small, folder, content, monk
 
 
 def test_a_folder_that_is_read_only_can_be_read(small, folder, monkeypatch):
-    """Of an archive; the superuser, who may run this, is refused nothing, so the open call is."""
+    """Of an archive; the superuser, who may run this, is refused nothing, so these calls are."""
     connect = store.sqlite3.connect
 
     class ReadOnly(store.sqlite3.Connection):
@@ -133,6 +133,7 @@ def test_a_folder_that_is_read_only_can_be_read(small, folder, monkeypatch):
         return connect(place, **more, factory=ReadOnly if place.endswith("mode=ro") else Connection)
 
     monkeypatch.setattr(store.sqlite3, "connect", refusing)
+    monkeypatch.setattr(store.os, "access", lambda *_: False)
     there = store.Store(folder)
     there.find(small.jobs())
     assert len(there.done) == len(there.records(small.jobs())) == 4

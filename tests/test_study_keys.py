@@ -112,7 +112,7 @@ BAD = {
     ),
     "more runs than can be written out": (
         STILL + "[axes]\n" + "\n".join(f"goal.x{i} = [1, 2]" for i in range(20_000)),
-        "this study has more than 1e+15 runs; the limit is 1,000,000",
+        "this study has more runs than the limit, 1,000,000",
     ),
     "comparing what is drawn": (
         STILL + "compare = 'start.x'\naxes.start.x = { uniform = [1, 2] }",
@@ -132,7 +132,7 @@ BAD = {
     ),
     "a bound of the scenario that is a list": (
         STILL + "set.expect.settle_s = [1]",
-        "where expect.settle_s = [1]: still: expect.settle_s = [1]: expected a finite number",
+        "where expect.settle_s = [1]: still.toml: expect.settle_s = [1]: input should be a valid number",
     ),
 }
 

@@ -77,7 +77,7 @@ BAD = {
     ),
     "too many runs": (
         STILL + "seeds = 1000\naxes.start.x = { linspace = [0.0, 1.0, 5000] }",
-        "this study has 5,000,000 runs; the limit is 1,000,000",
+        "this study has more runs than the limit, 1,000,000",
     ),
     "seeds": (
         STILL + "seeds = -1",

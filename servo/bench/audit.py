@@ -3,7 +3,7 @@ with stored errors and with new runs.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -47,14 +47,12 @@ def errors_parquet(records: Sequence[Record]) -> bytes:
     """Return the contents of a Parquet file with the error in each picture of some runs, in target
     sizes (square root of the target's area in the goal picture).
     """
-    table = pa.table(
-        {
-            WORLD: [r.settings[WORLD] for r in records],
-            SLOW: [r.settings[SLOW] for r in records],
-            ERROR: [np.asarray(r.series[ERROR], np.float32) for r in records],
-        }
-    )
-    return parquet(table)
+    columns = {
+        WORLD: [r.settings[WORLD] for r in records],
+        SLOW: [r.settings[SLOW] for r in records],
+        ERROR: [np.asarray(r.series[ERROR], np.float32) for r in records],
+    }
+    return parquet(pa.table(columns))
 
 
 def read_errors(path: Path) -> Errors:
@@ -89,28 +87,35 @@ def audit(
         for each part of the row that could not be compared.
     """
     worlds = expected_worlds(benchmark, row)
-    faults = list[str]()
-    remarks = list[str]()
-    if other := {world.key for world in worlds} ^ row.worlds.keys():
-        faults.append(f"the row's worlds differ from those of its band: {_some(other)}")
+    other = {world.key for world in worlds} ^ row.worlds.keys()
     whole = len(benchmark.conditions) * benchmark.worlds
-    if len(worlds) < whole:
-        remarks.append(f"the row is of a quick run: {len(worlds)} of {whole} worlds")
-    if (row.settings, row.digest) != (as_json(one.settings), one.digest):
-        found = faults if one.division in (Division.HOME, Division.SCALE) else remarks
-        found.append("the contestant's settings or files differ from those given here")
-    if row.division != one.division.name:
-        right = one.division.name.lower()
-        faults.append(f"the row's division is {row.division.lower()}; it should be {right}")
-    if errors is None:
-        remarks.append(
-            "without its Parquet file, the row's curve and slower trackers are unchecked"
-        )
-    else:
-        faults += _contradictions(benchmark, row, errors)
-    if benchmark.score == "arrives":
-        remarks.append("the row's medians (time, camera path, corners out of view) are unchecked")
-    return faults, remarks
+    differs = (row.settings, row.digest) != (as_json(one.settings), one.digest)
+    settings = "the contestant's settings or files differ from those given here"
+    is_ours = one.division in (Division.HOME, Division.SCALE)
+    right = one.division.name
+    faults = (
+        (other, f"the row's worlds differ from those of its band: {_some(other)}"),
+        (differs and is_ours, settings),
+        (
+            row.division != right,
+            f"the row's division is {row.division.lower()}; it should be {right.lower()}",
+        ),
+    )
+    remarks = (
+        (len(worlds) < whole, f"the row is of a quick run: {len(worlds)} of {whole} worlds"),
+        (differs and not is_ours, settings),
+        (
+            errors is None,
+            "without its Parquet file, the row's curve and slower trackers are unchecked",
+        ),
+        (
+            benchmark.score == "arrives",
+            "the row's medians (time, camera path, corners out of view) are unchecked",
+        ),
+    )
+    contradictions = [] if errors is None else _contradictions(benchmark, row, errors)
+    found = [sentence for is_so, sentence in faults if is_so]
+    return [*found, *contradictions], [sentence for is_so, sentence in remarks if is_so]
 
 
 def expected_worlds(benchmark: Benchmark, row: Row) -> list[World]:
@@ -132,22 +137,21 @@ def sample(worlds: Sequence[World], rng: np.random.Generator) -> list[World]:
     return [worlds[i] for i in sorted(rng.choice(len(worlds), count, replace=False))]
 
 
-def _contradictions(benchmark: Benchmark, row: Row, errors: Errors) -> list[str]:
-    """Return a sentence for each contradiction between a contestant's results (its row) and the
+def _contradictions(benchmark: Benchmark, row: Row, errors: Errors) -> Iterator[str]:
+    """Yield a sentence for each contradiction between a contestant's results (its row) and the
     errors in its pictures.
     """
     at_once = {world: e for (world, ms), e in errors.items() if ms == 0.0}
-    faults = list[str]()
     if other := at_once.keys() ^ row.worlds.keys():
-        return [f"the Parquet file has other worlds than the row: {_some(other)}"]
+        yield f"the Parquet file has other worlds than the row: {_some(other)}"
+        return
     wrong = [w for w, e in at_once.items() if not _is_close(score_errors(e), row.worlds[w])]
     if benchmark.score == "held" and wrong:
-        faults.append(f"the Parquet file gives other scores than the row: {_some(wrong)}")
+        yield f"the Parquet file gives other scores than the row: {_some(wrong)}"
     if curve_of(list(at_once.values())) != row.curve:
-        faults.append("the Parquet file gives another curve than the row")
+        yield "the Parquet file gives another curve than the row"
     if row.slow and slow_of(benchmark, errors) != row.slow:
-        faults.append("the Parquet file gives other shares held by slower trackers than the row")
-    return faults
+        yield "the Parquet file gives other shares held by slower trackers than the row"
 
 
 def _is_close(now: WorldScore, before: WorldScore) -> bool:

@@ -2,8 +2,6 @@
 hash.
 """
 
-from __future__ import annotations
-
 import copy
 import hashlib
 import json
@@ -15,7 +13,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from servo.mistake import Mistake, unknown
+from servo.mistake import Mistake, check_rules, unknown
 from servo.scenario import toml
 from servo.scenario.catalogue import sentence
 from servo.scenario.draws import flat
@@ -44,13 +42,9 @@ NEAR_MM = 100.0
 NEAR_DEG = 10.0
 """Arrival in the wider sense that is used for learned servoing: a tenth of a path of a metre, and
 ten degrees."""
+Settings = Table
 OF_CONTESTANTS = {"tracker": ("tracker",), "law": ("features", "controller")}
 """Tables of a scenario that a contestant sets; the hash does not cover their defaults."""
-Settings = Table
-Levels = Mapping[str, Settings]
-"""Settings of each level of a factor, by the level's name."""
-Ranges = dict[str, list[float]]
-"""Least and largest value of each setting; an empty list takes a common range away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +54,11 @@ class Condition:
     """
 
     name: str
-    about: str
     settings: Settings
     ranges: dict[str, tuple[float, float]]
     """The two ends of each setting that is drawn uniformly."""
-    factors: dict[str, Levels]
+    factors: dict[str, dict[str, Settings]]
+    """Settings of each level of each factor, by the names of both."""
     size: str | None = None
     """The key in `ranges` whose value measures how large the task is."""
 
@@ -200,13 +194,17 @@ class Benchmark:
             Mistake: A value differs; settings that were added later do not count.
         """
         now = self.settings()
-        for key, value in (self.frozen | self.pinned).items():
-            if now.get(key) != value:
-                raise Mistake(
-                    f"{self.name}: {key} is {now.get(key)!r} in this version, and was "
-                    f"{value!r} when the benchmark was frozen: new results could not be "
-                    "compared with old ones"
+        check_rules(
+            *(
+                (
+                    now.get(key) != value,
+                    f"{self.name}: {key} is {now.get(key)!r} in this version, and was {value!r} "
+                    "when the benchmark was frozen: new results could not be compared with old "
+                    "ones",
                 )
+                for key, value in (self.frozen | self.pinned).items()
+            )
+        )
 
     def every_world(self, band: Band, count: int | None = None) -> list[World]:
         """Return the worlds of a band (worlds with seeds of their own): the first `count` of each
@@ -286,11 +284,12 @@ def parsed(
     conditions = [
         Condition(
             key,
-            given["about"],
             flat(given.get("set", {}), name),
             {
                 key: (ends[0], ends[1])
-                for key, ends in cast(Ranges, common | flat(given.get("ranges", {}), name)).items()
+                for key, ends in cast(
+                    dict[str, list[float]], common | flat(given.get("ranges", {}), name)
+                ).items()
                 if ends  # [] takes a common range away
             },
             {

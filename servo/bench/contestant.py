@@ -2,15 +2,13 @@
 those of a user, by class or command.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
 import shlex
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
@@ -20,7 +18,7 @@ from pathlib import Path
 from servo.bench.benchmark import Benchmark, Settings
 from servo.controllers import KINDS as LAWS
 from servo.features import KINDS as FEATURES
-from servo.mistake import Mistake
+from servo.mistake import Mistake, check_rules
 from servo.scenario.part_names import PROGRAM, TRAX, named_part, settings_of
 from servo.scenario.toml import assignment
 from sim.files.behind import files_behind
@@ -195,11 +193,17 @@ def contestants(
     chosen = list(home.values())
     if given:
         served = not any(key.startswith("tracker.") for key in changed)
-        chosen = [home.get(text) or _guest(benchmark, text, served) for text in given]
+        chosen = [home.get(text) or _guest(benchmark, home, text, served) for text in given]
     names = [one.name for one in chosen]
-    for name in names:
-        if names.count(name) > 1 or name in (NULL, PERFECT):
-            raise Mistake(f"two contestants are called '{name}': write another name before the =")
+    check_rules(
+        *(
+            (
+                names.count(name) > 1 or name in (NULL, PERFECT),
+                f"two contestants are called '{name}': write another name before the =",
+            )
+            for name in names
+        )
+    )
     if changed:
         chosen = [Contestant(c.name, c.settings | changed, Division.OPEN) for c in chosen]
     return chosen
@@ -219,11 +223,10 @@ def _served(settings: Settings) -> Settings:
     return settings_of("tracker", PROGRAM + shlex.join(words))
 
 
-def _guest(benchmark: Benchmark, text: str, served: bool) -> Contestant:
+def _guest(benchmark: Benchmark, home: Collection[str], text: str, served: bool) -> Contestant:
     name, what = named_part(text)
     is_law = benchmark.contestant == "law"
     kinds = [*FEATURES.names(), *LAWS.names()] if is_law else TRACKERS.names()
-    home = {one.name: one for one in home_of(benchmark)}
     if what not in (*home, *kinds) and ":" not in what:
         shipped = ", ".join(f"'{one}'" for one in home)
         raise Mistake(f"there is no contestant '{what}'; shipped are {shipped}")

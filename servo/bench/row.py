@@ -1,7 +1,5 @@
 """The published results of a contestant in a benchmark (its row of the table): a JSON file."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import platform
@@ -34,7 +32,7 @@ from servo.bench.world_run import CONTESTANT, ERROR, LAST, PICTURE, SLOW, WORLD
 from servo.mistake import Mistake
 from servo.output.formats import Made
 from servo.output.versions import versions
-from servo.study.run import Record
+from servo.study.run import Record, grouped_by
 from servo.study.scenario_run import TRACK_MS
 from sim.types import Array
 
@@ -162,9 +160,8 @@ def curve_of(errors: Sequence[Array]) -> list[float]:
 
 def is_within(record: Record, position: float, rotation: float) -> bool:
     """Return True if a run's camera ended within a distance [mm] and an angle [deg] of its goal."""
-    measures = record.measures
-    near = measures["end_position_mm"] <= position
-    return bool(near and measures["end_rotation_deg"] <= rotation)
+    near = record.measures["end_position_mm"] <= position
+    return bool(near and record.measures["end_rotation_deg"] <= rotation)
 
 
 def row_of(
@@ -211,11 +208,12 @@ def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> 
     """
     if benchmark.slow is None:
         return {}
-    held: dict[float, list[bool]] = {}
-    for (world, ms), each in errors.items():
-        if condition_of(world) == benchmark.slow.condition:
-            held.setdefault(ms, []).append(score_errors(each).held)
-    return {f"{ms:g}": float(np.mean(of)) for ms, of in sorted(held.items())}
+    condition = benchmark.slow.condition
+    runs = grouped_by([at for at in errors if condition_of(at[0]) == condition], lambda at: at[1])
+    return {
+        f"{ms:g}": float(np.mean([score_errors(errors[at]).held for at in of]))
+        for ms, of in sorted(runs.items())
+    }
 
 
 def _measures(records: Sequence[Record]) -> dict[str, float | None]:

@@ -2,8 +2,6 @@
 ranks, and effects of factors such as the light.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -75,11 +73,10 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
     Raises:
         Mistake: There is no such world.
     """
-    worlds = sorted(row.worlds.keys() & null.worlds.keys())
-    if perfect is not None:
-        worlds = [key for key in worlds if key in perfect.worlds]
+    rows = [of for of in (row, null, perfect) if of is not None]
+    worlds = sorted(set(row.worlds).intersection(*(of.worlds for of in rows)))
     if not worlds:
-        all_of = ", ".join(f"'{of.contestant}'" for of in (row, null, perfect) if of is not None)
+        all_of = ", ".join(f"'{of.contestant}'" for of in rows)
         raise Mistake(
             f"there is no world in which each of {all_of} has a result: run the benchmark again "
             "for these contestants"
@@ -226,7 +223,7 @@ class Difficulty:
     worlds: int
 
     @staticmethod
-    def of(table: Sequence[Standing]) -> Difficulty | None:
+    def of(table: Sequence[Standing]) -> "Difficulty | None":
         """Count the worlds in which no contestant, or every one, holds the target; return None for
         fewer than three contestants.
         """

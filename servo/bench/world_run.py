@@ -54,7 +54,6 @@ class WorldRun:
 
         No file is written into `folder`.
         """
-        del folder
         scenario = parse(self.table, str(job.settings[WORLD]), self.benchmark)
         sheet = Sheet(scenario.frames)
         pictures: list[Image] = []

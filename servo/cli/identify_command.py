@@ -46,7 +46,7 @@ def run(path: Path, scenario: str, out: Path | None) -> int:
         settings = atomic.write(folder, "robot.toml", text)
         drawn = save(picture(log, found), folder, "response.png")
     unused = f"unused columns (unknown names, or no numbers): {listed(log.unused, most=6)}"
-    plain(Console(), text, str(settings), str(drawn), unused * bool(log.unused), log.cut)
+    plain(Console(), text, str(settings), str(drawn), unused * bool(log.unused))
     return 0
 
 

@@ -21,7 +21,7 @@ from servo.scenario.expected import SUCCESS_RATE
 from servo.scenario.fill import STRICT, form
 from servo.scenario.tables import SECTIONS
 from servo.study import parse
-from servo.study.axes import COUNTS, ENDS, MOST_VALUES
+from servo.study.plan import COUNTS, ENDS, MOST_VALUES
 from sim.kinds import Kinds, UnknownKind, not_from_file
 
 Schema = dict[str, Any]

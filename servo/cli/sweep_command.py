@@ -15,11 +15,10 @@ from servo.output.formats import command_line
 from servo.report.study_data import cell_row
 from servo.report.words import Table
 from servo.scenario.load import Scenario
-from servo.study.axes import MOST_VALUES
 from servo.study.bounds import doubtful_bounds, missed_by_cells
 from servo.study.execute import Workers
 from servo.study.parse import load
-from servo.study.plan import Study
+from servo.study.plan import MOST_VALUES, Study
 from servo.study.record_file import rows_of
 from servo.study.results import (
     COMPARED,

@@ -2,14 +2,14 @@
 unreliable.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from math import floor, inf, isfinite, log10
 
 import numpy as np
 
 from servo.identify.fit import LONGEST, SLOWEST, Identified
 from servo.identify.log import FEWEST, LEAST, SPARSEST, Log, LogChannel, Series
-from servo.mistake import Mistake
+from servo.mistake import Mistake, check_rules
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
 
@@ -57,7 +57,7 @@ def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[st
             log does not determine delay or lag.
     """
     sentences = [log.clock] if log.clock else []
-    apart = _disagreement(found)
+    apart = list(_disagreement(found))
     for channel, modelled in zip(log.channels, found.modelled, strict=True):
         name = channel.name
         sentences += _of_encoder(channel)
@@ -81,23 +81,22 @@ def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[st
     return sentences + apart
 
 
-def _disagreement(found: Identified) -> list[str]:
-    """Return a sentence if the sum of delay and lag differs between joints (channels), so that one
+def _disagreement(found: Identified) -> Iterator[str]:
+    """Yield a sentence if the sum of delay and lag differs between joints (channels), so that one
     delay and one lag cannot fit all.
     """
     sums = sorted(found.whole.apart.items(), key=lambda pair: pair[1].value)
     (first, least), (last, most) = sums[0], sums[-1]
-    if least.high >= most.low:
-        return []
-    return [
-        f"delay and lag together are {MILLI * least.value:.3g} ms in {first} and "
-        f"{MILLI * most.value:.3g} ms in {last}, each alone; no single delay and lag fit both, "
-        "and the intervals contain both"
-    ]
+    if least.high < most.low:
+        yield (
+            f"delay and lag together are {MILLI * least.value:.3g} ms in {first} and "
+            f"{MILLI * most.value:.3g} ms in {last}, each alone; no single delay and lag fit both, "
+            "and the intervals contain both"
+        )
 
 
-def _too_long(what: str, own: Interval, whole: Interval, most: float) -> list[str]:
-    """Return a sentence if a delay or lag is so near the end of the search that the true one may be
+def _too_long(what: str, own: Interval, whole: Interval, most: float) -> Iterator[str]:
+    """Yield a sentence if a delay or lag is so near the end of the search that the true one may be
     longer.
 
     Args:
@@ -115,53 +114,54 @@ def _too_long(what: str, own: Interval, whole: Interval, most: float) -> list[st
             f"the {what} is too uncertain in this log: record more movements, such as steps of 0.2 "
             "to 0.6 s in both directions for 40 s"
         )
-    if interval.value < NEARLY * most:
-        return []
-    return [f"the {what} may be above {MILLI * most:.3g} ms, the longest that is searched"]
+    if interval.value >= NEARLY * most:
+        yield f"the {what} may be above {MILLI * most:.3g} ms, the longest that is searched"
 
 
-def _of_gain(name: str, gain: Interval, *, is_joint: bool) -> list[str]:
-    """Return a sentence if a channel (a joint, or a component of the camera's twist) does not move
+def _of_gain(name: str, gain: Interval, *, is_joint: bool) -> Iterator[str]:
+    """Yield a sentence if a channel (a joint, or a component of the camera's twist) does not move
     as far as commanded.
 
     Raises:
         Mistake: A joint does not follow its command, or with another sign or unit.
     """
     is_sure = gain.high - gain.low < VAGUE * abs(gain.value)
-    if is_joint and not (is_sure or gain.low <= 1 <= gain.high):
-        raise Mistake(
-            f"{name} does not follow its commands with a delay and a lag of {LONGEST:g} s at most: "
-            f"leave the columns of {name} out, or correct them: commands must be rates"
-        )
     times = f"{name} moves {interval_text(gain)} times as far as commanded"
-    if is_joint and _outside(gain, REFUSED):
-        wrong = "sign" if gain.value < 0 else "unit"
-        raise Mistake(f"{times}: the {wrong} of its commands or of its positions is wrong")
-    if not _outside(gain, DOUBTED):
-        return []
-    return [f"{times}, and simulated drives move as far as commanded"]
+    wrong = "sign" if gain.value < 0 else "unit"
+    check_rules(
+        (
+            is_joint and not (is_sure or gain.low <= 1 <= gain.high),
+            f"{name} does not follow its commands with a delay and a lag of {LONGEST:g} s at most: "
+            f"leave the columns of {name} out, or correct them: commands must be rates",
+        ),
+        (
+            is_joint and _outside(gain, REFUSED),
+            f"{times}: the {wrong} of its commands or of its positions is wrong",
+        ),
+    )
+    if _outside(gain, DOUBTED):
+        yield f"{times}, and simulated drives move as far as commanded"
 
 
-def _of_unit(channel: LogChannel, play: Interval | None, fastest: Mapping[str, float]) -> list[str]:
-    """Return sentences if a channel's commanded rate or play is so large that its columns seem to
+def _of_unit(
+    channel: LogChannel, play: Interval | None, fastest: Mapping[str, float]
+) -> Iterator[str]:
+    """Yield sentences if a channel's commanded rate or play is so large that its columns seem to
     be in another unit.
     """
     name, unit = channel.name, channel.unit
     asked = float(abs(channel.command.values).max())
     limit = FAST * fastest[name] if isfinite(fastest.get(name, inf)) else FASTEST[unit]
     question = f"which is implausible: are its columns in {MISTAKEN[unit]}?"
-    sentences: list[str] = []
     if asked > limit:
-        sentences.append(f"{name} is commanded to move at {asked:.3g} {unit}/s, {question}")
+        yield f"{name} is commanded to move at {asked:.3g} {unit}/s, {question}"
     if play is not None and play.low > LARGEST_PLAY[unit]:
-        sentences.append(f"{name} has a play of {play.value:.3g} {unit}, {question}")
-    return sentences
+        yield f"{name} has a play of {play.value:.3g} {unit}, {question}"
 
 
 def _outside(gain: Interval, limits: tuple[float, float]) -> bool:
     """Return whether the whole interval of a gain is below or above the limits."""
-    low, high = limits
-    return gain.high < low or gain.low > high
+    return gain.high < limits[0] or gain.low > limits[1]
 
 
 def _correlation(first: Array, second: Array) -> float:
@@ -169,8 +169,8 @@ def _correlation(first: Array, second: Array) -> float:
     return float(np.corrcoef(first, second)[0, 1]) if np.ptp(first) > LEAST else 0.0
 
 
-def _of_encoder(channel: LogChannel) -> list[str]:
-    """Return a sentence if a motor's encoder reports a motion later than its joint makes it.
+def _of_encoder(channel: LogChannel) -> Iterator[str]:
+    """Yield a sentence if a motor's encoder reports a motion later than its joint makes it.
 
     Raises:
         Mistake: In a piece of the log the readings do not move with the joint, or they have another
@@ -181,7 +181,7 @@ def _of_encoder(channel: LogChannel) -> list[str]:
     gaps = np.diff(moved.times, prepend=-inf, append=inf)
     known = gaps[np.searchsorted(moved.times, encoder.times)] < 2 * SPARSEST
     if not channel.shows_play or known.sum() < FEWEST:
-        return []
+        return
     times = encoder.times[known]
     read = encoder.values[known]
     joint = np.interp(times, moved.times, moved.values)
@@ -209,13 +209,12 @@ def _of_encoder(channel: LogChannel) -> list[str]:
         )
     rates = np.gradient(joint, times)
     late = rates @ (joint - read / ratio) / (rates @ rates)
-    if late < LATE:
-        return []
-    return [f"the encoder of {channel.name} is {late:.2g} s or more behind its joint"]
+    if late >= LATE:
+        yield f"the encoder of {channel.name} is {late:.2g} s or more behind its joint"
 
 
-def _misfit(channel: LogChannel, modelled: Series, most: float) -> list[str]:
-    """Return a sentence if a channel (a joint, or a component of the camera's twist) moves
+def _misfit(channel: LogChannel, modelled: Series, most: float) -> Iterator[str]:
+    """Yield a sentence if a channel (a joint, or a component of the camera's twist) moves
     otherwise than the model with the estimates does.
 
     The noise of the readings, estimated from consecutive differences, does not count. Measured
@@ -226,19 +225,17 @@ def _misfit(channel: LogChannel, modelled: Series, most: float) -> list[str]:
         modelled: Its modelled positions.
         most: Largest rms distance over the rms rate of the command [s].
     """
-    if not (channel.shows_play or len(channel.encoder.values)):
-        return []
     error = channel.moved.values - modelled.values
     noise = np.sqrt(np.mean(np.diff(error) ** 2) / 2)
     beyond = np.sqrt(max(0.0, np.var(error) - noise**2))
-    if beyond < most * np.std(channel.command.values):
-        return []
-    return [
-        f"{channel.name} does not move as with one delay, one lag and a play: {channel.name} is "
-        f"{beyond:.2g} {channel.unit} from the modelled motion (root mean square without noise), "
-        f"so the estimates of {channel.name}, its play too, may be wrong by more than their "
-        "intervals"
-    ]
+    is_measured = channel.shows_play or len(channel.encoder.values) > 0
+    if is_measured and beyond >= most * np.std(channel.command.values):
+        yield (
+            f"{channel.name} does not move as with one delay, one lag and a play: {channel.name} "
+            f"is {beyond:.2g} {channel.unit} from the modelled motion (root mean square without "
+            f"noise), so the estimates of {channel.name}, its play too, may be wrong by more than "
+            "their intervals"
+        )
 
 
 def interval_text(interval: Interval, factor: float = 1.0) -> str:

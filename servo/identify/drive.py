@@ -3,6 +3,7 @@
 from itertools import accumulate
 
 import numpy as np
+from scipy.signal import lfilter
 
 from sim.types import Array
 
@@ -35,8 +36,6 @@ def after_lag(motion: Array, lag: float) -> Array:
 
     The motion is linear between its samples, which are `GRID` s apart.
     """
-    from scipy.signal import lfilter
-
     if lag < GRID / 20:
         return motion
     kept = np.exp(-GRID / lag)

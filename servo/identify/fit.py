@@ -12,17 +12,17 @@ residuals are not.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.sparse import csr_array
+from scipy.stats import beta, chi2
+from scipy.stats import t as student
 
 from servo.identify.drive import GRID, after_lag, after_play
 from servo.identify.log import Log, LogChannel, Series
 from sim.types import Array
 from tracking.statistics.comparisons import Interval
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 BLOCK = 2.0
 """Length of a block [s]: the time after which the drift absorbs an error of the position."""
@@ -346,8 +346,6 @@ def _apart(
 
 def _solved(model: _Model, start: Array | None = None) -> _Fitted:
     """Fit a model by least squares, by default from the best of several starts."""
-    from scipy.optimize import least_squares  # takes a second
-
     if start is None:
         starts = [
             np.array([delay, lag, *(fraction * model.spans * model.has_play)])
@@ -381,8 +379,6 @@ def _student(blocks: int) -> float:
     """Return the factor from a standard deviation to the half width of a 95 % interval, by number
     of blocks of the log.
     """
-    from scipy.stats import t as student
-
     return float(student.ppf((1 + LEVEL) / 2, max(1, blocks - 1)))
 
 
@@ -401,7 +397,7 @@ def _weights(basis: Array, moved: Array) -> Array:
 def _basis(
     channel: LogChannel,
     servo: float,
-    drift: tuple["csr_array", Array],
+    drift: tuple[csr_array, Array],
     is_behind: bool,
     delay: float,
     lag: float,
@@ -435,12 +431,10 @@ def _grid(times: Array) -> Array:
     return np.arange(times[0] - GRID, times[-1] + GRID, GRID)
 
 
-def _drift(times: Array) -> tuple["csr_array", Array]:
+def _drift(times: Array) -> tuple[csr_array, Array]:
     """Return hat functions (n, k), whose weighted sum is piecewise linear, and the inverse of their
     products (k, k).
     """
-    from scipy.sparse import csr_array
-
     grid = _grid(times)
     knots = np.linspace(grid[0], grid[-1], 1 + min(MOST_KNOTS, 1 + int(np.ptp(grid) / DRIFT)))
     hats = csr_array(np.stack([np.interp(times, knots, hat) for hat in np.eye(len(knots))], axis=1))
@@ -448,7 +442,7 @@ def _drift(times: Array) -> tuple["csr_array", Array]:
     return hats, np.linalg.pinv((hats.T @ hats).toarray(), rcond=1e-12, hermitian=True)
 
 
-def _less(drift: tuple["csr_array", Array], values: Array) -> Array:
+def _less(drift: tuple[csr_array, Array], values: Array) -> Array:
     """Return values (n,) less their least-squares fit by a drift, which is given as `_drift`
     returns it.
     """
@@ -461,8 +455,6 @@ def _noise(channel: LogChannel, delay: float, lag: float) -> Interval | None:
 
     Each standstill has a level, and the end of the motion before it, which decays with the lag.
     """
-    from scipy.stats import chi2
-
     command = channel.command
     read = channel.encoder
     if not len(read.values):
@@ -521,8 +513,6 @@ def _jitter(transport: Array) -> Interval | None:
     """Return the width of the range from which waits (n,) [s] are drawn uniformly, with its 95 %
     interval: range over width is distributed as Beta(n - 1, 2). None if it is unknown.
     """
-    from scipy.stats import beta
-
     n = len(transport)
     if n < FEWEST or np.ptp(transport) == 0:
         return None

@@ -5,24 +5,16 @@ from math import floor
 
 import numpy as np
 
-from servo.identify.doubts import interval_text
+from servo.identify.doubts import MILLI, interval_text
 from servo.identify.fit import Identified
 from servo.identify.log import Log, Series
 from tracking.drawing.figures import Drawing, literal, panels
 from tracking.statistics.comparisons import Interval
 
-MILLI = 1e3
 BEFORE = 0.3
 """Drawn time before the largest change of a channel's command [s]."""
 SHOWN = 3.0
 """Drawn time of each channel [s]."""
-NO_JITTER = "# jitter_ms: not known; it needs arrived_s with varied times of the clock of time_s"
-NO_PLAY = (
-    "# backlash: not known; it needs command_JOINT_m_s (or _rad_s) of a joint that reverses, and "
-    "its positions behind the gear, joint_JOINT_m"
-)
-BEHIND = "# this play is behind the lag; a simulated one is before it"
-NO_NOISE = "# encoder_noise: not known; it needs encoder_JOINT_m of a joint that stands for a while"
 
 
 def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequence[str]) -> str:
@@ -41,7 +33,7 @@ def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequenc
         f"latency_ms = {latency * MILLI:.2f}  # delay {interval_text(found.delay, MILLI)} ms "
         f"before the drive{arrival if found.transport > 0 else ''}; the drives round it up"
     )
-    jitter = NO_JITTER
+    jitter = "# jitter_ms: not known; it needs arrived_s with varied times of the clock of time_s"
     if found.jitter is not None:
         waits = interval_text(found.jitter, MILLI)
         jitter = f"jitter_ms = {found.jitter.value * MILLI:.2f}  # {waits}"
@@ -49,10 +41,15 @@ def lines(found: Identified, joints: Sequence[str], tick: float, doubts: Sequenc
         f"lag_ms = {found.lag.value * MILLI:.2f}  # {interval_text(found.lag, MILLI)} ms before "
         f"the drive's own servo, which adds {float(np.mean(found.servos)) * MILLI:.3g} ms"
     )
-    play = _each("backlash", found.play, joints) or [NO_PLAY]
+    play = _each("backlash", found.play, joints) or [
+        "# backlash: not known; it needs command_JOINT_m_s (or _rad_s) of a joint that reverses, "
+        "and its positions behind the gear, joint_JOINT_m"
+    ]
     if found.is_behind and any(each.low > 0 for each in found.play.values()):
-        play.append(BEHIND)
-    noise = _each("encoder_noise", found.noise, joints) or [NO_NOISE]
+        play.append("# this play is behind the lag; a simulated one is before it")
+    noise = _each("encoder_noise", found.noise, joints) or [
+        "# encoder_noise: not known; it needs encoder_JOINT_m of a joint that stands for a while"
+    ]
     if found.step:
         noise.append(_step(found.step, joints))
     gains = ", ".join(f"{name} {interval_text(gain)}" for name, gain in found.gain.items())
@@ -99,12 +96,11 @@ def _each(key: str, found: Mapping[str, Interval], joints: Sequence[str]) -> lis
         return []
     values = {name: f"{each.value:.3g}" for name, each in found.items() if each.low > 0}
     each = ", ".join(f"{name} {interval_text(interval)}" for name, interval in found.items())
-    small = [name for name, interval in found.items() if interval.low <= 0]
-    if small:
-        each += f"; not distinguished from 0, so 0: {', '.join(small)}"
-    unknown = [name for name in joints if name not in found]
-    if unknown:
-        each += f"; not measured, so 0: {', '.join(unknown)}"
+    zeros = {
+        "not distinguished from 0": [name for name in found if name not in values],
+        "not measured": [name for name in joints if name not in found],
+    }
+    each += "".join(f"; {why}, so 0: {', '.join(of)}" for why, of in zeros.items() if of)
     return [f"{key} = {_listed(values, joints)}  # {each}"]
 
 

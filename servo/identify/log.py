@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from servo.mistake import Mistake, as_mistake
+from servo.mistake import Mistake, as_mistake, check_rules
 from sim.files import reading
 from sim.types import Array
 
@@ -70,7 +70,6 @@ COLUMNS = (
     "for angles)"
 )
 """Columns that a log needs beside time_s."""
-NEEDS = "a log in MCAP needs the package mcap: install servobench[ros]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,10 +84,8 @@ class Series:
     @property
     def varies(self) -> bool:
         """True if two numbers differ by more than rounding to single precision explains."""
-        if len(self.values) < 2:
-            return False
-        rounding = ROUNDING * np.abs(self.values).max()
-        return bool(np.ptp(self.values) > max(LEAST, rounding))
+        rounding = ROUNDING * np.abs(self.values).max(initial=0.0)
+        return len(self.values) > 1 and bool(np.ptp(self.values) > max(LEAST, rounding))
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,8 +121,6 @@ class Log:
     """Median interval of the rows [s]."""
     missing: float
     """Share of the rows that are missing, by this interval."""
-    cut: str
-    """A sentence about a last line that was left out, or an empty text."""
     clock: str
     """A sentence about unreliable arrival times, or an empty text."""
     still: list[str]
@@ -144,7 +139,7 @@ def read(path: Path) -> Log:
         Mistake: The file cannot be read, a column contradicts its name, or no channel has both a
             command and positions that vary.
     """
-    table, cut = _table(path)
+    table = _table(path)
     names = table.column_names
     commands = [found.groups() for found in map(COMMAND.fullmatch, names) if found]
     used = {*STAMPS, *PICTURES, *(part for each in commands for part in _parts(*each))}
@@ -167,8 +162,9 @@ def read(path: Path) -> Log:
         )
     span = round(float(time[-1]) - float(time[0]), 3)
     if not SHORTEST <= span <= LONGEST:
-        length = f"{span:.3g} s long: record {SHORTEST:g} to {LONGEST:g} s"
-        raise Mistake(f"{path}: this log is {length}")
+        raise Mistake(
+            f"{path}: this log is {span:.3g} s long: record {SHORTEST:g} to {LONGEST:g} s"
+        )
     lost = _lost(time)
     asked, waited = _pictures(columns, lost)
     new = np.isfinite(asked) & (np.diff(asked, prepend=np.nan) != 0)  # rows with a new command
@@ -192,7 +188,6 @@ def read(path: Path) -> Log:
         [(c.name, c.unit) for c in channels],
         float(np.median(np.diff(time))),
         float(lost.sum() / (lost.sum() + len(time))),
-        cut,
         clock,
         [c.name for c in channels if c.command.varies and len(c.moved.values) and c not in moving],
     )
@@ -212,17 +207,20 @@ def _check_enough(moving: Sequence[LogChannel], path: Path) -> None:
     """
     for channel in moving:
         positions = len(channel.moved.values)
-        if positions < FEWEST:
-            raise Mistake(
-                f"{path}: this log has {positions} positions of {channel.name}; record at "
-                f"least {FEWEST}, and more than one movement"
-            )
         # Stamps of 10 Hz differ by 0.1 s and a rounding error.
-        if (interval := round(float(np.median(np.diff(channel.moved.times))), 3)) > SPARSEST:
-            raise Mistake(
-                f"{path}: the positions of {channel.name} are {interval:.3g} s apart, too "
-                f"far for delay and lag: record one every {SPARSEST:g} s or more often"
-            )
+        interval = round(float(np.median(np.diff(channel.moved.times))), 3)
+        check_rules(
+            (
+                positions < FEWEST,
+                f"{path}: this log has {positions} positions of {channel.name}; record at least "
+                f"{FEWEST}, and more than one movement",
+            ),
+            (
+                interval > SPARSEST,
+                f"{path}: the positions of {channel.name} are {interval:.3g} s apart, too far for "
+                f"delay and lag: record one every {SPARSEST:g} s or more often",
+            ),
+        )
     if not moving:
         raise Mistake(
             f"{path}: no joint in this log has commanded rates and positions that change; a "
@@ -238,18 +236,23 @@ def listed(names: Sequence[str], most: int) -> str:
     return ", ".join(names[:most]) + more
 
 
-def _table(path: Path) -> tuple[pa.Table, str]:
-    """Return a log's rows, and a sentence about a last line that was left out."""
+def _table(path: Path) -> pa.Table:
+    """Return a log's rows; a last line of a CSV file without line end is left out, because it may
+    have lost some of its digits.
+    """
     with as_mistake():
         data = reading.content(path, "log", LARGEST)
     try:
         match path.suffix.lower():
             case ".csv":
-                return _lines(data)
+                # Messages about a row have its number only if one thread reads all rows.
+                options = pyarrow.csv.ReadOptions(use_threads=False)
+                whole = data[: 1 + data.rfind(b"\n")] or data
+                return pyarrow.csv.read_csv(io.BytesIO(whole), read_options=options)
             case ".parquet":
-                return pq.read_table(pa.BufferReader(data), page_checksum_verification=True), ""
+                return pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
             case ".mcap":
-                return pa.Table.from_pylist(_messages(data)), ""
+                return pa.Table.from_pylist(_messages(data))
             case _:
                 raise Mistake(
                     f"{path}: this is no log: give a file that ends in .csv, .parquet or .mcap"
@@ -259,24 +262,6 @@ def _table(path: Path) -> tuple[pa.Table, str]:
             raise
         text = " ".join(str(error).split())
         raise Mistake(f"{path}: cannot read this log: {text}") from error
-
-
-def _lines(data: bytes) -> tuple[pa.Table, str]:
-    """Return the rows of a CSV file, and a sentence about a last line that was left out.
-
-    A last line without an end may have lost some of its digits, so it is left out; a file system
-    may have filled the unwritten rest of a file with zeros.
-    """
-    data = data.rstrip(b"\0")
-    whole = 1 + data.rfind(b"\n")
-    cut = ""
-    if 0 < whole < len(data):
-        number = 1 + data.count(b"\n")
-        cut = f"line {number}, the last, was left out: it has no line end, so it may be cut"
-        data = data[:whole]
-    # Messages about a row have its number only if one thread reads all rows.
-    options = pyarrow.csv.ReadOptions(use_threads=False)
-    return pyarrow.csv.read_csv(io.BytesIO(data), read_options=options), cut
 
 
 def _numbers(table: pa.Table, name: str, path: Path) -> Array:
@@ -293,7 +278,7 @@ def _messages(data: bytes) -> list[dict[str, object]]:
         from mcap.exceptions import McapError
         from mcap.reader import make_reader
     except ImportError:
-        raise Mistake(NEEDS) from None
+        raise Mistake("a log in MCAP needs the package mcap: install servobench[ros]") from None
     try:
         found = list(make_reader(io.BytesIO(data)).iter_messages())
     except McapError as error:
@@ -349,28 +334,36 @@ def _arrivals(waited: Array, *, is_with_commands: bool) -> tuple[str, Array]:
     least, quarter, three, most = np.quantile(found, (0, 0.25, 0.75, 1))
     reach = most - least
     is_tailed = reach > TAIL * (three - quarter)
-    if reach > COARSE and (is_tailed or np.corrcoef(found[1:], found[:-1])[0, 1] > DEPENDENT):
-        return (
-            f"pictures arrive {least:.6g} to {most:.6g} s after their stamps, half of them within "
-            f"{three - quarter:.3g} s; a simulated wait is uniform and independent of time, so "
-            "arrived_s is not used: it has outliers, or its unit or clock is not that of time_s"
-        ), np.empty(0)
-    if least >= 0 and most <= LATEST:
-        late = (
+    arrive = f"pictures arrive {least:.6g} to {most:.6g} s after their stamps"
+    cases = (
+        (
+            reach > COARSE and (is_tailed or np.corrcoef(found[1:], found[:-1])[0, 1] > DEPENDENT),
+            f"{arrive}, half of them within {three - quarter:.3g} s; a simulated wait is uniform "
+            "and independent of time, so arrived_s is not used: it has outliers, or its unit or "
+            "clock is not that of time_s",
+            np.empty(0),
+        ),
+        (0 <= least <= SLOW and most <= LATEST, "", found),
+        (
+            least > SLOW and most <= LATEST,
             f"pictures arrive {least:.3g} s after their stamps or later: is arrived_s on the clock "
-            "of time_s?"
-        )
-        return late if least > SLOW else "", found
-    other = f"pictures arrive {least:.6g} to {most:.6g} s after their stamps, so "
-    if is_with_commands and least > -LATEST:
-        return (
-            f"{other}arrived_s and asked_s are of another clock than time_s; latency_ms is right "
-            "if both are of the same"
-        ), found
-    return (
-        f"{other}arrived_s is of another clock, and the shortest wait, which is unknown, is not in "
-        "latency_ms"
-    ), found - least
+            "of time_s?",
+            found,
+        ),
+        (
+            is_with_commands and least > -LATEST,
+            f"{arrive}, so arrived_s and asked_s are of another clock than time_s; latency_ms is "
+            "right if both are of the same",
+            found,
+        ),
+        (
+            True,
+            f"{arrive}, so arrived_s is of another clock, and the shortest wait, which is unknown, "
+            "is not in latency_ms",
+            found - least,
+        ),
+    )
+    return next((sentence, waits) for applies, sentence, waits in cases if applies)
 
 
 def _channel(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from servo.study.run import Job, Record
+from servo.study.run import Job, Record, grouped_by
 from servo.study.sequence_run import TRACKER
 from tracking.statistics.comparisons import Interval
 from tracking.statistics.verdicts import Finding
@@ -22,10 +22,6 @@ QUICK = 100_000
 """Seed of a quick run; no verdict uses it."""
 SEED = re.compile(r"(?<=seeds from )\d+(?= on)|(?<=the first seed \()\d+(?=\))")
 """Matches the first seed in the text of a rule's units."""
-
-
-SHORT = ("run.duration=3.0", "measure.after=1.0")
-"""Changes of a scenario in a quick run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +58,7 @@ class Effort:
         """Changes of a scenario, such as "run.duration=3", that follow those of its claim: a
         shorter run if `quick`, else none.
         """
-        return SHORT if self.quick else ()
+        return ("run.duration=3.0", "measure.after=1.0") if self.quick else ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,10 +76,7 @@ class Evidence:
     @property
     def trackers(self) -> dict[str, list[Record]]:
         """Return the records by label of the tracker, in the order of the jobs."""
-        found: dict[str, list[Record]] = {}
-        for record in self.records:
-            found.setdefault(record.settings[TRACKER], []).append(record)
-        return found
+        return grouped_by(self.records, lambda record: record.settings[TRACKER])
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +146,5 @@ def every(findings: Iterable[Finding]) -> Finding:
     """Return the finding about a claim with several parts, given the finding of each part; the
     claim holds only if all parts hold.
     """
-    found = list(findings)
-    if Finding.DOES_NOT_HOLD in found:
-        return Finding.DOES_NOT_HOLD
-    return Finding.UNDECIDED if Finding.UNDECIDED in found else Finding.HOLDS
+    order = [Finding.HOLDS, Finding.UNDECIDED, Finding.DOES_NOT_HOLD]
+    return max(findings, key=order.index)

@@ -2,8 +2,6 @@
 of the last full run, with which those of a new run are compared.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from importlib import resources
@@ -63,7 +61,7 @@ class Judged:
     """Paths of figures, relative to the folder of papers.json."""
 
     @staticmethod
-    def of(claim: Claim, verdict: Verdict) -> Judged:
+    def of(claim: Claim, verdict: Verdict) -> "Judged":
         """Return a claim and its verdict in the form of the file papers.json."""
         return Judged(
             claim.says,
@@ -121,11 +119,12 @@ def marked(name: str, finding: str) -> str:
     """Return the text of a claim's finding, with a note if the design of the test, and not the
     results, decided it.
     """
-    if finding == WORDS[Finding.HOLDS] and name in BY_CONSTRUCTION:
-        return f"{finding} (by construction)"
-    if finding == WORDS[Finding.UNDECIDED] and name in WITHOUT_POWER:
-        return f"{finding} (power)"
-    return finding
+    notes = {
+        WORDS[Finding.HOLDS]: (BY_CONSTRUCTION, "by construction"),
+        WORDS[Finding.UNDECIDED]: (WITHOUT_POWER, "power"),
+    }
+    names, note = notes.get(finding, ((), ""))
+    return f"{finding} ({note})" if name in names else finding
 
 
 Found = dict[str, tuple[str, str]]

@@ -9,15 +9,13 @@ from matplotlib.figure import Figure
 from servo.estimators import KINDS as ESTIMATORS
 from servo.papers.claim import Claim, Effort, Evidence, Rule, Verdict
 from servo.papers.experiments import loop_job
-from servo.papers.summaries import BLACK, COLOURS, bars, column, group, panels
-from servo.study.run import Job, Record
+from servo.papers.summaries import COLOURS, bars, column, group, panels
+from servo.study.run import Job, grouped_by
 from tracking.statistics.comparisons import Interval, mean_of
 from tracking.statistics.verdicts import Finding
 
 SEEDS = 10
-NONE = "none"
 BEST = "best"
-IDEAL = "true"
 RMS = "servo_rms_px"
 PEAK = "servo_peak_px"
 FAST = "30 Hz"
@@ -90,8 +88,13 @@ Scores = dict[str, list[Interval]]
 def _judge(evidence: Evidence) -> Verdict:
     """Return the verdict: the claim holds if all bounds of all cases are kept."""
     found: Scores = {
-        estimator: [_score(evidence.records, estimator, case) for case in CASES]
-        for estimator in TESTED
+        estimator: [
+            mean_of(column(group(runs, rate=case.rate, motion=case.motion), case.measure))
+            for case in CASES
+        ]
+        for estimator, runs in grouped_by(
+            evidence.records, lambda record: str(record.settings["estimator"])
+        ).items()
     }
     missed = [text for i, case in enumerate(CASES) for text in _missed(found, i, case)]
     bounds = sum(len(case.bounds) for case in CASES)
@@ -104,14 +107,8 @@ def _judge(evidence: Evidence) -> Verdict:
         bounds,
         f"{counted}; missed: {', '.join(missed)}" if missed else counted,
         _table(found),
-        _draw({name: scores for name, scores in found.items() if name != NONE}),
+        _draw({name: scores for name, scores in found.items() if name != "none"}),
     )
-
-
-def _score(records: list[Record], estimator: str, case: Case) -> Interval:
-    """Return the mean error [px] of an estimator in a case, over its seeds."""
-    runs = group(records, estimator=estimator, rate=case.rate, motion=case.motion)
-    return mean_of(column(runs, case.measure))
 
 
 def _missed(found: Scores, i: int, case: Case) -> list[str]:
@@ -119,7 +116,7 @@ def _missed(found: Scores, i: int, case: Case) -> list[str]:
     `CASES`.
     """
     values = {name: intervals[i].value for name, intervals in found.items()}
-    values[BEST] = min(value for name, value in values.items() if name != IDEAL)
+    values[BEST] = min(value for name, value in values.items() if name != "true")  # known to it
     return [
         f"{case.title} at {case.rate}, {name}: {values[name]:.3g} px instead of {bound:g}"
         for name, bound in case.bounds.items()
@@ -135,17 +132,17 @@ def _table(found: Scores) -> list[list[str]]:
     for rate in AT:
         chosen = [i for i, c in enumerate(CASES) if c.rate == rate]
         rows += [
-            [name, rate, *(_short(scores[i]) for i in chosen)] for name, scores in found.items()
+            [
+                name,
+                rate,
+                *(f"{s.value:.3g} ±{(s.high - s.low) / 2:.1g}" for s in (own[i] for i in chosen)),
+            ]
+            for name, own in found.items()
         ]
         for name in ("kalman_cv", BEST):
             bounds = (CASES[i].bounds.get(name) for i in chosen)
             rows.append([f"({name})", rate, *("" if b is None else f"<= {b:g}" for b in bounds)])
     return rows
-
-
-def _short(i: Interval) -> str:
-    """Return an interval as text: the mean, and half of the interval's width."""
-    return f"{i.value:.3g} ±{(i.high - i.low) / 2:.1g}"
 
 
 def _draw(found: Scores) -> Figure:
@@ -160,7 +157,7 @@ def _draw(found: Scores) -> Figure:
             ax.errorbar(at, means, ends, fmt="o", ms=4, capsize=2, color=colour, label=name)
         for x, i in enumerate(chosen):
             ax.hlines(
-                list(CASES[i].bounds.values()), x - 0.4, x + 0.4, color=BLACK, lw=0.8, ls="--"
+                list(CASES[i].bounds.values()), x - 0.4, x + 0.4, color="#111111", lw=0.8, ls="--"
             )
         ax.set(xticks=range(len(chosen)), xticklabels=[CASES[i].title for i in chosen])
         ax.set(ylabel="distance [px]", yscale="log", title=f"{rate}; dashed: the bounds")

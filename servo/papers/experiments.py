@@ -242,5 +242,10 @@ def loop_job(
     """
     name = "-".join([*settings.values(), scenario, estimator, str(seed)]).replace(" ", "")
     changes = (registered(scenario), f"estimator.kind={estimator}", *changes)
-    subject = EstimatedLoop(scenario, changes)
-    return Job(0, subject, seed, {"estimator": estimator, **settings}, name=f"loop/{name}")
+    return Job(
+        0,
+        EstimatedLoop(scenario, changes),
+        seed,
+        {"estimator": estimator, **settings},
+        name=f"loop/{name}",
+    )

@@ -24,7 +24,7 @@ from servo.papers.summaries import (
     words,
 )
 from servo.papers.tuning import AS_PUBLISHED, LEVELS, TUNED, published, tuned
-from servo.study.run import Job, Record
+from servo.study.run import Job
 from servo.study.sequence_run import Contender, Generated, Recorded
 from sim.types import Array
 from tracking.appearance.bins import LabelledImage
@@ -40,7 +40,6 @@ EASY = "abcd"
 SEEDS = 16
 SEEDS_ERROR = 10
 RIVALS = ("condensation", "mean_shift", "annealed", "hybrid", "sok")
-OF_200 = ("condensation", "annealed", "hybrid")
 PAPER_Z = {
     "condensation": "2.91",
     "mean_shift": "5.13",
@@ -74,18 +73,13 @@ def _painted(trackers: Sequence[Contender], effort: Effort) -> Sequence[Job]:
     return [*fresh, *sequence_jobs(trackers, real, range(1))]
 
 
-def _published(kinds: Sequence[str], effort: Effort) -> Sequence[Job]:
-    """Return the runs of the trackers of some kinds, KAMS first, with the settings of their
-    papers.
+def _compared(
+    of: Callable[[str], Contender], rivals: Sequence[str], effort: Effort
+) -> Sequence[Job]:
+    """Return the runs of KAMS and of the kinds of trackers that it is compared with; `of` returns
+    the tracker of a kind with its settings.
     """
-    return _painted([published(k) for k in ("kams", *kinds)], effort)
-
-
-def _equal(effort: Effort) -> Sequence[Job]:
-    """Return the runs of KAMS and the trackers it is compared with, each with its own best
-    settings.
-    """
-    return _painted([tuned(k) for k in ("kams", *RIVALS)], effort)
+    return _painted([of(kind) for kind in ("kams", *rivals)], effort)
 
 
 def _layers(effort: Effort) -> Sequence[Job]:
@@ -119,7 +113,10 @@ def _judge_pairs(decide: Decide, evidence: Evidence) -> Verdict:
     first, *others = runs
     ours = runs[first]
     gains = {o: completed_more(ours, runs[o]) for o in others}
-    tests = {o: _mcnemar(ours, runs[o], "completed") for o in others}
+    tests, tests_of_frames = (
+        {o: McNemar.of(column(ours, measure), column(runs[o], measure)) for o in others}
+        for measure in ("completed", "frames_until_loss")
+    )
     corrected = dict(zip(others, holm(np.array([t.p for t in tests.values()])), strict=True))
     findings = {o: decide(gains[o], tests[o], corrected[o]) for o in others}
     nearest = min(others, key=lambda o: gains[o].value)
@@ -141,7 +138,7 @@ def _judge_pairs(decide: Decide, evidence: Evidence) -> Verdict:
             words(gains[o]),
             f"{tests[o].wins}-{tests[o].losses}",
             f"{corrected[o]:.2g}",
-            f"{_mcnemar(ours, runs[o], 'frames_until_loss').z:.2f}",
+            f"{tests_of_frames[o].z:.2f}",
             PAPER_Z.get(o.rpartition("-")[0], ""),
             reads(runs[o]),
             WORDS[findings[o]],
@@ -160,11 +157,6 @@ def _judge_pairs(decide: Decide, evidence: Evidence) -> Verdict:
         [head, [first, done(ours), "", "", "", "", "", reads(ours), ""], *rows],
         intervals("who completes", "sequences completed [%]", shares),
     )
-
-
-def _mcnemar(first: Sequence[Record], second: Sequence[Record], measure: str) -> McNemar:
-    """Compare a measure of two trackers on the same sequences; the higher value wins."""
-    return McNemar.of(column(first, measure), column(second, measure))
 
 
 def _errors(effort: Effort) -> Sequence[Job]:
@@ -214,8 +206,6 @@ ENOUGH = 0.9
 """Share of the sequences that must be completed."""
 DRAWS = 2000
 """Number of bootstrap samples of the sequences behind an interval."""
-FEWER = 4.0
-"""Least ratio that is 75 % fewer."""
 
 
 def _label(kind: str, count: int) -> str:
@@ -437,7 +427,7 @@ CLAIMS = (
             "not fewer completed than by each of five",
         ),
         partial(_judge_pairs, lambda gain, *_: greater(gain, -MARGIN)),
-        partial(_published, RIVALS),
+        partial(_compared, published, RIVALS),
     ),
     Claim(
         "P0-1b",
@@ -452,7 +442,7 @@ CLAIMS = (
             f"p < {SIGNIFICANT:g} against each of five",
         ),
         partial(_judge_pairs, _significantly),
-        _equal,
+        partial(_compared, tuned, RIVALS),
     ),
     Claim(
         "P0-2",
@@ -480,7 +470,7 @@ CLAIMS = (
             "more completed than by Condensation, annealing and hybrid each",
         ),
         partial(_judge_pairs, lambda gain, *_: greater(gain, 0.0)),
-        partial(_published, OF_200),
+        partial(_compared, published, ("condensation", "annealed", "hybrid")),
     ),
     Claim(
         "P0-6",
@@ -513,5 +503,5 @@ CLAIMS = (
     ),
     _claim_particles("P0-4", "KAMS needs the fewest particles", KINDS[1:], 1.0),
     _claim_particles("P0-7", "KAMS needs fewer particles than the hybrid", ("hybrid",), 1.0),
-    _claim_particles("P0-8", "KAMS needs 75 % fewer particles", KINDS[1:], FEWER),
+    _claim_particles("P0-8", "KAMS needs 75 % fewer particles", KINDS[1:], 4.0),
 )

@@ -146,10 +146,6 @@ def _verdict(
     )
 
 
-UNITS = f"{WORLDS} worlds of `{{}}`, sealed with the first seed ({FRESH})"
-SETTINGS = "servo-v1 as it is frozen; corners are given, seven errors"
-
-
 def _claim(
     name: str,
     says: str,
@@ -164,7 +160,12 @@ def _claim(
     benchmark servo-v1; the texts are those of `Claim` and `Rule`.
     """
     rule = Rule(
-        measure, SETTINGS, UNITS.format(condition), margin, "95 % interval over worlds", holds
+        measure,
+        "servo-v1 as it is frozen; corners are given, seven errors",
+        f"{WORLDS} worlds of `{condition}`, sealed with the first seed ({FRESH})",
+        margin,
+        "95 % interval over worlds",
+        holds,
     )
     return Claim(name, says, rule, judge, partial(_jobs, condition, laws))
 

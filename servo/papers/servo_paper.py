@@ -33,9 +33,8 @@ FIRST = 2000
 """Seeds 1000 to 1019 were run before, with draws that let the car drive through a toy: in the first
 picture the toy was part of the target.
 """
-NONE = "none"
 FILTER = "kalman_cv"
-ESTIMATORS = (NONE, FILTER)
+ESTIMATORS = ("none", FILTER)
 LESS = 5.0
 """Least ratio of the errors without and with estimation; figure 10 of the paper shows more."""
 SLOW = 0.02

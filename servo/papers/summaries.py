@@ -14,7 +14,6 @@ from tracking.drawing import figures
 from tracking.statistics.comparisons import Interval, difference_of_shares, in_percent, mean_of
 
 COLOURS = ("#c23b2e", "#2b6cb0", "#1f7a3a", "#b7791f", "#6b46c1", "#4b5563", "#0e7490")
-BLACK = "#111111"
 ROW_HEIGHT = 0.32
 """Height of a row of an interval [inch]."""
 Logarithmic = Literal["x", "y"] | None

@@ -25,7 +25,6 @@ LEAST_RATIO = 2.5
 FILTER = "texture_pf"
 SHIFT = "texture_ms"
 TEXTURE = generated("texture")
-ASIDE_PX = (5, 10, 20)
 ALIKE = 0.9
 """Least coefficient that counts as similar, relative to that at the truth."""
 MOST_FRAMES = 0.9
@@ -116,7 +115,7 @@ def coefficients(tracker: Contender, seed: int, track: Array) -> dict[str, Array
     assert sequence.states is not None
     truth = _logarithmic(sequence.states)
     places = {FOUND: _logarithmic(track), TRUTH: truth} | {
-        f"{px} px beside the truth": truth + np.array([px, 0, 0, 0]) for px in ASIDE_PX
+        f"{px} px beside the truth": truth + np.array([px, 0, 0, 0]) for px in (5, 10, 20)
     }
     model = tracker.config.model(pictures[0], sequence.region, sequence.start)
     stacked = np.stack(list(places.values()), axis=1)[1:]
@@ -176,12 +175,13 @@ LOSES = 50.0
 JOINT = "joint"
 TEXTURE_ALONE = "texture-alone"
 COLOUR_ALONE = "colour-alone"
-FOLLOWS = {"scale_noise": 0.03, "density": 24}
-"""Settings of the joint filter's preset: the same search, on another histogram."""
 JOINT_AND_PARTS = (
     contender("texture_pf", "paper", JOINT),
     contender("texture_pf", "paper", TEXTURE_ALONE, levels=1),
-    contender("condensation", None, COLOUR_ALONE, **PLAIN, **FOLLOWS, scatter=0.0),
+    # With the settings of the joint filter's preset: the same search, on another histogram.
+    contender(
+        "condensation", None, COLOUR_ALONE, **PLAIN, scale_noise=0.03, density=24, scatter=0.0
+    ),
 )
 
 

@@ -25,7 +25,6 @@ NOISES = (0.3, 0.5, 0.8, 1.0, 1.2, 1.5)
 """Grid of the position noise [px], around the published value."""
 FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
 """Grid of factors on all noises of a filter."""
-NOISE = ("noise", "turn_noise", "scale_noise")
 RANDOM_WALK = {"velocity_memory": 1.0}
 CONSTANT_VELOCITY = {"velocity_memory": 0.5}
 
@@ -69,7 +68,10 @@ class Tuned:
 def _scaled(kind: str) -> tuple[Settings, ...]:
     """Return a grid in which all noises of a kind's defaults are multiplied by each factor."""
     own = TRACKERS.config(kind)
-    return tuple({n: round(k * getattr(own, n), 4) for n in NOISE} for k in FACTORS)
+    return tuple(
+        {n: round(k * getattr(own, n), 4) for n in ("noise", "turn_noise", "scale_noise")}
+        for k in FACTORS
+    )
 
 
 def _over(name: str, values: Sequence[float | str], **others: float | str) -> tuple[Settings, ...]:

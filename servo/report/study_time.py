@@ -23,8 +23,8 @@ from servo.report.study_data import (
     median,
 )
 from servo.report.words import cut, listed, shown
-from servo.study.axes import SCENARIO
 from servo.study.results import grouped
+from servo.study.run import SCENARIO
 from sim.types import Array
 
 TIMES = 200

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from servo.loop.settings import stream
-from servo.mistake import Mistake
+from servo.mistake import Mistake, check_rules
 from servo.scenario.toml import Table, is_number, is_table, names_of
 
 Value = object
@@ -112,31 +112,27 @@ def law_of(given: Table, at: str, counts: Mapping[str, int | None]) -> tuple[str
         return law, tuple(numbers)
     if not all(is_number(n) for n in numbers):
         raise Mistake(f"{at}.{law} = {numbers!r}: one of these is not a finite number")
-    if max(abs(n) for n in numbers) > LARGEST_NUMBER:
-        raise Mistake(f"{at}.{law} = {numbers!r}: a number is above {LARGEST_NUMBER:g}")
-    if law in ("geomspace", "log_uniform") and min(numbers[:2]) <= 0:
-        raise Mistake(f"{at}.{law} = {numbers!r}: a number is not above 0")
-    if law in ("uniform", "log_uniform") and numbers[0] > numbers[1]:
-        raise Mistake(f"{at}.{law} = {numbers!r}: the first number is larger than the second")
-    if law == "normal" and numbers[1] < 0:
-        raise Mistake(f"{at}.{law} = {numbers!r}: the standard deviation is below 0")
+    place = f"{at}.{law} = {numbers!r}"
+    largest = max(abs(n) for n in numbers)
+    first, second = numbers[:2]
+    check_rules(
+        (largest > LARGEST_NUMBER, f"{place}: a number is above {LARGEST_NUMBER:g}"),
+        (
+            law in ("geomspace", "log_uniform") and min(first, second) <= 0,
+            f"{place}: a number is not above 0",
+        ),
+        (
+            law in ("uniform", "log_uniform") and first > second,
+            f"{place}: the first number is larger than the second",
+        ),
+        (law == "normal" and second < 0, f"{place}: the standard deviation is below 0"),
+    )
     return law, tuple(numbers)
 
 
-def spelled(key: str, place: str) -> str:
-    """Return a dotted key such as "run . latency" without spaces, as "run.latency".
-
-    Raises:
-        Mistake: A name between the dots is empty; the message begins with `place`.
-    """
-    names = names_of(key)
-    if not all(names):
-        raise Mistake(f"{place}: '{key}' is not the name of a setting, such as run.latency")
-    return ".".join(f'"{name}"' if "." in name else name for name in names)
-
-
 def flat(table: Mapping[str, object], place: str, ends: Collection[str] = ()) -> Table:
-    """Return the values of nested tables by dotted keys such as "run.latency".
+    """Return the values of nested tables by dotted keys such as "run.latency", which have no
+    spaces around dots.
 
     Args:
         table: The outer table.
@@ -148,9 +144,15 @@ def flat(table: Mapping[str, object], place: str, ends: Collection[str] = ()) ->
     """
     found: Table = {}
     for key, value in leaves(table, ends):
-        name = spelled(key, place)
-        if name in found:
-            raise Mistake(f"{place}: {name} is given twice")
+        names = names_of(key)
+        name = ".".join(f'"{part}"' if "." in part else part for part in names)
+        check_rules(
+            (
+                not all(names),
+                f"{place}: '{key}' is not the name of a setting, such as run.latency",
+            ),
+            (name in found, f"{place}: {name} is given twice"),
+        )
         found[name] = value
     return found
 

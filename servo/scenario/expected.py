@@ -1,9 +1,18 @@
 """The bounds on a run's measures in a scenario's table [expect], by kind of tracker."""
 
+import functools
 from dataclasses import dataclass
+from enum import Enum
+from typing import Annotated, Any
 
-from servo.mistake import Mistake
+from annotated_types import Ge, Le
+from pydantic import BaseModel, Strict, create_model
+
+from servo.loop.measure import MEASURES
+from servo.loop.run_measures import Outcome
+from servo.mistake import check_rules, unknown
 from servo.scenario.catalogue import PLUGINS
+from servo.scenario.fill import STRICT, validated
 from servo.scenario.toml import Table, is_table
 
 TRACKER = "tracker"
@@ -41,27 +50,33 @@ class Expected:
             place: The table's place, for messages.
 
         Raises:
-            Mistake: `expect` or a table in it is not a table, or [expect.tracker] names the
-                scenario's own tracker.
+            Mistake: A tracker, a measure or an outcome is unknown, a bound is not a finite number,
+                or [expect.tracker] names the scenario's own tracker.
         """
-        given = table.get("expect", {})
-        expect = _flat(given, f"{place}: expect")
-        others = given.get(TRACKER, {}) if is_table(given) else {}
-        if not is_table(others) or not all(is_table(b) for b in others.values()):
-            raise Mistake(f"{place}: expect.tracker should be a table of bounds by kind of tracker")
+        at = f"{place}: expect"
+        form, of_others = _forms()
+        expect = _flat(form, table.get("expect", {}), at)
+        known = _flat(form, written.get("expect", {}), at)
         own = tracker_of(written)
-        before = written.get("expect", {})
-        if own in others:
-            raise Mistake(
-                f"{place}: expect.tracker.{own}: {own} is the scenario's own tracker; write its "
-                "bounds directly into [expect]"
+        kinds = PLUGINS[TRACKER][0].names()
+        others: dict[str, Table] = {}
+        for kind, bounds in expect.pop(TRACKER, {}).items():
+            check_rules(
+                (
+                    kind == own,
+                    f"{at}.tracker.{own}: {own} is the scenario's own tracker; write its bounds "
+                    "directly into [expect]",
+                ),
+                (
+                    kind not in (*kinds, ANY) and ":" not in kind,
+                    f"{at}.tracker: {unknown(kind, kinds, 'tracker')}",
+                ),
             )
-        known = _flat(before, f"{place}: expect") if is_table(before) else {}
-        as_written = {name for name in known if not name.startswith(DRAWN)}
+            others[kind] = _flat(of_others, bounds, f"{at}.tracker.{kind}")
+        as_written = {name for name in known if not name.startswith((DRAWN, TRACKER))}
         replaced = not as_written <= expect.keys()  # as a whole: --set expect={}
         changed = {name: b for name, b in expect.items() if replaced or b != known.get(name)}
-        of_kinds = {kind: _flat(b, f"{place}: expect.tracker.{kind}") for kind, b in others.items()}
-        return Expected(own, expect, changed, of_kinds)
+        return Expected(own, expect, changed, others)
 
     def made_for(self, kind: str) -> Table:
         """Return all bounds for a kind of tracker, those for runs with drawn settings under names
@@ -82,11 +97,6 @@ class Expected:
         own, of_drawn = _parts(found)
         return own | of_drawn | _parts(self.changed)[0] if drawn else own
 
-    @property
-    def success(self) -> object:
-        """Return the outcome in [expect], which counts as success for every tracker, or None."""
-        return self.expect.get("outcome")
-
     def unjudged(self, kind: str) -> str:
         """Return a sentence that explains why runs with a kind of tracker have no verdict, if the
         scenario has bounds only for other trackers; else "".
@@ -96,20 +106,28 @@ class Expected:
         return f"No verdict: the bounds are made for {self.own}, and there are none for {kind}."
 
 
-def _flat(bounds: object, place: str) -> Table:
+@functools.cache  # building them takes longer than loading a scenario
+def _forms() -> tuple[type[BaseModel], type[BaseModel]]:
+    """Return the pydantic models of [expect] and of a table of bounds for another tracker."""
+    outcome = Enum("outcome", [(name, name) for name in Outcome.__members__])
+    bounds: dict[str, Any] = dict.fromkeys(MEASURES, (float, None))
+    bounds["outcome"] = (Annotated[outcome, Strict(False)], None)
+    share: dict[str, Any] = {SUCCESS_RATE: (Annotated[float, Ge(0), Le(1)], None)}
+    drawn = create_model("drawn", __config__=STRICT, **bounds, **share)
+    other = create_model("other", __config__=STRICT, **bounds, drawn=(drawn, None))
+    return create_model("expect", __base__=other, tracker=(dict[str, Any], None)), other
+
+
+def _flat(form: type[BaseModel], bounds: object, place: str) -> dict[str, Any]:
     """Return a table of bounds with those in its table `drawn` by names such as
-    drawn.servo_rms_px, and without its table `tracker`.
+    drawn.servo_rms_px; its table `tracker` is not checked.
 
     Raises:
-        Mistake: `bounds` or its `drawn` is not a table.
+        Mistake: A name is unknown, or a value has the wrong type or is out of range.
     """
-    if not is_table(bounds):
-        raise Mistake(f"{place} should be a table of bounds, not {bounds!r}")
-    found = {name: b for name, b in bounds.items() if name not in (TRACKER, DRAWN[:-1])}
-    drawn = bounds.get(DRAWN[:-1], {})
-    if not is_table(drawn):
-        raise Mistake(f"{place}.drawn should be a table of bounds, not {drawn!r}")
-    return found | {f"{DRAWN}{name}": b for name, b in drawn.items()}
+    found = validated(form, bounds, f"{place}.").model_dump(mode="json", exclude_unset=True)
+    drawn = found.pop("drawn", {})
+    return found | {f"{DRAWN}{name}": bound for name, bound in drawn.items()}
 
 
 def _parts(bounds: Table) -> tuple[Table, Table]:

@@ -224,7 +224,7 @@ def fill_plugin(
     except UnknownKind as error:
         raise WrongSetting(f"{place}.kind: {error}", f"{place}.kind") from error
     try:
-        chosen = preset if preset is None else str(preset)
+        chosen = None if preset is None else str(preset)
         begin = kinds.config(kind, chosen) if own is None else own
     except UnknownKind as error:
         raise WrongSetting(f"{place}.preset: {error}", f"{place}.preset") from None

@@ -8,9 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from servo.mistake import Mistake, unknown
-from servo.scenario.arguments import texts
 from servo.scenario.catalogue import PLUGINS
-from servo.scenario.toml import assignment, is_table, names_of, plain
+from servo.scenario.toml import is_table, names_of, plain
 from sim import kinds
 
 
@@ -45,15 +44,6 @@ def place_of(changes: Sequence[Change], file: str, *settings: str) -> str:
             if path.startswith(changed) or changed.startswith(path):
                 return change.place
     return file
-
-
-def of_texts(items: Sequence[str]) -> list[Change]:
-    """Return changes that are given as texts, such as "start.x=-40", as for --set.
-
-    Raises:
-        Mistake: A text does not have the form key=value.
-    """
-    return [Change(*assignment(item), f"--set {item}") for item in texts(items)]
 
 
 def of_keywords(

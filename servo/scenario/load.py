@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from servo.loop.settings import RunConfig, Setup
-from servo.mistake import Mistake, unknown
+from servo.loop.settings import Setup
+from servo.mistake import Mistake, check_rules, unknown
 from servo.scenario import arguments, keywords, toml
 from servo.scenario.calibration import calibrated
 from servo.scenario.catalogue import LISTS, PLUGINS
@@ -104,7 +104,8 @@ def load(
     changes = [
         Change(f"{key}.kind", Trusted(kinds.kind_of(config)), key) for key, config in own.items()
     ]
-    changes += keywords.of_texts(overrides)
+    texts = arguments.texts(overrides)
+    changes += [Change(*toml.assignment(text), f"--set {text}") for text in texts]
     if seed is not None:
         changes.append(Change("run.seed", toml.plain(seed), f"--seed {seed}"))
     parts = {key: settings[key] for key in settings if key in PLUGINS and key not in own}
@@ -147,8 +148,7 @@ def _names_of_settings(table: Table, own: Mapping[str, object]) -> list[str]:
     found = list[str]()
     for section in (*SECTIONS, *PLUGINS):
         given = table.get(section)
-        kind = given.get("kind") if is_table(given) else None
-        kind = kind if isinstance(kind, str) else None
+        kind = str(given.get("kind", "")) if is_table(given) else ""
         part = own.get(section)
         is_own = part is not None and kind == kinds.kind_of(part)
         config = type(part) if is_own else config_of(section, kind)
@@ -189,8 +189,6 @@ def parse(
     for key in table:
         if key not in KEYS:
             raise Mistake(f"{where(key)}: {unknown(key, KEYS)}")
-    if not is_table(table.get("sweep", {})):
-        raise Mistake(f"{where('sweep')}: sweep should be a table, not {table['sweep']!r}")
     if "camera" in table:
         table = table | {"camera": calibrated(table["camera"], f"{where('camera')}: camera")}
     if written is not None:  # a change replaces a draw: a wrong one in the file would go unseen
@@ -207,43 +205,49 @@ def parse(
             changed = TABLES if is_recorded else {section_of(key) for key in drawn}
             values |= {key: _filled(key, fixed, own) for key in changed}
         values |= recorded_parts(values[SECTION])
-        _check_latency(fixed.get("run", {}))
+        run: Any = fixed.get("run", {})
+        if "latency" in run and run.get("latency_ms") is not None:
+            sentence = "run: latency and latency_ms give the same delay; leave one of them out"
+            raise WrongSetting(sentence, "run.latency")
     except WrongSetting as error:
         # The settings of a calibration file have the place of the option that names the file.
         named = ("camera.calibration",) if section_of(error.setting) == "camera" else ()
         sentence = f"{where(error.setting, *named)}: {error}"
         raise Mistake(sentence) from error.__cause__
-    _check_drawn(table if written is None else written, where("expect"))
-    bounds = Expected.read(table, table if written is None else written, where("expect"))
-    _check_frames(values["run"], values["camera"].rate, where("run.duration", "camera.rate"))
+    file = table if written is None else written
+    bounds = Expected.read(table, file, where("expect"))
+    duration = values["run"].duration
+    rate = values["camera"].rate
+    expect = file.get("expect")
+    sweep = table.get("sweep", {})
+    check_rules(
+        (not is_table(sweep), f"{where('sweep')}: sweep should be a table, not {sweep!r}"),
+        (
+            is_table(expect) and bool(expect.get("drawn")) and not file.get("vary"),
+            f"{where('expect')}: expect.drawn is for runs with drawn settings, and no table [vary] "
+            "draws any",
+        ),
+        (
+            duration * rate > MOST_FRAMES,
+            f"{where('run.duration', 'camera.rate')}: run.duration = {duration:g} s at "
+            f"camera.rate = {rate:g} Hz is {duration * rate:,.0f} frames; the limit is "
+            f"{MOST_FRAMES:,}",
+        ),
+    )
     kind = tracker_of(table)
     if kind != bounds.own:
         made = {f"expect.{name}": bound for name, bound in bounds.made_for(kind).items()}
         table = with_settings(table | {"expect": {}}, made, place)
-    expect: dict[str, Any] = bounds.of(kind, drawn=bool(drawn))
-    rate = expect.pop(SUCCESS_RATE, None)
+    kept: dict[str, Any] = bounds.of(kind, drawn=bool(drawn))
     return Scenario(
         name=name,
         table=table,
-        expect=expect,
+        success_rate=kept.pop(SUCCESS_RATE, None),
+        expect=kept,
         bounds=bounds,
         drawn=drawn,
-        success_rate=rate,
         **values,
     )
-
-
-def _check_drawn(file: Table, place: str) -> None:
-    """Check that a scenario with a table [expect.drawn] has a table [vary].
-
-    Raises:
-        Mistake: The scenario's table `file` has [expect.drawn] only.
-    """
-    expect = file.get("expect", {})
-    if is_table(expect) and expect.get("drawn") and not file.get("vary"):
-        raise Mistake(
-            f"{place}: expect.drawn is for runs with drawn settings, and no table [vary] draws any"
-        )
 
 
 def _filled(key: str, table: Table, own: Mapping[str, object]) -> Any:
@@ -292,28 +296,3 @@ def _drawn(draws: Sequence[Draw], table: Table, seed: int, own: Mapping[str, obj
             except WrongSetting as error:
                 raise WrongSetting(f"{at}: {error}", at) from error.__cause__
     return {} if seed == AS_WRITTEN else {draw.key: draw.value(seed) for draw in draws}
-
-
-def _check_latency(run: object) -> None:
-    """Check that a table [run] does not give the latency both in frames and in milliseconds.
-
-    Raises:
-        WrongSetting: It does.
-    """
-    if is_table(run) and "latency" in run and run.get("latency_ms") is not None:
-        sentence = "run: latency and latency_ms give the same delay; leave one of them out"
-        raise WrongSetting(sentence, "run.latency")
-
-
-def _check_frames(run: RunConfig, rate: float, place: str) -> None:
-    """Check that the steps of a run, which are kept until its end, fit into memory.
-
-    Raises:
-        Mistake: The run has too many frames at a rate [Hz]; `place` begins the message.
-    """
-    frames = run.duration * rate
-    if frames > MOST_FRAMES:
-        raise Mistake(
-            f"{place}: run.duration = {run.duration:g} s at camera.rate = {rate:g} Hz is "
-            f"{frames:,.0f} frames; the limit is {MOST_FRAMES:,}"
-        )

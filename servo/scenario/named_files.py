@@ -105,14 +105,12 @@ def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
     def whole(name: str, *, may_be_folder: bool) -> str:
         if isinstance(name, Trusted):
             return name
-        try:
+        with suppress(OSError, RuntimeError, ValueError):  # no file can have this name
             path = (folder / name).resolve()
-            if not path.is_file() and not (may_be_folder and name and path.is_dir()):
-                return name
-        except (OSError, RuntimeError, ValueError):  # no file can have this name
-            return name
-        warn_of_shipped(name)
-        return str(path)
+            if path.is_file() or (may_be_folder and name and path.is_dir()):
+                warn_of_shipped(name)
+                return str(path)
+        return name
 
     return _changed(table, (table, *bases), whole)
 

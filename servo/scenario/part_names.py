@@ -71,15 +71,14 @@ def _table(section: str, what: str) -> Settings:
     """Return the settings of a part by their names in its section."""
     kind, colon, given = what.partition(":")
     begin, given = kind + colon, given.strip()
-    is_tracker = section == "tracker"
-    if (is_tracker and begin in (TRAX, PROGRAM, ONNX)) or (section, begin) == ("controller", ONNX):
-        if not given:
-            raise Mistake(f"'{what}': write the {'file' if begin == ONNX else 'command'} after it")
-    else:
+    doors = {"tracker": (TRAX, PROGRAM, ONNX), "controller": (ONNX,)}
+    if begin not in doors.get(section, ()):
         return {**PLUGINS[section][0].named(what)}
+    if not given:
+        raise Mistake(f"'{what}': write the {'file' if begin == ONNX else 'command'} after it")
     if begin != ONNX:
         return {"kind": kind, "command": Trusted(given)}
-    if not is_tracker:
+    if section == "controller":
         return {"kind": "onnx", "file": given}
     files = given.split(",")
     if len(files) not in NETWORKS:

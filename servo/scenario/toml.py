@@ -23,10 +23,7 @@ DEEPEST = 20
 """Deepest nesting of tables and lists."""
 INTEGERS = range(-(1 << 63), 1 << 63)
 """The integers that TOML has."""
-ATOMS = frozenset({bool, float, int, str, Trusted})
-"""Types of values that cannot change, which copies share."""
 TOO_DEEP = f"tables and lists are nested too deep; the limit is {DEEPEST} levels"
-TOO_LARGE = f"an integer is too large; the limit is {INTEGERS[-1]}"
 
 
 def read(path: Path, what: str) -> str:
@@ -81,35 +78,17 @@ def check(value: object, place: str, depth: int = 0) -> None:
             for item in value:
                 check(item, place, depth + 1)
         case int() if value not in INTEGERS:
-            raise Mistake(f"{place}: {TOO_LARGE}")
-        case str() if not value.isascii() and any(map(_is_half, value)):
+            raise Mistake(f"{place}: an integer is too large; the limit is {INTEGERS[-1]}")
+        # Halves of a character, which no Unicode text has.
+        case str() if not value.isascii() and re.search("[\ud800-\udfff]", value):
             raise Mistake(f"{place}: {value!r} is not a Unicode text")
         case _:
             pass
 
 
-def _is_half(character: str) -> bool:
-    """Return whether this is half of a character, which no Unicode text has."""
-    return "\ud800" <= character <= "\udfff"
-
-
 def copied(table: Table) -> Table:
-    """Return a copy of a table, inner tables and lists included: a study makes one for each run."""
-    return {key: _copied(value) for key, value in table.items()}
-
-
-def _copied(value: object) -> object:
-    """Return a copy of a value of TOML, three times as fast as `copy.deepcopy`."""
-    if type(value) in ATOMS:
-        return value
-    if is_table(value):
-        return copied(value)
-    return [*map(_copied, value)] if is_list(value) else copy.deepcopy(value)
-
-
-def is_list(value: object) -> TypeGuard[list[object]]:
-    """Return whether a value of TOML is a list."""
-    return isinstance(value, list)
+    """Return a copy of a table, inner tables and lists included."""
+    return copy.deepcopy(table)
 
 
 def is_table(value: object) -> TypeGuard[Table]:

@@ -9,13 +9,10 @@ from typing import Any
 import numpy as np
 
 from servo.loop.measure import COUNTED, MEASURES
-from servo.loop.run_measures import Outcome
 from servo.loop.settings import Setup
-from servo.mistake import Mistake, unknown
-from servo.scenario.catalogue import PLUGINS
-from servo.scenario.expected import ANY, DRAWN, SUCCESS_RATE, tracker_of
+from servo.scenario.expected import DRAWN, SUCCESS_RATE
 from servo.scenario.load import Scenario
-from servo.scenario.toml import Table, is_number
+from servo.scenario.toml import is_number
 from sim.kinds import kind_of
 from tracking.files.json_text import number
 
@@ -57,14 +54,9 @@ def unjudged(scenario: Scenario, success: bool) -> str:
     return scenario.unjudged if success or scenario.success_rate is None else UNDECIDED
 
 
-def is_kept(value: float | None, bound: float) -> bool:
-    """Return whether a measured value is finite and at most an upper bound."""
-    return value is not None and np.isfinite(value) and value <= bound
-
-
 def missed_bounds(
     outcome: str,
-    measures: Mapping[str, float | None],
+    measures: Mapping[str, float],
     expect: Mapping[str, float | str],
     as_written: Mapping[str, object] | None = None,
 ) -> tuple[MissedBound, ...]:
@@ -84,9 +76,8 @@ def missed_bounds(
         if isinstance(bound, str):
             if outcome != bound:
                 found.append(MissedBound(name, outcome, bound, drawn))
-        elif not is_kept(value := measures[name], bound):
-            value = None if value is None else number(value)
-            found.append(MissedBound(name, value, bound, drawn))
+        elif not measures[name] <= bound:
+            found.append(MissedBound(name, number(measures[name]), bound, drawn))
     return tuple(found)
 
 
@@ -152,22 +143,24 @@ class DrawnShare:
             runs: The scenario of each run, and whether the run ended as expected; only runs with
                 drawn settings count.
         """
-        counted = [(s, success) for s, success in runs if s.success_rate is not None]
+        counted = [(s.success_rate, success) for s, success in runs if s.success_rate is not None]
         if not counted:
             return None
-        scenario, ended = counted[0][0], sum(success for _, success in counted)
-        assert scenario.success_rate is not None
-        return DrawnShare(scenario.name, ended, len(counted), scenario.success_rate)
+        ended = sum(success for _, success in counted)
+        return DrawnShare(runs[0][0].name, ended, len(counted), counted[0][0])
 
 
 def doubts_of(scenario: Scenario) -> list[str]:
     """Return a sentence for each bound of a scenario that no run can keep, or that every run keeps;
     bounds for all trackers are checked.
     """
-    found = doubtful_bounds(scenario.bounds.expect, scenario)
-    for kind, bounds in scenario.bounds.others.items():
-        found += doubtful_bounds(bounds, scenario, f"expect.tracker.{kind}")
-    return found
+    others = scenario.bounds.others.items()
+    tables = {"expect": scenario.bounds.expect} | {f"expect.tracker.{k}": b for k, b in others}
+    return [
+        sentence
+        for place, bounds in tables.items()
+        for sentence in doubtful_bounds(bounds, scenario, place)
+    ]
 
 
 def doubtful_bounds(bounds: Mapping[str, object], setup: Setup, place: str = "expect") -> list[str]:
@@ -181,9 +174,7 @@ def doubtful_bounds(bounds: Mapping[str, object], setup: Setup, place: str = "ex
     found = list[str]()
     for key, bound in bounds.items():
         name = key.removeprefix(DRAWN)
-        if not is_number(bound) or name not in MEASURES:
-            continue
-        if why := _doubt(name, bound, setup):
+        if is_number(bound) and name in MEASURES and (why := _doubt(name, bound, setup)):
             found.append(f"{place}.{key} = {bound:g}: {why}")
     return found
 
@@ -198,24 +189,35 @@ def _doubt(name: str, bound: float, setup: Setup) -> str:
         setup: Settings of the runs.
     """
     measure = MEASURES[name]
-    if bound < 0:
-        return "all runs miss this bound, because no measure is below 0"
-    if measure.of_joints and kind_of(setup.robot) == "free":
-        return "no run misses this bound, because the free camera has no joints with limits"
-    if bound < ROUNDING and not (measure.share or measure.exact):
-        return f"rounding errors exceed this bound; raise it above {ROUNDING:g}"
-    if bound >= 100 and (measure.share or name == "joint_range_peak_pct"):
-        return "no run misses this bound, because the measure is at most 100 %"
-    if bound >= 180 and measure.unit == "deg":
-        return "no run misses this bound, because no angle is above 180 deg"
     rate = setup.camera.rate
     times = np.arange(setup.frames) / rate
     counted = np.count_nonzero(times >= setup.measure.after - ROUNDING) / rate
-    if bound >= counted > 0 and name == "longest_off_s":
-        return f"no run misses this bound, because only {counted:g} s of the run count"
-    if bound >= times[-1] and name == "settle_s":
-        return f"a run of {setup.run.duration:g} s misses this bound only if it never settles"
-    return ""
+    kept = "no run misses this bound, because"
+    doubts = (
+        (bound < 0, "all runs miss this bound, because no measure is below 0"),
+        (
+            measure.of_joints and kind_of(setup.robot) == "free",
+            f"{kept} the free camera has no joints with limits",
+        ),
+        (
+            bound < ROUNDING and not (measure.share or measure.exact),
+            f"rounding errors exceed this bound; raise it above {ROUNDING:g}",
+        ),
+        (
+            bound >= 100 and (measure.share or name == "joint_range_peak_pct"),
+            f"{kept} the measure is at most 100 %",
+        ),
+        (bound >= 180 and measure.unit == "deg", f"{kept} no angle is above 180 deg"),
+        (
+            bound >= counted > 0 and name == "longest_off_s",
+            f"{kept} only {counted:g} s of the run count",
+        ),
+        (
+            bound >= times[-1] and name == "settle_s",
+            f"a run of {setup.run.duration:g} s misses this bound only if it never settles",
+        ),
+    )
+    return next((sentence for is_doubtful, sentence in doubts if is_doubtful), "")
 
 
 def missed_by_cells(
@@ -242,46 +244,8 @@ def missed_by_cells(
                 continue
             found = np.array([row.get(name) for row in rows], dtype=float)  # None becomes nan
             without = np.count_nonzero(~np.isfinite(found))
-            if without:
-                text = f"has no finite value in {without} of {len(rows)} runs"
-            else:
-                text = f"is {found.mean():.3g}"
+            text = f"has no finite value in {without} of {len(rows)} runs"
             if without or found.mean() > bound:
+                text = text if without else f"is {found.mean():.3g}"
                 sentences.append(f"{where}: {name} {text}, expected at most {bound:g}")
     return sentences
-
-
-def check_expect(scenario: Scenario) -> None:
-    """Check the names and values of a scenario's bounds for all trackers.
-
-    Raises:
-        Mistake: A tracker, a measure or an outcome is unknown, or a bound is not a finite number.
-    """
-    place = f"{scenario.name}: expect"
-    known = PLUGINS["tracker"][0].names()
-    for kind, expect in scenario.bounds.others.items():
-        if kind not in (*known, ANY) and ":" not in kind:
-            raise Mistake(f"{place}.tracker: {unknown(kind, known, 'tracker')}")
-        _check_bounds(expect, f"{place}.tracker.{kind}")
-    made = scenario.bounds.made_for(tracker_of(scenario.table))
-    _check_bounds(scenario.bounds.expect | made, place)
-
-
-def _check_bounds(expect: Table, place: str) -> None:
-    """Check the names and values of the bounds in a table, such as [expect]; `place`, the table's
-    name, begins messages.
-    """
-    for key, bound in expect.items():
-        name = key.removeprefix(DRAWN)
-        if key == f"{DRAWN}{SUCCESS_RATE}":
-            if not is_number(bound) or not 0 <= bound <= 1:
-                raise Mistake(f"{place}.{key} = {bound!r}: expected a share from 0 to 1")
-        elif name == "outcome":
-            if not isinstance(bound, str) or bound not in Outcome.__members__:
-                names = ", ".join(Outcome.__members__)
-                raise Mistake(f"{place}.{key} = {bound!r}: expected one of {names}")
-        elif name not in MEASURES:
-            at = place if key == name else f"{place}.{DRAWN[:-1]}"
-            raise Mistake(f"{at}: {unknown(name, (*MEASURES, 'outcome'))}")
-        elif not is_number(bound):
-            raise Mistake(f"{place}.{key} = {bound!r}: expected a finite number")

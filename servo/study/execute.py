@@ -98,16 +98,11 @@ def execute(
 
 
 def _run(job: Job, folder: Path) -> Record:
-    """Run a job and free its memory; the job may write files into the folder."""
+    """Run a job and return its memory to the system; the job may write files into the folder."""
     record = job.run(folder)
-    give_back_memory()
-    return record
-
-
-def give_back_memory() -> None:
-    """Return this process's freed memory to the system; glibc would keep about 1 MB a run."""
     with suppress(AttributeError, OSError):  # of a C library without malloc_trim
-        ctypes.CDLL(None).malloc_trim(0)
+        ctypes.CDLL(None).malloc_trim(0)  # glibc would keep about 1 MB a run
+    return record
 
 
 def tried(jobs: Sequence[Job]) -> tuple[float, list[tuple[Job, Failure]]]:

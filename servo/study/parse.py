@@ -11,39 +11,33 @@ from annotated_types import Ge, Le, MinLen
 from pydantic import BaseModel
 
 from servo.loop.measure import MEASURES
-from servo.mistake import Mistake, check_known
+from servo.mistake import Mistake, check_known, check_rules
 from servo.scenario.catalogue import sentence, shipped
-from servo.scenario.draws import Value
+from servo.scenario.draws import Value, flat
 from servo.scenario.expected import SUCCESS_RATE
 from servo.scenario.fill import STRICT, validated
 from servo.scenario.load import parse as parse_scenario
 from servo.scenario.named_files import digests, found_beside, named_in, path_of, read
 from servo.scenario.toml import Table, assignment, is_table
-from servo.study.axes import (
+from servo.study.plan import (
+    ALL,
     ENDS,
     MOST_VALUES,
     Axis,
-    Named,
+    Study,
     axes_of,
     check_apart,
     check_key,
-    flat,
     named_of,
 )
-from servo.study.bounds import check_expect
-from servo.study.plan import Study
-from servo.study.scenario_run import StudiedScenario
+from servo.study.scenario_run import Named, StudiedScenario
 
-ALL = "*"
 MOST_RUNS = 1_000_000
 """Most runs of a study."""
 MOST_CHECKED = 2000
 """Most combinations of axis values that are checked before the first run."""
 TRACKERS = "trackers"
 """Name of the axis of the trackers that a command line gives."""
-COUNTABLE = 10**15
-"""Numbers of runs above this are rounded in messages."""
-Seed = Annotated[int, Ge(0)]
 SEEDS = 3
 """Number of seeds of a study that does not give them."""
 
@@ -60,7 +54,9 @@ class StudyTable(BaseModel):
     """Axes whose values are groups of settings: settings by name of the axis and of the group."""
     axes: Table = {}
     """Axes and drawn settings: values or a distribution by setting."""
-    seeds: Annotated[int, Ge(1), Le(MOST_RUNS)] | Annotated[list[Seed], MinLen(1)] = SEEDS
+    seeds: (
+        Annotated[int, Ge(1), Le(MOST_RUNS)] | Annotated[list[Annotated[int, Ge(0)]], MinLen(1)]
+    ) = SEEDS
     """Number of seeds, counted from 0, or a list of seeds."""
     compare: str | None = None
     """The axis whose values are compared."""
@@ -144,8 +140,7 @@ def parsed(table: Table, changes: Sequence[str], path: Path, place: str, title: 
         expect=_expect(file.expect, place),
     )
     if study.size > MOST_RUNS:
-        runs = f"{study.size:,}" if study.size < COUNTABLE else f"more than {COUNTABLE:.0e}"
-        raise Mistake(f"{place}: this study has {runs} runs; the limit is {MOST_RUNS:,}")
+        raise Mistake(f"{place}: this study has more runs than the limit, {MOST_RUNS:,}")
     study = _compared(study, file.compare, place)
     _check(study, place)
     return study
@@ -198,13 +193,14 @@ def _compared(study: Study, asked: str | None, place: str) -> Study:
     keys = study.keys
     if asked is None:
         return replace(study, compare="tracker.kind" if "tracker.kind" in keys else None)
-    if asked in [draw.key for draw in study.draws]:
-        raise Mistake(
-            f"{place}: compare = {asked!r}: this setting is drawn at random; name an axis of "
-            "the study"
-        )
-    if not keys:
-        raise Mistake(f"{place}: compare = {asked!r}: this study has no axis to compare")
+    at = f"{place}: compare = {asked!r}"
+    check_rules(
+        (
+            asked in [draw.key for draw in study.draws],
+            f"{at}: this setting is drawn at random; name an axis of the study",
+        ),
+        (not keys, f"{at}: this study has no axis to compare"),
+    )
     check_known([asked], keys, f"{place}: compare", "axis")
     return replace(study, compare=asked)
 
@@ -223,7 +219,7 @@ def _check(study: Study, place: str) -> None:
         # Mistakes of this table name their place already.
         table = base.table_of(job.seed, job.settings)
         try:
-            check_expect(parse_scenario(table, base.name, base.place, base.table))
+            parse_scenario(table, base.name, base.place, base.table)
         except Mistake as error:
             _check_base(base, place)
             settings = base.changes | job.settings
@@ -240,7 +236,7 @@ def _check_base(base: StudiedScenario, place: str) -> None:
         Mistake: A setting of the scenario is wrong; the message begins with the study's `place`.
     """
     try:
-        check_expect(parse_scenario(base.table, base.name, base.place))
+        parse_scenario(base.table, base.name, base.place)
     except Mistake as error:
         raise Mistake(str(error) if base.place == place else f"{place}: {error}") from None
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from servo.study.run import Record
+from servo.study.run import Record, grouped_by
 from servo.study.sequence_run import TRACKER
 from sim.types import Array
 from tracking.evaluation.track_measures import MEASURES
@@ -74,9 +74,7 @@ def ranked(records: Sequence[Record]) -> list[Rank]:
     """Return the results of each tracker, ordered by mean area under the success curve, the best
     first.
     """
-    by_label: dict[str, list[Record]] = {}
-    for record in records:
-        by_label.setdefault(record.settings[TRACKER], []).append(record)
+    by_label = grouped_by(records, lambda record: str(record.settings[TRACKER]))
     labels = sorted(by_label, key=lambda label: -_mean(by_label[label]))
     pairs = pairs_of(labels, lambda best, other: compare(by_label[other], by_label[best]))
     against = {other: (test, p) for best, other, test, p in pairs if best == labels[0]}
@@ -137,12 +135,9 @@ def _scores(records: Sequence[Record], measure: str) -> dict[tuple[str, int], fl
     """Return the mean of a measure by name of the sequence, and by seed if the sequence is painted;
     the seed of recordings is 0.
     """
-    found: dict[tuple[str, int], list[float]] = {}
-    for r in records:
-        value = r.measures.get(measure, np.nan)
-        if np.isfinite(value):
-            found.setdefault((r.subject, r.seed if r.settings["drawn"] else 0), []).append(value)
-    return {unit: float(np.mean(scores)) for unit, scores in found.items()}
+    finite = [r for r in records if np.isfinite(r.measures.get(measure, np.nan))]
+    found = grouped_by(finite, lambda r: (r.subject, r.seed if r.settings["drawn"] else 0))
+    return {at: float(np.mean([r.measures[measure] for r in own])) for at, own in found.items()}
 
 
 def _mean(records: Sequence[Record]) -> float:

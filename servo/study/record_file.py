@@ -3,8 +3,9 @@
 import io
 import json
 from array import array
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,9 @@ def table_of(batches: Iterable[Sequence[Record]]) -> pa.Table:
     for key in [key for key in settings[0] if key != SCENARIO]:
         values = [each[key] for each in settings]
         kind = _type(values)
-        column = pa.array([_cell(value, kind) for value in values], kind)
+        if kind == pa.string():
+            values = [None if value is None else str(value) for value in values]
+        column = pa.array(values, kind)
         table = table.add_column(table.column_names.index("repeats"), key, column)
     return table
 
@@ -95,47 +98,43 @@ def _types(record: Record) -> dict[str, pa.DataType]:
     }
 
 
-class _Columns(dict[str, Sequence[Any]]):
-    """The columns of a table by name, each converted to a sequence when it is first used."""
-
-    def __init__(self, table: pa.Table) -> None:
-        super().__init__()
-        self.table = table
-
-    def __missing__(self, name: str) -> Sequence[Any]:
-        column = self.table[name]
-        floats = pa.types.is_floating(column.type)
-        self[name] = array("d", column.to_numpy()) if floats else column.to_pylist()
-        return self[name]
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class TableRow(Mapping[str, Any]):
     """A row of an Arrow table as a mapping from column to value. All rows share the columns, to
     save memory.
     """
 
-    columns: _Columns
+    table: pa.Table
+    column: Callable[[str], Sequence[Any]]
+    """Function that returns a column by its name."""
     place: int
     """Index of the row."""
 
     def __getitem__(self, name: str) -> Any:
-        value = self.columns[name][self.place]
+        value = self.column(name)[self.place]
         return None if value != value else value  # nan
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.columns.table.column_names)
+        return iter(self.table.column_names)
 
     def __len__(self) -> int:
-        return self.columns.table.num_columns
+        return self.table.num_columns
+
+
+def _column(table: pa.Table, name: str) -> Sequence[Any]:
+    """Return the values of a column of a table."""
+    column = table[name]
+    return (
+        array("d", column.to_numpy()) if pa.types.is_floating(column.type) else column.to_pylist()
+    )
 
 
 def rows_of(table: pa.Table) -> list[Row]:
     """Return the rows of a table of results, as mappings from column to value; nan is returned as
     None.
     """
-    columns = _Columns(table)
-    return [TableRow(columns, place) for place in range(table.num_rows)]
+    column = cache(partial(_column, table))  # each column is converted when it is first used
+    return [TableRow(table, column, place) for place in range(table.num_rows)]
 
 
 def parquet(table: pa.Table) -> bytes:
@@ -143,13 +142,6 @@ def parquet(table: pa.Table) -> bytes:
     sink = pa.BufferOutputStream()
     pq.write_table(table, sink, write_page_checksum=True)
     return sink.getvalue().to_pybytes()
-
-
-def _cell(value: object, kind: pa.DataType) -> object:
-    """Return a value as a column of a type holds it: as text if the column's type is text, else
-    unchanged.
-    """
-    return value if kind != pa.string() or value is None else str(value)
 
 
 def _type(values: Iterable[object]) -> pa.DataType:

@@ -15,7 +15,7 @@ from servo.loop.measure import COUNTED, MEASURES, TIMED
 from servo.scenario.expected import SUCCESS_RATE
 from servo.scenario.toml import Table
 from servo.study.plan import Study
-from servo.study.run import SCENARIO, Row
+from servo.study.run import SCENARIO, Row, grouped_by
 from servo.study.scenario_run import MEASURED, RECORDED, TRACK_MS
 from sim.types import Array
 from tracking.files.csv_text import csv_text
@@ -68,7 +68,9 @@ class Units:
         """
         if apart != SCENARIO and len({row.get(SCENARIO) for row in rows}) > 1:
             return Units("scenario", _by(rows, [SCENARIO]))
-        if drawn or _varies(rows, keys):
+        # Seeds count if two of them differ in more than a computing time.
+        cells = _by(rows, [SCENARIO, *keys]).values()
+        if drawn or any(len(_by(cell, ["outcome", *UNTIMED])) > 1 for cell in cells):
             return Units("draw" if drawn else "seed", _by(rows, ["seed"]))
         return Units("run", {(): list(rows)} if rows else {})
 
@@ -105,18 +107,7 @@ def uncounted(rows: Sequence[Row]) -> str:
 
 def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
     """Group rows by the tuple of their values in some columns."""
-    found: dict[Any, list[Row]] = {}
-    for row in rows:
-        found.setdefault(tuple(row.get(key) for key in keys), []).append(row)
-    return found
-
-
-def _varies(rows: Sequence[Row], keys: Collection[str]) -> bool:
-    """Return True if two seeds with the same axis values differ in outcome or in a measure that is
-    not a computing time.
-    """
-    cells = _by(rows, [SCENARIO, *keys]).values()
-    return any(len(_by(cell, ["outcome", *UNTIMED])) > 1 for cell in cells)
+    return grouped_by(rows, lambda row: tuple(row.get(key) for key in keys))
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,8 +183,10 @@ def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
     """Return the mean results for each combination of axis values that has runs, in the study's
     order.
     """
-    drawn = bool(study.draws)
-    return [Cell.of(settings, group, drawn=drawn) for settings, group in grouped(study.keys, rows)]
+    return [
+        Cell.of(settings, group, drawn=bool(study.draws))
+        for settings, group in grouped(study.keys, rows)
+    ]
 
 
 def moved(cells: Sequence[Cell]) -> list[str]:
@@ -285,10 +278,11 @@ def _mcnemar(first: _Held, second: _Held) -> McNemar:
     """Compare the success rates of two values of an axis in each unit (independent observation),
     over the runs that both values have.
     """
-    rates: list[tuple[float, float]] = []
-    for unit in first.keys() & second.keys():
-        both = first[unit].keys() & second[unit].keys()
-        if both:
-            pair = [float(np.mean([held[unit][at] for at in both])) for held in (first, second)]
-            rates.append((pair[0], pair[1]))
+    units = first.keys() & second.keys()
+    common = {unit: first[unit].keys() & second[unit].keys() for unit in units}
+    rates = [
+        [np.mean([held[unit][at] for at in both]) for held in (first, second)]
+        for unit, both in common.items()
+        if both
+    ]
     return McNemar.of(*np.array(rates, float).reshape(-1, 2).T)

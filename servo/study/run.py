@@ -1,11 +1,9 @@
 """A run of a study as values: a `Job` before the run, and a `Record` or a `Failure` after it."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -21,17 +19,14 @@ from tracking.files.json_text import as_json, number
 
 Task = TypeVar("Task")
 Done = TypeVar("Done")
+Item = TypeVar("Item")
+Key = TypeVar("Key")
 Series = NDArray[Any]
 """Numbers or flags (n,)."""
 Row = Mapping[str, Any]
 """A run's row in a table of results: values by column."""
 SCENARIO = "scenario"
 SEQUENCE = "sequence"
-VERSION = "version_"
-"""Prefix of the columns of versions."""
-NO_THREAD = "can't start new thread"
-"""Part of Python's message if there is no memory for a thread's stack."""
-TOO_LITTLE = "there is too little memory, or too few processes are allowed (ulimit -a)"
 
 
 class Subject(Protocol):
@@ -46,7 +41,7 @@ class Subject(Protocol):
         """Return all settings that decide the results, in types of JSON."""
         ...
 
-    def perform(self, job: Job, folder: Path) -> Record:
+    def perform(self, job: "Job", folder: Path) -> "Record":
         """Run a job of this subject and return its record.
 
         Args:
@@ -83,18 +78,19 @@ class Job:
         """
         return self.name or key_of(self.number)
 
-    def describe(self) -> dict[str, object]:
-        """Return all settings that decide the record, without versions, in types of JSON."""
-        return {"subject": self.subject.describe(), "seed": self.seed, "settings": self.settings}
-
     @property
     def digest(self) -> str:
         """Return the SHA-256 digest of all settings that decide the run's record; versions of
         packages do not count.
         """
-        return hashlib.sha256(json.dumps(as_json(self.describe())).encode()).hexdigest()
+        described = {
+            "subject": self.subject.describe(),
+            "seed": self.seed,
+            "settings": self.settings,
+        }
+        return hashlib.sha256(json.dumps(as_json(described)).encode()).hexdigest()
 
-    def run(self, folder: Path) -> Record:
+    def run(self, folder: Path) -> "Record":
         """Run this job and return its record; files such as tracks go into the study's folder.
 
         Raises:
@@ -156,12 +152,24 @@ class Record:
             "outcome": self.outcome,
             "success": self.success,
             "missed": [
-                {"name": m.name, "found": _text(m.found), "bound": _text(m.bound)}
+                {
+                    "name": m.name,
+                    "found": None if m.found is None else str(m.found),
+                    "bound": str(m.bound),
+                }
                 for m in self.missed
             ],
             **{name: number(value) for name, value in self.measures.items()},
             **version_columns(self.versions),
         }
+
+
+def grouped_by(items: Iterable[Item], key: Callable[[Item], Key]) -> dict[Key, list[Item]]:
+    """Group items, such as records or rows, by their key, in the order of the items."""
+    found: dict[Key, list[Item]] = {}
+    for item in items:
+        found.setdefault(key(item), []).append(item)
+    return found
 
 
 def key_of(number: int) -> str:
@@ -173,11 +181,7 @@ def version_columns(found: Mapping[str, str]) -> dict[str, str]:
     """Return package versions by name of their column in tables of results, such as "version_numpy"
     for "numpy".
     """
-    return {f"{VERSION}{n.replace('-', '_').replace(' ', '_')}": v for n, v in found.items()}
-
-
-def _text(value: float | str | None) -> str | None:
-    return None if value is None else str(value)
+    return {f"version_{n.replace('-', '_').replace(' ', '_')}": v for n, v in found.items()}
 
 
 class ClusterLost(RuntimeError):
@@ -198,15 +202,21 @@ class Failure:
     """Whether disk or memory is full, so that all other jobs would fail too."""
 
     @staticmethod
-    def of(error: BaseException) -> Failure:
+    def of(error: BaseException) -> "Failure":
         """Return the failure with the traceback of an exception, and its sentence if it is a
         mistake of the user, or a full disk or memory.
         """
         trace = "".join(traceback.format_exception(error))
         if isinstance(error, OSError) and error.errno in FULL:
             return Failure(trace, f"{error.filename}: {error.strerror}", full=True)
-        if isinstance(error, MemoryError) or NO_THREAD in str(error):
-            return Failure(trace, f"{TOO_LITTLE} ({error or 'MemoryError'})", full=True)
+        # A thread that cannot be started has no memory for its stack.
+        if isinstance(error, MemoryError) or "can't start new thread" in str(error):
+            return Failure(
+                trace,
+                "there is too little memory, or too few processes are allowed (ulimit -a) "
+                f"({error or 'MemoryError'})",
+                full=True,
+            )
         return Failure(trace, str(error) if isinstance(error, Mistake) else "")
 
     @property

@@ -15,7 +15,7 @@ from servo.loop.episode import Episode, Kept
 from servo.loop.measure import MEASURES, Measure
 from servo.loop.run_measures import CONVERGED_PX, Outcome, summarise, timed
 from servo.loop.step import Step
-from servo.mistake import Mistake
+from servo.mistake import Mistake, check_rules
 from servo.output.formats import command_line
 from servo.scenario import load as scenarios
 from servo.scenario.draws import Value
@@ -23,15 +23,16 @@ from servo.scenario.expected import tracker_of
 from servo.scenario.load import Scenario
 from servo.scenario.named_files import digest_of
 from servo.scenario.toml import Table, assignment, copied, put
-from servo.study.axes import SCENARIO, Named
-from servo.study.bounds import check_expect, missed_bounds, unjudged
-from servo.study.run import Job, Record, Series
+from servo.study.bounds import missed_bounds, unjudged
+from servo.study.run import SCENARIO, Job, Record, Series
 from sim.kinds import UnknownKind
 from sim.types import Image
 from tracking.drawing.contact_sheet import page, tile
 from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture
 
+Named = dict[str, dict[str, Table]]
+"""Groups of settings by the name of their axis and their own name: the study's table [named]."""
 TILES = 8
 """Pictures of a contact sheet."""
 JPEG_QUALITY = 80
@@ -116,9 +117,7 @@ class StudiedScenario:
         Raises:
             Mistake: A setting or a bound is not valid.
         """
-        scenario = scenarios.parse(self.table_of(seed, settings), self.name, self.place, self.table)
-        check_expect(scenario)
-        return scenario
+        return scenarios.parse(self.table_of(seed, settings), self.name, self.place, self.table)
 
     def command(self, seed: int, settings: Table) -> str:
         """Return the command line that repeats one run alone; arguments are as for `table_of`."""
@@ -134,12 +133,16 @@ class StudiedScenario:
             Mistake: A package that the scenario needs is missing on this machine, or a file has
                 changed since the study began.
         """
-        for path, digest in self.files.items():
-            if digest_of(path) != digest:
-                raise Mistake(
+        check_rules(
+            *(
+                (
+                    digest_of(path) != digest,
                     f"on {platform.node()}, the file {path} is missing or differs from the one at "
-                    "the start of the study; copy it there"
+                    "the start of the study; copy it there",
                 )
+                for path, digest in self.files.items()
+            )
+        )
         try:
             scenario = self.parsed(job.seed, job.settings)
         except Mistake as error:
@@ -177,8 +180,9 @@ def record_of(
     """
     run = Columns.of(steps)
     summary = summarise(run, scenario.measure, 1 / scenario.camera.rate)
-    expected = scenario.expect.get("outcome") or scenario.bounds.success or Outcome.CONVERGED.name
-    success = summary.outcome.name == expected
+    expected = scenario.bounds.expect.get("outcome", Outcome.CONVERGED.name)
+    # The outcome in [expect] counts for every tracker without one of its own.
+    success = summary.outcome.name == scenario.expect.get("outcome", expected)
     as_written = scenario.bounds.of(tracker_of(scenario.table))
     missed = missed_bounds(summary.outcome.name, summary.measures, scenario.expect, as_written)
     track_ms = 1e3 * float(np.median(timed(run)[:, TRACK]))

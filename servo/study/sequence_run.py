@@ -1,7 +1,5 @@
 """Runs trackers on sequences with known truth as jobs, and makes the records of the runs."""
 
-from __future__ import annotations
-
 import hashlib
 import time
 from dataclasses import dataclass
@@ -64,9 +62,8 @@ class Contender:
         some.
         """
         found: Table = {"kind": kind_of(self.config), "settings": as_json(self.config)}
-        if files := digests(named_by(self.config)):
-            found["files"] = files
-        return found
+        files = digests(named_by(self.config))
+        return found | ({"files": files} if files else {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +107,7 @@ class Recorded:
     """Digest of the pictures and the truth."""
 
     @staticmethod
-    def all_in(folder: Path, form: Format = Format.AUTO) -> list[Recorded]:
+    def all_in(folder: Path, form: Format = Format.AUTO) -> list["Recorded"]:
         """Return the sequences in a folder whose truth files have a format.
 
         Raises:

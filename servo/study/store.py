@@ -5,9 +5,8 @@ the disk before the next run begins. At the end the rows are exported to `result
 `series.parquet`, for other programs. One process writes at a time; others may read meanwhile.
 """
 
-from __future__ import annotations
-
 import errno
+import os
 import sqlite3
 import zlib
 from collections.abc import Generator, Iterable, Iterator, Sequence
@@ -20,7 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
-from servo.mistake import Mistake, Refused, unwritable
+from servo.mistake import Mistake, Refused, check_rules, writing
 from servo.output.formats import Document, Made, Number, OtherFormat
 from servo.output.versions import versions
 from servo.scenario.toml import Table
@@ -89,7 +88,7 @@ class StudyFile(Made):
     """Digests of the files that these tables name, by path."""
 
     @staticmethod
-    def of(study: Study, command: str) -> StudyFile:
+    def of(study: Study, command: str) -> "StudyFile":
         """Return the contents of the file study.json of a study; `command` is the command line that
         begins the study.
         """
@@ -128,14 +127,14 @@ class FailureFile(Document):
     """The traceback."""
 
     @staticmethod
-    def of(job: Job, error: str) -> FailureFile:
+    def of(job: Job, error: str) -> "FailureFile":
         """Return the contents of a failed job's file; `error` is the traceback."""
         settings = job.settings | {"seed": job.seed}
         return FailureFile(run=job.number, settings=settings, command=job.command, error=error)
 
 
 @contextmanager
-def opened(folder: Path, described: StudyFile) -> Generator[Store]:
+def opened(folder: Path, described: StudyFile) -> Generator["Store"]:
     """Open the folder of a study for writing, and lock it until the end of the block.
 
     The folder is made if it is missing; nothing is written into one with other files.
@@ -148,26 +147,31 @@ def opened(folder: Path, described: StudyFile) -> Generator[Store]:
         Mistake: The folder cannot be written, has other files or results of another study or of
             other versions, or another process is writing into it.
     """
-    try:
+    with writing(folder):
         if folder.is_dir():
             _described(folder, described.holds)
         folder.mkdir(parents=True, exist_ok=True)
         lock = FileLock(folder / LOCK)
-        lock.acquire(blocking=False)
-    except Timeout:
-        raise Mistake(f"{folder}: another command is writing into this folder") from None
-    except OSError as error:
-        raise unwritable(folder, error) from None
+        try:
+            lock.acquire(blocking=False)
+        except Timeout:
+            raise Mistake(f"{folder}: another command is writing into this folder") from None
     try:
         before = _described(folder, described.holds)
-        if before is not None:
-            _check_same(folder, before, described)
         if before is None:
             with on_disk(folder, f"write {described.FILE}"):
                 described.write(folder)
-        with on_disk(folder, f"write {RUNS}"):
+        else:
+            _check_same(folder, before, described)
+        action = f"write {RUNS}"
+        with on_disk(folder, action):
             database = _writable(folder / RUNS)
         with closing(database):
+            with on_disk(folder, action):
+                with suppress(sqlite3.OperationalError):  # not possible on network file systems
+                    database.execute("PRAGMA journal_mode = WAL")
+                database.execute("PRAGMA synchronous = FULL")
+                database.execute(SCHEMA)
             yield Store(folder, database)
             # Put all rows into one file; another process that is reading may prevent this.
             with suppress(sqlite3.Error):
@@ -189,14 +193,6 @@ def _writable(path: Path) -> sqlite3.Connection:
             raise OSError(errno.ELOOP, "nothing is written through a link", file)
     database = sqlite3.connect(path, isolation_level=None)
     database.text_factory = _text
-    try:
-        with suppress(sqlite3.OperationalError):  # not possible on network file systems
-            database.execute("PRAGMA journal_mode = WAL")
-        database.execute("PRAGMA synchronous = FULL")
-        database.execute(SCHEMA)
-    except BaseException:
-        database.close()
-        raise
     return database
 
 
@@ -204,18 +200,11 @@ def _readable(path: Path) -> sqlite3.Connection:
     """Open the database of a study for reading; another process may be writing into it.
 
     Raises:
-        sqlite3.Error: The database cannot be read.
+        sqlite3.Error: The database cannot be opened.
     """
-    place = f"{path.absolute().as_uri()}?mode=ro"
-    database = sqlite3.connect(place, uri=True)
-    try:
-        database.execute("SELECT 1 FROM runs")
-    except sqlite3.OperationalError:  # the folder is read-only
-        database.close()
-        database = sqlite3.connect(f"{place}&immutable=1", uri=True)
-    except sqlite3.Error:
-        database.close()
-        raise
+    # SQLite reads a database that was left in its WAL mode only where it can write files beside it.
+    kind = "" if os.access(path.parent, os.W_OK) else "&immutable=1"
+    database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro{kind}", uri=True)
     database.text_factory = _text
     return database
 
@@ -262,7 +251,9 @@ def _described(folder: Path, holds: str) -> StudyFile | None:
     """
     path = folder / StudyFile.FILE
     if not path.exists():
-        if any(not _of_the_beginning(there) for there in folder.iterdir()):
+        # Files that a process leaves that was killed before it wrote study.json.
+        begun = (LOCK, atomic.ASIDE.format(path.name))
+        if any(there.name not in begun for there in folder.iterdir()):
             raise Mistake(
                 f"{folder}: this folder has files, but no {path.name} of `servobench {holds}`; "
                 "choose another folder with --out"
@@ -279,13 +270,6 @@ def _described(folder: Path, holds: str) -> StudyFile | None:
         ) from None
 
 
-def _of_the_beginning(path: Path) -> bool:
-    """Return True if a file may be left by a process that was killed before it wrote study.json, so
-    that its folder counts as new.
-    """
-    return path.name in (LOCK, atomic.ASIDE.format(StudyFile.FILE))
-
-
 def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
     """Check that a folder, whose study.json is `before`, has results of the same study, command and
     versions as `now`.
@@ -293,23 +277,29 @@ def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
     Raises:
         Mistake: It has not.
     """
-    if before.holds != now.holds:
-        raise Mistake(
+    check_rules(
+        (
+            before.holds != now.holds,
             f"{folder}: this folder holds results of another command; choose another folder with "
-            "--out"
-        )
-    for what in DECIDE:
-        if as_json(getattr(before, what)) != as_json(getattr(now, what)):
-            raise Mistake(
+            "--out",
+        ),
+        *(
+            (
+                as_json(getattr(before, what)) != as_json(getattr(now, what)),
                 f"{folder}: this folder holds another study (its {what} differs); choose another "
-                "folder with --out"
+                "folder with --out",
             )
-    for name, version in now.versions.items():
-        if before.versions.get(name) != version:
-            raise Mistake(
+            for what in DECIDE
+        ),
+        *(
+            (
+                before.versions.get(name) != version,
                 f"{folder}: these results are of {name} {before.versions.get(name)}, and {version} "
-                "is installed now: numbers may differ; choose another folder with --out"
+                "is installed now: numbers may differ; choose another folder with --out",
             )
+            for name, version in now.versions.items()
+        ),
+    )
 
 
 class Store:
@@ -403,22 +393,22 @@ class Store:
                 database is damaged.
             Refused: The disk is full, or the database cannot be written.
         """
-        for name, here in versions().items():
-            there = record.versions.get(name)
-            if there != here:
-                raise Mistake(
-                    f"a worker has {name} {there}, and {here} is installed here: numbers may "
-                    "differ; install the same version on every worker"
+        check_rules(
+            *(
+                (
+                    record.versions.get(name) != here,
+                    f"a worker has {name} {record.versions.get(name)}, and {here} is installed "
+                    "here: numbers may differ; install the same version on every worker",
                 )
+                for name, here in versions().items()
+            )
+        )
         row = [job.key, job.digest, *stored(record)]
         with self._opened(f"write run {job.key}") as database:
-            try:
-                database.execute(
-                    "INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?)", [*row, _checksum(row)]
-                )
-            finally:  # Ctrl-C may have come while it was written
-                if database.execute("SELECT 1 FROM runs WHERE key = ?", [job.key]).fetchone():
-                    self.done.add(job.key)
+            database.execute(
+                "INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?)", [*row, _checksum(row)]
+            )
+        self.done.add(job.key)
 
     def forget(self, job: Job) -> None:
         """Remove a job from `done`, so that it is run again and its record is replaced."""

@@ -10,7 +10,7 @@ from typing import Annotated
 from annotated_types import MinLen
 from pydantic import BaseModel
 
-from servo.mistake import Mistake, as_mistake
+from servo.mistake import Mistake, as_mistake, check_rules
 from servo.scenario import toml
 from servo.scenario.fill import STRICT, fill_plugin, validated
 from servo.scenario.toml import Table
@@ -83,7 +83,9 @@ def contenders(text: str | None) -> list[Contender]:
     """
     words = general_kinds() if text is None else [w.strip() for w in text.split(",")]
     chosen = [TRACKERS.named(word) for word in words]
-    return _all_different([_contender(table, "--trackers") for table in chosen], "--trackers")
+    found = [_contender(table, "--trackers") for table in chosen]
+    _check_unique((one.label for one in found), "trackers", "--trackers")
+    return found
 
 
 def tracker_tables(text: str) -> dict[str, Table]:
@@ -143,34 +145,28 @@ def _of_toml(path: Path) -> tuple[list[Entry], list[Contender]]:
     entries: list[Entry] = []
     for i, item in enumerate(file.sequences):
         entries += _entries(item, path.parent, f"{path.name}: sequences[{i}]")
-    double = _double(entry.name for entry in entries)
-    if double is not None:
-        raise Mistake(
-            f"{path.name}: two sequences are called '{double}', and names must be unique: leave "
-            "one out, rename its folder, or put it into another suite"
-        )
     chosen = [_contender(t, f"{path.name}: trackers[{i}]") for i, t in enumerate(file.trackers)]
-    return entries, _all_different(chosen, path.name)
+    _check_unique((entry.name for entry in entries), "sequences", path.name)
+    _check_unique((one.label for one in chosen), "trackers", path.name)
+    return entries, chosen
 
 
-def _all_different(chosen: list[Contender], place: str) -> list[Contender]:
-    """Return the trackers if their labels differ from each other.
+def _check_unique(names: Iterable[str], what: str, place: str) -> None:
+    """Check that the names of sequences or the labels of trackers differ from each other.
 
     Raises:
-        Mistake: Two trackers have the same label; the message begins with `place`.
+        Mistake: Two are equal; the message begins with `place`.
     """
-    double = _double(one.label for one in chosen)
-    if double is not None:
-        raise Mistake(
-            f"{place}: two trackers are called '{double}': leave one out, or give it another label "
-            "in a suite's file"
+    check_rules(
+        *(
+            (
+                count > 1,
+                f"{place}: two {what} are called '{name}': leave one out, or give it another name, "
+                "which is a sequence's folder or a tracker's label in a suite's file",
+            )
+            for name, count in Counter(names).items()
         )
-    return chosen
-
-
-def _double(names: Iterable[str]) -> str | None:
-    """Return the first name that occurs more than once, or None."""
-    return next((name for name, count in Counter(names).items() if count > 1), None)
+    )
 
 
 def _entries(item: Table, beside: Path, place: str) -> Sequence[Entry]:

@@ -1,10 +1,10 @@
 """Connects to the scheduler of an existing Dask cluster, within a limited time."""
 
 import asyncio
+import re
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from typing import Any
-from urllib.parse import urlsplit
 
 from distributed import Client
 from distributed.security import Security
@@ -14,8 +14,10 @@ from servo.mistake import Mistake
 from servo.study.cluster import tasks
 from servo.study.cluster.tasks import Cluster, silence
 
-PLAIN = "tcp"
-ENCRYPTED = "tls"
+ADDRESS = re.compile(
+    r"(?:(tcp|tls)://)?((?:\[[0-9a-f:.]+\]|[^\s/@?#:\[\]]+):([1-9]\d{0,4}))", re.IGNORECASE
+)
+"""Matches HOST:PORT, with tcp:// or tls:// in front or without."""
 TLS_FILES = ("tls_ca_file", "tls_client_cert", "tls_client_key")
 CONNECTING = 0.75
 """Share of the allowed time after which Dask gives up connecting and reports the reason."""
@@ -29,18 +31,13 @@ def check_address(text: str) -> str:
     Raises:
         Mistake: The text is not HOST:PORT, with tcp:// or tls:// in front or without.
     """
-    try:
-        parts = urlsplit(text if "://" in text else f"{PLAIN}://{text}")
-        rest = parts.path + parts.query + parts.fragment
-        known = parts.scheme in (PLAIN, ENCRYPTED) and parts.username is None
-        if known and parts.hostname and parts.port and not rest:
-            return f"{parts.scheme}://{parts.netloc}"
-    except ValueError:
-        pass  # an invalid port or IPv6 address
-    raise Mistake(
-        f"--scheduler {text}: this is no address of a scheduler: write {PLAIN}://HOST:PORT "
-        f"or {ENCRYPTED}://HOST:PORT"
-    )
+    found = ADDRESS.fullmatch(text)
+    if found is None or int(found[3]) >= 1 << 16:  # no port
+        raise Mistake(
+            f"--scheduler {text}: this is no address of a scheduler: write tcp://HOST:PORT or "
+            "tls://HOST:PORT"
+        )
+    return f"{(found[1] or 'tcp').lower()}://{found[2]}"
 
 
 @contextmanager
@@ -87,7 +84,7 @@ def security_of(address: str) -> Security:
             f"--scheduler {address}: Dask's settings of TLS ({', '.join(names)}) cannot be used: "
             f"{error}"
         ) from None
-    if address.startswith(ENCRYPTED) and not (security.tls_ca_file and security.tls_client_cert):
+    if address.startswith("tls") and not (security.tls_ca_file and security.tls_client_cert):
         raise Mistake(
             f"--scheduler {address}: TLS needs certificates; name their files to Dask by "
             "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..._TLS__CLIENT__CERT and ..._TLS__CLIENT__KEY, "

@@ -5,9 +5,8 @@ again.
 import logging
 import os
 import time
-import uuid
 import warnings
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from typing import Any
 
 import cv2
 import dask.config
-from distributed import Client, Future, KilledWorker, as_completed
+from distributed import Client, Future, KilledWorker
 
 from servo.closing import closing
 from servo.study.run import ClusterLost, Done, Failure, Task, attempt
@@ -120,9 +119,7 @@ def carry_out(
         ClusterLost: The scheduler has stopped, or has had no workers for a long time.
     """
     waiting = iter(tasks)
-    session = uuid.uuid4().hex
-    under_way: dict[str, tuple[Task, Future[Done | Failure]]] = {}
-    ended = as_completed(loop=cluster.client.loop)
+    under_way: list[tuple[Task, Future[Done | Failure]]] = []
 
     def top_up() -> None:
         there = cluster.workers()
@@ -131,37 +128,33 @@ def carry_out(
             task = next(waiting, None)
             if task is None:
                 return
-            key = f"servobench-{session}-{uuid.uuid4().hex}"
-            future = cluster.client.submit(_work_alone, work, task, key=key, pure=False)
-            under_way[key] = task, future
-            ended.add(future)
+            future = cluster.client.submit(_work_alone, work, task, pure=False)
+            under_way.append((task, future))
 
     def cancel() -> None:
-        for _, future in under_way.values():
+        for _, future in under_way:
             future.cancel()
 
     with closing(cancel):
         try:
             top_up()
             while under_way:
-                for future in _ready(ended):
-                    if future.status in ("lost", "pending"):  # its worker died: Dask repeats it
-                        ended.add(future)
-                        continue
-                    task, _ = under_way.pop(str(future.key))
+                for task, future in _ended(under_way):
+                    under_way.remove((task, future))
                     yield task, _result(future, cluster.name)
                 top_up()
         except (OSError, CancelledError) as error:
             raise ClusterLost(f"{cluster.name} is gone") from error
 
 
-def _ready(ended: as_completed) -> list[Future[Any]]:
-    """Wait for at most a `TICK` until a task ends; return all tasks that have ended."""
+def _ended(under_way: Sequence[tuple[Task, Future[Done]]]) -> list[tuple[Task, Future[Done]]]:
+    """Wait for at most a `TICK` until a task ends; return all tasks that have ended. A task whose
+    worker died has not ended: Dask repeats it.
+    """
     until = time.monotonic() + TICK
-    while not ended.has_ready() and time.monotonic() < until:
-        with ended.thread_condition:
-            ended.thread_condition.wait(TICK / 10)
-    return ended.next_batch(block=False)
+    while time.monotonic() < until and not any(future.done() for _, future in under_way):
+        time.sleep(TICK / 100)
+    return [pair for pair in under_way if pair[1].done()]
 
 
 def _result(future: Future[Done | Failure], name: str) -> Done | Failure:
