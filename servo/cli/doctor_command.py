@@ -23,7 +23,7 @@ from tracking.guests.cv2_tracker import running
 FINE = "All is well. To begin with: servobench run reversal"
 
 
-def examine() -> int:
+def run() -> int:
     """Print the OpenGL back end, the renderer, the versions of packages and the rendered frames a
     second of this machine.
 

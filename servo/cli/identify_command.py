@@ -23,31 +23,27 @@ from tracking.drawing.figures import save
 from tracking.files import atomic
 
 
-def run(path: Path, scenario: str, out: Path | None) -> int:
+def run(log: Path, scenario: str, out: Path | None) -> None:
     """Estimate delay, jitter, lag, play and encoder noise of the robot that recorded a log; write
     them as settings (robot.toml) and draw its response.
 
     Args:
-        path: The log: a file .csv, .parquet or .mcap.
+        log: The log: a file .csv, .parquet or .mcap.
         scenario: The scenario whose robot the settings are for.
         out: The folder to write; None: the next free runs/identify-LOG.
-
-    Returns:
-        The exit code 0.
 
     Raises:
         Mistake: The log or the scenario cannot be used, or the folder cannot be written.
     """
-    log = read(path)
+    logged = read(log)
     with waiting(Console(stderr=True), "estimating delay, lag, play and noise"):
-        found, text = estimated(log, scenario)
-    folder = prepare(out, f"identify-{path.stem}")
+        found, text = estimated(logged, scenario)
+    folder = prepare(out, f"identify-{log.stem}")
     with writing(folder):
         settings = atomic.write(folder, "robot.toml", text)
-        drawn = save(picture(log, found), folder, "response.png")
-    unused = f"unused columns (unknown names, or no numbers): {listed(log.unused, most=6)}"
-    plain(Console(), text, str(settings), str(drawn), unused * bool(log.unused), log.cut)
-    return 0
+        drawn = save(picture(logged, found), folder, "response.png")
+    unused = f"unused columns (unknown names, or no numbers): {listed(logged.unused, most=6)}"
+    plain(Console(), text, str(settings), str(drawn), unused * bool(logged.unused), logged.cut)
 
 
 def estimated(log: Log, scenario: str) -> tuple[Identified, str]:

@@ -32,6 +32,14 @@ FILES = {"scenario": resources.files("scenes"), "study": resources.files("scenes
 PARTS = (*FILES, *FOLDERS)
 
 
+def run(what: str | None) -> None:
+    """Print all scenarios and kinds, or what `show` prints for a name."""
+    if what is None:
+        show_all()
+    else:
+        show(what)
+
+
 def show_all() -> None:
     """Print the name and the first sentence of every scenario, every study and every kind of
     component.

@@ -9,6 +9,7 @@ from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
 
+import click
 from jinja2 import Environment, StrictUndefined
 
 import servo
@@ -65,6 +66,12 @@ TAKEN = {
     "servobench's package '{}'": {"sim", "tracking", "servo", "scenes"},
     "Python's module '{}'": sys.stdlib_module_names,
 }
+
+
+def run(part: str, name: str, out: Path | None, door: str | None) -> None:
+    """Write a package with a new part, or a repository of scenarios, and print its files."""
+    for path in new(part, name, out, door):
+        click.echo(path)
 
 
 def new(part: str, kind: str, folder: Path | None, door: str | None = None) -> list[Path]:

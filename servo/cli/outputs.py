@@ -1,19 +1,15 @@
-"""The options of `servobench run` and `track` for films, logs and viewers, and the outputs that
-these options ask for.
-"""
+"""The films, logs and viewers of `servobench run` and `track`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial, wraps
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
-from servo.cli import options as opt
 from servo.cli.guard import CTRL_C, exit_code
+from servo.cli.options import PORT
 from servo.closing import closing
 from servo.mistake import Mistake, check_suffix, unwritable
 from servo.output.sinks import PacedSink, Sink
@@ -29,8 +25,6 @@ if TYPE_CHECKING:
     from tracking.sequences.sources import Source
     from tracking.types import Region
 
-PORT = 9090
-PORTS = click.IntRange(1024, 65_534)
 VIEWER = "the viewer"
 
 
@@ -203,22 +197,6 @@ def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
                 raise
 
 
-def serve(recording: Path, port: int) -> None:
-    """Show a recording in a browser until Ctrl-C.
-
-    Raises:
-        Mistake: A port is in use.
-        Refused: The server does not start, or has ended.
-    """
-    from rich.console import Console
-
-    from servo.output.recording.live import LiveViewer
-
-    viewer = LiveViewer(web=True, port=port, recording=recording)
-    announce(viewer, Console())
-    linger(viewer, Console())
-
-
 def check_place(path: Path | None, *suffixes: str) -> None:
     """Check, if a path is given, that a file can be written or replaced there, and that its name
     ends in one of the suffixes.
@@ -254,53 +232,3 @@ def check_writable(path: Path) -> None:
         raise Mistake(f"{path}: this file exists already; choose another name") from None
     except OSError as error:
         raise unwritable(path, error, "this file") from None
-
-
-def output_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options for films, logs and viewers to a command, which gets them as one argument
-    `outputs`.
-    """
-
-    @wraps(command)
-    def gathered(
-        *,
-        video: Path | None,
-        mcap: Path | None,
-        live: bool,
-        web: bool,
-        light: bool | None,
-        speed: float | None,
-        port: int | None,
-        **others: object,
-    ) -> None:
-        command(outputs=Outputs(video, mcap, live, web, light, speed, port), **others)
-
-    added = (
-        click.option("--video", metavar="FILE.mp4", type=opt.PATH, help="Also write a film."),
-        click.option(
-            "--mcap",
-            metavar="FILE.mcap",
-            type=opt.PATH,
-            help="Also write a log for Foxglove; needs servobench[mcap].",
-        ),
-        click.option("--live", is_flag=True, help="Watch in Rerun's window, in real time."),
-        click.option("--web", is_flag=True, help="Watch in a browser instead; with --live."),
-        click.option(
-            "--light/--no-light",
-            default=None,
-            help="With --web: a light page, or Rerun's (default: Rerun's where there is a GPU).",
-        ),
-        click.option(
-            "--speed",
-            type=opt.FiniteRange(0.01, 1000.0),
-            help="With --live: speed as a multiple of real time (default: 1).",
-        ),
-        click.option(
-            "--port",
-            type=PORTS,
-            help=f"With --live: TCP port of the data; Rerun's page has the next (default: {PORT}).",
-        ),
-    )
-    for option in reversed(added):
-        gathered = option(gathered)
-    return gathered

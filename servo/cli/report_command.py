@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
+
+import click
 
 from servo.bench.benchmark import NAMES
 from servo.cli.outputs import check_place
@@ -43,6 +46,14 @@ class Printed:
     """Columns of the tables of studies, with commas."""
     figure_width: float | None = None
     """Width of the figures [inch]; by default that of the page."""
+
+
+def run(folders: Sequence[Path], out: Path | None, **options: Any) -> None:
+    """Write the page about the results in some folders, and print the paths of all files; the
+    options are those of `Printed`.
+    """
+    for path in write(folders, out, Printed(**options)):
+        click.echo(path)
 
 
 def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = None) -> list[Path]:

@@ -7,7 +7,6 @@ scenario, and draw it in the room.
 import dataclasses
 import itertools
 import json
-from collections.abc import Mapping
 from math import degrees, isfinite
 from pathlib import Path
 
@@ -73,20 +72,18 @@ LEAST_SHARE = 0.05
 """Smaller shares of a twist's components are not printed."""
 
 
-def examine(given: Mapping[str, object], out: Path | None) -> int:
+def run(out: Path | None, **options: object) -> None:
     """Print joints, flanges, reach and the [robot] table of a robot, and draw it in the room.
 
     Args:
-        given: Settings of the table [robot], with its model.
+        options: Settings of the table [robot], with its model; those that are empty are not given.
         out: The PNG to write; None: the first free one of robot.png, robot-2.png and so on.
-
-    Returns:
-        The exit code 0.
 
     Raises:
         Mistake: The model cannot be used, a setting does not fit it, or `out` exists or is not a
             PNG.
     """
+    given = {key: value for key, value in options.items() if value}
     names = (Path(f"robot-{k}.png" if k > 1 else "robot.png") for k in itertools.count(1))
     out = out or next(name for name in names if not name.exists())
     check_suffix(out, ".png")
@@ -121,7 +118,6 @@ def examine(given: Mapping[str, object], out: Path | None) -> int:
     with writing(out, "this picture"):
         out.write_bytes(encoded(picture))
     plain(console, str(out))
-    return 0
 
 
 def _world(

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from math import degrees, radians
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -63,6 +64,39 @@ START_TURNED = radians(1.0)
 """Largest distance and angle from the start pose at which the robot counts as there [m, rad]."""
 
 
+def run(
+    scenario: str,
+    changes: Sequence[str],
+    seed: int | None,
+    out: Path | None,
+    tracker: str | None,
+    controller: str | None,
+    quiet: bool,
+    no_rerun: bool,
+    ros2: bool,
+    **shown: Any,
+) -> int:
+    """Run one scenario as `run_scenario` does; `shown` are the options for films, logs and viewers,
+    `ros2` is whether a controller in ROS 2 moves the camera.
+    """
+    outputs = Outputs(**shown)
+    if ros2:
+        from servo.ros2.server import Server
+
+        outputs = replace(outputs, server=Server())
+    return run_scenario(
+        scenario,
+        changes,
+        seed,
+        out,
+        tracker=tracker,
+        controller=controller,
+        quiet=quiet,
+        rerun=not no_rerun,
+        outputs=outputs,
+    )
+
+
 def run_scenario(
     name: str,
     changes: Sequence[str],
@@ -114,23 +148,23 @@ def run_scenario(
         folder = prepare(out, name)
         announce(viewer, console)
         more = outputs.of_run(episode, viewer)
-        run = Columns()
+        steps = Columns()
         try:
             output = RunFolder(folder, episode, rerun=rerun, more=more)
-            writing = _write(episode, output, console, run)
+            writing = _write(episode, output, console, steps)
         except (PartFailed, Refused, KeyboardInterrupt) as error:
-            if not run:
+            if not steps:
                 discard(folder, outputs.files)
             if isinstance(error, PartFailed):
                 raise with_traceback(error, folder) from None
             raise
     job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
-    record = record_of(job, scenario, run)
+    record = record_of(job, scenario, steps)
     _print_record(console, scenario, record)
-    doubt = remarks_on_tracker(run, is_guest=isinstance(scenario.tracker, GuestSettings))
+    doubt = remarks_on_tracker(steps, is_guest=isinstance(scenario.tracker, GuestSettings))
     plain(console, unjudged(scenario, record.success), doubt)
-    console.print(_stage_line(run, writing))
-    print_paths(console, output.finish(RunReport.of(record, scenario, run.first.scene, doubt)))
+    console.print(_stage_line(steps, writing))
+    print_paths(console, output.finish(RunReport.of(record, scenario, steps.first.scene, doubt)))
     print_missed(Console(stderr=True), record)
     linger(viewer, console)
     if output.refused is not None:

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Annotated, Any, Literal, Union
 
+import click
 from pydantic import BaseModel, Field, create_model
 from pydantic.json_schema import GenerateJsonSchema, SkipJsonSchema
 from pydantic_core import core_schema
@@ -26,6 +27,11 @@ from sim.kinds import Kinds, UnknownKind, not_from_file
 
 Schema = dict[str, Any]
 SHARE: Schema = {"type": "number", "minimum": 0, "maximum": 1}
+
+
+def run() -> None:
+    """Print the JSON Schema of scenarios and studies."""
+    click.echo(text())
 
 
 def text() -> str:

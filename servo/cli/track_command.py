@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -61,11 +62,11 @@ def run(
     truth: Path | None,
     truth_format: str,
     out: Path | None,
-    outputs: Outputs,
     rerun: bool,
     rate: float,
     frames: int | None,
     quiet: bool,
+    **shown_in: Any,
 ) -> int:
     """Track the target in the pictures of a source, and write the track and its report.
 
@@ -80,11 +81,11 @@ def run(
         truth: A file of the truth; None: one beside the source, if there is one.
         truth_format: "otb", "vot", "tld", "csv" or "auto".
         out: The folder; None: the next free runs/SOURCE-TRACKER-SEED.
-        outputs: Further files and viewers.
         rerun: Whether to write a Rerun recording.
         rate: Pictures a second of a folder [Hz].
         frames: Most pictures to track.
         quiet: Whether to print nothing but mistakes.
+        shown_in: The options for films, logs and viewers.
 
     Returns:
         The exit code: 1 if the stream broke off or a picture could not be read, that of a signal
@@ -97,6 +98,7 @@ def run(
     """
     settings, config = tracker_of(tracker, changes)
     kind = str(settings["kind"])
+    outputs = Outputs(**shown_in)
     outputs.check()
     console = Console(quiet=quiet)
     with as_mistake():
