@@ -54,18 +54,15 @@ class Outputs:
         Raises:
             Mistake: An option needs another one or a package, or a file cannot be written.
         """
-        needs = {
-            "--web has no effect without --live: add --live": self.web and not self.live,
-            "--light has no effect without --web: add --web": self.light is not None
-            and not self.web,
-            "--speed has no effect without --live: add --live": self.speed is not None
-            and not self.live,
-            "--port has no effect without --live: add --live": self.port is not None
-            and not self.live,
-        }
-        for sentence, is_missing in needs.items():
-            if is_missing:
-                raise Mistake(sentence)
+        needs = (
+            ("--web", self.web, "--live", self.live),
+            ("--light", self.light is not None, "--web", self.web),
+            ("--speed", self.speed is not None, "--live", self.live),
+            ("--port", self.port is not None, "--live", self.live),
+        )
+        for option, is_given, needed, is_there in needs:
+            if is_given and not is_there:
+                raise Mistake(f"{option} has no effect without {needed}: add {needed}")
         if self.mcap is not None:
             from servo.output.mcap_file import check_installed
 

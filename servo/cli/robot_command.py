@@ -129,9 +129,8 @@ def _world(
     motion.
     """
     rng = np.random.default_rng(0)
-    design = config.build(rng)
     moved = (motion or still.Config()).build(rng)
-    parts = WorldParts(design, car.Config().build(rng), moved, camera=PICTURE)
+    parts = WorldParts(config.build(rng), car.Config().build(rng), moved, camera=PICTURE)
     return World(parts, rng, renderer=renderer)
 
 
@@ -175,14 +174,13 @@ def _ranges_text(config: mjcf.Config) -> str:
         reach = _begun(config, motion)
         if reach.there and reach.rollout is None:
             return f"{ASIDE if config.base == BESIDE else ''}{FEW}"
-        name = kind_of(motion)
-        if reach.rollout is None:
-            found.append(f"{name} begins out of the robot's reach")
-        elif reach.rollout.joint:
-            time = f"{reach.rollout.time:.1f} s"
-            found.append(f"{name} takes {reach.rollout.joint} to the end of its range in {time}")
-        else:
-            found.append(f"{name} keeps all joints inside their ranges")
+        sentence = "begins out of the robot's reach"
+        if reach.rollout is not None:
+            joint = reach.rollout.joint
+            sentence = "keeps all joints inside their ranges"
+            if joint:
+                sentence = f"takes {joint} to the end of its range in {reach.rollout.time:.1f} s"
+        found.append(f"{kind_of(motion)} {sentence}")
     return f"Motions with default settings: {'; '.join(found)}."
 
 

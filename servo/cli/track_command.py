@@ -1,6 +1,7 @@
 """The command `servobench track`: run a tracker on pictures and write its track and report."""
 
 import itertools
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -118,8 +119,9 @@ def run(
             f"the truth has only one line for {stream.count} pictures, so no measures are computed"
         )
         true = None
-    guarded = _built(config, seed)
-    shots = _shots(itertools.islice(follow(guarded, pictures, target, start), frames))
+    part = Part("tracker", config)
+    built = part.guarded(part.build(np.random.default_rng(seed)))
+    shots = _shots(itertools.islice(follow(built, pictures, target, start), frames))
     stem = Path(source.replace(":", "-")).stem.encode(errors="replace").decode()
     name = f"{stem}-{kind.replace(':', '-')}-{seed}"
     viewer = outputs.viewer()  # before the first picture of a stream, which goes on
@@ -132,14 +134,11 @@ def run(
         plain(console, advice(config, image, target, start))
     title = f"{kind} on {name}"
     more = outputs.of_track(target, stream, title, viewer)
+    bar = progress_bar(console)
+    total = min(filter(None, (stream.count, frames)), default=None)
+    bar.add_task(escape(tracker), total=total, note=COMPILING)
     try:
         files = TrackFolder(folder, target, recording=rerun, more=more)
-        bar = progress_bar(console)
-        bar.add_task(
-            escape(tracker),
-            total=min(filter(None, (stream.count, frames)), default=None),
-            note=COMPILING,
-        )
         seen, code = _write(files, true, itertools.chain([first], shots), bar)
     except PartFailed as error:
         raise with_traceback(error, folder) from None
@@ -168,14 +167,6 @@ def run(
         raise files.refused
     is_whole = not any(shot.blind for shot in seen) and (end is None or not end.lost)
     return code or (0 if is_whole else REFUSED)
-
-
-def _built(config: PartConfig[Tracker], seed: int) -> Tracker:
-    """Build a tracker from its settings; an exception in it is raised again as an error that names
-    the tracker.
-    """
-    part = Part("tracker", config)
-    return part.guarded(part.build(np.random.default_rng(seed)))
 
 
 def _first(shots: Iterator[Shot], source: str, out: Path | None, name: str) -> Shot:
@@ -337,10 +328,10 @@ def _with_reason(end: End | None, seen: list[Shot], writing: float) -> End | Non
     if end is None or not end.dropped:
         return end
     tracking = sum(shot.seconds for shot in seen)
-    took = [1e3 * seconds / max(len(seen), 1) for seconds in (tracking, writing)]
+    each = 1e3 / max(len(seen), 1)
     sentence = (
-        f"{end.sentence}; a picture took {took[0]:.0f} ms for tracking and {took[1]:.0f} ms for "
-        "writing and showing"
+        f"{end.sentence}; a picture took {each * tracking:.0f} ms for tracking and "
+        f"{each * writing:.0f} ms for writing and showing"
     )
     return replace(end, sentence=sentence)
 
@@ -356,6 +347,7 @@ def _report(
 ) -> TrackReport:
     """Return the report of a track; `tracker` has the tracker's settings."""
     measures = {} if comparison is None else measure_all(comparison)
+    count = Counter(shot.estimate.status for shot in seen)
     came = next((shot.picture.came for shot in seen), None)
     return TrackReport(
         command=command,
@@ -365,8 +357,8 @@ def _report(
         seed=seed,
         frames=len(seen),
         undecodable=[shot.picture.name for shot in seen if shot.blind],
-        lost=_count(seen, Status.LOST),
-        unsure=_count(seen, Status.UNSURE),
+        lost=count[Status.LOST],
+        unsure=count[Status.UNSURE],
         measures={name: number(value) for name, value in measures.items()},
         units={m.name: m.unit for m in MEASURES},
         end="" if end is None else end.sentence,
@@ -385,10 +377,6 @@ def _notes(seen: list[Shot]) -> list[str]:
     return list(dict.fromkeys(note for shot in seen for note in shot.picture.notes))
 
 
-def _count(seen: list[Shot], status: Status) -> int:
-    return sum(shot.estimate.status is status for shot in seen)
-
-
 def print_track(
     console: Console, what: str, seen: list[Shot], comparison: Comparison | None, end: End | None
 ) -> None:
@@ -401,16 +389,18 @@ def print_track(
         comparison: The track beside its truth, if there is one.
         end: How the source ended; None for a usual end.
     """
-    counts = ", ".join(f"{_count(seen, s)} {s.name}" for s in (Status.UNSURE, Status.LOST))
-    console.print(f"[bold]{escape(what)}[/]: {len(seen)} frames, {counts}")
+    count = Counter(shot.estimate.status.name for shot in seen)
+    sums = f"{len(seen)} frames, {count['UNSURE']} UNSURE, {count['LOST']} LOST"
+    console.print(f"[bold]{escape(what)}[/]: {sums}")
     if comparison is not None:
         rows = [
             [m.name, f"{value:.3g} {m.unit}".rstrip(), m.better.value, m.meaning]
             for m in MEASURES
             if np.isfinite(value := m.of(comparison))
         ]
-        head = ("measure", "value", "better", "meaning")
-        print_table(console, words.Table(head, rows, (0, 2, 3)))
+        print_table(
+            console, words.Table(("measure", "value", "better", "meaning"), rows, (0, 2, 3))
+        )
     _print_oddities(seen, end)
 
 
@@ -419,11 +409,11 @@ def _print_oddities(seen: list[Shot], end: End | None) -> None:
     blind = [shot.picture for shot in seen if shot.blind]
     sizes = [shot for shot in seen if shot.size is not None]
     change = next((b for a, b in itertools.pairwise(sizes) if a.size != b.size), None)
-    if change is not None and change.size is not None:
-        width, height = change.size
+    if change is not None:
+        size = " x ".join(map(str, change.size or ()))
         complain(
-            f"the pictures change their size at {change.picture.name} to {width} x {height} px; "
-            "the target is searched for at the same pixels"
+            f"the pictures change their size at {change.picture.name} to {size} px; the target is "
+            "searched for at the same pixels"
         )
     if blind:
         complain(

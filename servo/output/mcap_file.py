@@ -51,6 +51,15 @@ JPEG_QUALITY = 85
 LATEST = ros2.SECOND << 31
 """Stamps that the messages cannot hold begin here [ns]: seconds are integers of 32 bits."""
 FRAME = "camera"
+TOPICS = {
+    "/camera/image/compressed": "sensor_msgs/CompressedImage",
+    "/camera/depth": "sensor_msgs/Image",
+    "/camera/camera_info": "sensor_msgs/CameraInfo",
+    "/camera/annotations": "foxglove_msgs/ImageAnnotations",
+    "/estimate": "geometry_msgs/PolygonStamped",
+    "/tf": "tf2_msgs/TFMessage",
+}
+"""The type of the messages of each topic; the rows of numbers have a type of their own."""
 POINTS, LINE_LOOP = 1, 2
 """Numbers of Foxglove's kinds of annotations."""
 SHOT = {
@@ -102,16 +111,7 @@ class McapFile:
         self._file = _CheckedFile(path)
         options = mcap.MCAPWriteOptions(profile="ros2", chunk_size=CHUNK, compression_threads=0)
         self._writer = foxglove.open_mcap(self._file, context=context, writer_options=options)  # type: ignore[arg-type]
-
-        def topic_of(name: str, kind: str) -> Topic:
-            return Topic(name, Kind(kind), context)
-
-        self._image = topic_of("/camera/image/compressed", "sensor_msgs/CompressedImage")
-        self._depth = topic_of("/camera/depth", "sensor_msgs/Image")
-        self._info = topic_of("/camera/camera_info", "sensor_msgs/CameraInfo")
-        self._annotations = topic_of("/camera/annotations", "foxglove_msgs/ImageAnnotations")
-        self._estimate = topic_of("/estimate", "geometry_msgs/PolygonStamped")
-        self._tf = topic_of("/tf", "tf2_msgs/TFMessage")
+        self._topics = {name: Topic(name, Kind(kind), context) for name, kind in TOPICS.items()}
         self._fields = _fields(columns)
         kind = f"servobench_msgs/{topic.strip('/').capitalize()}"
         fields = {self._fields[name]: of for name, of in columns.items()}
@@ -132,7 +132,9 @@ class McapFile:
         header = ros2.header(at, FRAME)
         if image is not None:
             jpeg = np.frombuffer(encoded(image, JPEG_QUALITY), np.uint8)
-            self._image.log(at, header=header, format="jpeg", data=jpeg)
+            self._topics["/camera/image/compressed"].log(
+                at, header=header, format="jpeg", data=jpeg
+            )
         points = [
             _annotation(at, LINE_LOOP, shape, colour)
             for colour, shape in corners.items()
@@ -140,16 +142,16 @@ class McapFile:
         ]
         if particles is not None:
             points.append(_annotation(at, POINTS, particles[:, :2], colours.PARTICLES))
-        self._annotations.log(at, circles=[], points=points, texts=[])
+        self._topics["/camera/annotations"].log(at, circles=[], points=points, texts=[])
         *_, estimate = corners.values()
         outline = [ros2.part("geometry_msgs/Point32", x=x, y=y, z=0.0) for x, y in estimate]
         polygon = ros2.part("geometry_msgs/Polygon", points=outline)
-        self._estimate.log(at, header=header, polygon=polygon)
+        self._topics["/estimate"].log(at, header=header, polygon=polygon)
 
     def depth(self, at: int, depth: DepthPicture) -> None:
         """Write a depth picture (H, W) [m] as a 32-bit float image."""
         height, width = depth.shape
-        self._depth.log(
+        self._topics["/camera/depth"].log(
             at,
             header=ros2.header(at, FRAME),
             height=height,
@@ -165,7 +167,7 @@ class McapFile:
         region = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
         known = camera_info(camera)
         numbers = {name: np.array(known[name]) for name in ("d", "k", "r", "p")}
-        self._info.log(
+        self._topics["/camera/camera_info"].log(
             at,
             header=ros2.header(at, FRAME),
             **known | numbers,
@@ -183,7 +185,7 @@ class McapFile:
             )
             for (parent, child), pose in poses.items()
         ]
-        self._tf.log(at, transforms=found)
+        self._topics["/tf"].log(at, transforms=found)
 
     def row(self, at: int, values: Mapping[str, object]) -> None:
         """Write a frame's row of numbers and texts, by column, as its last message; None is written

@@ -2,6 +2,7 @@
 
 import traceback
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -77,15 +78,12 @@ def _next_free(runs: Path, name: str) -> Path:
     same at the same time.
     """
     runs.mkdir(parents=True, exist_ok=True)
-    folder = runs / name
-    again = 2
+    number = 1
     while True:
-        try:
+        folder = runs / (name if number == 1 else f"{name}-{number}")
+        number += 1
+        with suppress(FileExistsError):
             folder.mkdir()
-        except FileExistsError:
-            folder = runs / f"{name}-{again}"
-            again = again + 1
-        else:
             return folder
 
 
