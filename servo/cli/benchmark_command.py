@@ -86,8 +86,9 @@ def run(
     chosen = contestants(benchmark, given, changes)
     gl.is_there()
     if verify is not None:
-        rng = np.random.default_rng()
-        return _verify(benchmark, verify, chosen if given else None, workers, console, rng)
+        return _verify(
+            benchmark, verify, chosen if given else None, workers, console, np.random.default_rng()
+        )
     if submit is not None and len(chosen) != 1:
         raise Mistake(
             "--submit needs one contestant, and there are several: name one with --contestant"
@@ -137,8 +138,7 @@ def run(
     plain(console, f"{name} {benchmark.hash}, worlds: {of.name}")
     with Workers(workers) as pool, opened(folder, described) as store:
         store.find(jobs)
-        again = go_on(command, out)
-        failed = complete_jobs(jobs, store, pool, console, f"benchmark {name}", again)
+        failed = complete_jobs(jobs, store, pool, console, f"benchmark {name}", go_on(command, out))
         records = store.records(jobs)
         rows = known + _rows(benchmark, of, every, worlds, records, command)
         _keep(store, rows)
@@ -168,8 +168,7 @@ def _try_out(scenario: Scenario, console: Console) -> None:
         )
     noise = np.random.default_rng(0).integers(0, 256, (240, 320, 3), np.uint8)
     with as_mistake():
-        guest = settings.guest(seed=0)
-        guest.start(Frame(noise, 0.0, 0), Region(80.0, 60.0), State(160.0, 120.0))
+        settings.guest(seed=0).start(Frame(noise, 0.0, 0), Region(80.0, 60.0), State(160.0, 120.0))
 
 
 def _sealed(value: str, chosen: Sequence[Contestant]) -> Band:
@@ -197,8 +196,7 @@ def _keep(store: Store, rows: Sequence[Row]) -> None:
     """
     atomic.folder(store.folder, benchmark_section.ROWS)
     for row in rows:
-        name = f"{benchmark_section.ROWS}/{file_name(row.contestant)}"
-        store.write(name, row.text().encode())
+        store.write(f"{benchmark_section.ROWS}/{file_name(row.contestant)}", row.text().encode())
     if store.done:
         store.export(store.table())
 

@@ -47,8 +47,7 @@ def _scenario(given: str) -> Scenario:
     `servobench run` in a text.
     """
     if given and Path(given).is_dir():
-        report = RunReport.read(Path(given) / RunReport.FILE)
-        given = report.command.removeprefix("servobench run ")
+        given = RunReport.read(Path(given) / RunReport.FILE).command.removeprefix("servobench run ")
     try:
         words = shlex.split(given)
     except ValueError as error:

@@ -146,8 +146,7 @@ def _check_name(part: str, kind: str) -> None:
         )
     if part == "scenarios":
         return
-    section = SECTIONS[part]
-    if kind in PLUGINS[section][0].names():
+    if kind in PLUGINS[SECTIONS[part]][0].names():
         raise Mistake(f"{asked}: the {part} '{kind}' exists already; choose another name")
     owner = next((owner for owner, taken in TAKEN.items() if kind in taken), "")
     if owner or find_spec(kind) is not None:

@@ -80,8 +80,7 @@ def run(
         jobs = {claim.name: claim.jobs(effort) for claim in chosen}
     usual = "papers-quick" if quick else "papers"
     folder = out or Path("runs") / (f"papers-{first_seed}" if first_seed else usual)
-    options = {"quick": quick, "sequences": sequences, "first_seed": first_seed}
-    again = command_line("papers", *claims, **options)
+    again = command_line("papers", *claims, quick=quick, sequences=sequences, first_seed=first_seed)
     console = Console(quiet=quiet)
     every = {job.key: job for some in jobs.values() for job in some}
     verdicts: dict[str, Verdict] = {}

@@ -36,8 +36,12 @@ def run() -> None:
 
 def text() -> str:
     """Return the JSON Schema of scenarios and studies as a text."""
-    more = {"vary": vary_schema(), "expect": expect_schema(), "sweep": sweep_schema()}
-    return json.dumps(scenario_schema(more), indent=1)
+    return json.dumps(
+        scenario_schema(
+            {"vary": vary_schema(), "expect": expect_schema(), "sweep": sweep_schema()}
+        ),
+        indent=1,
+    )
 
 
 def expect_schema() -> Schema:
@@ -45,8 +49,9 @@ def expect_schema() -> Schema:
     and upper bounds on its measures.
     """
     ends = list(Outcome.__members__)
-    outcome = {"enum": ends, "description": f"How the run has to end: {', '.join(ends)}."}
-    one = {"outcome": outcome} | _bounds()
+    one = {
+        "outcome": {"enum": ends, "description": f"How the run has to end: {', '.join(ends)}."}
+    } | _bounds()
     about = "Bounds that replace these where a seed has drawn settings."
     share = SHARE | {"description": "Least share of drawn seeds that end as expected."}
     bounds = one | {"drawn": table({SUCCESS_RATE: share} | one, about)}

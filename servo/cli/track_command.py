@@ -135,8 +135,11 @@ def run(
     title = f"{kind} on {name}"
     more = outputs.of_track(target, stream, title, viewer)
     bar = progress_bar(console)
-    total = min(filter(None, (stream.count, frames)), default=None)
-    bar.add_task(escape(tracker), total=total, note=COMPILING)
+    bar.add_task(
+        escape(tracker),
+        total=min(filter(None, (stream.count, frames)), default=None),
+        note=COMPILING,
+    )
     try:
         files = TrackFolder(folder, target, recording=rerun, more=more)
         seen, code = _write(files, true, itertools.chain([first], shots), bar)
@@ -329,11 +332,13 @@ def _with_reason(end: End | None, seen: list[Shot], writing: float) -> End | Non
         return end
     tracking = sum(shot.seconds for shot in seen)
     each = 1e3 / max(len(seen), 1)
-    sentence = (
-        f"{end.sentence}; a picture took {each * tracking:.0f} ms for tracking and "
-        f"{each * writing:.0f} ms for writing and showing"
+    return replace(
+        end,
+        sentence=(
+            f"{end.sentence}; a picture took {each * tracking:.0f} ms for tracking and "
+            f"{each * writing:.0f} ms for writing and showing"
+        ),
     )
-    return replace(end, sentence=sentence)
 
 
 def _report(

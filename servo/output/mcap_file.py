@@ -114,8 +114,9 @@ class McapFile:
         self._topics = {name: Topic(name, Kind(kind), context) for name, kind in TOPICS.items()}
         self._fields = _fields(columns)
         kind = f"servobench_msgs/{topic.strip('/').capitalize()}"
-        fields = {self._fields[name]: of for name, of in columns.items()}
-        self._rows = Topic(topic, Kind(kind, fields), context)
+        self._rows = Topic(
+            topic, Kind(kind, {self._fields[name]: of for name, of in columns.items()}), context
+        )
 
     def picture(
         self, at: int, image: Image | None, corners: Corners, particles: Array | None
@@ -131,9 +132,11 @@ class McapFile:
         """
         header = ros2.header(at, FRAME)
         if image is not None:
-            jpeg = np.frombuffer(encoded(image, JPEG_QUALITY), np.uint8)
             self._topics["/camera/image/compressed"].log(
-                at, header=header, format="jpeg", data=jpeg
+                at,
+                header=header,
+                format="jpeg",
+                data=np.frombuffer(encoded(image, JPEG_QUALITY), np.uint8),
             )
         points = [
             _annotation(at, LINE_LOOP, shape, colour)
@@ -144,9 +147,14 @@ class McapFile:
             points.append(_annotation(at, POINTS, particles[:, :2], colours.PARTICLES))
         self._topics["/camera/annotations"].log(at, circles=[], points=points, texts=[])
         *_, estimate = corners.values()
-        outline = [ros2.part("geometry_msgs/Point32", x=x, y=y, z=0.0) for x, y in estimate]
-        polygon = ros2.part("geometry_msgs/Polygon", points=outline)
-        self._topics["/estimate"].log(at, header=header, polygon=polygon)
+        self._topics["/estimate"].log(
+            at,
+            header=header,
+            polygon=ros2.part(
+                "geometry_msgs/Polygon",
+                points=[ros2.part("geometry_msgs/Point32", x=x, y=y, z=0.0) for x, y in estimate],
+            ),
+        )
 
     def depth(self, at: int, depth: DepthPicture) -> None:
         """Write a depth picture (H, W) [m] as a 32-bit float image."""
@@ -194,8 +202,9 @@ class McapFile:
         Raises:
             OSError: This message or an earlier one cannot be written.
         """
-        cells = {self._fields[name]: np.nan if v is None else v for name, v in values.items()}
-        self._rows.log(at, **cells)
+        self._rows.log(
+            at, **{self._fields[name]: np.nan if v is None else v for name, v in values.items()}
+        )
         self._file.check()
 
     def close(self) -> None:
@@ -227,7 +236,6 @@ def _fields(columns: Iterable[str]) -> dict[str, str]:
 
 def _annotation(at: int, kind: int, points: Array, colour: tuple[int, int, int]) -> object:
     r, g, b = (part / 255 for part in colour)
-    clear = ros2.part(ros2.COLOUR, r=0.0, g=0.0, b=0.0, a=0.0)
     return ros2.part(
         "foxglove_msgs/PointsAnnotation",
         timestamp=ros2.stamp(at),
@@ -235,7 +243,7 @@ def _annotation(at: int, kind: int, points: Array, colour: tuple[int, int, int])
         points=[ros2.part(ros2.CORNER, x=x, y=y) for x, y in points.tolist()],
         outline_color=ros2.part(ros2.COLOUR, r=r, g=g, b=b, a=1.0),
         outline_colors=[],
-        fill_color=clear,
+        fill_color=ros2.part(ros2.COLOUR, r=0.0, g=0.0, b=0.0, a=0.0),
         thickness=2.0,
     )
 
@@ -257,9 +265,11 @@ class Topic:
         import foxglove
 
         self._kind = kind
-        schema = foxglove.Schema(name=kind.name, encoding="ros2msg", data=kind.definition)
         self._channel = foxglove.Channel(
-            topic, schema=schema, message_encoding="cdr", context=context
+            topic,
+            schema=foxglove.Schema(name=kind.name, encoding="ros2msg", data=kind.definition),
+            message_encoding="cdr",
+            context=context,
         )
 
     def log(self, at: int, **fields: object) -> None:

@@ -200,8 +200,10 @@ def quantities_of(episode: Episode) -> list[Quantity]:
 
 
 def _schema(found: Sequence[Quantity]) -> pa.Schema:
-    every = [column for quantity in found for column in quantity.columns]
-    return pa.schema(every, metadata={"format": str(FORMAT)})
+    return pa.schema(
+        [column for quantity in found for column in quantity.columns],
+        metadata={"format": str(FORMAT)},
+    )
 
 
 def table_of(steps: Sequence[Step], found: Sequence[Quantity]) -> pa.Table:
@@ -255,11 +257,14 @@ def _vector(
     units: tuple[str, ...] = (),
 ) -> Quantity:
     endings = [f"_{unit}" if unit else "" for unit in units] or [""] * len(names)
-    found = [
-        _column(f"{prefix}_{name}{ending}", f"{meaning}: {name}")
-        for name, ending in zip(names, endings, strict=True)
-    ]
-    return Quantity(prefix, found, of)
+    return Quantity(
+        prefix,
+        [
+            _column(f"{prefix}_{name}{ending}", f"{meaning}: {name}")
+            for name, ending in zip(names, endings, strict=True)
+        ],
+        of,
+    )
 
 
 class StepsTable:

@@ -111,8 +111,9 @@ def trackers_table(trackers: Sequence[Rank]) -> Table:
         cells[ranking.INTERVAL] = spread(means[ranking.INTERVAL])
         end = [shown(t.against_best.z), shown(t.p)] if t.against_best else ["", ""]
         rows.append([t.tracker, str(t.units), *cells.values(), *end])
-    head = ("tracker", "n", *ranking.SHOWN, "z", "p")
-    return Table(head, rows, note=" ".join(ranking.LEGEND.split()))
+    return Table(
+        ("tracker", "n", *ranking.SHOWN, "z", "p"), rows, note=" ".join(ranking.LEGEND.split())
+    )
 
 
 def _curves(records: Sequence[Record], trackers: Sequence[str]) -> list[Figure]:
@@ -123,8 +124,9 @@ def _curves(records: Sequence[Record], trackers: Sequence[str]) -> list[Figure]:
     for title, (name, thresholds, x, y) in CURVES.items():
         drawn: list[Curve] = []
         for i, tracker in enumerate(trackers):
-            runs = [r.series[name] for r in records if r.settings[TRACKER] == tracker]
-            mean = np.mean(runs, axis=0)
+            mean = np.mean(
+                [r.series[name] for r in records if r.settings[TRACKER] == tracker], axis=0
+            )
             again = bool(i // len(LIGHT) % 2)  # the colours begin again
             drawn.append(Curve(tracker, thresholds, mean, colour=colour(i), dashed=again))
         figures.append(curves(title, Scale(x), Scale(y, low=0.0, high=1.02), drawn))
@@ -158,10 +160,17 @@ def _sheets(folder: Path, best: str) -> list[Block]:
     paths = sorted((folder / SHEETS).glob("*.png"))
     if not paths:
         return []
-    legend = f"The first seed of each sequence: truth white, {best} green."
-    text = [legend, *filter(None, [cut("sheets", paths, MOST_SHEETS)])]
-    pictures = [PageImage.read(path, path.stem, sheet=True) for path in paths[:MOST_SHEETS]]
-    return [Block("Contact sheets", text, pictures=pictures)]
+    text = [
+        f"The first seed of each sequence: truth white, {best} green.",
+        *filter(None, [cut("sheets", paths, MOST_SHEETS)]),
+    ]
+    return [
+        Block(
+            "Contact sheets",
+            text,
+            pictures=[PageImage.read(path, path.stem, sheet=True) for path in paths[:MOST_SHEETS]],
+        )
+    ]
 
 
 def _runs(runs: Sequence[Record]) -> Block:

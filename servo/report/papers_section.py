@@ -39,8 +39,15 @@ def section(folder: Path) -> Section:
         *(_claim(folder, name, claim) for name, claim in papers.claims.items()),
         again(papers),
     ]
-    lead = "Claims of the three papers, tested again."
-    return Section("papers", folder.resolve().name, lead, verdict, facts, blocks, str(folder))
+    return Section(
+        "papers",
+        folder.resolve().name,
+        "Claims of the three papers, tested again.",
+        verdict,
+        facts,
+        blocks,
+        str(folder),
+    )
 
 
 def _other_seeds(papers: PapersReport) -> list[Fact]:
@@ -62,8 +69,12 @@ def _claim(folder: Path, name: str, claim: Judged) -> Block:
         f"Measured: {claim.measured}.",
         f"Effect: {_effect(claim)}.",
     ]
-    tables = [Table(head, rows)] if head else []
-    return Block(f"{name}: {marked(name, claim.finding)}", text, tables=tables, pictures=pictures)
+    return Block(
+        f"{name}: {marked(name, claim.finding)}",
+        text,
+        tables=[Table(head, rows)] if head else [],
+        pictures=pictures,
+    )
 
 
 def _badge(name: str, claim: Judged) -> Badge:

@@ -100,8 +100,12 @@ def _bounds(run: RunReport) -> Block:
         text.append(f"{DOES_NOT_REPEAT}.")
     if run.uncertain:
         text.append(f"{run.uncertain}.")
-    table = Table(head, rows, words=(0, 2, 4, 5))
-    return Block("Measures and bounds", text, missed_lines(run.missed, run.measures), [table])
+    return Block(
+        "Measures and bounds",
+        text,
+        missed_lines(run.missed, run.measures),
+        [Table(head, rows, words=(0, 2, 4, 5))],
+    )
 
 
 def _figures(folder: Path, run: RunReport) -> list[Figure]:

@@ -63,8 +63,9 @@ def check_tracker(tracker: object, picture: Image | None = None) -> None:
     """
     subject = _Subject(config_of("tracker", tracker), picture)
     _check_pictures_are_kept(subject)
-    same = "the same pictures gave other states"
-    check_repetition("tracker", subject.config, subject.states, same)
+    check_repetition(
+        "tracker", subject.config, subject.states, "the same pictures gave other states"
+    )
     _check_buffer(subject)
     _check_odd_pictures(subject)
     _check_loss(subject)
