@@ -363,19 +363,6 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             self._error = features.error(features.values(sight), goal) / features.scales(goal)
         return self._error
 
-    def __getstate__(self) -> dict[str, object]:
-        """Return the attributes, to copy the environment or to send it to another process.
-
-        Raises:
-            Mistake: A run has begun, which cannot be copied.
-        """
-        if self._episode is not None:
-            raise Mistake(
-                "this environment was already reset, so it cannot be copied or pickled: copy "
-                "it before its first reset"
-            )
-        return vars(self)
-
     def render(self) -> Image | None:
         """Return the current picture (H, W, 3) with truth (white), goal (red) and estimate drawn
         in; None unless the render mode is "rgb_array".

@@ -89,11 +89,12 @@ def run(
         return _verify(
             benchmark, verify, chosen if given else None, workers, console, np.random.default_rng()
         )
-    if submit is not None and len(chosen) != 1:
-        raise Mistake(
-            "--submit needs one contestant, and there are several: name one with --contestant"
-        )
-    of = _sealed(sealed, chosen) if sealed is not None else Band("v1" if band == "v1" else "dev")
+    for option, value in (("--submit", submit), ("--sealed", sealed)):
+        if value is not None and len(chosen) != 1:
+            raise Mistake(
+                f"{option} needs one contestant, and there are several: name one with --contestant"
+            )
+    of = _sealed(sealed, chosen[0]) if sealed is not None else Band("v1" if band == "v1" else "dev")
     worlds = benchmark.every_world(of, QUICK if quick else None)
     for one in chosen:  # what is wrong with it is said before anything is run
         _try_out(benchmark.scenario_of(worlds[0], one.settings), console)
@@ -171,23 +172,19 @@ def _try_out(scenario: Scenario, console: Console) -> None:
         settings.guest(seed=0).start(Frame(noise, 0.0, 0), Region(80.0, 60.0), State(160.0, 120.0))
 
 
-def _sealed(value: str, chosen: Sequence[Contestant]) -> Band:
+def _sealed(value: str, one: Contestant) -> Band:
     """Return the sealed set of worlds: they are drawn from a public value and the digest of one
     contestant's code, so that nobody could tune on them.
 
     Raises:
-        Mistake: There are several contestants, or the code of the contestant was not found.
+        Mistake: The code of the contestant was not found.
     """
-    if len(chosen) != 1:
+    if one.is_unknown:
         raise Mistake(
-            "--sealed needs one contestant, and there are several: name one with --contestant"
-        )
-    if chosen[0].is_unknown:
-        raise Mistake(
-            f"--sealed draws worlds from the code of '{chosen[0].name}', but this code was not "
+            f"--sealed draws worlds from the code of '{one.name}', but this code was not "
             "found: name the contestant's file or module"
         )
-    return Band("sealed", value, chosen[0].digest)
+    return Band("sealed", value, one.digest)
 
 
 def _keep(store: Store, rows: Sequence[Row]) -> None:
@@ -220,12 +217,12 @@ def _rows(
 ) -> list[Row]:
     """Return a row of scores for each contestant that has a record of every world."""
     keys = {world.key for world in worlds}
-    found = list[Row]()
-    for one in chosen:
-        own = [r for r in records if r.settings[CONTESTANT] == one.name]
-        if {r.settings[WORLD] for r in own} == keys:
-            found.append(row_of(benchmark, band, one, own, command))
-    return found
+    runs = ([r for r in records if r.settings[CONTESTANT] == one.name] for one in chosen)
+    return [
+        row_of(benchmark, band, one, own, command)
+        for one, own in zip(chosen, runs, strict=True)
+        if {r.settings[WORLD] for r in own} == keys
+    ]
 
 
 def _print(console: Console, benchmark: Benchmark, rows: Sequence[Row]) -> None:
@@ -234,8 +231,8 @@ def _print(console: Console, benchmark: Benchmark, rows: Sequence[Row]) -> None:
         for of in benchmark_section.by_pictures(benchmark, every).values():
             print_table(console, benchmark_section.standings_table(benchmark, of))
             plain(console, benchmark_section.difficulty_of(of))
-    here = {row.rendering for row in rows if row.rendering}
-    if benchmark_section.is_whole(benchmark, rows) and here - {benchmark.rendering}:
+    others = {row.rendering for row in rows} - {"", benchmark.rendering}
+    if others and benchmark_section.is_whole(benchmark, rows):
         plain(
             console,
             "this machine renders other pictures than the benchmark's frozen ones: its results are "

@@ -13,7 +13,7 @@ from servo.identify.fit import Identified, identify
 from servo.identify.lines import lines, picture
 from servo.identify.log import Log, LogChannel, listed, read
 from servo.loop.episode import Episode
-from servo.mistake import Mistake, writing
+from servo.mistake import Mistake, check_known, writing
 from servo.output.run_folder import prepare
 from servo.scenario.load import load
 from servo.types import DOF
@@ -76,15 +76,9 @@ def _check_names(log: Log, world: World, scenario: str) -> None:
     units = dict(
         zip((*world.robot.names, *DOF), (*world.robot.units, *"mmm", *3 * ["rad"]), strict=True)
     )
+    place = f"the robot of '{scenario}'"
+    check_known((name for name, _ in log.asked), units, place, "joint or component of the twist")
     for name, unit in log.asked:
-        if name not in units:
-            joints = ", ".join(world.robot.names)
-            parts = ", ".join(DOF)
-            raise Mistake(
-                f"the robot of '{scenario}' has no joint '{name}': its joints are {joints}, and "
-                f"the components of its camera's twist {parts}; correct the column's name, or name "
-                "another robot's scenario with --scenario"
-            )
         if unit != units[name]:
             raise Mistake(
                 f"the robot of '{scenario}' moves '{name}' in {units[name]}, not in {unit}: "

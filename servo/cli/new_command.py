@@ -4,7 +4,6 @@
 
 import keyword
 import re
-import sys
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
@@ -61,11 +60,6 @@ SECTIONS = {
     "robot": "robot",
 }
 """The section of a scenario in which each part has its kind."""
-
-TAKEN = {
-    "servobench's package '{}'": {"sim", "tracking", "servo", "scenes"},
-    "Python's module '{}'": sys.stdlib_module_names,
-}
 
 
 def run(part: str, name: str, out: Path | None, door: str | None) -> None:
@@ -148,9 +142,8 @@ def _check_name(part: str, kind: str) -> None:
         return
     if kind in PLUGINS[SECTIONS[part]][0].names():
         raise Mistake(f"{asked}: the {part} '{kind}' exists already; choose another name")
-    owner = next((owner for owner, taken in TAKEN.items() if kind in taken), "")
-    if owner or find_spec(kind) is not None:
-        what = owner or "the module '{}', which is installed here"
+    if find_spec(kind) is not None:
         raise Mistake(
-            f"{asked}: the new package would hide {what.format(kind)}; choose another name"
+            f"{asked}: the new package would hide the module '{kind}', which is installed here; "
+            "choose another name"
         )

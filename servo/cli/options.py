@@ -199,7 +199,7 @@ class Command(click.Command):
     def invoke(self, ctx: click.Context) -> NoReturn:
         """Call `run` with the options as arguments; exit with the code that it returns, or 0."""
         module = import_module(f"servo.cli.{self.name}_command")
-        sys.exit(module.run(**ctx.params))
+        sys.exit(module.run(**ctx.params) or 0)
 
 
 class Commands(click.Group):
@@ -220,9 +220,6 @@ class Commands(click.Group):
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write five commands to try below the help."""
         formatter.write(TO_TRY)
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(self.commands)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; a signal ends it with one sentence and the signal's exit code."""

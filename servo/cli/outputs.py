@@ -224,8 +224,6 @@ def check_writable(path: Path) -> None:
     Raises:
         Mistake: The file exists, its folder does not exist, or the file cannot be written.
     """
-    if not path.parent.exists():
-        raise Mistake(f"{path}: there is no folder {path.parent}: make it first")
     try:
         path.open("xb").close()
         path.unlink()

@@ -25,7 +25,6 @@ from servo.report import (
 )
 from servo.report.page import Section, render
 from servo.report.printed import figures, latex
-from servo.study.run_report import RunReport
 from servo.study.store import StudyFile
 from tracking.files import atomic
 
@@ -125,11 +124,6 @@ def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
         return papers_section.section(folder)
     if (folder / TABLE).exists() or (folder / STREAM).exists():
         return run_section.section(folder)
-    if (folder / RunReport.FILE).exists():
-        raise Mistake(
-            f"{folder / RunReport.FILE}: there is no {TABLE} beside this report: run its command "
-            "again"
-        )
     raise Mistake(
         f"{folder}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, "
         "`papers` or `sweep`: name a folder that one of them wrote"

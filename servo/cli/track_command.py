@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress
 
 from servo.cli.guard import REFUSED, STOPPED, exit_code
 from servo.cli.outputs import Outputs, announce, linger
@@ -119,9 +118,7 @@ def run(
             f"the truth has only one line for {stream.count} pictures, so no measures are computed"
         )
         true = None
-    part = Part("tracker", config)
-    built = part.guarded(part.build(np.random.default_rng(seed)))
-    shots = _shots(itertools.islice(follow(built, pictures, target, start), frames))
+    shots = itertools.islice(follow(_built(config, seed), pictures, target, start), frames)
     stem = Path(source.replace(":", "-")).stem.encode(errors="replace").decode()
     name = f"{stem}-{kind.replace(':', '-')}-{seed}"
     viewer = outputs.viewer()  # before the first picture of a stream, which goes on
@@ -129,20 +126,15 @@ def run(
     folder = prepare(out, name)
     announce(viewer, console)
     # A live source does not wait: advice would take time and so cost pictures.
-    image = None if stream.count is None else first.picture.image
-    if image is not None:
-        plain(console, advice(config, image, target, start))
+    if stream.count is not None and first.picture.image is not None:
+        plain(console, advice(config, first.picture.image, target, start))
     title = f"{kind} on {name}"
     more = outputs.of_track(target, stream, title, viewer)
-    bar = progress_bar(console)
-    bar.add_task(
-        escape(tracker),
-        total=min(filter(None, (stream.count, frames)), default=None),
-        note=COMPILING,
-    )
+    total = min(filter(None, (stream.count, frames)), default=None)
     try:
         files = TrackFolder(folder, target, recording=rerun, more=more)
-        seen, code = _write(files, true, itertools.chain([first], shots), bar)
+        every = itertools.chain([first], shots)
+        seen, code = _write(files, true, every, total, console)
     except PartFailed as error:
         raise with_traceback(error, folder) from None
     comparison = Comparison.of(Track.of(seen, target), true) if true is not None and seen else None
@@ -172,6 +164,14 @@ def run(
     return code or (0 if is_whole else REFUSED)
 
 
+def _built(config: PartConfig[Tracker], seed: int) -> Tracker:
+    """Build a tracker from its settings; an exception in it is raised again as an error that names
+    the tracker.
+    """
+    part = Part("tracker", config)
+    return part.guarded(part.build(np.random.default_rng(seed)))
+
+
 def _first(shots: Iterator[Shot], source: str, out: Path | None, name: str) -> Shot:
     """Return the first tracked picture with its estimate.
 
@@ -179,7 +179,8 @@ def _first(shots: Iterator[Shot], source: str, out: Path | None, name: str) -> S
         Mistake: The tracker failed, or there is no picture.
     """
     try:
-        return next(shots)
+        with as_mistake():
+            return next(shots)
     except PartFailed as error:
         raise with_traceback(error, prepare(out, name)) from None
     except StopIteration:
@@ -199,12 +200,6 @@ def _warm_up(config: PartConfig[Tracker], console: Console, *, rerun: bool) -> N
             for shot in seen:
                 files.add(shot, None)
             files.close()
-
-
-def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
-    """Yield the tracked pictures; raise a ValueError of the source or the tracker as a Mistake."""
-    with as_mistake():
-        yield from shots
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[Table, PartConfig[Tracker]]:
@@ -283,9 +278,9 @@ def region_of(text: str) -> tuple[Region, State]:
         Mistake: The text has another form.
     """
     try:
-        x, y, w, h, *turn = (float(part) for part in text.split(","))
-        degrees = turn[0] if len(turn) == 1 else 0.0
-        if len(turn) > 1 or not np.isfinite([x, y, w, h, degrees]).all():
+        numbers = [float(part) for part in text.split(",")]
+        x, y, w, h, degrees = numbers if len(numbers) == 5 else [*numbers, 0.0]
+        if not np.isfinite(numbers).all():
             raise ValueError(text)
     except ValueError:
         raise Mistake(
@@ -295,24 +290,36 @@ def region_of(text: str) -> tuple[Region, State]:
 
 
 def _write(
-    files: TrackFolder, truth: Array | None, shots: Iterable[Shot], bar: Progress
+    files: TrackFolder,
+    truth: Array | None,
+    shots: Iterable[Shot],
+    total: int | None,
+    console: Console,
 ) -> tuple[list[Shot], int]:
-    """Write each tracked picture to the track's files as it comes, and advance the progress bar; a
+    """Write each tracked picture to the track's files as it comes, and show a progress bar; a
     signal ends the tracking.
+
+    Args:
+        files: The files of the track.
+        truth: True corners (n, 4, 2) [px], if they are known.
+        shots: The tracked pictures.
+        total: Number of pictures, if it is known.
+        console: The output of the command.
 
     Returns:
         The tracked pictures without their images, and the exit code: 0, or that of the signal.
     """
     seen: list[Shot] = []
     code = 0
-    with closing(files.close):
+    with closing(files.close), as_mistake():
         try:
-            with bar:
+            with progress_bar(console) as bar:
+                task = bar.add_task("track", total=total, note=COMPILING)
                 for shot in shots:
                     true = None if truth is None or shot.index >= len(truth) else truth[shot.index]
                     seen.append(shot.without_picture())  # first: a signal may come in between
                     files.add(shot, true)
-                    bar.update(bar.task_ids[0], advance=1, note=shot.estimate.status.name)
+                    bar.update(task, advance=1, note=shot.estimate.status.name)
         except KeyboardInterrupt as cause:
             plain(Console(stderr=True), STOPPED)
             code = exit_code(cause)

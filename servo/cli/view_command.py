@@ -6,7 +6,7 @@ import click
 from rich.console import Console
 
 from servo.cli.options import PORT
-from servo.cli.outputs import announce, linger
+from servo.cli.outputs import announce, check_place, linger
 from servo.mistake import Mistake
 from servo.output.recording import view
 from servo.output.recording.live import LiveViewer
@@ -37,6 +37,7 @@ def run(
     path = view.recording_in(recording) if recording.is_dir() else recording
     view.check(path)
     if png is not None:
+        check_place(png, ".png")
         view.picture(path, png, at, panel)
         click.echo(png)
         return None

@@ -18,6 +18,7 @@ from servo.study.ranking import Rank
 from servo.study.run import Record
 from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER
 from servo.study.store import Store, StudyFile
+from sim.types import Array
 from tracking.evaluation.track_measures import OVERLAPS, PIXELS
 from tracking.statistics.comparisons import Interval
 
@@ -120,17 +121,29 @@ def _curves(records: Sequence[Record], trackers: Sequence[str]) -> list[Figure]:
     """Return the success and precision curves of the trackers (Wu, Lim and Yang, 2013), each a mean
     over the tracker's runs.
     """
-    figures: list[Figure] = []
-    for title, (name, thresholds, x, y) in CURVES.items():
-        drawn: list[Curve] = []
-        for i, tracker in enumerate(trackers):
-            mean = np.mean(
-                [r.series[name] for r in records if r.settings[TRACKER] == tracker], axis=0
-            )
-            again = bool(i // len(LIGHT) % 2)  # the colours begin again
-            drawn.append(Curve(tracker, thresholds, mean, colour=colour(i), dashed=again))
-        figures.append(curves(title, Scale(x), Scale(y, low=0.0, high=1.02), drawn))
-    return figures
+    return [
+        curves(
+            title,
+            Scale(x),
+            Scale(y, low=0.0, high=1.02),
+            [
+                Curve(
+                    tracker,
+                    thresholds,
+                    _mean_curve(records, name, tracker),
+                    colour=colour(i),
+                    dashed=bool(i // len(LIGHT) % 2),  # the colours begin again
+                )
+                for i, tracker in enumerate(trackers)
+            ],
+        )
+        for title, (name, thresholds, x, y) in CURVES.items()
+    ]
+
+
+def _mean_curve(records: Sequence[Record], name: str, tracker: str) -> Array:
+    """Return the mean of a series over the runs of a tracker."""
+    return np.mean([r.series[name] for r in records if r.settings[TRACKER] == tracker], axis=0)
 
 
 def _mean(mean: Interval | None, units: int) -> str:
