@@ -191,7 +191,13 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             if scenario.run.seed != drawn:
                 raise Mistake(f"options: {SEED}")
             try:
-                episode = self._prepared(scenario)
+                episode = Episode(
+                    scenario,
+                    steered=True,
+                    seen=self._observation != "features" or self.render_mode is not None,
+                    shows_goal=self._goal_picture,
+                    kept=self._kept,
+                )
                 break
             except ImpossibleStart as error:
                 if not scenario.drawn:
@@ -222,18 +228,6 @@ class ServoEnv(gymnasium.Env[Any, Any]):
     def _seed(self) -> int:
         """Return a seed drawn from this environment's own generator."""
         return int(self.np_random.integers(1, LAST_SEED))
-
-    def _prepared(self, scenario: Scenario) -> Episode:
-        """Return an episode of a scenario, ready for its first step, in which this environment
-        moves the camera.
-        """
-        return Episode(
-            scenario,
-            steered=True,
-            seen=self._observation != "features" or self.render_mode is not None,
-            shows_goal=self._goal_picture,
-            kept=self._kept,
-        )
 
     def _scenario(self, seed: int, options: object) -> Scenario:
         """Return the scenario for a seed, with the settings of `options`."""
@@ -367,8 +361,6 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         """Return the current picture (H, W, 3) with truth (white), goal (red) and estimate drawn
         in; None unless the render mode is "rgb_array".
         """
-        if not hasattr(self, "_now"):
-            raise Mistake("render: there is no run; call reset first")
         return annotated(self._now) if self.render_mode == "rgb_array" else None
 
     def _end(self) -> None:

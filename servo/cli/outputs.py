@@ -8,18 +8,19 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rich.console import Console
+
 from servo.cli.guard import CTRL_C, exit_code
 from servo.cli.options import PORT
+from servo.cli.terminal import plain
 from servo.closing import closing
 from servo.mistake import Mistake, check_suffix, unwritable
+from servo.output.light_page import LightPage, NewestPicture, ThrottledSink
 from servo.output.sinks import PacedSink, Sink
 from sim.camera import gl
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from servo.loop.episode import Episode
-    from servo.output.light_page import LightPage, NewestPicture
     from servo.output.recording.live import LiveViewer
     from servo.ros2.server import Server
     from tracking.sequences.sources import Source
@@ -84,8 +85,6 @@ class Outputs:
         if not self.live:
             return None
         if self.web and (self.light or (self.light is None and not gl.has_gpu())):
-            from servo.output.light_page import LightPage
-
             return LightPage(self.port or PORT)
         from servo.output.recording.live import LiveViewer
 
@@ -164,8 +163,6 @@ def _shown(
         log: Makes the output of Rerun's viewer, given the viewer and, as `every`, the time between
             two batches of data [s].
     """
-    from servo.output.light_page import LightPage, ThrottledSink
-
     if isinstance(viewer, LightPage):
         return ThrottledSink(film(viewer.pictures))
     from servo.output.recording.live import EVERY
@@ -176,8 +173,6 @@ def _shown(
 def announce(viewer: LiveViewer | LightPage | None, console: Console) -> None:
     """Print the address of the viewer's web page, if it has one."""
     if viewer is not None and viewer.page is not None:
-        from servo.cli.terminal import plain
-
         plain(console, f"the page of the viewer: {viewer.page}")
 
 
@@ -185,8 +180,6 @@ def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
     """Keep a viewer open until the user closes it or presses Ctrl-C."""
     if viewer is None:
         return
-    from servo.cli.terminal import plain
-
     close = "press Ctrl-C" if viewer.page else "close the viewer, or press Ctrl-C,"
     with closing(viewer.stop):
         try:

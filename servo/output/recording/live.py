@@ -19,7 +19,7 @@ import rerun_cli
 
 from servo.mistake import Mistake, Refused
 from servo.output.display import has_display
-from servo.output.recording.destination import SentRecording, new_stream
+from servo.output.recording.destination import Recording, new_stream
 
 HOST = "127.0.0.1"
 EVERY = 0.02
@@ -42,7 +42,7 @@ PROGRAM = str(Path(rerun_cli.__file__).parent / f"rerun{'.exe' * (sys.platform =
 
 
 @final
-class LiveViewer(SentRecording):
+class LiveViewer(Recording):
     """Rerun's server of one recording, and a viewer that is connected to it."""
 
     def __init__(self, *, web: bool, port: int, recording: Path | None = None) -> None:
