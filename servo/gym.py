@@ -29,7 +29,7 @@ from servo import Episode, Mistake, Scenario, Step, load
 from servo.loop.episode import ImpossibleStart, Kept
 from servo.loop.run_measures import CONVERGED_PX
 from servo.output.annotated import View, annotated
-from servo.output.display import has_display
+from servo.output.local_page import has_display
 from servo.parts import ChoosesMoves
 from servo.scenario.arguments import each_once, numbers, one_of, texts, whole
 from servo.scenario.catalogue import shipped

@@ -10,7 +10,7 @@ gymnasium = pytest.importorskip("gymnasium")
 import servo  # noqa: E402
 import servo.gym  # noqa: E402
 from servo import Mistake  # noqa: E402
-from servo.output import display  # noqa: E402
+from servo.output.local_page import DISPLAYS  # noqa: E402
 
 SHORT = ["run.duration=0.4", "tracker.particles=20"]
 
@@ -91,7 +91,7 @@ def test_a_refused_reset_leaves_the_run_and_actions_outside_count_as_the_nearest
     ],
 )
 def test_mistakes_are_one_sentence(given, message, monkeypatch):
-    for name in display.DISPLAYS:
+    for name in DISPLAYS:
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(Mistake) as found:
         servo.gym.ServoEnv(**given)

@@ -19,8 +19,8 @@ from tracked import REGION, pictures
 from servo.cli import outputs
 from servo.mistake import Mistake
 from servo.output import sinks
-from servo.output.display import DISPLAYS
 from servo.output.light_page import BETWEEN, PICTURES, LightPage
+from servo.output.local_page import DISPLAYS
 from servo.output.recording import live
 from servo.output.sinks import PacedSink
 

@@ -20,8 +20,7 @@ from rich.console import Console
 
 from servo.cli.terminal import plain
 from servo.mistake import Mistake
-from servo.output.display import has_display
-from servo.output.local_page import HOST, LocalHandler, LocalServer
+from servo.output.local_page import HOST, LocalHandler, LocalServer, has_display
 from sim.types import Image
 from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture

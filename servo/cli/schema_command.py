@@ -52,16 +52,18 @@ def expect_schema() -> Schema:
     one = {
         "outcome": {"enum": ends, "description": f"How the run has to end: {', '.join(ends)}."}
     } | _bounds()
-    about = "Bounds that replace these where a seed has drawn settings."
     share = SHARE | {"description": "Least share of drawn seeds that end as expected."}
-    bounds = one | {"drawn": table({SUCCESS_RATE: share} | one, about)}
+    drawn = "Bounds that replace these where a seed has drawn settings."
+    bounds = one | {"drawn": table({SUCCESS_RATE: share} | one, drawn)}
     others = {
         "description": 'The same for other trackers, by kind; "*": all without a table.',
         "type": "object",
         "additionalProperties": table(bounds),
     }
-    about = "Outcome and largest measures of a good run with the scenario's own tracker."
-    return table(bounds | {"tracker": others}, about)
+    return table(
+        bounds | {"tracker": others},
+        "Outcome and largest measures of a good run with the scenario's own tracker.",
+    )
 
 
 def vary_schema() -> Schema:

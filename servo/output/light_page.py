@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from typing import final
 
 from servo.mistake import Mistake
-from servo.output.display import has_display
-from servo.output.local_page import LocalHandler, LocalServer
+from servo.output.local_page import LocalHandler, LocalServer, has_display
 from servo.output.sinks import Sink, Timer
 from sim.types import Image
 from tracking.drawing.picture_bytes import encoded

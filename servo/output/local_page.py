@@ -1,10 +1,23 @@
-"""Web pages that are served on 127.0.0.1, so that only this machine can open them."""
+"""Web pages that are served on 127.0.0.1, so that only this machine can open them, and whether
+there is a display to show them on.
+"""
 
+import os
+import sys
 import threading
 from collections.abc import Callable, Mapping
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 HOST = "127.0.0.1"
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+"""Variables that name a display on Linux."""
+
+
+def has_display() -> bool:
+    """Return whether windows can be opened: on Linux, whether DISPLAY or WAYLAND_DISPLAY is set; on
+    macOS and Windows always.
+    """
+    return sys.platform != "linux" or any(map(os.environ.get, DISPLAYS))
 
 
 class LocalServer(ThreadingHTTPServer):

@@ -183,25 +183,20 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
     best score first.
     """
     is_loop = benchmark.score == "held"
-    head = ["contestant", "division", "score", "held" if is_loop else "arrived", "rank", "P"]
-    head += ["slowest"] if is_loop else list(COLUMNS)
-    found = list[list[str]]()
+    head = ("contestant", "division", "score", "held" if is_loop else "arrived", "rank", "P")
     table = standings(rows)
-    for standing in table:
-        row = standing.row
-        cells = [
+    found = [
+        [
             standing.name,
-            row.division.lower(),
+            standing.row.division.lower(),
             spread(standing.score),
             f"{100 * standing.held.value:.0f} %",
             "-".join(map(str, sorted({standing.first, standing.last}))),
             f"{standing.beats_next:.2f}",
+            *map(shown, [standing.slowest] if is_loop else _columns(standing.row)),
         ]
-        if is_loop:
-            cells.append(shown(standing.slowest))
-        else:
-            cells += [shown(row.measures.get(name)) for name in COLUMNS.values()]
-        found.append(cells)
+        for standing in table
+    ]
     note = (
         "Score: 0 where the camera stands still, "
         + ("100 for the truth; " if is_loop else "100 where each world is reached; ")
@@ -210,7 +205,13 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
     if is_loop:
         note += f" Slowest [ms]: a dash where no more worlds are held than by {FROZEN}."
     home = [i for i, standing in enumerate(table) if is_home(standing.row)]
-    return Table(head, found, range(2), note, home if len(home) < len(table) else ())
+    columns = ["slowest"] if is_loop else COLUMNS
+    return Table([*head, *columns], found, range(2), note, home if len(home) < len(table) else ())
+
+
+def _columns(row: Row) -> list[float | None]:
+    """Return the measures of a law's row in its table."""
+    return [row.measures.get(name) for name in COLUMNS.values()]
 
 
 def is_home(row: Row) -> bool:

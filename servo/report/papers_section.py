@@ -28,8 +28,9 @@ def section(folder: Path) -> Section:
             "quick" if papers.quick else "full",
             "one seed of each: the numbers mean little" if papers.quick else "",
         ),
-        *_other_seeds(papers),
     ]
+    if papers.first_seed is not None:
+        facts.append(Fact("first seed", str(papers.first_seed), "not the registered seeds"))
     rows = [
         [name, _badge(name, c), c.says, _effect(c), c.measured] for name, c in papers.claims.items()
     ]
@@ -48,14 +49,6 @@ def section(folder: Path) -> Section:
         blocks,
         str(folder),
     )
-
-
-def _other_seeds(papers: PapersReport) -> list[Fact]:
-    """Return a list with the first seed as a fact of the report, if it is not the registered one;
-    else an empty list.
-    """
-    first = papers.first_seed
-    return [] if first is None else [Fact("first seed", str(first), "not the registered seeds")]
 
 
 def _claim(folder: Path, name: str, claim: Judged) -> Block:

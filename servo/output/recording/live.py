@@ -18,7 +18,7 @@ import rerun.blueprint as rrb
 import rerun_cli
 
 from servo.mistake import Mistake, Refused
-from servo.output.display import has_display
+from servo.output.local_page import has_display
 from servo.output.recording.destination import Recording, new_stream
 
 HOST = "127.0.0.1"

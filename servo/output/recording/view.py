@@ -10,7 +10,7 @@ from rerun.experimental import ViewerClient
 
 from servo.closing import closing
 from servo.mistake import Mistake, as_mistake
-from servo.output.display import has_display
+from servo.output.local_page import has_display
 from servo.output.recording.live import HOST, PROGRAM
 from sim.files import reading
 from sim.stderr import silent_libraries
