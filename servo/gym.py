@@ -19,7 +19,7 @@ The seed given to `reset` is the scenario's: the run of `servobench run NAME --s
 that `[vary]` draws for it. Without a seed, one is drawn.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -229,15 +229,11 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         """Return a seed drawn from this environment's own generator."""
         return int(self.np_random.integers(1, LAST_SEED))
 
-    def _scenario(self, seed: int, options: object) -> Scenario:
+    def _scenario(self, seed: int, options: Mapping[str, object]) -> Scenario:
         """Return the scenario for a seed, with the settings of `options`."""
         name, overrides, settings = self._given
-        if not isinstance(options, dict) or not all(isinstance(k, str) for k in options):  # pyright: ignore[reportUnknownVariableType]
-            raise Mistake(
-                f"options: expected settings by name, such as {{'duration': 5.0}}, got {options!r}"
-            )
         if options:
-            given: dict[str, Any] = {"scenario": name, "overrides": ()} | settings | options
+            given: dict[str, Any] = {"scenario": name, "overrides": ()} | settings | {**options}
             overrides = *overrides, *texts(given.pop("overrides"))
             name = given.pop("scenario")
             seed = given.pop("seed", seed)

@@ -46,7 +46,6 @@ def test_a_wrong_choice_is_a_sentence(wrong, sentence):
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ([1], "options: expected settings by name, such as {'duration': 5.0}, got [1]"),
         ({"seed": 3}, "options: a seed cannot be set here: give it as reset(seed=...)"),
         ({"run.seed": 3}, "options: a seed cannot be set here: give it as reset(seed=...)"),
         (

@@ -24,7 +24,6 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -111,12 +110,31 @@ class McapFile:
         self._file = _CheckedFile(path)
         options = mcap.MCAPWriteOptions(profile="ros2", chunk_size=CHUNK, compression_threads=0)
         self._writer = foxglove.open_mcap(self._file, context=context, writer_options=options)  # type: ignore[arg-type]
-        self._topics = {name: Topic(name, Kind(kind), context) for name, kind in TOPICS.items()}
+        self._topic = topic
         self._fields = _fields(columns)
-        kind = f"servobench_msgs/{topic.strip('/').capitalize()}"
-        self._rows = Topic(
-            topic, Kind(kind, {self._fields[name]: of for name, of in columns.items()}), context
-        )
+        fields = {self._fields[name]: of for name, of in columns.items()}
+        own = Kind(f"servobench_msgs/{topic.strip('/').capitalize()}", fields)
+        self._kinds = {name: Kind(kind) for name, kind in TOPICS.items()} | {topic: own}
+        self._channels = {
+            name: foxglove.Channel(
+                name,
+                schema=foxglove.Schema(name=kind.name, encoding="ros2msg", data=kind.definition),
+                message_encoding="cdr",
+                context=context,
+            )
+            for name, kind in self._kinds.items()
+        }
+
+    def _log(self, topic: str, at: int, /, **fields: object) -> None:
+        """Write a message with these fields to a topic.
+
+        Args:
+            topic: The topic.
+            at: Time of the message [ns]: since the beginning of the run, or by the clock of its
+                source.
+            **fields: Values by the names of the message's fields.
+        """
+        self._channels[topic].log(self._kinds[topic].encoded(**fields), log_time=at)
 
     def picture(
         self, at: int, image: Image | None, corners: Corners, particles: Array | None
@@ -132,7 +150,8 @@ class McapFile:
         """
         header = ros2.header(at, FRAME)
         if image is not None:
-            self._topics["/camera/image/compressed"].log(
+            self._log(
+                "/camera/image/compressed",
                 at,
                 header=header,
                 format="jpeg",
@@ -145,9 +164,10 @@ class McapFile:
         ]
         if particles is not None:
             points.append(_annotation(at, POINTS, particles[:, :2], colours.PARTICLES))
-        self._topics["/camera/annotations"].log(at, circles=[], points=points, texts=[])
+        self._log("/camera/annotations", at, circles=[], points=points, texts=[])
         *_, estimate = corners.values()
-        self._topics["/estimate"].log(
+        self._log(
+            "/estimate",
             at,
             header=header,
             polygon=ros2.part(
@@ -159,7 +179,8 @@ class McapFile:
     def depth(self, at: int, depth: DepthPicture) -> None:
         """Write a depth picture (H, W) [m] as a 32-bit float image."""
         height, width = depth.shape
-        self._topics["/camera/depth"].log(
+        self._log(
+            "/camera/depth",
             at,
             header=ros2.header(at, FRAME),
             height=height,
@@ -175,7 +196,8 @@ class McapFile:
         region = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
         known = camera_info(camera)
         numbers = {name: np.array(known[name]) for name in ("d", "k", "r", "p")}
-        self._topics["/camera/camera_info"].log(
+        self._log(
+            "/camera/camera_info",
             at,
             header=ros2.header(at, FRAME),
             **known | numbers,
@@ -193,7 +215,7 @@ class McapFile:
             )
             for (parent, child), pose in poses.items()
         ]
-        self._topics["/tf"].log(at, transforms=found)
+        self._log("/tf", at, transforms=found)
 
     def row(self, at: int, values: Mapping[str, object]) -> None:
         """Write a frame's row of numbers and texts, by column, as its last message; None is written
@@ -202,8 +224,10 @@ class McapFile:
         Raises:
             OSError: This message or an earlier one cannot be written.
         """
-        self._rows.log(
-            at, **{self._fields[name]: np.nan if v is None else v for name, v in values.items()}
+        self._log(
+            self._topic,
+            at,
+            **{self._fields[name]: np.nan if v is None else v for name, v in values.items()},
         )
         self._file.check()
 
@@ -256,31 +280,6 @@ def _transform(pose: Pose) -> object:
         translation=ros2.part("geometry_msgs/Vector3", x=x, y=y, z=z),
         rotation=ros2.part("geometry_msgs/Quaternion", x=axis[0], y=axis[1], z=axis[2], w=w),
     )
-
-
-class Topic:
-    """A topic of an MCAP file, with messages of one ROS 2 type."""
-
-    def __init__(self, topic: str, kind: Kind, context: Any) -> None:
-        import foxglove
-
-        self._kind = kind
-        self._channel = foxglove.Channel(
-            topic,
-            schema=foxglove.Schema(name=kind.name, encoding="ros2msg", data=kind.definition),
-            message_encoding="cdr",
-            context=context,
-        )
-
-    def log(self, at: int, **fields: object) -> None:
-        """Write a message with these fields to the topic.
-
-        Args:
-            at: Time of the message [ns]: since the beginning of the run, or by the clock of its
-                source.
-            **fields: Values by the names of the message's fields.
-        """
-        self._channel.log(self._kind.encoded(**fields), log_time=at)
 
 
 class _CheckedFile:

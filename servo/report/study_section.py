@@ -174,7 +174,7 @@ def _compared(study: StudyResults, columns: Sequence[str]) -> Block:
     groups = study.groups(study.compared)
     outcomes = [o for o in Outcome.__members__ if any(r["outcome"] == o for r in study.rows)]
     rows: list[list[Cell]] = []
-    planned = study.planned(study.compared)
+    planned = study.plan.runs // len(groups)
     for name, group in groups.items():
         ended = [sum(r["outcome"] == o for r in group) for o in outcomes]
         medians = [_median_words(group, m) for m in columns]
