@@ -118,16 +118,14 @@ def _check_packages() -> None:
         place = Path(spec.origin or next(iter(spec.submodule_search_locations or [name])))
         found = place.parent if place.stem == "__init__" else place
         if found.resolve() != beside / name:
-            what = "folder" if found.is_dir() else "file"
-            _refuse(found, name, f"hides servobench's package '{name}': rename this {what}")
-        if spec.origin is None:  # another distribution had a package of this name, and is gone
-            _refuse(found, name, "is not complete: install servobench again")
+            _refuse(found, name)
 
 
-def _refuse(found: Path, name: str, why: str) -> None:
+def _refuse(found: Path, name: str) -> None:
     from servo.mistake import Mistake
 
-    error = Mistake(f"{found} {why}")
+    what = "folder" if found.is_dir() else "file"
+    error = Mistake(f"{found} hides servobench's package '{name}': rename this {what}")
     program = next(iter(sys.argv), "")  # "-m" while Python looks for a module to run
     is_module = program == "-m" and not {"servo", "-mservo"}.isdisjoint(sys.orig_argv)
     if not is_module and Path(program).stem != "servobench":

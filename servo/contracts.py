@@ -7,7 +7,7 @@ own tests call components through it, so that all of them accept and refuse the 
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 from numbers import Real
 from typing import Any, TypeVar, cast, final
@@ -65,10 +65,10 @@ def require_type(value: object, kind: type[Value], method: str) -> Value:
         BrokenContract: The value has another type.
     """
     if not isinstance(value, kind):
-        name = kind.__name__
-        article = "an" if name[0] in "AEIOU" else "a"
-        found = type(value).__name__
-        raise BrokenContract(f"{method} returned {found}; return {article} {name}")
+        article = "an" if kind.__name__[0] in "AEIOU" else "a"
+        raise BrokenContract(
+            f"{method} returned {type(value).__name__}; return {article} {kind.__name__}"
+        )
     return value
 
 
@@ -99,8 +99,9 @@ def require_fields(value: object, rules: Iterable[Rule], prefix: str = "") -> No
         found = getattr(value, rule.field)
         if not rule.holds(found):
             text = str(found) if isinstance(found, np.ndarray) else repr(found)
-            field = f"{type(value).__name__}.{rule.field}"
-            raise BrokenContract(f"{prefix}{field} is {text}; {rule.right}")
+            raise BrokenContract(
+                f"{prefix}{type(value).__name__}.{rule.field} is {text}; {rule.right}"
+            )
 
 
 def is_array(values: object, shape: tuple[int, ...], *, finite: bool = True) -> bool:
@@ -128,8 +129,7 @@ def _is_number(value: object, least: float = -LARGEST, most: float = LARGEST) ->
 
 
 def _is_state(state: State) -> bool:
-    numbers = (state.x, state.y, state.theta, state.scale)
-    return all(map(_is_number, numbers)) and state.scale * LARGEST >= 1
+    return all(map(_is_number, astuple(state))) and state.scale * LARGEST >= 1
 
 
 def _is_sample_size(ess: object) -> bool:
@@ -262,8 +262,10 @@ def outline_fault(outline: Array) -> str:
     (x, y, _), (u, v, _) = sides[:2]
     opposite = np.abs(sides[0] + sides[2]).max() <= ROUNDING * size
     if not opposite or abs(x * u + y * v) > ROUNDING * size**2 or x * v >= y * u:
-        wanted = "the four corners of a rectangle, clockwise as seen from above"
-        return f"expected {wanted}, got {given[:, :2].tolist()}"
+        return (
+            "expected the four corners of a rectangle, clockwise as seen from above, got "
+            f"{given[:, :2].tolist()}"
+        )
     return ""
 
 
@@ -284,11 +286,18 @@ def check_features(features: FeatureSet, method: str, found: object, *_: object)
     if method == "known":
         require(values.dtype == np.bool_, "known returned {}; it should be {} flags", values, k)
         return
-    # An error may hold nan: that of a feature which was not measured.
-    right = is_array(values, shape, finite=method != "error") and not np.isinf(values).any()
-    require(right, "{} returned {}; all must be finite", method, values)
-    right = method != "scales" or (values > 0).all()
-    require(right, "scales returned {}; all must be above 0", values)
+    require(
+        # An error may hold nan: that of a feature which was not measured.
+        is_array(values, shape, finite=method != "error") and not np.isinf(values).any(),
+        "{} returned {}; all must be finite",
+        method,
+        values,
+    )
+    require(
+        method != "scales" or (values > 0).all(),
+        "scales returned {}; all must be above 0",
+        values,
+    )
 
 
 def require_array(found: object, shape: tuple[int, ...], method: str) -> Array:
@@ -311,8 +320,11 @@ def check_names(features: FeatureSet) -> None:
     """
     names = features.names
     k = len(names)
-    right = len(set(names)) == k and set(map(type, names)) == {str}
-    require(right, "names are {}; all must differ", names)
+    require(
+        len(set(names)) == k and set(map(type, names)) == {str},
+        "names are {}; all must differ",
+        names,
+    )
     require(
         len(features.units) == k,
         "there are {} names and {} units; give each feature a unit",
@@ -323,14 +335,16 @@ def check_names(features: FeatureSet) -> None:
         set(features.feed_forward) <= {*names},
         "feed_forward names features that the set does not have",
     )
-    right = set(features.sole_dof) <= {*names} and set(features.sole_dof.values()) <= {*DOF}
     require(
-        right,
+        set(features.sole_dof) <= {*names} and set(features.sole_dof.values()) <= {*DOF},
         "sole_dof has a key that is no feature, or a value that is none of {}",
         ", ".join(DOF),
     )
-    right = is_array(features.noise, (k,)) and (features.noise > 0).all()
-    require(right, "noise is not an array of {} numbers above 0", k)
+    require(
+        is_array(features.noise, (k,)) and (features.noise > 0).all(),
+        "noise is not an array of {} numbers above 0",
+        k,
+    )
 
 
 def check_prediction(method: str, prediction: object, given: Array | OwnMotion, *_: object) -> None:
@@ -346,14 +360,18 @@ def check_prediction(method: str, prediction: object, given: Array | OwnMotion, 
     """
     p = require_type(prediction, Prediction, method)
     k = len(given.past if isinstance(given, OwnMotion) else given)
-    finite = f"it should be {k} finite numbers"
-    measured = f"it should be {k} numbers, nan for features that were not measured"
-    rules = (
-        Rule("error", partial(is_array, shape=(k,)), finite),
-        Rule("motion", partial(is_array, shape=(k,)), finite),
-        Rule("innovation", partial(is_array, shape=(k,), finite=False), measured),
-        Rule("nis", partial(is_array, shape=(k,), finite=False), measured),
-    )
+    rules = [
+        Rule(name, partial(is_array, shape=(k,)), f"it should be {k} finite numbers")
+        for name in ("error", "motion")
+    ]
+    rules += [
+        Rule(
+            name,
+            partial(is_array, shape=(k,), finite=False),
+            f"it should be {k} numbers, nan for features that were not measured",
+        )
+        for name in ("innovation", "nis")
+    ]
     require_fields(p, rules, f"{method}: ")
     require(
         method == "update" or np.isnan(p.innovation).all(),
@@ -372,10 +390,15 @@ def check_command(command: object, *_: object) -> None:
     require_fields(c, COMMAND)
     if c.trace is not None:
         k = np.size(c.trace.features)
-        numbers = partial(is_array, shape=(k,), finite=False)
-        names = ("features", "error", "scales", "own")
-        right = f"it should be {k} numbers, nan for unknown ones"
-        require_fields(c.trace, [Rule(name, numbers, right) for name in names])
+        rules = (
+            Rule(
+                name,
+                partial(is_array, shape=(k,), finite=False),
+                f"it should be {k} numbers, nan for unknown ones",
+            )
+            for name in ("features", "error", "scales", "own")
+        )
+        require_fields(c.trace, rules)
 
 
 def check_same_features(command: Command, names: tuple[str, ...]) -> None:
@@ -385,8 +408,13 @@ def check_same_features(command: Command, names: tuple[str, ...]) -> None:
         BrokenContract: The trace has another number of features.
     """
     count = len(names) if command.trace is None else len(command.trace.features)
-    sentence = "the trace has {} features, but the scenario has {}: {}"
-    require(count == len(names), sentence, count, len(names), ", ".join(names))
+    require(
+        count == len(names),
+        "the trace has {} features, but the scenario has {}: {}",
+        count,
+        len(names),
+        ", ".join(names),
+    )
 
 
 def check_pose(pose: object, time: float) -> None:
@@ -397,8 +425,11 @@ def check_pose(pose: object, time: float) -> None:
     """
     p = require_type(pose, Pose, "at")
     require_fields(p, POSE)
-    right = is_rotation(p.rotation, ROUNDING)
-    require(right, "at({:g}) is no pose: its matrix (3, 3) is no rotation", time)
+    require(
+        is_rotation(p.rotation, ROUNDING),
+        "at({:g}) is no pose: its matrix (3, 3) is no rotation",
+        time,
+    )
 
 
 def check_effect(effect: object, time: float) -> None:
@@ -409,8 +440,10 @@ def check_effect(effect: object, time: float) -> None:
     """
     e = require_type(effect, Effect, "at")
     require_fields(e, EFFECT)
-    right = time >= 0 or e == Effect()
-    require(right, "its effect begins before time 0; return Effect() for negative times")
+    require(
+        time >= 0 or e == Effect(),
+        "its effect begins before time 0; return Effect() for negative times",
+    )
 
 
 CONTRACTS: Mapping[str, Mapping[str, Check | None]] = {
@@ -449,8 +482,12 @@ def check_built(place: str, built: object) -> None:
     """
     kind = type(built).__name__
     for name in _checks_of(place, built):
-        has_it = callable(getattr(built, name, None))
-        require(has_it, "build returned {}, which has no method {}", kind, name)
+        require(
+            callable(getattr(built, name, None)),
+            "build returned {}, which has no method {}",
+            kind,
+            name,
+        )
     match place:
         case "features":
             check_names(cast(FeatureSet, built))
@@ -460,8 +497,10 @@ def check_built(place: str, built: object) -> None:
                 "it has a method aim, which is not called: command finds the goal in seen.goal",
             )
         case "disturbances":
-            right = isinstance(getattr(built, "props", None), tuple)
-            require(right, "it has no tuple `props`; use () if it needs nothing in the scene")
+            require(
+                isinstance(getattr(built, "props", None), tuple),
+                "it has no tuple `props`; use () if it needs nothing in the scene",
+            )
         case "robot" | "target":
             _check_model(place, built)
         case _:
@@ -476,9 +515,11 @@ def check_sees(config: object, built: object) -> None:
         BrokenContract: The component has no method `see`.
     """
     viewed = needs_of(config) & VIEWED
-    names = " and ".join(sorted(channel.name for channel in viewed))
-    right = not viewed or isinstance(built, Sees)
-    require(right, "its Config needs {}, but it has no method see(view) to take that", names)
+    require(
+        not viewed or isinstance(built, Sees),
+        "its Config needs {}, but it has no method see(view) to take that",
+        " and ".join(sorted(channel.name for channel in viewed)),
+    )
 
 
 def _check_model(place: str, built: object) -> None:
@@ -487,8 +528,10 @@ def _check_model(place: str, built: object) -> None:
 
     found = require_type(built, Design if place == "robot" else Target, "build")
     if isinstance(found, Target):
-        right = is_array(found.outline, (4, 3))
-        require(right, "the outline is not four corners (4, 3) of finite numbers")
+        require(
+            is_array(found.outline, (4, 3)),
+            "the outline is not four corners (4, 3) of finite numbers",
+        )
         fault = outline_fault(found.outline)
         require(not fault, "the outline: {}", fault)
 

@@ -19,7 +19,7 @@ The seed given to `reset` is the scenario's: the run of `servobench run NAME --s
 that `[vary]` draws for it. Without a seed, one is drawn.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,7 @@ from servo import Episode, Mistake, Scenario, Step, load
 from servo.loop.episode import ImpossibleStart, Kept
 from servo.loop.run_measures import CONVERGED_PX
 from servo.output.annotated import View, annotated
-from servo.output.display import has_display
+from servo.output.local_page import has_display
 from servo.parts import ChoosesMoves
 from servo.scenario.arguments import each_once, numbers, one_of, texts, whole
 from servo.scenario.catalogue import shipped
@@ -129,8 +129,12 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self._reach = np.repeat(numbers(reach, "reach", 2), 3)[self._moves]
         if self._reach.min() < 0:
             raise Mistake(f"reach: expected speeds of at least 0, got {reach!r}")
-        modes = [m for m in self.metadata["render_modes"] if m != "human" or has_display()]
-        self.metadata = {"render_modes": modes, "render_fps": round(self._base.camera.rate)}
+        self.metadata = {
+            "render_modes": [
+                m for m in self.metadata["render_modes"] if m != "human" or has_display()
+            ],
+            "render_fps": round(self._base.camera.rate),
+        }
         self._error = np.zeros(self._features)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._moves),), np.float32)
         self._episode: Episode | None = None
@@ -148,11 +152,18 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
     def _space(self) -> spaces.Space[Any]:
         camera = self._base.camera
-        length = 2 * self._features + len(DOF) + len(self._moves) + 1
-        own = spaces.Box(-LARGEST_FEATURE, LARGEST_FEATURE, (length,), np.float32)
+        own = spaces.Box(
+            -LARGEST_FEATURE,
+            LARGEST_FEATURE,
+            (2 * self._features + len(DOF) + len(self._moves) + 1,),
+            np.float32,
+        )
         picture = spaces.Box(0, 255, (camera.height, camera.width, 3), np.uint8)
-        both = spaces.Dict({"features": own, "picture": picture})
-        return {"features": own, "picture": picture, "both": both}[self._observation]
+        return {
+            "features": own,
+            "picture": picture,
+            "both": spaces.Dict({"features": own, "picture": picture}),
+        }[self._observation]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, object] | None = None
@@ -180,7 +191,13 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             if scenario.run.seed != drawn:
                 raise Mistake(f"options: {SEED}")
             try:
-                episode = self._prepared(scenario)
+                episode = Episode(
+                    scenario,
+                    steered=True,
+                    seen=self._observation != "features" or self.render_mode is not None,
+                    shows_goal=self._goal_picture,
+                    kept=self._kept,
+                )
                 break
             except ImpossibleStart as error:
                 if not scenario.drawn:
@@ -212,34 +229,22 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         """Return a seed drawn from this environment's own generator."""
         return int(self.np_random.integers(1, LAST_SEED))
 
-    def _prepared(self, scenario: Scenario) -> Episode:
-        """Return an episode of a scenario, ready for its first step, in which this environment
-        moves the camera.
-        """
-        return Episode(
-            scenario,
-            steered=True,
-            seen=self._observation != "features" or self.render_mode is not None,
-            shows_goal=self._goal_picture,
-            kept=self._kept,
-        )
-
-    def _scenario(self, seed: int, options: object) -> Scenario:
+    def _scenario(self, seed: int, options: Mapping[str, object]) -> Scenario:
         """Return the scenario for a seed, with the settings of `options`."""
         name, overrides, settings = self._given
-        if not isinstance(options, dict) or not all(isinstance(k, str) for k in options):  # pyright: ignore[reportUnknownVariableType]
-            raise Mistake(
-                f"options: expected settings by name, such as {{'duration': 5.0}}, got {options!r}"
-            )
         if options:
-            given: dict[str, Any] = {"scenario": name, "overrides": ()} | settings | options
+            given: dict[str, Any] = {"scenario": name, "overrides": ()} | settings | {**options}
             overrides = *overrides, *texts(given.pop("overrides"))
             name = given.pop("scenario")
             seed = given.pop("seed", seed)
             return load(name, overrides, seed, **given)
         base = self._base
-        table = with_settings(base.table, {"run.seed": seed}, name)
-        return parse(table, base.name, name, own=own_parts(settings))
+        return parse(
+            with_settings(base.table, {"run.seed": seed}, name),
+            base.name,
+            name,
+            own=own_parts(settings),
+        )
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, object]]:
         """Move the camera until the next picture, by the action or, with action="residual", by the
@@ -348,25 +353,10 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             self._error = features.error(features.values(sight), goal) / features.scales(goal)
         return self._error
 
-    def __getstate__(self) -> dict[str, object]:
-        """Return the attributes, to copy the environment or to send it to another process.
-
-        Raises:
-            Mistake: A run has begun, which cannot be copied.
-        """
-        if self._episode is not None:
-            raise Mistake(
-                "this environment was already reset, so it cannot be copied or pickled: copy "
-                "it before its first reset"
-            )
-        return vars(self)
-
     def render(self) -> Image | None:
         """Return the current picture (H, W, 3) with truth (white), goal (red) and estimate drawn
         in; None unless the render mode is "rgb_array".
         """
-        if not hasattr(self, "_now"):
-            raise Mistake("render: there is no run; call reset first")
         return annotated(self._now) if self.render_mode == "rgb_array" else None
 
     def _end(self) -> None:

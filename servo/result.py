@@ -87,8 +87,13 @@ def simulate(
             pictures.append(encoded(step.frame.image, QUALITY))
             steps.append(replace(step, frame=step.light().frame))  # with its particles
             bar(len(steps), f"error {step.servo_error:.1f} px")
-    record = record_of(Job(0, LoadedScenario(scenario), scenario.run.seed), scenario, steps)
-    return Run(scenario, record, episode, steps, pictures)
+    return Run(
+        scenario,
+        record_of(Job(0, LoadedScenario(scenario), scenario.run.seed), scenario, steps),
+        episode,
+        steps,
+        pictures,
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,25 +108,11 @@ class Run(Sequence[Step]):
     _light: list[Step]
     _pictures: list[bytes]
 
-    def __copy__(self) -> Run:
-        return replace(self)
-
     def __deepcopy__(self, memo: dict[int, object]) -> Run:
         """Return a copy of the run that shares its steps, world and pictures, as these never
         change.
         """
         return replace(self)
-
-    def __getstate__(self) -> dict[str, object]:
-        """Raise an error, as a run cannot be pickled: MuJoCo's model of the world cannot be.
-
-        Raises:
-            Mistake: Always.
-        """
-        raise Mistake(
-            "a run cannot be pickled, as it holds the simulated world: pickle its scenario and its "
-            "tables (result.steps, result.measures)"
-        )
 
     def __len__(self) -> int:
         return len(self._light)
@@ -134,8 +125,10 @@ class Run(Sequence[Step]):
         if isinstance(index, slice):
             return [self[i] for i in range(len(self))[index]]
         light = self._light[index]
-        raw = np.frombuffer(self._pictures[index], np.uint8)
-        image = np.asarray(cv2.imdecode(raw, cv2.IMREAD_COLOR_RGB), np.uint8)
+        image = np.asarray(
+            cv2.imdecode(np.frombuffer(self._pictures[index], np.uint8), cv2.IMREAD_COLOR_RGB),
+            np.uint8,
+        )
         return replace(light, frame=replace(light.frame, image=image))
 
     def __repr__(self) -> str:
@@ -358,5 +351,9 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         measures = moved(self._cells)
-        rows = [cell_row(cell, measures) for cell in self._cells]
-        return notebook.html_table(Table((*self.study.keys, "units", "success", *measures), rows))
+        return notebook.html_table(
+            Table(
+                (*self.study.keys, "units", "success", *measures),
+                [cell_row(cell, measures) for cell in self._cells],
+            )
+        )

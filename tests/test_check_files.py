@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 
 from servo.cli import check_command, jobs
-from servo.cli.check_command import check_scenarios
+from servo.cli.check_command import run as check_scenarios
 from servo.mistake import Mistake
 from servo.study.execute import execute
 

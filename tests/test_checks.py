@@ -118,7 +118,7 @@ TRACKERS = {
     "the same pictures gave other states the second time": Dice,
     "a second start did not forget the first; reset in start all that a run changes": Counts,
     "the states differ where the caller uses one buffer for all pictures": Identity,
-    "a black picture of 160 x 120 px made update raise ZeroDivisionError: ": Fragile,
+    "for a black picture of 160 x 120 px update should return the last state as LOST, but raised ZeroDivisionError: ": Fragile,
     "the status is LOCKED two seconds after the target has disappeared": changed(
         status=Status.LOCKED
     ),

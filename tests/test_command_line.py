@@ -85,7 +85,7 @@ def test_five_commands_to_begin_with_stand_below_the_help():
         (["check", "line"], "spi", [("plain", "spin")]),
         (["sweep"], "enc", [("plain", "encoder")]),
         (["run"], "mine/a", [("file", "mine/a")]),
-        ([], "doc", [("plain", "doctor"), ("plain", "docs")]),
+        ([], "doc", [("plain", "docs"), ("plain", "doctor")]),
     ],
 )
 def test_a_shell_completes_so(words, begun, found):

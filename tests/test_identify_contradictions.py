@@ -343,8 +343,7 @@ def test_a_delay_at_the_end_of_the_search_is_not_printed_as_an_estimate():
 def test_settings_that_no_run_takes_are_refused(tmp_path, columns):
     large = {name: 1e4 * columns[name] for name in (COMMAND, JOINT, ENCODER)}
     assert refused(tmp_path, columns, **large) == (
-        "the settings estimated from this log are refused by the scenario: --set robot.backlash="
-        "[2.03, 0.0, 0.0, 0.0, 0.0, 0.0]: robot.backlash.0 = 2.03: input should be less than or "
+        "--set robot.backlash=[2.03, 0.0, 0.0, 0.0, 0.0, 0.0]: robot.backlash.0 = 2.03: input should be less than or "
         "equal to 1"
     )
 

@@ -127,9 +127,8 @@ def test_names_of_joints_are_any_and_have_to_be_the_robots(tmp_path):
     assert [channel.name for channel in log.channels] == ["base-yaw.1"]
     assert not log.unused
     assert str(run(tmp_path / "log.csv").exception) == (
-        "the robot of 'line' has no joint 'base-yaw.1': its joints are x, y, z, yaw, pitch, roll, and "
-        "the components of its camera's twist vx, vy, vz, wx, wy, wz; correct the column's name, or "
-        "name another robot's scenario with --scenario"
+        "the robot of 'line': there is no joint or component of the twist 'base-yaw.1'; there is x, y, "
+        "z, yaw, pitch, roll, vx, vy, vz, wx, wy, wz"
     )
     gear_log(tmp_path / "log.csv", joint="x_rad", seconds=4.0)
     assert str(run(tmp_path / "log.csv").exception) == (

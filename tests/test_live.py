@@ -18,9 +18,9 @@ from tracked import REGION, pictures
 
 from servo.cli import outputs
 from servo.mistake import Mistake
-from servo.output import light_page, sinks
-from servo.output.display import DISPLAYS
+from servo.output import sinks
 from servo.output.light_page import BETWEEN, PICTURES, LightPage
+from servo.output.local_page import DISPLAYS
 from servo.output.recording import live
 from servo.output.sinks import PacedSink
 
@@ -161,7 +161,7 @@ def test_the_light_page_says_that_its_port_is_in_use():
 )
 def test_the_light_page_is_chosen_where_there_is_no_gpu(monkeypatch, light, gpu, chosen):
     monkeypatch.setattr(outputs.gl, "has_gpu", lambda: gpu)
-    monkeypatch.setattr(light_page, "LightPage", lambda port: "light")
+    monkeypatch.setattr(outputs, "LightPage", lambda port: "light")
     monkeypatch.setattr(live, "LiveViewer", lambda web, port: "rerun")
     viewer = outputs.Outputs(live=True, web=True, light=light).viewer()
     assert viewer == ("light" if chosen else "rerun")

@@ -64,10 +64,10 @@ def test_the_doctor_says_this(console, monkeypatch, approved, capsys):
 
     step = SimpleNamespace(seconds=SimpleNamespace(render=0.002))
     monkeypatch.setattr(doctor_command, "Episode", lambda _: nullcontext([step]))
-    assert doctor_command.examine() == 0
+    assert doctor_command.run() == 0
     approved("prints/doctor", lines(console))
     monkeypatch.setattr(doctor_command, "clash", lambda: "uninstall one")
-    assert doctor_command.examine() == 1
+    assert doctor_command.run() == 1
     assert capsys.readouterr().err == (
         "servobench: uninstall one; OpenCV 5.x without the additional modules is used\n"
     )

@@ -10,7 +10,6 @@ import pytest
 from machines import machine_with
 
 from servo.cli import sweep_command
-from servo.cli.options import Commands
 from servo.mistake import Mistake, Refused, unknown
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.study import record_file
@@ -145,13 +144,6 @@ def test_a_column_has_the_type_of_its_values(values, kind):
         for value in values
     ]
     assert record_file.table_of([records])["x"].type == kind
-
-
-def test_the_commands_are_listed_as_they_stand():
-    import click
-
-    group = Commands("x", commands={"b": click.Command("b"), "a": click.Command("a")})
-    assert group.list_commands(None) == ["b", "a"]
 
 
 def test_too_many_runs_of_one_command_are_refused():

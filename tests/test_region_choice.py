@@ -13,13 +13,13 @@ import pytest
 from tracked import FRAMES, call, pictures, rows_of
 
 from servo.cli import region_page
-from servo.output import display
+from servo.output import local_page
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in display.DISPLAYS:
+    for name in local_page.DISPLAYS:
         monkeypatch.delenv(name, raising=False)
     return pictures(tmp_path)
 
@@ -219,7 +219,7 @@ def test_a_page_may_be_left_and_loaded_again(monkeypatch, capfd, folder, browser
 
 def test_where_there_is_a_desktop_the_browser_is_opened(monkeypatch, capfd, folder):
     opened = []
-    monkeypatch.setenv(display.DISPLAYS[0], ":0")
+    monkeypatch.setenv(local_page.DISPLAYS[0], ":0")
     monkeypatch.setattr("webbrowser.open", opened.append)
     during(monkeypatch, lambda address: sent(address, '"cancelled"'))
     code, _, err = call(monkeypatch, capfd, "in", "--select", "--out", "out")

@@ -153,7 +153,7 @@ def test_a_band_has_the_percentiles_of_the_runs_that_last_so_long():
     series = [
         {"time_s": t, "e": np.full(len(t), v)} for t, v in ((long, 0.0), (long, 10.0), (short, 5.0))
     ]
-    times, (low, middle, high) = band(series, "e")
+    times, middle, low, high = band(series, "e")
     np.testing.assert_allclose([low[0], middle[0], high[0]], [1, 5, 9])
     np.testing.assert_allclose([low[-1], middle[-1], high[-1]], [1, 5, 9])
     np.testing.assert_allclose(high[times > 2.1], 9.0)
@@ -229,7 +229,7 @@ BAD = {
     ),
     "a track": (
         {"report.json": b"{}"},
-        "{}/report.json: there is no steps.parquet beside this report: run its command again",
+        "{}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, `papers` or `sweep`: name a folder that one of them wrote",
     ),
     "half a file": (
         {"study.json": STUDY[:-9]},

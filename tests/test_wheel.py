@@ -1,7 +1,6 @@
 """The wheel, built, installed into a folder of its own, and used from there."""
 
 import os
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -68,24 +67,3 @@ def test_the_authors_are_those_of_the_citation(root):
     citation = yaml.safe_load((root / "CITATION.cff").read_text())
     assert project["authors"] == citation["authors"]
     assert project["version"] == citation["version"]
-
-
-def test_a_package_that_another_one_has_written_over_is_named(installed, tmp_path):
-    copy = tmp_path / "site"
-    shutil.copytree(installed, copy)
-    where = os.environ | {"PYTHONPATH": str(copy)}
-    theirs = copy / "tracking" / "__init__.py"
-    theirs.write_text('"""Of another distribution."""\n')
-    code = "from servo.cli.doctor_command import _overwritten; print(*_overwritten())"
-    asked = [sys.executable, "-c", code]
-    ended = subprocess.run(
-        asked, cwd=tmp_path, capture_output=True, text=True, env=where, check=True
-    )
-    assert ended.stdout.startswith(f"{theirs}: another package has written over this file: install")
-    theirs.unlink()  # as pip does when that one is uninstalled
-    command = [sys.executable, "-m", "servo", "list"]
-    ended = subprocess.run(
-        command, cwd=tmp_path, capture_output=True, text=True, env=where, check=False
-    )
-    said = f"servobench: {copy / 'tracking'} is not complete: install servobench again\n"
-    assert (ended.returncode, ended.stderr) == (2, said)

@@ -82,13 +82,15 @@ def run(
     chosen = contestants(benchmark, given, changes)
     gl.is_there()
     if verify is not None:
-        rng = np.random.default_rng()
-        return _verify(benchmark, verify, chosen if given else None, workers, console, rng)
-    if submit is not None and len(chosen) != 1:
-        raise Mistake(
-            "--submit needs one contestant, and there are several: name one with --contestant"
+        return _verify(
+            benchmark, verify, chosen if given else None, workers, console, np.random.default_rng()
         )
-    of = _sealed(sealed, chosen) if sealed is not None else Band("v1" if band == "v1" else "dev")
+    for option, value in (("--submit", submit), ("--sealed", sealed)):
+        if value is not None and len(chosen) != 1:
+            raise Mistake(
+                f"{option} needs one contestant, and there are several: name one with --contestant"
+            )
+    of = _sealed(sealed, chosen[0]) if sealed is not None else Band("v1" if band == "v1" else "dev")
     worlds = benchmark.every_world(of, QUICK if quick else None)
     try_out((benchmark.scenario_of(worlds[0], one.settings).tracker for one in chosen), console)
     known = _scale_rows(benchmark) if of.name == "v1" else []
@@ -132,8 +134,7 @@ def run(
     plain(console, f"{name} {benchmark.hash}, worlds: {of.name}")
     with Workers(workers) as pool, opened(folder, described) as store:
         store.find(jobs)
-        again = go_on(command, out)
-        failed = complete_jobs(jobs, store, pool, console, f"benchmark {name}", again)
+        failed = complete_jobs(jobs, store, pool, console, f"benchmark {name}", go_on(command, out))
         records = store.records(jobs)
         rows = known + _rows(benchmark, of, every, worlds, records, command)
         _keep(store, rows)
@@ -145,23 +146,19 @@ def run(
     return 1 if failed else 0
 
 
-def _sealed(value: str, chosen: Sequence[Contestant]) -> Band:
+def _sealed(value: str, one: Contestant) -> Band:
     """Return the sealed set of worlds: they are drawn from a public value and the digest of one
     contestant's code, so that nobody could tune on them.
 
     Raises:
-        Mistake: There are several contestants, or the code of the contestant was not found.
+        Mistake: The code of the contestant was not found.
     """
-    if len(chosen) != 1:
+    if one.is_unknown:
         raise Mistake(
-            "--sealed needs one contestant, and there are several: name one with --contestant"
-        )
-    if chosen[0].is_unknown:
-        raise Mistake(
-            f"--sealed draws worlds from the code of '{chosen[0].name}', but this code was not "
+            f"--sealed draws worlds from the code of '{one.name}', but this code was not "
             "found: name the contestant's file or module"
         )
-    return Band("sealed", value, chosen[0].digest)
+    return Band("sealed", value, one.digest)
 
 
 def _keep(store: Store, rows: Sequence[Row]) -> None:
@@ -170,8 +167,7 @@ def _keep(store: Store, rows: Sequence[Row]) -> None:
     """
     atomic.folder(store.folder, benchmark_section.ROWS)
     for row in rows:
-        name = f"{benchmark_section.ROWS}/{file_name(row.contestant)}"
-        store.write(name, row.text().encode())
+        store.write(f"{benchmark_section.ROWS}/{file_name(row.contestant)}", row.text().encode())
     if store.done:
         store.export(store.table())
 
@@ -195,12 +191,12 @@ def _rows(
 ) -> list[Row]:
     """Return a row of scores for each contestant that has a record of every world."""
     keys = {world.key for world in worlds}
-    found = list[Row]()
-    for one in chosen:
-        own = [r for r in records if r.settings[CONTESTANT] == one.name]
-        if {r.settings[WORLD] for r in own} == keys:
-            found.append(row_of(benchmark, band, one, own, command))
-    return found
+    runs = ([r for r in records if r.settings[CONTESTANT] == one.name] for one in chosen)
+    return [
+        row_of(benchmark, band, one, own, command)
+        for one, own in zip(chosen, runs, strict=True)
+        if {r.settings[WORLD] for r in own} == keys
+    ]
 
 
 def _print(console: Console, benchmark: Benchmark, rows: Sequence[Row]) -> None:
@@ -209,8 +205,8 @@ def _print(console: Console, benchmark: Benchmark, rows: Sequence[Row]) -> None:
         for of in benchmark_section.by_pictures(benchmark, every).values():
             print_table(console, benchmark_section.standings_table(benchmark, of))
             plain(console, benchmark_section.difficulty_of(of))
-    here = {row.rendering for row in rows if row.rendering}
-    if benchmark_section.is_whole(benchmark, rows) and here - {benchmark.rendering}:
+    others = {row.rendering for row in rows} - {"", benchmark.rendering}
+    if others and benchmark_section.is_whole(benchmark, rows):
         plain(
             console,
             "this machine renders other pictures than the benchmark's frozen ones: its results are "

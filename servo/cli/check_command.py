@@ -21,8 +21,8 @@ from servo.output.formats import Made, command_line
 from servo.output.versions import versions
 from servo.report.words import Badge, Cell, Table
 from servo.scenario import catalogue
-from servo.scenario import load as scenarios
 from servo.scenario.load import Scenario
+from servo.scenario.load import load as load_scenario
 from servo.scenario.toml import assignment
 from servo.study.bounds import DrawnShare, unjudged
 from servo.study.execute import Workers, check_number, execute
@@ -78,11 +78,11 @@ def _entry(name: str, seed: int, command: str, failed: str = "") -> Entry:
     return run | {"measures": {}, "missed": [], "failed": failed, "unjudged": ""}
 
 
-def check_scenarios(
-    names: Sequence[str],
+def run(
+    scenarios: Sequence[str],
     changes: Sequence[str],
     seed: int,
-    count: int,
+    seeds: int,
     workers: int,
     quiet: bool,
     dry_run: bool = False,
@@ -92,10 +92,10 @@ def check_scenarios(
     """Run scenarios and print the bounds that they miss.
 
     Args:
-        names: The scenarios; none: all shipped ones with bounds.
+        scenarios: The scenarios; none: all shipped ones with bounds.
         changes: Changes of settings, such as "run.duration=5".
         seed: The first seed of each scenario.
-        count: Number of seeds of each scenario.
+        seeds: Number of seeds of each scenario.
         workers: Number of processes.
         quiet: Whether to print nothing but mistakes and missed bounds.
         dry_run: Whether to print only how many runs there are and how long they take.
@@ -106,13 +106,13 @@ def check_scenarios(
         The exit code: 1 if a bound was missed or a run failed, 2 if a run failed because of the
         user's mistake, else 0.
     """
-    chosen = list(names) or [n for n in catalogue.shipped() if scenarios.load(n).expect]
-    check_number(len(chosen) * count)
+    chosen = list(scenarios) or [n for n in catalogue.shipped() if load_scenario(n).expect]
+    check_number(len(chosen) * seeds)
     _check_changes(changes)
     check_place(junit, ".xml")
     check_place(json, ".json")
     console = Console(quiet=quiet)
-    each = [(name, s) for name in chosen for s in range(seed, seed + count)]
+    each = [(name, s) for name in chosen for s in range(seed, seed + seeds)]
     jobs: list[Job] = []
     with progress(console, "check: reading scenarios", len(each)) as ended:
         for name, s in each:
@@ -120,8 +120,12 @@ def check_scenarios(
             try:
                 scenario = load(name, changes, s)
             except Mistake as mistake:
-                refused = _entry(name, s, again, str(mistake))
-                _write([refused], junit, json, command_line("check", *names, set=list(changes)))
+                _write(
+                    [_entry(name, s, again, str(mistake))],
+                    junit,
+                    json,
+                    command_line("check", *scenarios, set=list(changes)),
+                )
                 raise
             jobs.append(Job(len(jobs), LoadedScenario(scenario), s, command=again))
             ended(name)
@@ -130,7 +134,7 @@ def check_scenarios(
         return print_estimate(jobs, workers, console)
     if len(jobs) > 1:
         plain(console, f"check: {len(jobs):,} runs")
-    again = command_line("check", *names, set=list(changes), seed=seed, seeds=count)
+    again = command_line("check", *scenarios, set=list(changes), seed=seed, seeds=seeds)
     done: dict[int, End] = {}
     try:
         _carry_out(jobs, workers, console, done)
@@ -141,7 +145,7 @@ def check_scenarios(
         raise
     ends = [done[job.number] for job in jobs]
     records = [(job, end) for job, end in ends if isinstance(end, Record)]
-    shares = _shares(records, count)
+    shares = _shares(records, seeds)
     _write([_described(*one) for one in ends], junit, json, again, shares)
     if records:
         print_table(console, _table(ends))
@@ -249,8 +253,9 @@ def _table(ends: Sequence[End]) -> Table:
     for job, record in ends:
         scenario = _scenario(job)
         if isinstance(record, Failure):
-            failed = Badge.of(False, "failed")
-            cells.append([job.subject.name, str(job.seed), failed, "", "", "", "", ""])
+            cells.append(
+                [job.subject.name, str(job.seed), Badge.of(False, "failed"), "", "", "", "", ""]
+            )
             continue
         bounds = len(scenario.expect)
         kept = f"{bounds - len(record.missed)} of {bounds}"
@@ -267,8 +272,11 @@ def _table(ends: Sequence[End]) -> Table:
                 f"{record.seconds:.1f} s",
             ]
         )
-    head = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
-    return Table(head, cells, words=(0, 2, 6))
+    return Table(
+        ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time"),
+        cells,
+        words=(0, 2, 6),
+    )
 
 
 def _junit(runs: list[Entry], shares: Sequence[DrawnShare], command: str) -> str:
@@ -280,8 +288,12 @@ def _junit(runs: list[Entry], shares: Sequence[DrawnShare], command: str) -> str
     suite = ElementTree.Element("testsuite", name="servobench check", tests=str(len(names)))
     for name, run in zip(names, runs + of_shares, strict=True):
         scenario = one_line(run["scenario"])
-        described = {"classname": f"servobench.{scenario}", "name": f"{scenario}, {name}"}
-        case = ElementTree.SubElement(suite, "testcase", described, time=f"{run['seconds']:.3f}")
+        case = ElementTree.SubElement(
+            suite,
+            "testcase",
+            {"classname": f"servobench.{scenario}", "name": f"{scenario}, {name}"},
+            time=f"{run['seconds']:.3f}",
+        )
         message = run["failed"] or "; ".join(map(str, run["missed"]))
         if run["unjudged"]:
             ElementTree.SubElement(case, "skipped", message=one_line(run["unjudged"]))

@@ -72,8 +72,13 @@ def run(
     """
     parts = {"tracker": tracker, "controller": controller, "estimator": estimator}
     folder = out or Path("runs") / "compare"
-    every = [*changes, *[MEASURED] * measured]
-    study = study_of(scenarios, variants_of(parts, set_of), every, seeds, folder.name)
+    study = study_of(
+        scenarios,
+        variants_of(parts, set_of),
+        [*changes, *[MEASURED] * measured],
+        seeds,
+        folder.name,
+    )
     columns = None if measures is None else measures_of(measures)
     if scheduler is None:
         gl.is_there()
@@ -128,8 +133,13 @@ def study_of(
         "named": {AXIS: dict(variants)},
         "compare": AXIS,
     }
-    title = f"Variants compared in {', '.join(scenarios)}."
-    return parsed(table, changes, Path(f"{name}.toml"), "compare", title)
+    return parsed(
+        table,
+        changes,
+        Path(f"{name}.toml"),
+        "compare",
+        f"Variants compared in {', '.join(scenarios)}.",
+    )
 
 
 def variants_of(parts: Mapping[str, Sequence[str]], set_of: Sequence[str]) -> dict[str, Settings]:

@@ -1,12 +1,35 @@
 """The command `servobench docs`: build the documentation's pages from a checkout."""
 
+import webbrowser
 from importlib.util import find_spec
 from pathlib import Path
 
+from rich.console import Console
+
 import servo
+from servo.cli.terminal import plain, waiting
 from servo.mistake import Mistake
 
 ROOT = Path(servo.__file__).parents[1]
+
+
+def run(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
+    """Build the documentation's pages, print the path of the first one, and open it in a browser.
+
+    Args:
+        out: The folder to write; None: runs/docs.
+        no_open: Whether the browser stays closed.
+        still: Whether the gallery shows still pictures.
+        run: Whether to run the tutorials.
+
+    Raises:
+        Mistake: As `build`.
+    """
+    with waiting(Console(stderr=True), "Building the pages; the first time takes two minutes"):
+        page = build(out or Path("runs/docs"), still=still, run=run).resolve()
+    plain(Console(), str(page))
+    if not no_open:
+        webbrowser.open(page.as_uri())
 
 
 def build(out: Path, *, still: bool = False, run: bool = False) -> Path:

@@ -1,10 +1,6 @@
 """The command `servobench doctor`: report renderer, versions and speed of this machine."""
 
 import platform
-from base64 import urlsafe_b64encode
-from hashlib import sha256
-from importlib.metadata import files
-from pathlib import Path
 from statistics import median
 
 from rich.console import Console
@@ -23,7 +19,7 @@ from tracking.guests.cv2_tracker import running
 FINE = "All is well. To begin with: servobench run reversal"
 
 
-def examine() -> int:
+def run() -> int:
     """Print the OpenGL back end, the renderer, the versions of packages and the rendered frames a
     second of this machine.
 
@@ -46,29 +42,12 @@ def examine() -> int:
         **versions(),
     }
     print_table(console, Table(("what", "found"), list(rows.items()), words=range(2)))
-    found = _broken() + _overwritten()
+    found = _broken()
     if sentence := clash():
         found.append(f"{sentence}; OpenCV {running()} is used")
     complain(*found)
     plain(console, FINE * (not found))
     return bool(found)
-
-
-def _overwritten() -> list[str]:
-    """Return a sentence for each package of servobench (servo, sim, tracking, scenes) whose
-    __init__.py another distribution has overwritten.
-    """
-    found: list[str] = []
-    for file in files("servobench") or []:
-        place = Path(str(file.locate()))
-        if file.name == "__init__.py" and file.hash is not None and place.is_file():
-            digest = sha256(place.read_bytes()).digest()
-            if urlsafe_b64encode(digest).decode().rstrip("=") != file.hash.value:
-                found.append(
-                    f"{place}: another package has written over this file: install servobench "
-                    "again, in an environment of its own"
-                )
-    return found
 
 
 def _broken() -> list[str]:

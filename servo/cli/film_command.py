@@ -3,31 +3,29 @@ other.
 """
 
 import shlex
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
 from rich.console import Console
 
 from servo.cli.jobs import progress
+from servo.cli.main import app
 from servo.cli.outputs import Outputs
 from servo.cli.terminal import plain
 from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.output.film import write_film_of_two
-from servo.scenario.load import Scenario
+from servo.scenario.load import Scenario, load
+from servo.scenario.part_names import changes_of
 from servo.study.run_report import RunReport
 
 
-def write(
-    runs: tuple[str, str], asked: Callable[[list[str]], Scenario], out: Path, *, quiet: bool
-) -> None:
+def run(first: str, second: str, out: Path, quiet: bool) -> None:
     """Run two scenarios and write one film (MP4) of both, beside each other.
 
     Args:
-        runs: Each the folder of a run to repeat, or the arguments of `servobench run` as a text.
-        asked: Function that returns the scenario that a list of arguments of `servobench run`
-            names.
+        first: The folder of a run to repeat, or the arguments of `servobench run` as a text.
+        second: The second run, likewise.
         out: The film's file.
         quiet: Whether to print nothing but mistakes.
 
@@ -37,20 +35,25 @@ def write(
     Outputs(video=out).check()
     console = Console(quiet=quiet)
     with ExitStack() as stack:
-        left, right = (stack.enter_context(Episode(asked(_words(run)))) for run in runs)
+        left, right = (stack.enter_context(Episode(_scenario(given))) for given in (first, second))
         frames = max(left.frames, right.frames)
         with progress(console, out.name, frames) as written:
-            write_film_of_two((left, right), runs, out, written)
+            write_film_of_two((left, right), (first, second), out, written)
     plain(console, str(out))
 
 
-def _words(run: str) -> list[str]:
-    """Return the arguments of `servobench run` as a list: those of the given text, or those in the
-    report of the run whose folder is given.
+def _scenario(given: str) -> Scenario:
+    """Return the scenario of a run to repeat: of the run in a folder, or of the arguments of
+    `servobench run` in a text.
     """
-    if run and Path(run).is_dir():
-        run = RunReport.read(Path(run) / RunReport.FILE).command.removeprefix("servobench run ")
+    if given and Path(given).is_dir():
+        given = RunReport.read(Path(given) / RunReport.FILE).command.removeprefix("servobench run ")
     try:
-        return shlex.split(run)
+        words = shlex.split(given)
     except ValueError as error:
-        raise Mistake(f"film: {run}: {error}") from None
+        raise Mistake(f"film: {given}: {error}") from None
+    options = app.commands["run"].make_context("run", words).params
+    if options["ros2"]:
+        raise Mistake("film: a run with --ros2 cannot be repeated: name another run")
+    parts = changes_of(options["tracker"], options["controller"])
+    return load(options["scenario"], [*parts, *options["changes"]], options["seed"])

@@ -76,16 +76,9 @@ def _say_warnings_in_a_line() -> None:
     """
     of_python = warnings.formatwarning
 
-    def formatted(
-        message: Warning | str,
-        category: type[Warning],
-        filename: str,
-        lineno: int,
-        line: str | None = None,
-    ) -> str:
-        if issubclass(category, Notice):
-            return f"servobench: {message}\n"
-        return of_python(message, category, filename, lineno, line)
+    def formatted(message: Warning | str, category: type[Warning], *place: Any) -> str:
+        is_ours = issubclass(category, Notice)
+        return f"servobench: {message}\n" if is_ours else of_python(message, category, *place)
 
     warnings.formatwarning = formatted
 

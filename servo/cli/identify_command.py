@@ -13,7 +13,7 @@ from servo.identify.fit import Identified, identify
 from servo.identify.lines import lines, picture
 from servo.identify.log import Log, LogChannel, listed, read
 from servo.loop.episode import Episode
-from servo.mistake import Mistake, writing
+from servo.mistake import Mistake, check_known, writing
 from servo.output.run_folder import prepare
 from servo.scenario.load import load
 from servo.types import DOF
@@ -23,31 +23,27 @@ from tracking.drawing.figures import save
 from tracking.files import atomic
 
 
-def run(path: Path, scenario: str, out: Path | None) -> int:
+def run(log: Path, scenario: str, out: Path | None) -> None:
     """Estimate delay, jitter, lag, play and encoder noise of the robot that recorded a log; write
     them as settings (robot.toml) and draw its response.
 
     Args:
-        path: The log: a file .csv, .parquet or .mcap.
+        log: The log: a file .csv, .parquet or .mcap.
         scenario: The scenario whose robot the settings are for.
         out: The folder to write; None: the next free runs/identify-LOG.
-
-    Returns:
-        The exit code 0.
 
     Raises:
         Mistake: The log or the scenario cannot be used, or the folder cannot be written.
     """
-    log = read(path)
+    logged = read(log)
     with waiting(Console(stderr=True), "estimating delay, lag, play and noise"):
-        found, text = estimated(log, scenario)
-    folder = prepare(out, f"identify-{path.stem}")
+        found, text = estimated(logged, scenario)
+    folder = prepare(out, f"identify-{log.stem}")
     with writing(folder):
         settings = atomic.write(folder, "robot.toml", text)
-        drawn = save(picture(log, found), folder, "response.png")
-    unused = f"unused columns (unknown names, or no numbers): {listed(log.unused, most=6)}"
-    plain(Console(), text, str(settings), str(drawn), unused * bool(log.unused))
-    return 0
+        drawn = save(picture(logged, found), folder, "response.png")
+    unused = f"unused columns (unknown names, or no numbers): {listed(logged.unused, most=6)}"
+    plain(Console(), text, str(settings), str(drawn), unused * bool(logged.unused))
 
 
 def estimated(log: Log, scenario: str) -> tuple[Identified, str]:
@@ -67,12 +63,7 @@ def estimated(log: Log, scenario: str) -> tuple[Identified, str]:
     found = identify(log, servos)
     text = lines(found, joints, tick, doubts(log, found, fastest))
     parts = tomllib.loads(text).items()
-    try:
-        load(scenario, [f"{part}.{key}={keys[key]}" for part, keys in parts for key in keys])
-    except Mistake as mistake:
-        raise Mistake(
-            f"the settings estimated from this log are refused by the scenario: {mistake}"
-        ) from None
+    load(scenario, [f"{part}.{key}={keys[key]}" for part, keys in parts for key in keys])
     return found, text
 
 
@@ -80,15 +71,9 @@ def _check_names(log: Log, world: World, scenario: str) -> None:
     units = dict(
         zip((*world.robot.names, *DOF), (*world.robot.units, *"mmm", *3 * ["rad"]), strict=True)
     )
+    place = f"the robot of '{scenario}'"
+    check_known((name for name, _ in log.asked), units, place, "joint or component of the twist")
     for name, unit in log.asked:
-        if name not in units:
-            joints = ", ".join(world.robot.names)
-            parts = ", ".join(DOF)
-            raise Mistake(
-                f"the robot of '{scenario}' has no joint '{name}': its joints are {joints}, and "
-                f"the components of its camera's twist {parts}; correct the column's name, or name "
-                "another robot's scenario with --scenario"
-            )
         if unit != units[name]:
             raise Mistake(
                 f"the robot of '{scenario}' moves '{name}' in {units[name]}, not in {unit}: "

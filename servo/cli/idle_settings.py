@@ -50,10 +50,9 @@ def idle_settings(episode: Episode) -> list[str]:
     given = {*flat(table, scenario.name), *scenario.drawn}
     said = dict[str, str]()
     for need in NEEDS:
-        for setting in given:
-            is_one = {setting, setting.partition(".")[0]} & {*need.settings}
-            if is_one and setting not in said and not need.is_met(episode):
-                said[setting] = need.otherwise
+        concerned = [s for s in given if {s, s.partition(".")[0]} & {*need.settings}]
+        if concerned and not need.is_met(episode):
+            said = dict.fromkeys(concerned, need.otherwise) | said
     idle = [f"{setting} has no effect: {why}" for setting, why in said.items()]
     return idle + _late(episode) + _standing(episode)
 
@@ -67,14 +66,15 @@ def _late(episode: Episode) -> list[str]:
     """Return a sentence for each disturbance that changes no picture of the run."""
     scenario = episode.scenario
     times = (np.arange(scenario.frames) / scenario.camera.rate).tolist()
-    said: list[str] = []
-    for i, config in enumerate(scenario.disturbances):
-        disturbance = config.build(stream(scenario.run.seed, f"disturbance {i}"))
-        if all(disturbance.at(time) == Effect() for time in times):
-            said.append(
-                f"disturbances[{i}] has no effect in the {scenario.run.duration:g} s of the run"
-            )
-    return said
+    built = (
+        config.build(stream(scenario.run.seed, f"disturbance {i}"))
+        for i, config in enumerate(scenario.disturbances)
+    )
+    return [
+        f"disturbances[{i}] has no effect in the {scenario.run.duration:g} s of the run"
+        for i, disturbance in enumerate(built)
+        if all(disturbance.at(time) == Effect() for time in times)
+    ]
 
 
 def _standing(episode: Episode) -> list[str]:
@@ -176,30 +176,24 @@ def _has_six_joints(episode: Episode) -> bool:
     return len(episode.world.robot.names) >= len(DOF)
 
 
-def _features_among(episode: Episode, kinds: tuple[str, ...]) -> bool:
-    return kind_of(episode.scenario.features) in kinds
+def _combines(s: Setup, features: tuple[str, ...], *laws: str) -> bool:
+    """Return whether a scenario has one of these feature sets with one of these laws."""
+    return kind_of(s.features) in features and kind_of(s.controller) in laws
 
 
-def _law_among(episode: Episode, *kinds: str) -> bool:
-    return kind_of(episode.scenario.controller) in kinds
-
-
-def _takes_depth(episode: Episode) -> bool:
+def _takes_depth(s: Setup) -> bool:
     """Return whether the depth that the controller believes (scaled by believed.depth_factor) may
     enter an interaction matrix.
     """
-    of_pose = _features_among(episode, OF_POSE) and _law_among(episode, "ibvs", "broyden")
-    of_image = _features_among(episode, OF_IMAGE) and _law_among(episode, "broyden")
-    return episode.scenario.run.ego or not (of_pose or of_image)
+    learned = _combines(s, OF_IMAGE, "broyden")
+    return s.run.ego or not (learned or _combines(s, OF_POSE, "ibvs", "broyden"))
 
 
-def _takes_plane(episode: Episode) -> bool:
+def _takes_plane(s: Setup) -> bool:
     """Return whether the target's plane may be used: the law computes the interaction matrix, the
     features are not of the image alone, a depth picture measures the plane, or run.ego is set.
     """
-    s = episode.scenario
-    of_image = _features_among(episode, OF_IMAGE) and _law_among(episode, "broyden")
-    return s.run.ego or bool(s.sight.needs) or not of_image
+    return s.run.ego or bool(s.sight.needs) or not _combines(s, OF_IMAGE, "broyden")
 
 
 def _lacks_corners(episode: Episode) -> bool:
@@ -210,19 +204,19 @@ def _lacks_corners(episode: Episode) -> bool:
     """
     s = episode.scenario
     first, *_ = _sights(episode)
-    is_used = s.run.ego or s.sight.depth == "picture" or not _law_among(episode, *LAWS, "broyden")
+    is_used = s.run.ego or s.sight.depth == "picture"
+    is_used |= kind_of(s.controller) not in (*LAWS, "broyden")
     is_used |= isinstance(s.controller, LawSettings) and bool(s.controller.secondary)
     nothing = not episode.loop.features.known(first).any()
     return is_used or not (reports_corners(s) and nothing)
 
 
-def _size_is_seen(episode: Episode) -> bool:
+def _size_is_seen(s: Setup) -> bool:
     """Return whether the size of the target that the controller believes may be used: always,
     except by a law on pixels, and there for the region of a tag, with a leader tag, or through a
     lens.
     """
-    s = episode.scenario
-    of_pixels = _features_among(episode, ("photometric",)) and _law_among(episode, *LAWS)
+    of_pixels = _combines(s, ("photometric",), *LAWS)
     is_taken = kind_of(s.target) == "tag" or s.camera.lens is not None or s.leader.id is not None
     return is_taken or not of_pixels
 
@@ -338,22 +332,22 @@ NEEDS = (
     ),
     Need(
         ("features.border",),
-        lambda episode: _may_see_tilt(episode) or not _features_among(episode, ("weighted",)),
+        lambda episode: _may_see_tilt(episode) or kind_of(episode.scenario.features) != "weighted",
         'the tracker reports no corners, and sight.plane is not "picture": no corners are weighted',
     ),
     Need(
         ("estimator",),
-        lambda episode: not _law_among(episode, "broyden"),
+        _of_scenario(lambda s: kind_of(s.controller) != "broyden"),
         "the law broyden does not use the estimated motion of the target",
     ),
     Need(
         ("believed.depth_factor",),
-        _takes_depth,
+        _of_scenario(_takes_depth),
         "this law and these features compute no interaction matrix with the believed depth",
     ),
     Need(
         ("sight.plane", "sight.depth", "sight.table_height"),
-        _takes_plane,
+        _of_scenario(_takes_plane),
         "the law broyden learns the interaction matrix, and these features need no plane or depth",
     ),
     Need(
@@ -363,7 +357,7 @@ NEEDS = (
     ),
     Need(
         ("believed.size_factor",),
-        _size_is_seen,
+        _of_scenario(_size_is_seen),
         "the controller acts on pixels at goal.depth, whatever size of the target is believed",
     ),
     Need(

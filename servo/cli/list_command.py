@@ -35,6 +35,14 @@ ADVICE = "**Which one?**"
 """Beginning of the manual's paragraph that says which tracker to take."""
 
 
+def run(what: str | None) -> None:
+    """Print all scenarios and kinds, or what `show` prints for a name."""
+    if what is None:
+        show_all()
+    else:
+        show(what)
+
+
 def show_all() -> None:
     """Print the name and the first sentence of every scenario, every study and every kind of
     component.
@@ -99,8 +107,11 @@ def _show_kind(part: str, kind: str) -> None:
     from servo.scenario.fill import form  # it takes time to import
 
     folder = FOLDERS[part]
-    settings = settings_rows(part, form(folder.config_of(kind), described=True))
-    _show_settings(f'{part}.kind = "{kind}"', folder.summary(kind), settings)
+    _show_settings(
+        f'{part}.kind = "{kind}"',
+        folder.summary(kind),
+        settings_rows(part, form(folder.config_of(kind), described=True)),
+    )
     for name, changed in folder.presets(kind).items():
         changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
         Console().print(f'[bold]preset = "{name}"[/]  {escape(changes)}', highlight=False)
@@ -157,6 +168,11 @@ def settings_rows(prefix: str, settings: type[BaseModel]) -> list[tuple[str, str
         if hasattr(default, "model_fields_set"):  # a table inside the table
             rows += settings_rows(f"{prefix}.{name}", type(default))
         else:
-            shown = str(default.value if isinstance(default, Enum) else default)
-            rows.append((f"{prefix}.{name}", shown, field.description or ""))
+            rows.append(
+                (
+                    f"{prefix}.{name}",
+                    str(default.value if isinstance(default, Enum) else default),
+                    field.description or "",
+                )
+            )
     return rows

@@ -1,15 +1,13 @@
-"""The command line `servobench` with all its commands; each imports its own code when it runs."""
+"""The command line `servobench`: the name, the help and the options of each command, whose work is
+the function `run` of the module `servo.cli.NAME_command`.
+"""
 
-import sys
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import click
 
 from servo.cli import options as opt
 from servo.cli.guard import guarded
-from servo.cli.outputs import PORT, PORTS, Outputs, output_options, serve
 from sim.ranges import LONGEST
 
 PARTS = ("tracker", "law", "features", "estimator", "motion", "robot", "scenarios")
@@ -47,16 +45,9 @@ def app() -> None:
     is_flag=True,
     help="Let a controller in ROS 2 move the camera, in real time (needs the extra ros2).",
 )
-@output_options
-def run(scenario: str, no_rerun: bool, ros2: bool, outputs: Outputs, **options: Any) -> None:
+@opt.output_options
+def run() -> None:
     """Run a scenario; write recording, table, report and plots."""
-    from servo.cli.run_command import run_scenario
-
-    if ros2:
-        from servo.ros2.server import Server
-
-        outputs = replace(outputs, server=Server())
-    sys.exit(run_scenario(scenario, rerun=not no_rerun, outputs=outputs, **options))
 
 
 @app.command()
@@ -80,11 +71,8 @@ def run(scenario: str, no_rerun: bool, ros2: bool, outputs: Outputs, **options: 
 @click.option("--json", type=opt.PATH, metavar="FILE", help="Also write all measures.")
 @opt.dry_run_option
 @opt.quiet_option
-def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
+def check() -> None:
     """Test the bounds of scenarios; exit 1 if one is missed."""
-    from servo.cli.check_command import check_scenarios
-
-    sys.exit(check_scenarios(scenarios, count=seeds, **options))
 
 
 @app.command()
@@ -132,7 +120,7 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
 )
 @opt.out_option("runs/SOURCE-TRACKER-SEED")
 @click.option("--rerun", is_flag=True, help="Also write a Rerun recording.")
-@output_options
+@opt.output_options
 @click.option(
     "--rate",
     type=opt.FiniteRange(0.01, 10_000.0),
@@ -144,11 +132,8 @@ def check(scenarios: tuple[str, ...], seeds: int, **options: Any) -> None:
     "--frames", type=click.IntRange(1, 1_000_000_000), help="Largest number of pictures to track."
 )
 @opt.quiet_option
-def track(**options: Any) -> None:
+def track() -> None:
     """Follow a target through any pictures; write its track."""
-    from servo.cli import track_command
-
-    sys.exit(track_command.run(**options))
 
 
 @app.command()
@@ -168,14 +153,11 @@ def track(**options: Any) -> None:
 @opt.out_option("runs/evaluate-SUITE, also to continue")
 @opt.dry_run_option
 @opt.quiet_option
-def evaluate(**options: Any) -> None:
+def evaluate() -> None:
     """Compare trackers on sequences.
 
     The same command continues a stopped evaluation.
     """
-    from servo.cli import evaluate_command
-
-    sys.exit(evaluate_command.run(**options))
 
 
 @app.command()
@@ -218,17 +200,19 @@ def evaluate(**options: Any) -> None:
 @opt.out_option("runs/benchmark-NAME, also to continue")
 @opt.dry_run_option
 @opt.quiet_option
-def benchmark(**options: Any) -> None:
+def benchmark() -> None:
     """Run trackers or control laws in a public benchmark.
 
     The same command continues a stopped one.
     """
-    from servo.cli import benchmark_command
-
-    sys.exit(benchmark_command.run(**options))
 
 
-@app.command(hidden=True, add_help_option=False, context_settings={"ignore_unknown_options": True})
+@app.command(
+    cls=click.Command,
+    hidden=True,
+    add_help_option=False,
+    context_settings={"ignore_unknown_options": True},
+)
 @click.argument("words", nargs=-1, type=click.UNPROCESSED)
 def bench(**_: object) -> None:
     """Print that `evaluate` and `benchmark` took the place of `bench`, and exit with 2."""
@@ -253,14 +237,11 @@ def bench(**_: object) -> None:
 )
 @opt.dry_run_option
 @opt.quiet_option
-def sweep(**options: Any) -> None:
+def sweep() -> None:
     """Run a study: scenarios over axes of settings and seeds.
 
     The same command continues a stopped study.
     """
-    from servo.cli import sweep_command
-
-    sys.exit(sweep_command.run(**options))
 
 
 @app.command()
@@ -302,15 +283,12 @@ def sweep(**options: Any) -> None:
 )
 @opt.dry_run_option
 @opt.quiet_option
-def compare(**options: Any) -> None:
+def compare() -> None:
     """Compare trackers, laws or settings in scenarios.
 
     Writes an HTML page, a LaTeX table and PDF figures. A Dask worker imports a variant that is
     given as module:Class by this name: the module must be installed there as well.
     """
-    from servo.cli import compare_command
-
-    sys.exit(compare_command.run(**options))
 
 
 @app.command()
@@ -326,18 +304,8 @@ def compare(**options: Any) -> None:
 @opt.out_option("runs/papers or runs/papers-SEED, also to continue")
 @opt.dry_run_option
 @opt.quiet_option
-def papers(
-    claims: tuple[str, ...],
-    quick: bool,
-    sequences: Path | None,
-    first_seed: int | None,
-    **options: Any,
-) -> None:
+def papers() -> None:
     """Test the papers' claims again; exit 1 if one does not hold."""
-    from servo.cli.papers_command import run as run_papers
-    from servo.papers.claim import Effort
-
-    sys.exit(run_papers(claims, Effort(quick, sequences, first_seed), **options))
 
 
 @app.command()
@@ -358,16 +326,12 @@ def papers(
 @click.option(
     "--measures", help="Columns of a study's tables, such as servo_rms_px,age_ms (default: a few)."
 )
-def report(folders: tuple[Path, ...], out: Path | None, **printed: Any) -> None:
+def report() -> None:
     """Write an HTML page about folders of results.
 
     These are folders of run, evaluate, benchmark, papers, sweep and compare; the names loop-v1 and
     servo-v1 stand for the published results of these benchmarks.
     """
-    from servo.cli.report_command import Printed, write
-
-    for path in write(folders, out, Printed(**printed)):
-        click.echo(path)
 
 
 @app.command("list")
@@ -377,29 +341,25 @@ def report(folders: tuple[Path, ...], out: Path | None, **printed: Any) -> None:
     help="A part of a scenario (tracker): its kinds. A section (camera) or a kind (kams): its "
     "settings.",
 )
-def list_(what: str | None) -> None:
+def list_() -> None:
     """List scenarios and kinds, or the settings of one.
 
     Kinds are those of trackers, robots, control laws and other parts; settings have units and
     defaults.
     """
-    from servo.cli.list_command import show, show_all
-
-    show_all() if what is None else show(what)
 
 
 @app.command()
 def schema() -> None:
     """Print the JSON Schema of the scenario format, for editors."""
-    from servo.cli.schema_command import text
-
-    click.echo(text())
 
 
 @app.command()
 @click.argument("recording", type=opt.PATH, help="A run's folder, or an .rrd file.")
 @click.option("--web", is_flag=True, help="In a browser instead of Rerun's own window.")
-@click.option("--port", type=PORTS, help=f"With --web: TCP port of the data (default: {PORT}).")
+@click.option(
+    "--port", type=opt.PORTS, help=f"With --web: TCP port of the data (default: {opt.PORT})."
+)
 @click.option(
     "--png", type=opt.PATH, help="Draw the viewer into this PNG instead; no display needed."
 )
@@ -413,24 +373,8 @@ def schema() -> None:
 @click.option(
     "--panel", help="Draw one panel only, by its entity: world/eye/image, world, plots/error."
 )
-def view(
-    recording: Path, web: bool, port: int | None, png: Path | None, at: float, panel: str | None
-) -> None:
+def view() -> None:
     """Open a recording in the Rerun viewer, or draw a PNG."""
-    from servo.mistake import Mistake
-    from servo.output.recording import view as viewer
-
-    if port is not None and not web:
-        raise Mistake("--port has no effect without --web: add --web")
-    path = viewer.recording_in(recording) if recording.is_dir() else recording
-    viewer.check(path)
-    if png is not None:
-        viewer.picture(path, png, at, panel)
-        click.echo(png)
-    elif web:
-        serve(path, port or PORT)
-    else:
-        sys.exit(viewer.show(path))
 
 
 @app.command()
@@ -440,25 +384,12 @@ def view(
     "--out", type=opt.PATH, default=Path("film.mp4"), show_default=True, help="File to write."
 )
 @opt.quiet_option
-def film(first: str, second: str, out: Path, quiet: bool) -> None:
+def film() -> None:
     """Film two runs beside each other.
 
     Each RUN is the folder of an earlier run, which is run again, or the words after `servobench
     run`, in quotes: film reversal 'reversal --set estimator.kind=none'.
     """
-    from servo.cli.film_command import write
-    from servo.mistake import Mistake
-    from servo.scenario.load import Scenario, load
-    from servo.scenario.part_names import changes_of
-
-    def asked(words: list[str]) -> Scenario:
-        given = run.make_context("run", words).params
-        if given["ros2"]:
-            raise Mistake("film: a run with --ros2 cannot be repeated: name another run")
-        parts = changes_of(given["tracker"], given["controller"])
-        return load(given["scenario"], [*parts, *given["changes"]], given["seed"])
-
-    write((first, second), asked, out, quiet=quiet)
 
 
 @app.command()
@@ -471,24 +402,17 @@ def film(first: str, second: str, out: Path, quiet: bool) -> None:
     "and update, a program that speaks lines of JSON, or a server of TraX.",
 )
 @opt.out_option("NAME")
-def new(part: str, name: str, out: Path | None, door: str | None) -> None:
+def new() -> None:
     """Write a small package with a part of your own.
 
     The part is a tracker, law, feature set, ...; "scenarios" writes a repository of scenarios
     instead. For example: new tracker my_tracker.
     """
-    from servo.cli import new_command
-
-    for path in new_command.new(part, name, out, door):
-        click.echo(path)
 
 
 @app.command()
 def doctor() -> None:
     """Report renderer, versions and speed of this machine."""
-    from servo.cli.doctor_command import examine
-
-    sys.exit(examine())
 
 
 @app.command()
@@ -498,20 +422,8 @@ def doctor() -> None:
 @click.option(
     "--run", is_flag=True, help="Run the tutorials too, whose notebooks then have outputs: 15 min."
 )
-def docs(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
+def docs() -> None:
     """Open the documentation in a browser; build it first."""
-    import webbrowser
-
-    from rich.console import Console
-
-    from servo.cli.docs_command import build
-    from servo.cli.terminal import waiting
-
-    with waiting(Console(stderr=True), "Building the pages; the first time takes two minutes"):
-        page = build(out or Path("runs/docs"), still=still, run=run).resolve()
-    click.echo(page)
-    if not no_open:
-        webbrowser.open(page.as_uri())
 
 
 @app.command()
@@ -533,14 +445,11 @@ def docs(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
 @click.option(
     "--out", type=opt.PATH, help="Picture to write (default: robot.png, or robot-2.png, ...)."
 )
-def robot(model: str, out: Path | None, **given: object) -> None:
+def robot() -> None:
     """Print a robot's joints and reach, and draw it in the room.
 
     Also prints the flanges that can carry the camera, and the [robot] table of a scenario.
     """
-    from servo.cli.robot_command import examine
-
-    sys.exit(examine({"model": model} | {key: value for key, value in given.items() if value}, out))
 
 
 @app.command()
@@ -554,14 +463,11 @@ def robot(model: str, out: Path | None, **given: object) -> None:
     "subtracted.",
 )
 @opt.out_option("runs/identify-LOG")
-def identify(log: Path, scenario: str, out: Path | None) -> None:
+def identify() -> None:
     """Estimate a robot's delay, lag, play and noise from a log.
 
     Writes the settings with which the simulated robot responds in the same way.
     """
-    from servo.cli.identify_command import run
-
-    sys.exit(run(log, scenario, out))
 
 
 def main() -> None:

@@ -4,11 +4,11 @@
 
 import keyword
 import re
-import sys
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
 
+import click
 from jinja2 import Environment, StrictUndefined
 
 import servo
@@ -61,10 +61,11 @@ SECTIONS = {
 }
 """The section of a scenario in which each part has its kind."""
 
-TAKEN = {
-    "servobench's package '{}'": {"sim", "tracking", "servo", "scenes"},
-    "Python's module '{}'": sys.stdlib_module_names,
-}
+
+def run(part: str, name: str, out: Path | None, door: str | None) -> None:
+    """Write a package with a new part, or a repository of scenarios, and print its files."""
+    for path in new(part, name, out, door):
+        click.echo(path)
 
 
 def new(part: str, kind: str, folder: Path | None, door: str | None = None) -> list[Path]:
@@ -139,12 +140,10 @@ def _check_name(part: str, kind: str) -> None:
         )
     if part == "scenarios":
         return
-    section = SECTIONS[part]
-    if kind in PLUGINS[section][0].names():
+    if kind in PLUGINS[SECTIONS[part]][0].names():
         raise Mistake(f"{asked}: the {part} '{kind}' exists already; choose another name")
-    owner = next((owner for owner, taken in TAKEN.items() if kind in taken), "")
-    if owner or find_spec(kind) is not None:
-        what = owner or "the module '{}', which is installed here"
+    if find_spec(kind) is not None:
         raise Mistake(
-            f"{asked}: the new package would hide {what.format(kind)}; choose another name"
+            f"{asked}: the new package would hide the module '{kind}', which is installed here; "
+            "choose another name"
         )

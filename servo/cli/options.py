@@ -3,9 +3,11 @@ commands.
 """
 
 import math
+import sys
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import click
 from click.shell_completion import CompletionItem
@@ -14,7 +16,10 @@ from servo.cli.guard import ending_signals, stop
 from servo.mistake import Refused
 from servo.scenario import catalogue
 
-Command = TypeVar("Command", bound=Callable[..., object])
+Function = TypeVar("Function", bound=Callable[..., object])
+PORT = 9090
+"""TCP port of a viewer's data, by default."""
+PORTS = click.IntRange(1024, 65_534)
 
 
 class FiniteRange(click.FloatRange):
@@ -123,11 +128,47 @@ dry_run_option = click.option(
 )
 
 
-def out_option(default: str) -> Callable[[Command], Command]:
+def out_option(default: str) -> Callable[[Function], Function]:
     """Return the click option --out, which names the folder to write; `default` is the default
     folder in its help text.
     """
     return click.option("--out", type=PATH, help=f"Folder to write (default: {default}).")
+
+
+OUTPUTS = (
+    click.option("--video", metavar="FILE.mp4", type=PATH, help="Also write a film."),
+    click.option(
+        "--mcap",
+        metavar="FILE.mcap",
+        type=PATH,
+        help="Also write a log for Foxglove; needs servobench[mcap].",
+    ),
+    click.option("--live", is_flag=True, help="Watch in Rerun's window, in real time."),
+    click.option("--web", is_flag=True, help="Watch in a browser instead; with --live."),
+    click.option(
+        "--light/--no-light",
+        default=None,
+        help="With --web: a light page, or Rerun's (default: Rerun's where there is a GPU).",
+    ),
+    click.option(
+        "--speed",
+        type=FiniteRange(0.01, 1000.0),
+        help="With --live: speed as a multiple of real time (default: 1).",
+    ),
+    click.option(
+        "--port",
+        type=PORTS,
+        help=f"With --live: TCP port of the data; Rerun's page has the next (default: {PORT}).",
+    ),
+)
+"""The options for films, logs and viewers."""
+
+
+def output_options(command: Function) -> Function:
+    """Add the options for films, logs and viewers to a command."""
+    for option in reversed(OUTPUTS):
+        command = option(command)
+    return command
 
 
 TO_TRY = """
@@ -150,10 +191,23 @@ GROUPS = {
 """The commands by what they are for, in the order of the help."""
 
 
+class Command(click.Command):
+    """A command whose work is the function `run` of the module `servo.cli.NAME_command`. The module
+    is imported only when the command runs, since most modules take a while to import.
+    """
+
+    def invoke(self, ctx: click.Context) -> NoReturn:
+        """Call `run` with the options as arguments; exit with the code that it returns, or 0."""
+        module = import_module(f"servo.cli.{self.name}_command")
+        sys.exit(module.run(**ctx.params) or 0)
+
+
 class Commands(click.Group):
     """The click group of all commands of servobench: its help lists them by purpose, and Ctrl-C,
     SIGTERM and SIGHUP end each command in the same way.
     """
+
+    command_class = Command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write a section of the help for each group of commands."""
@@ -166,9 +220,6 @@ class Commands(click.Group):
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write five commands to try below the help."""
         formatter.write(TO_TRY)
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(self.commands)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; a signal ends it with one sentence and the signal's exit code."""

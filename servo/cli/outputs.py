@@ -1,36 +1,31 @@
-"""The options of `servobench run` and `track` for films, logs and viewers, and the outputs that
-these options ask for.
-"""
+"""The films, logs and viewers of `servobench run` and `track`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial, wraps
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
+from rich.console import Console
 
-from servo.cli import options as opt
 from servo.cli.guard import CTRL_C, exit_code
+from servo.cli.options import PORT
+from servo.cli.terminal import plain
 from servo.closing import closing
 from servo.mistake import Mistake, check_suffix, unwritable
+from servo.output.light_page import LightPage, NewestPicture, ThrottledSink
 from servo.output.sinks import PacedSink, Sink
 from sim.camera import gl
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from servo.loop.episode import Episode
-    from servo.output.light_page import LightPage, NewestPicture
     from servo.output.recording.live import LiveViewer
     from servo.ros2.server import Server
     from tracking.sequences.sources import Source
     from tracking.types import Region
 
-PORT = 9090
-PORTS = click.IntRange(1024, 65_534)
 VIEWER = "the viewer"
 
 
@@ -60,18 +55,15 @@ class Outputs:
         Raises:
             Mistake: An option needs another one or a package, or a file cannot be written.
         """
-        needs = {
-            "--web has no effect without --live: add --live": self.web and not self.live,
-            "--light has no effect without --web: add --web": self.light is not None
-            and not self.web,
-            "--speed has no effect without --live: add --live": self.speed is not None
-            and not self.live,
-            "--port has no effect without --live: add --live": self.port is not None
-            and not self.live,
-        }
-        for sentence, is_missing in needs.items():
-            if is_missing:
-                raise Mistake(sentence)
+        needs = (
+            ("--web", self.web, "--live", self.live),
+            ("--light", self.light is not None, "--web", self.web),
+            ("--speed", self.speed is not None, "--live", self.live),
+            ("--port", self.port is not None, "--live", self.live),
+        )
+        for option, is_given, needed, is_there in needs:
+            if is_given and not is_there:
+                raise Mistake(f"{option} has no effect without {needed}: add {needed}")
         if self.mcap is not None:
             from servo.output.mcap_file import check_installed
 
@@ -93,8 +85,6 @@ class Outputs:
         if not self.live:
             return None
         if self.web and (self.light or (self.light is None and not gl.has_gpu())):
-            from servo.output.light_page import LightPage
-
             return LightPage(self.port or PORT)
         from servo.output.recording.live import LiveViewer
 
@@ -120,8 +110,11 @@ class Outputs:
         if viewer is not None:
             from servo.output.recording.log import RerunLog
 
-            sink = _shown(viewer, film, partial(RerunLog, episode=episode))
-            found[VIEWER] = PacedSink(sink, self.speed or 1.0, lambda step: step.frame.time)
+            found[VIEWER] = PacedSink(
+                _shown(viewer, film, partial(RerunLog, episode=episode)),
+                self.speed or 1.0,
+                lambda step: step.frame.time,
+            )
         if self.server is not None:
             found["ROS 2"] = self.server.serving(episode)
         return found
@@ -148,8 +141,9 @@ class Outputs:
 
             found[VIEWER] = _shown(viewer, film, partial(TrackLog, region=region))
             if source.count is not None:  # a live source has a pace of its own
-                speed = self.speed or 1.0
-                found[VIEWER] = PacedSink(found[VIEWER], speed, lambda shot: shot.picture.time)
+                found[VIEWER] = PacedSink(
+                    found[VIEWER], self.speed or 1.0, lambda shot: shot.picture.time
+                )
         return found
 
 
@@ -169,8 +163,6 @@ def _shown(
         log: Makes the output of Rerun's viewer, given the viewer and, as `every`, the time between
             two batches of data [s].
     """
-    from servo.output.light_page import LightPage, ThrottledSink
-
     if isinstance(viewer, LightPage):
         return ThrottledSink(film(viewer.pictures))
     from servo.output.recording.live import EVERY
@@ -181,8 +173,6 @@ def _shown(
 def announce(viewer: LiveViewer | LightPage | None, console: Console) -> None:
     """Print the address of the viewer's web page, if it has one."""
     if viewer is not None and viewer.page is not None:
-        from servo.cli.terminal import plain
-
         plain(console, f"the page of the viewer: {viewer.page}")
 
 
@@ -190,8 +180,6 @@ def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
     """Keep a viewer open until the user closes it or presses Ctrl-C."""
     if viewer is None:
         return
-    from servo.cli.terminal import plain
-
     close = "press Ctrl-C" if viewer.page else "close the viewer, or press Ctrl-C,"
     with closing(viewer.stop):
         try:
@@ -201,22 +189,6 @@ def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
         except KeyboardInterrupt as cause:
             if exit_code(cause) != CTRL_C:
                 raise
-
-
-def serve(recording: Path, port: int) -> None:
-    """Show a recording in a browser until Ctrl-C.
-
-    Raises:
-        Mistake: A port is in use.
-        Refused: The server does not start, or has ended.
-    """
-    from rich.console import Console
-
-    from servo.output.recording.live import LiveViewer
-
-    viewer = LiveViewer(web=True, port=port, recording=recording)
-    announce(viewer, Console())
-    linger(viewer, Console())
 
 
 def check_place(path: Path | None, *suffixes: str) -> None:
@@ -245,8 +217,6 @@ def check_writable(path: Path) -> None:
     Raises:
         Mistake: The file exists, its folder does not exist, or the file cannot be written.
     """
-    if not path.parent.exists():
-        raise Mistake(f"{path}: there is no folder {path.parent}: make it first")
     try:
         path.open("xb").close()
         path.unlink()
@@ -254,53 +224,3 @@ def check_writable(path: Path) -> None:
         raise Mistake(f"{path}: this file exists already; choose another name") from None
     except OSError as error:
         raise unwritable(path, error, "this file") from None
-
-
-def output_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options for films, logs and viewers to a command, which gets them as one argument
-    `outputs`.
-    """
-
-    @wraps(command)
-    def gathered(
-        *,
-        video: Path | None,
-        mcap: Path | None,
-        live: bool,
-        web: bool,
-        light: bool | None,
-        speed: float | None,
-        port: int | None,
-        **others: object,
-    ) -> None:
-        command(outputs=Outputs(video, mcap, live, web, light, speed, port), **others)
-
-    added = (
-        click.option("--video", metavar="FILE.mp4", type=opt.PATH, help="Also write a film."),
-        click.option(
-            "--mcap",
-            metavar="FILE.mcap",
-            type=opt.PATH,
-            help="Also write a log for Foxglove; needs servobench[mcap].",
-        ),
-        click.option("--live", is_flag=True, help="Watch in Rerun's window, in real time."),
-        click.option("--web", is_flag=True, help="Watch in a browser instead; with --live."),
-        click.option(
-            "--light/--no-light",
-            default=None,
-            help="With --web: a light page, or Rerun's (default: Rerun's where there is a GPU).",
-        ),
-        click.option(
-            "--speed",
-            type=opt.FiniteRange(0.01, 1000.0),
-            help="With --live: speed as a multiple of real time (default: 1).",
-        ),
-        click.option(
-            "--port",
-            type=PORTS,
-            help=f"With --live: TCP port of the data; Rerun's page has the next (default: {PORT}).",
-        ),
-    )
-    for option in reversed(added):
-        gathered = option(gathered)
-    return gathered

@@ -43,8 +43,10 @@ TONES = {Finding.HOLDS: "green", Finding.DOES_NOT_HOLD: "red", Finding.UNDECIDED
 
 
 def run(
-    names: Sequence[str],
-    effort: Effort,
+    claims: Sequence[str],
+    quick: bool,
+    sequences: Path | None,
+    first_seed: int | None,
     workers: int,
     out: Path | None,
     dry_run: bool,
@@ -53,8 +55,10 @@ def run(
     """Test claims of the papers again, and print and write the verdicts.
 
     Args:
-        names: The claims; none: all.
-        effort: Whether one seed of each is enough, a folder of real sequences, and the first seed.
+        claims: The claims; none: all.
+        quick: Whether one seed of each is enough.
+        sequences: A folder of real sequences.
+        first_seed: The first seed; None: the seeds that the rules name.
         workers: Number of processes.
         out: The folder; None: runs/papers, runs/papers-quick for a quick run, or runs/papers-SEED
             for another first seed.
@@ -70,18 +74,13 @@ def run(
             seed is given that was used for tuning, for a quick run, or for a claim that has seeds
             of its own.
     """
-    chosen = _chosen(names, effort)
+    effort = Effort(quick, sequences, first_seed)
+    chosen = _chosen(claims, effort)
     with as_mistake():
         jobs = {claim.name: claim.jobs(effort) for claim in chosen}
-    usual = "papers-quick" if effort.quick else "papers"
-    folder = out or Path("runs") / (f"papers-{effort.first}" if effort.first else usual)
-    again = command_line(
-        "papers",
-        *names,
-        quick=effort.quick,
-        sequences=effort.sequences,
-        first_seed=effort.first,
-    )
+    usual = "papers-quick" if quick else "papers"
+    folder = out or Path("runs") / (f"papers-{first_seed}" if first_seed else usual)
+    again = command_line("papers", *claims, quick=quick, sequences=sequences, first_seed=first_seed)
     console = Console(quiet=quiet)
     every = {job.key: job for some in jobs.values() for job in some}
     verdicts: dict[str, Verdict] = {}
@@ -121,8 +120,8 @@ def run(
         written = PapersReport(
             command=again,
             versions=versions(),
-            quick=effort.quick,
-            first_seed=effort.first,
+            quick=quick,
+            first_seed=first_seed,
             claims=tested,
         ).write(folder)
         found = found_in(verdicts)
@@ -130,10 +129,10 @@ def run(
     plain(console, f"\n| {' | '.join(TITLES)} |\n|{'---|' * len(TITLES)}")
     plain(console, *(judged.row(name) for name, judged in tested.items()))
     print_paths(console, [folder / FIGURES, written])
-    if effort.first is not None:
-        _print_beside(console, found, effort.first)
+    if first_seed is not None:
+        _print_beside(console, found, first_seed)
         return 1 if len(verdicts) < len(chosen) else 0
-    others = [] if effort.quick else [f"papers: {one}" for one in broken(found, known())]
+    others = [] if quick else [f"papers: {one}" for one in broken(found, known())]
     complain(*others)
     return 1 if others or len(verdicts) < len(chosen) else 0
 

@@ -20,8 +20,7 @@ from rich.console import Console
 
 from servo.cli.terminal import plain
 from servo.mistake import Mistake
-from servo.output.display import has_display
-from servo.output.local_page import HOST, LocalHandler, LocalServer
+from servo.output.local_page import HOST, LocalHandler, LocalServer, has_display
 from sim.types import Image
 from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture
@@ -95,8 +94,26 @@ def ask(image: Image, name: str) -> Box | None:
     Raises:
         Mistake: The user did not answer within 10 minutes.
     """
-    with _Server(_page(image, name)) as server:
-        server.begin()
+    page = _page(image, name)
+    answers = Queue[Box | None]()
+
+    def choose(request: LocalHandler) -> None:
+        """Take the region that the user draws, or the word that cancels, as JSON."""
+        try:
+            length = min(int(request.headers.get("Content-Length", "0")), LONGEST)
+            found = ANSWER.validate_json(request.rfile.read(length), strict=True)
+        except ValueError:
+            request.send(400, b"this is not a region", HEADERS)
+            return
+        request.send(200, b"", HEADERS)
+        answers.put(None if found == CANCELLED else found)
+
+    path = f"/{secrets.token_urlsafe(16)}"
+    requests = {
+        f"GET {path}": lambda request: request.send(200, page, HEADERS),
+        f"POST {path}": choose,
+    }
+    with LocalServer(0, requests, path) as server:
         address = server.address
         plain(
             Console(stderr=True),
@@ -107,7 +124,7 @@ def ask(image: Image, name: str) -> Box | None:
         if has_display():
             webbrowser.open(address)
         try:
-            return server.answers.get(timeout=PATIENCE)
+            return answers.get(timeout=PATIENCE)
         except Empty:
             raise Mistake(
                 f"--select: nobody drew a region on {address} within {PATIENCE:g} s; "
@@ -119,44 +136,14 @@ def ask(image: Image, name: str) -> Box | None:
 
 def _page(image: Image, name: str) -> bytes:
     """Return the HTML page with a picture, RGB (H, W, 3), and the source's name as the title."""
-    template = (resources.files("servo.cli") / "templates" / "region.html.jinja").read_text("utf-8")
-    page = Environment(undefined=StrictUndefined, autoescape=True).from_string(template)
+    page = Environment(undefined=StrictUndefined, autoescape=True).from_string(
+        (resources.files("servo.cli") / "templates" / "region.html.jinja").read_text("utf-8")
+    )
     height, width = image.shape[:2]
-    picture = base64.b64encode(encoded(image, QUALITY)).decode()
-    text = page.render(name=name, width=width, height=height, picture=picture)
+    text = page.render(
+        name=name,
+        width=width,
+        height=height,
+        picture=base64.b64encode(encoded(image, QUALITY)).decode(),
+    )
     return text.encode(errors="replace")
-
-
-class _Server(LocalServer):
-    """HTTP server of one page at an address that nobody can guess; its queue `answers` gets the
-    region that the user draws.
-    """
-
-    def __init__(self, page: bytes) -> None:
-        super().__init__(0, _Handler, f"/{secrets.token_urlsafe(16)}")
-        self.page = page
-        self.answers: Queue[Box | None] = Queue()
-
-
-class _Handler(LocalHandler):
-    """Handler of requests: GET sends the page; POST takes the user's region, or the word that
-    cancels, as JSON.
-    """
-
-    server: _Server  # pyright: ignore[reportIncompatibleVariableOverride]
-
-    def do_GET(self) -> None:
-        if self.is_ours(self.server.path):
-            self.send(200, self.server.page, HEADERS)
-
-    def do_POST(self) -> None:
-        if not self.is_ours(self.server.path):
-            return
-        try:
-            length = min(int(self.headers.get("Content-Length", "0")), LONGEST)
-            found = ANSWER.validate_json(self.rfile.read(length), strict=True)
-        except ValueError:
-            self.send(400, b"this is not a region", HEADERS)
-            return
-        self.send(200, b"", HEADERS)
-        self.server.answers.put(None if found == CANCELLED else found)

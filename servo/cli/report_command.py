@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
+
+import click
 
 from servo.bench.benchmark import NAMES
 from servo.cli.outputs import check_place
@@ -22,7 +25,6 @@ from servo.report import (
 )
 from servo.report.page import Section, render
 from servo.report.printed import figures, latex
-from servo.study.run_report import RunReport
 from servo.study.store import StudyFile
 from tracking.files import atomic
 
@@ -43,6 +45,14 @@ class Printed:
     """Columns of the tables of studies, with commas."""
     figure_width: float | None = None
     """Width of the figures [inch]; by default that of the page."""
+
+
+def run(folders: Sequence[Path], out: Path | None, **options: Any) -> None:
+    """Write the page about the results in some folders, and print the paths of all files; the
+    options are those of `Printed`.
+    """
+    for path in write(folders, out, Printed(**options)):
+        click.echo(path)
 
 
 def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = None) -> list[Path]:
@@ -114,11 +124,6 @@ def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
         return papers_section.section(folder)
     if (folder / TABLE).exists() or (folder / STREAM).exists():
         return run_section.section(folder)
-    if (folder / RunReport.FILE).exists():
-        raise Mistake(
-            f"{folder / RunReport.FILE}: there is no {TABLE} beside this report: run its command "
-            "again"
-        )
     raise Mistake(
         f"{folder}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, "
         "`papers` or `sweep`: name a folder that one of them wrote"

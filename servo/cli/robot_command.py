@@ -7,7 +7,6 @@ scenario, and draw it in the room.
 import dataclasses
 import itertools
 import json
-from collections.abc import Mapping
 from math import degrees, isfinite
 from pathlib import Path
 
@@ -73,20 +72,18 @@ LEAST_SHARE = 0.05
 """Smaller shares of a twist's components are not printed."""
 
 
-def examine(given: Mapping[str, object], out: Path | None) -> int:
+def run(out: Path | None, **options: object) -> None:
     """Print joints, flanges, reach and the [robot] table of a robot, and draw it in the room.
 
     Args:
-        given: Settings of the table [robot], with its model.
+        options: Settings of the table [robot], with its model; those that are empty are not given.
         out: The PNG to write; None: the first free one of robot.png, robot-2.png and so on.
-
-    Returns:
-        The exit code 0.
 
     Raises:
         Mistake: The model cannot be used, a setting does not fit it, or `out` exists or is not a
             PNG.
     """
+    given = {key: value for key, value in options.items() if value}
     names = (Path(f"robot-{k}.png" if k > 1 else "robot.png") for k in itertools.count(1))
     out = out or next(name for name in names if not name.exists())
     check_suffix(out, ".png")
@@ -121,7 +118,6 @@ def examine(given: Mapping[str, object], out: Path | None) -> int:
     with writing(out, "this picture"):
         out.write_bytes(encoded(picture))
     plain(console, str(out))
-    return 0
 
 
 def _world(
@@ -133,10 +129,16 @@ def _world(
     motion.
     """
     rng = np.random.default_rng(0)
-    design = config.build(rng)
-    moved = (motion or still.Config()).build(rng)
-    parts = WorldParts(design, car.Config().build(rng), moved, camera=PICTURE)
-    return World(parts, rng, renderer=renderer)
+    return World(
+        WorldParts(
+            config.build(rng),
+            car.Config().build(rng),
+            (motion or still.Config()).build(rng),
+            camera=PICTURE,
+        ),
+        rng,
+        renderer=renderer,
+    )
 
 
 def _own_camera(model: mujoco.MjModel) -> str:
@@ -164,9 +166,11 @@ def _begun(config: mjcf.Config, motion: PartConfig[Motion]) -> Reach:
     world = _world(config, Unseen, motion)
     facing = Pose(np.eye(3), np.array([0.0, 0.0, DEPTH]))
     times = np.arange(0.0, DRIVEN, STEP).tolist()
-    middle = np.array([PICTURE.width, PICTURE.height]) / 2
     return world.start(
-        middle, 0.0, DEPTH, way=lambda: [world.eye_at_goal(t, facing, turns=True) for t in times]
+        np.array([PICTURE.width, PICTURE.height]) / 2,
+        0.0,
+        DEPTH,
+        way=lambda: [world.eye_at_goal(t, facing, turns=True) for t in times],
     )
 
 
@@ -179,14 +183,13 @@ def _ranges_text(config: mjcf.Config) -> str:
         reach = _begun(config, motion)
         if reach.there and reach.rollout is None:
             return f"{ASIDE if config.base == BESIDE else ''}{FEW}"
-        name = kind_of(motion)
-        if reach.rollout is None:
-            found.append(f"{name} begins out of the robot's reach")
-        elif reach.rollout.joint:
-            time = f"{reach.rollout.time:.1f} s"
-            found.append(f"{name} takes {reach.rollout.joint} to the end of its range in {time}")
-        else:
-            found.append(f"{name} keeps all joints inside their ranges")
+        sentence = "begins out of the robot's reach"
+        if reach.rollout is not None:
+            joint = reach.rollout.joint
+            sentence = "keeps all joints inside their ranges"
+            if joint:
+                sentence = f"takes {joint} to the end of its range in {reach.rollout.time:.1f} s"
+        found.append(f"{kind_of(motion)} {sentence}")
     return f"Motions with default settings: {'; '.join(found)}."
 
 
@@ -275,13 +278,15 @@ def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
         drive = ["held still", "", ""]
         if place is not None:
             fastest = robot.fastest[place]
-            rate = f"{fastest:.3g}{unit}/s" if isfinite(fastest) else "none"
-            lag = f"{1e3 * robot.servos()[place]:.1f} ms"
-            drive = [rate, lag, _actuator(model, joint, kept=kept)]
-        kind = kind_of_joint(model.jnt_type[joint])
-        rows.append([model.joint(joint).name, kind, limits, *drive])
-    head = ("joint", "type", "limits", "largest rate", "servo's lag", "actuator")
-    return Table(head, rows, words=(0, 1))
+            drive = [
+                f"{fastest:.3g}{unit}/s" if isfinite(fastest) else "none",
+                f"{1e3 * robot.servos()[place]:.1f} ms",
+                _actuator(model, joint, kept=kept),
+            ]
+        rows.append([model.joint(joint).name, kind_of_joint(model.jnt_type[joint]), limits, *drive])
+    return Table(
+        ("joint", "type", "limits", "largest rate", "servo's lag", "actuator"), rows, words=(0, 1)
+    )
 
 
 def _actuator(model: mujoco.MjModel, joint: int, *, kept: bool) -> str:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from math import degrees, radians
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -63,6 +64,39 @@ START_TURNED = radians(1.0)
 """Largest distance and angle from the start pose at which the robot counts as there [m, rad]."""
 
 
+def run(
+    scenario: str,
+    changes: Sequence[str],
+    seed: int | None,
+    out: Path | None,
+    tracker: str | None,
+    controller: str | None,
+    quiet: bool,
+    no_rerun: bool,
+    ros2: bool,
+    **shown: Any,
+) -> int:
+    """Run one scenario as `run_scenario` does; `shown` are the options for films, logs and viewers,
+    `ros2` is whether a controller in ROS 2 moves the camera.
+    """
+    outputs = Outputs(**shown)
+    if ros2:
+        from servo.ros2.server import Server
+
+        outputs = replace(outputs, server=Server())
+    return run_scenario(
+        scenario,
+        changes,
+        seed,
+        out,
+        tracker=tracker,
+        controller=controller,
+        quiet=quiet,
+        rerun=not no_rerun,
+        outputs=outputs,
+    )
+
+
 def run_scenario(
     name: str,
     changes: Sequence[str],
@@ -98,8 +132,14 @@ def run_scenario(
     changes = [*changes_of(tracker, controller), *changes]
     scenario = load(name, changes, seed, outputs.server)
     outputs.check()
-    flags = {"no_rerun": not rerun, "ros2": outputs.server is not None}
-    again = command_line("run", name, set=changes, seed=scenario.run.seed, **flags)
+    again = command_line(
+        "run",
+        name,
+        set=changes,
+        seed=scenario.run.seed,
+        no_rerun=not rerun,
+        ros2=outputs.server is not None,
+    )
     gl.is_there()
     console = Console(quiet=quiet)
     name = f"{scenario.name}-{scenario.run.seed}"
@@ -114,23 +154,24 @@ def run_scenario(
         folder = prepare(out, name)
         announce(viewer, console)
         more = outputs.of_run(episode, viewer)
-        run = Columns()
+        steps = Columns()
         try:
             output = RunFolder(folder, episode, rerun=rerun, more=more)
-            writing = _write(episode, output, console, run)
+            writing = _write(episode, output, console, steps)
         except (PartFailed, Refused, KeyboardInterrupt) as error:
-            if not run:
+            if not steps:
                 discard(folder, outputs.files)
             if isinstance(error, PartFailed):
                 raise with_traceback(error, folder) from None
             raise
-    job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
-    record = record_of(job, scenario, run)
+    record = record_of(
+        Job(0, LoadedScenario(scenario), scenario.run.seed, command=again), scenario, steps
+    )
     _print_record(console, scenario, record)
-    doubt = remarks_on_tracker(run, is_guest=isinstance(scenario.tracker, GuestSettings))
+    doubt = remarks_on_tracker(steps, is_guest=isinstance(scenario.tracker, GuestSettings))
     plain(console, unjudged(scenario, record.success), doubt)
-    console.print(_stage_line(run, writing))
-    print_paths(console, output.finish(RunReport.of(record, scenario, run.first.scene, doubt)))
+    console.print(_stage_line(steps, writing))
+    print_paths(console, output.finish(RunReport.of(record, scenario, steps.first.scene, doubt)))
     print_missed(Console(stderr=True), record)
     linger(viewer, console)
     if output.refused is not None:
@@ -144,11 +185,15 @@ def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) 
     """
     writing: list[float] = []
     with closing(output.close), progress_bar(console) as progress:
-        name = escape(episode.scenario.name)
-        task = progress.add_task(name, total=episode.frames, note=COMPILING)
+        task = progress.add_task(
+            escape(episode.scenario.name), total=episode.frames, note=COMPILING
+        )
         for step in episode:
-            note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
-            progress.update(task, advance=1, note=note)
+            progress.update(
+                task,
+                advance=1,
+                note=f"error {step.servo_error:5.1f} px  {step.estimate.status.name}",
+            )
             began = time.perf_counter()
             output.add(step)
             writing.append(time.perf_counter() - began)
@@ -269,8 +314,14 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
     rows: list[list[str]] = []
     for name, measure in MEASURES.items():
         bound = scenario.expect.get(name, "")
-        limit = f"{bound:g}" if isinstance(bound, int | float) else bound
-        rows.append([name, f"{record.measures[name]:.3g}", limit, measure.meaning])
+        rows.append(
+            [
+                name,
+                f"{record.measures[name]:.3g}",
+                f"{bound:g}" if isinstance(bound, int | float) else bound,
+                measure.meaning,
+            ]
+        )
     print_table(console, Table(("measure", "value", "bound", "meaning"), rows, words=(0, 3)))
     if scenario.drawn:
         values = ", ".join(f"{key} = {shown(value)}" for key, value in scenario.drawn.items())
@@ -295,5 +346,8 @@ def _stage_line(run: Columns, writing: Sequence[float]) -> str:
 def print_missed(console: Console, record: Record) -> None:
     """Print the bounds that a run missed, and the command that repeats the run."""
     lines = missed_lines(record.missed, record.measures)
-    again = f"  again: {record.command}" * bool(record.missed)
-    plain(console, *(f"missed: {line}" for line in lines), again)
+    plain(
+        console,
+        *(f"missed: {line}" for line in lines),
+        f"  again: {record.command}" * bool(record.missed),
+    )

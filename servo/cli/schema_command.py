@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Annotated, Any, Literal, Union
 
+import click
 from pydantic import BaseModel, Field, create_model
 from pydantic.json_schema import GenerateJsonSchema, SkipJsonSchema
 from pydantic_core import core_schema
@@ -28,10 +29,19 @@ Schema = dict[str, Any]
 SHARE: Schema = {"type": "number", "minimum": 0, "maximum": 1}
 
 
+def run() -> None:
+    """Print the JSON Schema of scenarios and studies."""
+    click.echo(text())
+
+
 def text() -> str:
     """Return the JSON Schema of scenarios and studies as a text."""
-    more = {"vary": vary_schema(), "expect": expect_schema(), "sweep": sweep_schema()}
-    return json.dumps(scenario_schema(more), indent=1)
+    return json.dumps(
+        scenario_schema(
+            {"vary": vary_schema(), "expect": expect_schema(), "sweep": sweep_schema()}
+        ),
+        indent=1,
+    )
 
 
 def expect_schema() -> Schema:
@@ -39,18 +49,21 @@ def expect_schema() -> Schema:
     and upper bounds on its measures.
     """
     ends = list(Outcome.__members__)
-    outcome = {"enum": ends, "description": f"How the run has to end: {', '.join(ends)}."}
-    one = {"outcome": outcome} | _bounds()
-    about = "Bounds that replace these where a seed has drawn settings."
+    one = {
+        "outcome": {"enum": ends, "description": f"How the run has to end: {', '.join(ends)}."}
+    } | _bounds()
     share = SHARE | {"description": "Least share of drawn seeds that end as expected."}
-    bounds = one | {"drawn": table({SUCCESS_RATE: share} | one, about)}
+    drawn = "Bounds that replace these where a seed has drawn settings."
+    bounds = one | {"drawn": table({SUCCESS_RATE: share} | one, drawn)}
     others = {
         "description": 'The same for other trackers, by kind; "*": all without a table.',
         "type": "object",
         "additionalProperties": table(bounds),
     }
-    about = "Outcome and largest measures of a good run with the scenario's own tracker."
-    return table(bounds | {"tracker": others}, about)
+    return table(
+        bounds | {"tracker": others},
+        "Outcome and largest measures of a good run with the scenario's own tracker.",
+    )
 
 
 def vary_schema() -> Schema:

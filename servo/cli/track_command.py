@@ -1,14 +1,15 @@
 """The command `servobench track`: run a tracker on pictures and write its track and report."""
 
 import itertools
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress
 
 from servo.cli.guard import REFUSED, STOPPED, exit_code
 from servo.cli.outputs import Outputs, announce, linger
@@ -61,11 +62,11 @@ def run(
     truth: Path | None,
     truth_format: str,
     out: Path | None,
-    outputs: Outputs,
     rerun: bool,
     rate: float,
     frames: int | None,
     quiet: bool,
+    **shown_in: Any,
 ) -> int:
     """Track the target in the pictures of a source, and write the track and its report.
 
@@ -80,11 +81,11 @@ def run(
         truth: A file of the truth; None: one beside the source, if there is one.
         truth_format: "otb", "vot", "tld", "csv" or "auto".
         out: The folder; None: the next free runs/SOURCE-TRACKER-SEED.
-        outputs: Further files and viewers.
         rerun: Whether to write a Rerun recording.
         rate: Pictures a second of a folder [Hz].
         frames: Most pictures to track.
         quiet: Whether to print nothing but mistakes.
+        shown_in: The options for films, logs and viewers.
 
     Returns:
         The exit code: 1 if the stream broke off or a picture could not be read, that of a signal
@@ -97,6 +98,7 @@ def run(
     """
     settings, config = tracker_of(tracker, changes)
     kind = str(settings["kind"])
+    outputs = Outputs(**shown_in)
     outputs.check()
     console = Console(quiet=quiet)
     with as_mistake():
@@ -116,8 +118,7 @@ def run(
             f"the truth has only one line for {stream.count} pictures, so no measures are computed"
         )
         true = None
-    guarded = _built(config, seed)
-    shots = _shots(itertools.islice(follow(guarded, pictures, target, start), frames))
+    shots = itertools.islice(follow(_built(config, seed), pictures, target, start), frames)
     stem = Path(source.replace(":", "-")).stem.encode(errors="replace").decode()
     name = f"{stem}-{kind.replace(':', '-')}-{seed}"
     viewer = outputs.viewer()  # before the first picture of a stream, which goes on
@@ -125,20 +126,15 @@ def run(
     folder = prepare(out, name)
     announce(viewer, console)
     # A live source does not wait: advice would take time and so cost pictures.
-    image = None if stream.count is None else first.picture.image
-    if image is not None:
-        plain(console, advice(config, image, target, start))
+    if stream.count is not None and first.picture.image is not None:
+        plain(console, advice(config, first.picture.image, target, start))
     title = f"{kind} on {name}"
     more = outputs.of_track(target, stream, title, viewer)
+    total = min(filter(None, (stream.count, frames)), default=None)
     try:
         files = TrackFolder(folder, target, recording=rerun, more=more)
-        bar = progress_bar(console)
-        bar.add_task(
-            escape(tracker),
-            total=min(filter(None, (stream.count, frames)), default=None),
-            note=COMPILING,
-        )
-        seen, code = _write(files, true, itertools.chain([first], shots), bar)
+        every = itertools.chain([first], shots)
+        seen, code = _write(files, true, every, total, console)
     except PartFailed as error:
         raise with_traceback(error, folder) from None
     comparison = Comparison.of(Track.of(seen, target), true) if true is not None and seen else None
@@ -183,7 +179,8 @@ def _first(shots: Iterator[Shot], source: str, out: Path | None, name: str) -> S
         Mistake: The tracker failed, or there is no picture.
     """
     try:
-        return next(shots)
+        with as_mistake():
+            return next(shots)
     except PartFailed as error:
         raise with_traceback(error, prepare(out, name)) from None
     except StopIteration:
@@ -203,12 +200,6 @@ def _warm_up(config: PartConfig[Tracker], console: Console, *, rerun: bool) -> N
             for shot in seen:
                 files.add(shot, None)
             files.close()
-
-
-def _shots(shots: Iterator[Shot]) -> Iterator[Shot]:
-    """Yield the tracked pictures; raise a ValueError of the source or the tracker as a Mistake."""
-    with as_mistake():
-        yield from shots
 
 
 def tracker_of(kind: str, changes: Sequence[str]) -> tuple[Table, PartConfig[Tracker]]:
@@ -287,9 +278,9 @@ def region_of(text: str) -> tuple[Region, State]:
         Mistake: The text has another form.
     """
     try:
-        x, y, w, h, *turn = (float(part) for part in text.split(","))
-        degrees = turn[0] if len(turn) == 1 else 0.0
-        if len(turn) > 1 or not np.isfinite([x, y, w, h, degrees]).all():
+        numbers = [float(part) for part in text.split(",")]
+        x, y, w, h, degrees = numbers if len(numbers) == 5 else [*numbers, 0.0]
+        if not np.isfinite(numbers).all():
             raise ValueError(text)
     except ValueError:
         raise Mistake(
@@ -299,24 +290,36 @@ def region_of(text: str) -> tuple[Region, State]:
 
 
 def _write(
-    files: TrackFolder, truth: Array | None, shots: Iterable[Shot], bar: Progress
+    files: TrackFolder,
+    truth: Array | None,
+    shots: Iterable[Shot],
+    total: int | None,
+    console: Console,
 ) -> tuple[list[Shot], int]:
-    """Write each tracked picture to the track's files as it comes, and advance the progress bar; a
+    """Write each tracked picture to the track's files as it comes, and show a progress bar; a
     signal ends the tracking.
+
+    Args:
+        files: The files of the track.
+        truth: True corners (n, 4, 2) [px], if they are known.
+        shots: The tracked pictures.
+        total: Number of pictures, if it is known.
+        console: The output of the command.
 
     Returns:
         The tracked pictures without their images, and the exit code: 0, or that of the signal.
     """
     seen: list[Shot] = []
     code = 0
-    with closing(files.close):
+    with closing(files.close), as_mistake():
         try:
-            with bar:
+            with progress_bar(console) as bar:
+                task = bar.add_task("track", total=total, note=COMPILING)
                 for shot in shots:
                     true = None if truth is None or shot.index >= len(truth) else truth[shot.index]
                     seen.append(shot.without_picture())  # first: a signal may come in between
                     files.add(shot, true)
-                    bar.update(bar.task_ids[0], advance=1, note=shot.estimate.status.name)
+                    bar.update(task, advance=1, note=shot.estimate.status.name)
         except KeyboardInterrupt as cause:
             plain(Console(stderr=True), STOPPED)
             code = exit_code(cause)
@@ -335,12 +338,14 @@ def _with_reason(end: End | None, seen: list[Shot], writing: float) -> End | Non
     if end is None or not end.dropped:
         return end
     tracking = sum(shot.seconds for shot in seen)
-    took = [1e3 * seconds / max(len(seen), 1) for seconds in (tracking, writing)]
-    sentence = (
-        f"{end.sentence}; a picture took {took[0]:.0f} ms for tracking and {took[1]:.0f} ms for "
-        "writing and showing"
+    each = 1e3 / max(len(seen), 1)
+    return replace(
+        end,
+        sentence=(
+            f"{end.sentence}; a picture took {each * tracking:.0f} ms for tracking and "
+            f"{each * writing:.0f} ms for writing and showing"
+        ),
     )
-    return replace(end, sentence=sentence)
 
 
 def _report(
@@ -354,6 +359,7 @@ def _report(
 ) -> TrackReport:
     """Return the report of a track; `tracker` has the tracker's settings."""
     measures = {} if comparison is None else measure_all(comparison)
+    count = Counter(shot.estimate.status for shot in seen)
     came = next((shot.picture.came for shot in seen), None)
     return TrackReport(
         command=command,
@@ -363,8 +369,8 @@ def _report(
         seed=seed,
         frames=len(seen),
         undecodable=[shot.picture.name for shot in seen if shot.blind],
-        lost=_count(seen, Status.LOST),
-        unsure=_count(seen, Status.UNSURE),
+        lost=count[Status.LOST],
+        unsure=count[Status.UNSURE],
         measures={name: number(value) for name, value in measures.items()},
         units={m.name: m.unit for m in MEASURES},
         end="" if end is None else end.sentence,
@@ -383,10 +389,6 @@ def _notes(seen: list[Shot]) -> list[str]:
     return list(dict.fromkeys(note for shot in seen for note in shot.picture.notes))
 
 
-def _count(seen: list[Shot], status: Status) -> int:
-    return sum(shot.estimate.status is status for shot in seen)
-
-
 def print_track(
     console: Console, what: str, seen: list[Shot], comparison: Comparison | None, end: End | None
 ) -> None:
@@ -399,16 +401,18 @@ def print_track(
         comparison: The track beside its truth, if there is one.
         end: How the source ended; None for a usual end.
     """
-    counts = ", ".join(f"{_count(seen, s)} {s.name}" for s in (Status.UNSURE, Status.LOST))
-    console.print(f"[bold]{escape(what)}[/]: {len(seen)} frames, {counts}")
+    count = Counter(shot.estimate.status.name for shot in seen)
+    sums = f"{len(seen)} frames, {count['UNSURE']} UNSURE, {count['LOST']} LOST"
+    console.print(f"[bold]{escape(what)}[/]: {sums}")
     if comparison is not None:
         rows = [
             [m.name, f"{value:.3g} {m.unit}".rstrip(), m.better.value, m.meaning]
             for m in MEASURES
             if np.isfinite(value := m.of(comparison))
         ]
-        head = ("measure", "value", "better", "meaning")
-        print_table(console, words.Table(head, rows, (0, 2, 3)))
+        print_table(
+            console, words.Table(("measure", "value", "better", "meaning"), rows, (0, 2, 3))
+        )
     _print_oddities(seen, end)
 
 
@@ -417,11 +421,11 @@ def _print_oddities(seen: list[Shot], end: End | None) -> None:
     blind = [shot.picture for shot in seen if shot.blind]
     sizes = [shot for shot in seen if shot.size is not None]
     change = next((b for a, b in itertools.pairwise(sizes) if a.size != b.size), None)
-    if change is not None and change.size is not None:
-        width, height = change.size
+    if change is not None:
+        size = " x ".join(map(str, change.size or ()))
         complain(
-            f"the pictures change their size at {change.picture.name} to {width} x {height} px; "
-            "the target is searched for at the same pixels"
+            f"the pictures change their size at {change.picture.name} to {size} px; the target is "
+            "searched for at the same pixels"
         )
     if blind:
         complain(

@@ -43,12 +43,11 @@ def notebook(page: str) -> str:
     cells = list(_cells(f"{title}\n\n{BEGIN}\n\n{rest}"))
     if any(str(cell["source"]).startswith(MAGIC["sh"]) for cell in cells):
         cells.insert(1, _code(SETUP))
-    numbered = [cell | {"id": f"cell-{number}"} for number, cell in enumerate(cells)]
     whole = {
         "nbformat": 4,
         "nbformat_minor": 5,
         "metadata": {"kernelspec": KERNEL},
-        "cells": numbered,
+        "cells": [cell | {"id": f"cell-{number}"} for number, cell in enumerate(cells)],
     }
     return json.dumps(whole, indent=1)
 
@@ -64,8 +63,7 @@ def with_outputs(text: str) -> str:
 
     whole = nbformat.reads(text, as_version=4)
     with TemporaryDirectory() as folder:
-        place = {"metadata": {"path": folder}}
-        NotebookClient(whole, timeout=LONGEST, resources=place).execute()
+        NotebookClient(whole, timeout=LONGEST, resources={"metadata": {"path": folder}}).execute()
     return nbformat.writes(whole)
 
 
@@ -98,8 +96,11 @@ def _cells(page: str) -> Iterator[Cell]:
 
 def _text(text: str) -> Cell:
     """Return a cell of Markdown, without pictures that code draws and links to other pages."""
-    source = LINK.sub(r"\1", DRAWN.sub("", text)).strip()
-    return {"cell_type": "markdown", "metadata": {}, "source": source}
+    return {
+        "cell_type": "markdown",
+        "metadata": {},
+        "source": LINK.sub(r"\1", DRAWN.sub("", text)).strip(),
+    }
 
 
 def _code(source: str) -> Cell:

@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from typing import final
 
 from servo.mistake import Mistake
-from servo.output.display import has_display
-from servo.output.local_page import LocalHandler, LocalServer
+from servo.output.local_page import LocalHandler, LocalServer, has_display
 from servo.output.sinks import Sink, Timer
 from sim.types import Image
 from tracking.drawing.picture_bytes import encoded
@@ -45,17 +44,12 @@ class NewestPicture:
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
-        self._number = 0
-        self._jpeg = b""
-        self._ended = False
+        self._jpeg: bytes | None = b""
+        """The newest frame; empty before the first one, None at the end."""
 
     def add(self, image: Image, time: float) -> None:
         """Store an RGB picture (H, W, 3) as the newest frame; `time` is not used."""
-        jpeg = encoded(image, QUALITY)
-        with self._changed:
-            self._number += 1
-            self._jpeg = jpeg
-            self._changed.notify_all()
+        self._store(encoded(image, QUALITY))
 
     def close(self) -> None:
         """Do nothing: readers keep the last frame until `end`."""
@@ -64,21 +58,22 @@ class NewestPicture:
 
     def end(self) -> None:
         """Make all readers stop."""
+        self._store(None)
+
+    def _store(self, jpeg: bytes | None) -> None:
         with self._changed:
-            self._ended = True
+            self._jpeg = jpeg
             self._changed.notify_all()
 
     def read(self) -> Iterator[bytes]:
         """Yield the newest frame as a JPEG file, then each newer one as it comes, until `end`."""
-        seen = 0
+        jpeg: bytes | None = b""
         while True:
             with self._changed:
-                while not self._ended and self._number == seen:
-                    self._changed.wait()
-                if self._ended:
-                    return
-                seen = self._number
+                self._changed.wait_for(lambda seen=jpeg: self._jpeg is not seen)
                 jpeg = self._jpeg
+            if jpeg is None:
+                return
             yield jpeg
 
 
@@ -94,15 +89,18 @@ class LightPage:
         Raises:
             Mistake: The port is in use.
         """
+        self.pictures = NewestPicture()
+        answers = {
+            "GET /": lambda request: request.send(200, PAGE.encode(), HEADERS),
+            f"GET {PICTURES}": self._send_pictures,
+        }
         try:
-            self._server = _Server(port, _Handler)
+            self._server = LocalServer(port, answers)
         except OSError:
             raise Mistake(
                 f"--port {port}: port {port} is in use; choose another one with --port"
             ) from None
-        self.pictures = self._server.pictures
         self.page = self._server.address
-        self._server.begin()
         if has_display():
             webbrowser.open(self.page)
 
@@ -115,6 +113,17 @@ class LightPage:
         self.pictures.end()
         self._server.shutdown()
         self._server.server_close()
+
+    def _send_pictures(self, request: LocalHandler) -> None:
+        """Answer with a stream of pictures, which lasts until the run ends."""
+        request.send_response(200)
+        request.send_header("Content-Type", STREAM)
+        request.send_header("Cache-Control", "no-store")
+        request.end_headers()
+        request.wfile.write(BETWEEN)
+        for jpeg in self.pictures.read():
+            head = f"Content-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
+            request.wfile.write(head.encode() + jpeg + b"\r\n" + BETWEEN)
 
 
 class ThrottledSink:
@@ -130,34 +139,3 @@ class ThrottledSink:
         """Pass a frame on if 0.1 s have passed since the last one that was passed on."""
         if self._timer.due():
             self._sink.add(*given)
-
-
-class _Server(LocalServer):
-    def __init__(self, port: int, handler: type[LocalHandler]) -> None:
-        super().__init__(port, handler)
-        self.pictures = NewestPicture()
-
-
-class _Handler(LocalHandler):
-    """Handler of requests: GET sends the page, or its stream of pictures, which lasts until the run
-    ends.
-    """
-
-    server: _Server  # pyright: ignore[reportIncompatibleVariableOverride]
-
-    def do_GET(self) -> None:
-        if self.path != PICTURES:
-            if self.is_ours(self.server.path):
-                self.send(200, PAGE.encode(), HEADERS)
-        elif self.is_ours(PICTURES):
-            self._send_pictures()
-
-    def _send_pictures(self) -> None:
-        self.send_response(200)
-        self.send_header("Content-Type", STREAM)
-        self.send_header("Cache-Control", "no-store")
-        self.end_headers()
-        self.wfile.write(BETWEEN)
-        for jpeg in self.server.pictures.read():
-            head = f"Content-Type: image/jpeg\r\nContent-Length: {len(jpeg)}\r\n\r\n"
-            self.wfile.write(head.encode() + jpeg + b"\r\n" + BETWEEN)

@@ -1,33 +1,43 @@
-"""Web pages that are served on 127.0.0.1, so that only this machine can open them."""
+"""Web pages that are served on 127.0.0.1, so that only this machine can open them, and whether
+there is a display to show them on.
+"""
 
-import secrets
+import os
+import sys
 import threading
+from collections.abc import Callable, Mapping
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 HOST = "127.0.0.1"
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+"""Variables that name a display on Linux."""
+
+
+def has_display() -> bool:
+    """Return whether windows can be opened: on Linux, whether DISPLAY or WAYLAND_DISPLAY is set; on
+    macOS and Windows always.
+    """
+    return sys.platform != "linux" or any(map(os.environ.get, DISPLAYS))
 
 
 class LocalServer(ThreadingHTTPServer):
     """HTTP server at 127.0.0.1 that answers each request in a thread of its own."""
 
-    def __init__(self, port: int, handler: type[BaseHTTPRequestHandler], path: str = "/") -> None:
-        """Listen at a port; requests are answered after `begin`.
+    def __init__(self, port: int, answers: Mapping[str, "Answer"], path: str = "/") -> None:
+        """Listen at a port, and answer requests in a background thread until `shutdown`.
 
         Args:
             port: TCP port; 0: any free one.
-            handler: Class that answers requests.
+            answers: Functions that answer the allowed requests, by method and path ("GET /").
             path: Path of the page in its address.
 
         Raises:
             OSError: The port is in use.
         """
-        super().__init__((HOST, port), handler)
-        self.path = path
+        super().__init__((HOST, port), LocalHandler)
+        self.answers = answers
         self.port: int = self.server_address[1]
         self.address = f"http://{HOST}:{self.port}{path}"
-
-    def begin(self) -> None:
-        """Answer requests in a background thread until `shutdown` is called."""
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
     def handle_error(self, request: object, client_address: object) -> None:
@@ -35,23 +45,25 @@ class LocalServer(ThreadingHTTPServer):
 
 
 class LocalHandler(BaseHTTPRequestHandler):
-    """Handler of requests that answers only those to a known path and with this server's name as
-    Host, so that a page of another site gets no answer.
+    """Handler of requests that answers only those that its server allows and that have this
+    server's name as Host, so that a page of another site gets no answer.
     """
 
     server: LocalServer  # pyright: ignore[reportIncompatibleVariableOverride]
     timeout = 10.0  # of a browser that neither sends nor reads
 
-    def is_ours(self, path: str) -> bool:
-        """Return whether the request is for this path of this server; if not, answer with 404."""
-        hosts = {f"{HOST}:{self.server.port}", f"localhost:{self.server.port}"}
-        right = secrets.compare_digest(self.path.encode(), path.encode())
-        if not right or self.headers.get("Host") not in hosts:
+    def do_GET(self) -> None:
+        """Answer a request, with 404 if it is not allowed."""
+        answer = self.server.answers.get(f"{self.command} {self.path}")
+        hosts = (f"{HOST}:{self.server.port}", f"localhost:{self.server.port}")
+        if answer is None or self.headers.get("Host") not in hosts:
             self.send(404, b"there is nothing here", {})
-            return False
-        return True
+        else:
+            answer(self)
 
-    def send(self, code: int, body: bytes, headers: dict[str, str]) -> None:
+    do_POST = do_GET
+
+    def send(self, code: int, body: bytes, headers: Mapping[str, str]) -> None:
         """Answer with an HTTP status code, headers and a body."""
         self.send_response(code)
         for header, value in headers.items():
@@ -62,3 +74,7 @@ class LocalHandler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002  (its name there)
         """Print no line about the request, as the base class would."""
+
+
+Answer = Callable[[LocalHandler], None]
+"""Answers a request by its handler."""

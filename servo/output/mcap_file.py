@@ -24,7 +24,6 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -51,6 +50,15 @@ JPEG_QUALITY = 85
 LATEST = ros2.SECOND << 31
 """Stamps that the messages cannot hold begin here [ns]: seconds are integers of 32 bits."""
 FRAME = "camera"
+TOPICS = {
+    "/camera/image/compressed": "sensor_msgs/CompressedImage",
+    "/camera/depth": "sensor_msgs/Image",
+    "/camera/camera_info": "sensor_msgs/CameraInfo",
+    "/camera/annotations": "foxglove_msgs/ImageAnnotations",
+    "/estimate": "geometry_msgs/PolygonStamped",
+    "/tf": "tf2_msgs/TFMessage",
+}
+"""The type of the messages of each topic; the rows of numbers have a type of their own."""
 POINTS, LINE_LOOP = 1, 2
 """Numbers of Foxglove's kinds of annotations."""
 SHOT = {
@@ -102,20 +110,31 @@ class McapFile:
         self._file = _CheckedFile(path)
         options = mcap.MCAPWriteOptions(profile="ros2", chunk_size=CHUNK, compression_threads=0)
         self._writer = foxglove.open_mcap(self._file, context=context, writer_options=options)  # type: ignore[arg-type]
-
-        def topic_of(name: str, kind: str) -> Topic:
-            return Topic(name, Kind(kind), context)
-
-        self._image = topic_of("/camera/image/compressed", "sensor_msgs/CompressedImage")
-        self._depth = topic_of("/camera/depth", "sensor_msgs/Image")
-        self._info = topic_of("/camera/camera_info", "sensor_msgs/CameraInfo")
-        self._annotations = topic_of("/camera/annotations", "foxglove_msgs/ImageAnnotations")
-        self._estimate = topic_of("/estimate", "geometry_msgs/PolygonStamped")
-        self._tf = topic_of("/tf", "tf2_msgs/TFMessage")
+        self._topic = topic
         self._fields = _fields(columns)
-        kind = f"servobench_msgs/{topic.strip('/').capitalize()}"
         fields = {self._fields[name]: of for name, of in columns.items()}
-        self._rows = Topic(topic, Kind(kind, fields), context)
+        own = Kind(f"servobench_msgs/{topic.strip('/').capitalize()}", fields)
+        self._kinds = {name: Kind(kind) for name, kind in TOPICS.items()} | {topic: own}
+        self._channels = {
+            name: foxglove.Channel(
+                name,
+                schema=foxglove.Schema(name=kind.name, encoding="ros2msg", data=kind.definition),
+                message_encoding="cdr",
+                context=context,
+            )
+            for name, kind in self._kinds.items()
+        }
+
+    def _log(self, topic: str, at: int, /, **fields: object) -> None:
+        """Write a message with these fields to a topic.
+
+        Args:
+            topic: The topic.
+            at: Time of the message [ns]: since the beginning of the run, or by the clock of its
+                source.
+            **fields: Values by the names of the message's fields.
+        """
+        self._channels[topic].log(self._kinds[topic].encoded(**fields), log_time=at)
 
     def picture(
         self, at: int, image: Image | None, corners: Corners, particles: Array | None
@@ -131,8 +150,13 @@ class McapFile:
         """
         header = ros2.header(at, FRAME)
         if image is not None:
-            jpeg = np.frombuffer(encoded(image, JPEG_QUALITY), np.uint8)
-            self._image.log(at, header=header, format="jpeg", data=jpeg)
+            self._log(
+                "/camera/image/compressed",
+                at,
+                header=header,
+                format="jpeg",
+                data=np.frombuffer(encoded(image, JPEG_QUALITY), np.uint8),
+            )
         points = [
             _annotation(at, LINE_LOOP, shape, colour)
             for colour, shape in corners.items()
@@ -140,16 +164,23 @@ class McapFile:
         ]
         if particles is not None:
             points.append(_annotation(at, POINTS, particles[:, :2], colours.PARTICLES))
-        self._annotations.log(at, circles=[], points=points, texts=[])
+        self._log("/camera/annotations", at, circles=[], points=points, texts=[])
         *_, estimate = corners.values()
-        outline = [ros2.part("geometry_msgs/Point32", x=x, y=y, z=0.0) for x, y in estimate]
-        polygon = ros2.part("geometry_msgs/Polygon", points=outline)
-        self._estimate.log(at, header=header, polygon=polygon)
+        self._log(
+            "/estimate",
+            at,
+            header=header,
+            polygon=ros2.part(
+                "geometry_msgs/Polygon",
+                points=[ros2.part("geometry_msgs/Point32", x=x, y=y, z=0.0) for x, y in estimate],
+            ),
+        )
 
     def depth(self, at: int, depth: DepthPicture) -> None:
         """Write a depth picture (H, W) [m] as a 32-bit float image."""
         height, width = depth.shape
-        self._depth.log(
+        self._log(
+            "/camera/depth",
             at,
             header=ros2.header(at, FRAME),
             height=height,
@@ -165,7 +196,8 @@ class McapFile:
         region = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
         known = camera_info(camera)
         numbers = {name: np.array(known[name]) for name in ("d", "k", "r", "p")}
-        self._info.log(
+        self._log(
+            "/camera/camera_info",
             at,
             header=ros2.header(at, FRAME),
             **known | numbers,
@@ -183,7 +215,7 @@ class McapFile:
             )
             for (parent, child), pose in poses.items()
         ]
-        self._tf.log(at, transforms=found)
+        self._log("/tf", at, transforms=found)
 
     def row(self, at: int, values: Mapping[str, object]) -> None:
         """Write a frame's row of numbers and texts, by column, as its last message; None is written
@@ -192,8 +224,11 @@ class McapFile:
         Raises:
             OSError: This message or an earlier one cannot be written.
         """
-        cells = {self._fields[name]: np.nan if v is None else v for name, v in values.items()}
-        self._rows.log(at, **cells)
+        self._log(
+            self._topic,
+            at,
+            **{self._fields[name]: np.nan if v is None else v for name, v in values.items()},
+        )
         self._file.check()
 
     def close(self) -> None:
@@ -225,7 +260,6 @@ def _fields(columns: Iterable[str]) -> dict[str, str]:
 
 def _annotation(at: int, kind: int, points: Array, colour: tuple[int, int, int]) -> object:
     r, g, b = (part / 255 for part in colour)
-    clear = ros2.part(ros2.COLOUR, r=0.0, g=0.0, b=0.0, a=0.0)
     return ros2.part(
         "foxglove_msgs/PointsAnnotation",
         timestamp=ros2.stamp(at),
@@ -233,7 +267,7 @@ def _annotation(at: int, kind: int, points: Array, colour: tuple[int, int, int])
         points=[ros2.part(ros2.CORNER, x=x, y=y) for x, y in points.tolist()],
         outline_color=ros2.part(ros2.COLOUR, r=r, g=g, b=b, a=1.0),
         outline_colors=[],
-        fill_color=clear,
+        fill_color=ros2.part(ros2.COLOUR, r=0.0, g=0.0, b=0.0, a=0.0),
         thickness=2.0,
     )
 
@@ -246,29 +280,6 @@ def _transform(pose: Pose) -> object:
         translation=ros2.part("geometry_msgs/Vector3", x=x, y=y, z=z),
         rotation=ros2.part("geometry_msgs/Quaternion", x=axis[0], y=axis[1], z=axis[2], w=w),
     )
-
-
-class Topic:
-    """A topic of an MCAP file, with messages of one ROS 2 type."""
-
-    def __init__(self, topic: str, kind: Kind, context: Any) -> None:
-        import foxglove
-
-        self._kind = kind
-        schema = foxglove.Schema(name=kind.name, encoding="ros2msg", data=kind.definition)
-        self._channel = foxglove.Channel(
-            topic, schema=schema, message_encoding="cdr", context=context
-        )
-
-    def log(self, at: int, **fields: object) -> None:
-        """Write a message with these fields to the topic.
-
-        Args:
-            at: Time of the message [ns]: since the beginning of the run, or by the clock of its
-                source.
-            **fields: Values by the names of the message's fields.
-        """
-        self._channel.log(self._kind.encoded(**fields), log_time=at)
 
 
 class _CheckedFile:

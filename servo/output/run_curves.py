@@ -24,26 +24,17 @@ per second.
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
-    """The rate of change of one feature that the target's own motion causes, over n frames (n,)
-    [feature's unit/s]: measured, estimated and true.
-    """
+class Panel:
+    """The lines of one plot of a run over time."""
 
-    measured: Array
-    estimated: Array
-    true: Array
-    """nan in the first frame, before which there is no motion."""
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Lower and upper limit of a plot's axis; outliers of `measured` may lie outside."""
-        finite = self.measured[np.isfinite(self.measured)]
-        middle = np.percentile(finite, MIDDLE) if len(finite) else np.zeros(1)
-        every = np.concatenate([middle, self.estimated, self.true])
-        low = float(np.nanmin(every))
-        high = float(np.nanmax(every))
-        room = ROOM * max(high - low, LEAST)
-        return low - room, high + room
+    title: str
+    axis: str
+    """Title of the vertical axis, with its unit."""
+    lines: Mapping[str, Array]
+    """Values (n,) by the name of the line."""
+    low: float | None = None
+    high: float | None = None
+    """Limits of the vertical axis; None: those of the values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +52,9 @@ class RunCurves:
     @staticmethod
     def of(table: pa.Table, features: FeatureSet) -> "RunCurves":
         """Return the curves of a run from its table of steps and its features."""
-        units = dict(zip(features.names, features.units, strict=True))
-        return RunCurves(table, units, features.feed_forward)
+        return RunCurves(
+            table, dict(zip(features.names, features.units, strict=True)), features.feed_forward
+        )
 
     def __getitem__(self, name: str) -> Array:
         """Return a column of numbers (n,).
@@ -89,23 +81,48 @@ class RunCurves:
         locked = self._column("status", str) == Status.LOCKED.name
         return ~((self["fresh"] > 0) & locked)
 
-    def error(self, feature: str) -> Array:
-        """Return the error s - s* of a feature over the frames (n,), in the feature's unit."""
-        return self[_name("error", feature, ending(self.units[feature]))]
-
-    def motion(self, feature: str) -> Motion:
-        """Return the rate of change of a feature that the target's own motion causes; the true rate
-        is nan in the first frame.
-        """
-        rate = ending_of_rate(self.units[feature])
-        measured, estimated, true = (
-            self[_name(f"motion_{which}", feature, rate)]
-            for which in ("measured", "estimated", "true")
+    def distances(self) -> Panel:
+        """Return the plot of the distances of the true centre from goal and estimate [px]."""
+        return Panel(
+            "Distance from goal, and of the estimate",
+            "distance [px]",
+            {
+                "true centre to goal": self["servo_error_px"],
+                "estimated to true centre": self["tracking_error_px"],
+            },
+            low=0,
         )
-        true[:1] = np.nan
-        return Motion(measured, estimated, true)
 
+    def errors(self) -> Panel:
+        """Return the plot of the feature errors s - s*, each in the feature's unit."""
+        lines = {
+            f"{name} [{unit}]": self["_".join(filter(None, ("error", name, ending(unit))))]
+            for name, unit in self.units.items()
+        }
+        return Panel("Feature errors", "feature error s - s*", lines)
 
-def _name(*words: str) -> str:
-    """Return the name of a column: its parts, of which the last may be empty, joined by "_"."""
-    return "_".join(filter(None, words))
+    def motion(self, feature: str) -> Panel:
+        """Return the plot of the rate of change of a feature that the target's own motion causes:
+        measured, estimated and true; the true rate is nan in the first frame. Outliers of the
+        measured rate may lie outside.
+        """
+        unit = self.units[feature]
+        lines = {
+            which: self[f"motion_{which}_{feature}_{ending_of_rate(unit)}"]
+            for which in ("measured", "estimated", "true")
+        }
+        lines["true"][:1] = np.nan
+        measured = lines["measured"]
+        finite = measured[np.isfinite(measured)]
+        middle = np.percentile(finite, MIDDLE) if len(finite) else np.zeros(1)
+        every = np.concatenate([middle, lines["estimated"], lines["true"]])
+        low = float(np.nanmin(every))
+        high = float(np.nanmax(every))
+        room = ROOM * max(high - low, LEAST)
+        return Panel(
+            f"The target's own motion: {feature}",
+            f"d{feature}/dt of the target [{unit}/s]",
+            lines,
+            low - room,
+            high + room,
+        )

@@ -2,6 +2,7 @@
 
 import traceback
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -77,15 +78,12 @@ def _next_free(runs: Path, name: str) -> Path:
     same at the same time.
     """
     runs.mkdir(parents=True, exist_ok=True)
-    folder = runs / name
-    again = 2
+    number = 1
     while True:
-        try:
+        folder = runs / (name if number == 1 else f"{name}-{number}")
+        number += 1
+        with suppress(FileExistsError):
             folder.mkdir()
-        except FileExistsError:
-            folder = runs / f"{name}-{again}"
-            again = again + 1
-        else:
             return folder
 
 
@@ -128,8 +126,9 @@ class RunFolder:
             ) from None
         except OSError as error:
             (folder / STREAM).unlink(missing_ok=True)
-            sentence = f"{folder / STREAM}: the disk has no room for the table: {error.strerror}"
-            raise Refused(sentence) from None
+            raise Refused(
+                f"{folder / STREAM}: the disk has no room for the table: {error.strerror}"
+            ) from None
         self._sinks = Sinks(more or {})
         if rerun:
             # rerun takes half a second to import
@@ -171,8 +170,9 @@ class RunFolder:
         title = f"{self._scenario.name}, seed {self._scenario.run.seed}"
         try:
             written = report.write(self.folder)
-            curves = RunCurves.of(pq.read_table(self.folder / TABLE), self._features)
-            drawn = plots.draw(curves, title, self.folder)
+            drawn = plots.draw(
+                RunCurves.of(pq.read_table(self.folder / TABLE), self._features), title, self.folder
+            )
         except OSError as error:
             raise Refused(f"{refusal(error)}; all rows are in {self.folder / TABLE}") from None
         return [*self._sinks.paths, self.folder / TABLE, written, *drawn]

@@ -5,7 +5,7 @@ killed run keeps them: `pyarrow.ipc.open_stream("steps.arrows")` reads them.
 """
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
 from operator import attrgetter
 from pathlib import Path
@@ -27,7 +27,14 @@ STREAM = "steps.arrows"
 TABLE = "steps.parquet"
 FORMAT = 1
 """Format number in the schema's metadata; it increases by one when readers must change."""
+STATE = ("x", "y", "theta", "scale")
+STATE_UNITS = ("px", "px", "rad", "")
+CORNERS = ("u0", "v0", "u1", "v1", "u2", "v2", "u3", "v3")
+PIXELS = ("px",) * 8
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+POSE_UNITS = ("m", "m", "m", "", "", "", "")
 TWIST_UNITS = ("m_s", "m_s", "m_s", "rad_s", "rad_s", "rad_s")
+"""Names and units of the numbers of a state, four corners, a pose and a twist."""
 TIMED = "seconds_"
 """Prefix of columns of wall-clock time; all other columns repeat bit for bit with the seed."""
 CELL = 16
@@ -62,6 +69,11 @@ def quantities(
         joints: Names of the robot's joints.
         units: Units of the joints, m or rad.
     """
+    names = features.names
+    own = tuple(map(ending, features.units))
+    rates = tuple(map(ending_of_rate, features.units))
+    motion = "target's own de/dt"
+    pose = "true pose in the world"
     return [
         _single("frame", "number of the frame", lambda s: s.frame.index, "int64"),
         _single("time_s", "simulated time", lambda s: s.frame.time),
@@ -77,9 +89,63 @@ def quantities(
             lambda s: s.skipped,
             "int64",
         ),
-        *_states(),
-        *_places(),
-        *_features(features),
+        _vector("true", "truth of this frame", lambda s: astuple(s.true_state), STATE, STATE_UNITS),
+        _vector(
+            "true_of_picture",
+            "truth of the picture that the estimate is of",
+            lambda s: astuple(s.true_state_estimated),
+            STATE,
+            STATE_UNITS,
+        ),
+        _vector("estimated", "estimate", lambda s: astuple(s.estimate.state), STATE, STATE_UNITS),
+        _vector(
+            "sd",
+            "standard deviation of the estimate",
+            lambda s: np.sqrt(np.diag(s.estimate.covariance)),
+            ("x", "y", "theta", "ln_scale"),
+            STATE_UNITS,
+        ),
+        _vector("goal", "goal", lambda s: s.goal.centre, ("x", "y"), ("px", "px")),
+        _single("servo_error_px", "true centre to goal", lambda s: s.servo_error),
+        _single(
+            "tracking_error_px",
+            "estimated to true centre of its picture",
+            lambda s: s.tracking_error,
+        ),
+        _single(
+            "distance",
+            "Distance of the estimate from the target's appearance, 0..1",
+            lambda s: s.estimate.distance,
+        ),
+        _single("status", "LOCKED, UNSURE or LOST", lambda s: s.estimate.status.name, "string"),
+        _single("ess", "effective sample size", lambda s: s.estimate.ess),
+        _single("evaluations", "histograms evaluated", lambda s: s.estimate.evaluations, "int64"),
+        _vector("true_corner", "truth", lambda s: s.truth.corners.ravel(), CORNERS, PIXELS),
+        _vector(
+            "estimated_corner",
+            "estimate",
+            lambda s: s.estimate.outline(s.region).ravel(),
+            CORNERS,
+            PIXELS,
+        ),
+        _vector("camera", pose, lambda s: _pose(s.truth.T_world_camera), POSE, POSE_UNITS),
+        _vector("target", pose, lambda s: _pose(s.truth.T_world_target), POSE, POSE_UNITS),
+        _vector("feature", "as seen", lambda s: s.features, names, own),
+        _vector("error", "e = s - s*", lambda s: s.error, names, own),
+        _vector("error_ahead", "e when the command acts", lambda s: s.prediction.error, names, own),
+        _vector("motion_measured", f"{motion}, raw", lambda s: s.motion_measured, names, rates),
+        _vector(
+            "motion_estimated", f"{motion}, estimated", lambda s: s.prediction.motion, names, rates
+        ),
+        _vector("motion_true", f"{motion}, true", lambda s: s.target_motion_true, names, rates),
+        _vector(
+            "innovation",
+            "measured minus expected error",
+            lambda s: s.prediction.innovation,
+            names,
+            own,
+        ),
+        _vector("nis", "innovation squared over its variance", lambda s: s.prediction.nis, names),
         _vector("command", "asked for by this frame", lambda s: s.command.twist, DOF, TWIST_UNITS),
         _vector("acting", "asked for until the next", lambda s: s.twist_acting, DOF, TWIST_UNITS),
         _vector(
@@ -134,8 +200,10 @@ def quantities_of(episode: Episode) -> list[Quantity]:
 
 
 def _schema(found: Sequence[Quantity]) -> pa.Schema:
-    every = [column for quantity in found for column in quantity.columns]
-    return pa.schema(every, metadata={"format": str(FORMAT)})
+    return pa.schema(
+        [column for quantity in found for column in quantity.columns],
+        metadata={"format": str(FORMAT)},
+    )
 
 
 def table_of(steps: Sequence[Step], found: Sequence[Quantity]) -> pa.Table:
@@ -152,83 +220,9 @@ def row_of(step: Step, found: Sequence[Quantity]) -> dict[str, object]:
     }
 
 
-def _states() -> Iterator[Quantity]:
-    parts = ("x", "y", "theta", "scale")
-    units = ("px", "px", "rad", "")
-    yield _vector("true", "truth of this frame", lambda s: astuple(s.true_state), parts, units)
-    yield _vector(
-        "true_of_picture",
-        "truth of the picture that the estimate is of",
-        lambda s: astuple(s.true_state_estimated),
-        parts,
-        units,
-    )
-    yield _vector("estimated", "estimate", lambda s: astuple(s.estimate.state), parts, units)
-    yield _vector(
-        "sd",
-        "standard deviation of the estimate",
-        lambda s: np.sqrt(np.diag(s.estimate.covariance)),
-        ("x", "y", "theta", "ln_scale"),
-        units,
-    )
-    yield _vector("goal", "goal", lambda s: s.goal.centre, ("x", "y"), ("px", "px"))
-    yield _single("servo_error_px", "true centre to goal", lambda s: s.servo_error)
-    yield _single(
-        "tracking_error_px",
-        "estimated to true centre of its picture",
-        lambda s: s.tracking_error,
-    )
-    yield _single(
-        "distance",
-        "Distance of the estimate from the target's appearance, 0..1",
-        lambda s: s.estimate.distance,
-    )
-    yield _single("status", "LOCKED, UNSURE or LOST", lambda s: s.estimate.status.name, "string")
-    yield _single("ess", "effective sample size", lambda s: s.estimate.ess)
-    yield _single("evaluations", "histograms evaluated", lambda s: s.estimate.evaluations, "int64")
-
-
-def _places() -> Iterator[Quantity]:
-    corners = tuple(f"{axis}{i}" for i in range(4) for axis in "uv")
-    pixels = ("px",) * 8
-    yield _vector("true_corner", "truth", lambda s: s.truth.corners.ravel(), corners, pixels)
-    yield _vector(
-        "estimated_corner",
-        "estimate",
-        lambda s: s.estimate.outline(s.region).ravel(),
-        corners,
-        pixels,
-    )
-    parts = ("x", "y", "z", "qw", "qx", "qy", "qz")
-    units = ("m", "m", "m", "", "", "", "")
-    pose = "true pose in the world"
-    yield _vector("camera", pose, lambda s: _pose(s.truth.T_world_camera), parts, units)
-    yield _vector("target", pose, lambda s: _pose(s.truth.T_world_target), parts, units)
-
-
 def _pose(pose: Pose) -> Array:
     """Return a pose as position [m] and unit quaternion with w first (7,)."""
     return np.append(pose.translation, quaternion_of(pose.rotation))
-
-
-def _features(features: FeatureSet) -> Iterator[Quantity]:
-    names = features.names
-    units = tuple(map(ending, features.units))
-    rates = tuple(map(ending_of_rate, features.units))
-    yield _vector("feature", "as seen", lambda s: s.features, names, units)
-    yield _vector("error", "e = s - s*", lambda s: s.error, names, units)
-    yield _vector(
-        "error_ahead", "e when the command acts", lambda s: s.prediction.error, names, units
-    )
-    motion = "target's own de/dt"
-    yield _vector("motion_measured", f"{motion}, raw", lambda s: s.motion_measured, names, rates)
-    yield _vector(
-        "motion_estimated", f"{motion}, estimated", lambda s: s.prediction.motion, names, rates
-    )
-    yield _vector("motion_true", f"{motion}, true", lambda s: s.target_motion_true, names, rates)
-    innovation = "measured minus expected error"
-    yield _vector("innovation", innovation, lambda s: s.prediction.innovation, names, units)
-    yield _vector("nis", "innovation squared over its variance", lambda s: s.prediction.nis, names)
 
 
 def ending(unit: str) -> str:
@@ -263,11 +257,14 @@ def _vector(
     units: tuple[str, ...] = (),
 ) -> Quantity:
     endings = [f"_{unit}" if unit else "" for unit in units] or [""] * len(names)
-    found = [
-        _column(f"{prefix}_{name}{ending}", f"{meaning}: {name}")
-        for name, ending in zip(names, endings, strict=True)
-    ]
-    return Quantity(prefix, found, of)
+    return Quantity(
+        prefix,
+        [
+            _column(f"{prefix}_{name}{ending}", f"{meaning}: {name}")
+            for name, ending in zip(names, endings, strict=True)
+        ],
+        of,
+    )
 
 
 class StepsTable:

@@ -18,6 +18,7 @@ from servo.study.ranking import Rank
 from servo.study.run import Record
 from servo.study.sequence_run import PRECISION_CURVE, SUCCESS_CURVE, TRACKER
 from servo.study.store import Store, StudyFile
+from sim.types import Array
 from tracking.evaluation.track_measures import OVERLAPS, PIXELS
 from tracking.statistics.comparisons import Interval
 
@@ -111,24 +112,38 @@ def trackers_table(trackers: Sequence[Rank]) -> Table:
         cells[ranking.INTERVAL] = spread(means[ranking.INTERVAL])
         end = [shown(t.against_best.z), shown(t.p)] if t.against_best else ["", ""]
         rows.append([t.tracker, str(t.units), *cells.values(), *end])
-    head = ("tracker", "n", *ranking.SHOWN, "z", "p")
-    return Table(head, rows, note=" ".join(ranking.LEGEND.split()))
+    return Table(
+        ("tracker", "n", *ranking.SHOWN, "z", "p"), rows, note=" ".join(ranking.LEGEND.split())
+    )
 
 
 def _curves(records: Sequence[Record], trackers: Sequence[str]) -> list[Figure]:
     """Return the success and precision curves of the trackers (Wu, Lim and Yang, 2013), each a mean
     over the tracker's runs.
     """
-    figures: list[Figure] = []
-    for title, (name, thresholds, x, y) in CURVES.items():
-        drawn: list[Curve] = []
-        for i, tracker in enumerate(trackers):
-            runs = [r.series[name] for r in records if r.settings[TRACKER] == tracker]
-            mean = np.mean(runs, axis=0)
-            again = bool(i // len(LIGHT) % 2)  # the colours begin again
-            drawn.append(Curve(tracker, thresholds, mean, colour=colour(i), dashed=again))
-        figures.append(curves(title, Scale(x), Scale(y, low=0.0, high=1.02), drawn))
-    return figures
+    return [
+        curves(
+            title,
+            Scale(x),
+            Scale(y, low=0.0, high=1.02),
+            [
+                Curve(
+                    tracker,
+                    thresholds,
+                    _mean_curve(records, name, tracker),
+                    colour=colour(i),
+                    dashed=bool(i // len(LIGHT) % 2),  # the colours begin again
+                )
+                for i, tracker in enumerate(trackers)
+            ],
+        )
+        for title, (name, thresholds, x, y) in CURVES.items()
+    ]
+
+
+def _mean_curve(records: Sequence[Record], name: str, tracker: str) -> Array:
+    """Return the mean of a series over the runs of a tracker."""
+    return np.mean([r.series[name] for r in records if r.settings[TRACKER] == tracker], axis=0)
 
 
 def _mean(mean: Interval | None, units: int) -> str:
@@ -158,10 +173,17 @@ def _sheets(folder: Path, best: str) -> list[Block]:
     paths = sorted((folder / SHEETS).glob("*.png"))
     if not paths:
         return []
-    legend = f"The first seed of each sequence: truth white, {best} green."
-    text = [legend, *filter(None, [cut("sheets", paths, MOST_SHEETS)])]
-    pictures = [PageImage.read(path, path.stem, sheet=True) for path in paths[:MOST_SHEETS]]
-    return [Block("Contact sheets", text, pictures=pictures)]
+    text = [
+        f"The first seed of each sequence: truth white, {best} green.",
+        *filter(None, [cut("sheets", paths, MOST_SHEETS)]),
+    ]
+    return [
+        Block(
+            "Contact sheets",
+            text,
+            pictures=[PageImage.read(path, path.stem, sheet=True) for path in paths[:MOST_SHEETS]],
+        )
+    ]
 
 
 def _runs(runs: Sequence[Record]) -> Block:

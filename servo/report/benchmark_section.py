@@ -50,8 +50,9 @@ def section(folder: Path, study: StudyFile) -> Section:
     table = standings(rows) if rows else []
     if not table:
         return _unfinished(folder, study)
-    blocks = [*_failures(folder), again(study)]
-    return _section(benchmark, beside_published(benchmark, rows), folder, blocks)
+    return _section(
+        benchmark, beside_published(benchmark, rows), folder, [*_failures(folder), again(study)]
+    )
 
 
 def published_section(name: str) -> Section:
@@ -77,9 +78,15 @@ def _section(
         ours = list(groups) == [benchmark.rendering]
         facts.append(Fact("pictures", "the frozen ones" if ours else "others, see the tables"))
     verdict = Badge(f"first: {standings(next(iter(groups.values())))[0].name}", Tone.PLAIN)
-    every = [*blocks_of(benchmark, worlds, groups), *blocks]
-    title = folder.resolve().name
-    return Section("benchmark", title, benchmark.title, verdict, facts, every, str(folder))
+    return Section(
+        "benchmark",
+        folder.resolve().name,
+        benchmark.title,
+        verdict,
+        facts,
+        [*blocks_of(benchmark, worlds, groups), *blocks],
+        str(folder),
+    )
 
 
 def is_whole(benchmark: Benchmark, rows: Sequence[Row]) -> bool:
@@ -126,10 +133,14 @@ def _unfinished(folder: Path, study: StudyFile) -> Section:
         "scores once a contestant has run in all worlds."
     )
     table = Table(("contestant", "runs so far"), rows, range(1))
-    blocks = [Block("So far", [sentence], tables=[table]), *_failures(folder), again(study)]
-    verdict = Badge(progress, Tone.PLAIN)
     return Section(
-        "benchmark", folder.resolve().name, study.title, verdict, [], blocks, str(folder)
+        "benchmark",
+        folder.resolve().name,
+        study.title,
+        Badge(progress, Tone.PLAIN),
+        [],
+        [Block("So far", [sentence], tables=[table]), *_failures(folder), again(study)],
+        str(folder),
     )
 
 
@@ -150,12 +161,18 @@ def blocks_of(
         after = f", pictures {rendering}" if other else ""
         table = standings(rows)
         is_loop = benchmark.score == "held"
-        first = _curves(rows, table) if is_loop else _sizes(benchmark, worlds, table)
-        figures = [first, _conditions(benchmark, table)]
+        figures = [
+            _curves(rows, table) if is_loop else _sizes(benchmark, worlds, table),
+            _conditions(benchmark, table),
+        ]
         text = list(filter(None, [difficulty_of(rows)]))
-        shown = [standings_table(benchmark, rows)]
         found += [
-            Block(f"Contestants{after}", text, tables=shown, figures=figures),
+            Block(
+                f"Contestants{after}",
+                text,
+                tables=[standings_table(benchmark, rows)],
+                figures=figures,
+            ),
             Block(f"What the worlds do{after}", tables=[_effects(worlds, table)]),
         ]
     return found
@@ -166,25 +183,20 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
     best score first.
     """
     is_loop = benchmark.score == "held"
-    head = ["contestant", "division", "score", "held" if is_loop else "arrived", "rank", "P"]
-    head += ["slowest"] if is_loop else list(COLUMNS)
-    found = list[list[str]]()
+    head = ("contestant", "division", "score", "held" if is_loop else "arrived", "rank", "P")
     table = standings(rows)
-    for standing in table:
-        row = standing.row
-        cells = [
+    found = [
+        [
             standing.name,
-            row.division.lower(),
+            standing.row.division.lower(),
             spread(standing.score),
             f"{100 * standing.held.value:.0f} %",
             "-".join(map(str, sorted({standing.first, standing.last}))),
             f"{standing.beats_next:.2f}",
+            *map(shown, [standing.slowest] if is_loop else _columns(standing.row)),
         ]
-        if is_loop:
-            cells.append(shown(standing.slowest))
-        else:
-            cells += [shown(row.measures.get(name)) for name in COLUMNS.values()]
-        found.append(cells)
+        for standing in table
+    ]
     note = (
         "Score: 0 where the camera stands still, "
         + ("100 for the truth; " if is_loop else "100 where each world is reached; ")
@@ -193,7 +205,13 @@ def standings_table(benchmark: Benchmark, rows: Sequence[Row]) -> Table:
     if is_loop:
         note += f" Slowest [ms]: a dash where no more worlds are held than by {FROZEN}."
     home = [i for i, standing in enumerate(table) if is_home(standing.row)]
-    return Table(head, found, range(2), note, home if len(home) < len(table) else ())
+    columns = ["slowest"] if is_loop else COLUMNS
+    return Table([*head, *columns], found, range(2), note, home if len(home) < len(table) else ())
+
+
+def _columns(row: Row) -> list[float | None]:
+    """Return the measures of a law's row in its table."""
+    return [row.measures.get(name) for name in COLUMNS.values()]
 
 
 def is_home(row: Row) -> bool:
@@ -224,9 +242,13 @@ def _curves(rows: Sequence[Row], table: Sequence[Standing]) -> Figure:
     drawn, note = _drawn(table, TAUS, lambda row: np.array(row.curve))
     scale = [row for row in rows if row.division == Division.SCALE.name]
     drawn += [Curve(row.contestant, TAUS, np.array(row.curve), dashed=True) for row in scale]
-    x = Scale("distance from the goal [target sizes]")
-    y = Scale("share", low=0.0, high=1.0)
-    return curves("Share of the time within", x, y, drawn, note=note)
+    return curves(
+        "Share of the time within",
+        Scale("distance from the goal [target sizes]"),
+        Scale("share", low=0.0, high=1.0),
+        drawn,
+        note=note,
+    )
 
 
 def _drawn(
@@ -257,8 +279,9 @@ def _conditions(benchmark: Benchmark, table: Sequence[Standing]) -> Figure:
         "In points of all worlds: where standing still costs less than elsewhere, there is less "
         "to win, and where it costs more, more than 100."
     )
-    labels = [s.name for s in upwards]
-    return heat(title, "", "", names, labels, values, limits=(0.0, 100.0), note=note)
+    return heat(
+        title, "", "", names, [s.name for s in upwards], values, limits=(0.0, 100.0), note=note
+    )
 
 
 def _sizes(benchmark: Benchmark, worlds: Sequence[World], table: Sequence[Standing]) -> Figure:
@@ -268,20 +291,26 @@ def _sizes(benchmark: Benchmark, worlds: Sequence[World], table: Sequence[Standi
     parts = min(PARTS, sum(w.condition == worlds[0].condition for w in worlds))
 
     def shares(row: Row) -> Array:
-        of = [by_size(row, worlds, c.name, parts) for c in benchmark.conditions]
-        return np.mean(of, axis=0)
+        return np.mean([by_size(row, worlds, c.name, parts) for c in benchmark.conditions], axis=0)
 
     drawn, grey = _drawn(table, (np.arange(parts) + 0.5) / parts, shares)
     note = f"Mean of all conditions; each is cut into {parts} parts by the size of its task. {grey}"
-    size = Scale("size of the task, as a rank in its condition", low=0.0, high=1.0)
-    y = Scale("share of the worlds reached", low=0.0, high=1.02)
-    return curves("Reached, by the size of the task", size, y, drawn, note=note.strip())
+    return curves(
+        "Reached, by the size of the task",
+        Scale("size of the task, as a rank in its condition", low=0.0, high=1.0),
+        Scale("share of the worlds reached", low=0.0, high=1.02),
+        drawn,
+        note=note.strip(),
+    )
 
 
 def _effects(worlds: Sequence[World], table: Sequence[Standing]) -> Table:
-    rows = [[e.factor, e.level, spread(e.points)] for e in effects(worlds, table)]
-    note = "Points, mean of all contestants, with 95 % intervals over worlds."
-    return Table(("factor", "level", "points"), rows, range(2), note)
+    return Table(
+        ("factor", "level", "points"),
+        [[e.factor, e.level, spread(e.points)] for e in effects(worlds, table)],
+        range(2),
+        "Points, mean of all contestants, with 95 % intervals over worlds.",
+    )
 
 
 def _failures(folder: Path) -> list[Block]:

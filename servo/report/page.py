@@ -197,8 +197,9 @@ def template(name: str, **filters: Callable[[str], str]) -> Template:
         autoescape=".html" in name, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters.update(filters)
-    text = resources.files("servo.report").joinpath(name).read_text(encoding="utf-8")
-    return environment.from_string(text)
+    return environment.from_string(
+        resources.files("servo.report").joinpath(name).read_text(encoding="utf-8")
+    )
 
 
 def render(sections: Sequence[Section]) -> str:

@@ -28,8 +28,9 @@ def section(folder: Path) -> Section:
             "quick" if papers.quick else "full",
             "one seed of each: the numbers mean little" if papers.quick else "",
         ),
-        *_other_seeds(papers),
     ]
+    if papers.first_seed is not None:
+        facts.append(Fact("first seed", str(papers.first_seed), "not the registered seeds"))
     rows = [
         [name, _badge(name, c), c.says, _effect(c), c.measured] for name, c in papers.claims.items()
     ]
@@ -39,16 +40,15 @@ def section(folder: Path) -> Section:
         *(_claim(folder, name, claim) for name, claim in papers.claims.items()),
         again(papers),
     ]
-    lead = "Claims of the three papers, tested again."
-    return Section("papers", folder.resolve().name, lead, verdict, facts, blocks, str(folder))
-
-
-def _other_seeds(papers: PapersReport) -> list[Fact]:
-    """Return a list with the first seed as a fact of the report, if it is not the registered one;
-    else an empty list.
-    """
-    first = papers.first_seed
-    return [] if first is None else [Fact("first seed", str(first), "not the registered seeds")]
+    return Section(
+        "papers",
+        folder.resolve().name,
+        "Claims of the three papers, tested again.",
+        verdict,
+        facts,
+        blocks,
+        str(folder),
+    )
 
 
 def _claim(folder: Path, name: str, claim: Judged) -> Block:
@@ -62,8 +62,12 @@ def _claim(folder: Path, name: str, claim: Judged) -> Block:
         f"Measured: {claim.measured}.",
         f"Effect: {_effect(claim)}.",
     ]
-    tables = [Table(head, rows)] if head else []
-    return Block(f"{name}: {marked(name, claim.finding)}", text, tables=tables, pictures=pictures)
+    return Block(
+        f"{name}: {marked(name, claim.finding)}",
+        text,
+        tables=[Table(head, rows)] if head else [],
+        pictures=pictures,
+    )
 
 
 def _badge(name: str, claim: Judged) -> Badge:

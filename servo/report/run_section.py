@@ -13,15 +13,14 @@ from servo.loop.run_measures import Outcome
 from servo.loop.settings import DOES_NOT_REPEAT
 from servo.mistake import Mistake
 from servo.output.formats import HALF, check_format, content
-from servo.output.run_curves import Motion, RunCurves
+from servo.output.run_curves import RunCurves
 from servo.output.run_folder import RECORDING
 from servo.output.steps_table import FORMAT, STREAM, TABLE
-from servo.report.charts import ERROR_RANGE, INK, Curve, Scale, Shade, colour, curves
+from servo.report.charts import ERROR_RANGE, INK, Curve, Scale, colour, curves
 from servo.report.page import Block, Fact, Figure, PageImage, Section, again
 from servo.report.words import Badge, Table, Tone, shown
 from servo.study.bounds import missed_lines
 from servo.study.run_report import RunReport
-from sim.types import Array
 from tracking.drawing.contact_sheet import page, tile
 from tracking.drawing.picture_bytes import encoded
 from tracking.sequences.sources import Picture as Shown
@@ -31,6 +30,8 @@ OUTCOME = Measure("outcome", "", "how the run ended")
 """The line of the outcome in the table of measures."""
 KEY_MEASURES = ("servo_rms_px", "servo_peak_px", "tracking_rms_px", "settle_s", "lost_pct")
 TIME = Scale("time [s]")
+INKS = {"measured": colour(3), "estimated": colour(2), "true": INK}
+"""Colours of the lines of the target's motion."""
 SHADED = "Shaded: the tracker was not sure of the target, or the frame was dropped."
 
 
@@ -99,38 +100,34 @@ def _bounds(run: RunReport) -> Block:
         text.append(f"{DOES_NOT_REPEAT}.")
     if run.uncertain:
         text.append(f"{run.uncertain}.")
-    table = Table(head, rows, words=(0, 2, 4, 5))
-    return Block("Measures and bounds", text, missed_lines(run.missed, run.measures), [table])
+    return Block(
+        "Measures and bounds",
+        text,
+        missed_lines(run.missed, run.measures),
+        [Table(head, rows, words=(0, 2, 4, 5))],
+    )
 
 
 def _figures(folder: Path, run: RunReport) -> list[Figure]:
     path = folder / TABLE
-    run_curves = RunCurves(_steps(path), run.features, run.feed_forward, str(path))
-    time = run_curves["time_s"]
-    unsure = run_curves.unsure
-    shaded = (time, unsure)
-    distances = [
-        Curve("true centre to goal", time, run_curves["servo_error_px"], colour=colour(0)),
-        Curve("estimate to true centre", time, run_curves["tracking_error_px"], colour=colour(1)),
-    ]
-    errors = [
-        Curve(f"{name} [{unit}]", time, run_curves.error(name), colour=colour(i))
-        for i, (name, unit) in enumerate(run.features.items())
-    ]
-    figures = [
+    read = RunCurves(_steps(path), run.features, run.feed_forward, str(path))
+    time = read["time_s"]
+    shown = [read.distances(), read.errors(), *map(read.motion, read.moving)]
+    note = SHADED if read.unsure.any() else ""
+    return [
         curves(
-            "Distance from goal, and of the estimate",
+            panel.title,
             TIME,
-            Scale("distance [px]", low=0, log_from=ERROR_RANGE),
-            distances,
-            shaded=shaded,
-            note=SHADED if unsure.any() else "",
-        ),
-        curves("Feature errors", TIME, Scale("s - s*"), errors, shaded=shaded),
+            Scale(panel.axis, panel.low, panel.high, ERROR_RANGE if i == 0 else None),
+            [
+                Curve(name, time, values, colour=INKS.get(name, colour(k)), dashed=name == "true")
+                for k, (name, values) in enumerate(panel.lines.items())
+            ],
+            shaded=(time, read.unsure),
+            note=note * (i == 0),
+        )
+        for i, panel in enumerate(shown)
     ]
-    for name in run_curves.moving:
-        figures.append(_motion(name, run.features[name], time, run_curves.motion(name), shaded))
-    return figures
 
 
 def _steps(path: Path) -> pa.Table:
@@ -147,25 +144,6 @@ def _steps(path: Path) -> pa.Table:
     written = (found.schema.metadata or {}).get(b"format", b"").decode(errors="replace")
     check_format(path, int(written) if written.isdecimal() else written or None, FORMAT)
     return found
-
-
-def _motion(name: str, unit: str, time: Array, motion: Motion, shaded: Shade) -> Figure:
-    """Return the figure of the target's own motion as the rate of one feature over n frames.
-
-    Args:
-        name: Name of the feature.
-        unit: Unit of the feature.
-        time: Times (n,) [s].
-        motion: Measured, estimated and true rate (n,) [unit/s].
-        shaded: Times and flags; the figure is shaded where the flags are true.
-    """
-    drawn = [
-        Curve("measured", time, motion.measured, colour=colour(3)),
-        Curve("estimated", time, motion.estimated, colour=colour(2)),
-        Curve("true", time, motion.true, colour=INK, dashed=True),
-    ]
-    rate = Scale(f"d{name}/dt [{unit}/s]", *motion.limits)
-    return curves(f"The target's own motion: {name}", TIME, rate, drawn, shaded=shaded)
 
 
 def _pictures(folder: Path) -> Block:

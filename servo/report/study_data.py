@@ -66,12 +66,6 @@ class StudyResults:
         """
         return Units.of(rows, self.axes, bool(self.plan.draws))
 
-    def planned(self, key: str | None) -> int:
-        """Return how many runs the study plans for each value of an axis; for None, how many in
-        all.
-        """
-        return self.plan.runs // (1 if key is None else len(self.axes[key]))
-
     def groups(self, key: str | None) -> dict[str, list[Row]]:
         """Return the rows of the runs, by the values of an axis in their order; all in one group if
         `key` is None. A value whose runs have all failed has an empty group.

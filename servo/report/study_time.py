@@ -2,8 +2,9 @@
 time, and errors against the axes.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +30,8 @@ from sim.types import Array
 
 TIMES = 200
 """Points in time of a curve."""
-BAND = (10, 50, 90)
-"""Percentiles of the lower edge, the line and the upper edge of a band."""
+BAND = (50, 10, 90)
+"""Percentiles of the line, and of the lower and the upper edge of a band."""
 ROUNDING = 1e-3
 """Largest difference of two ends that count as equal [s]: times are stored with seven digits."""
 SETTLED = 1.0
@@ -46,6 +47,12 @@ COLOURED = 8.0
 """Errors that differ by more than this factor are coloured on a logarithmic scale."""
 AVERAGED = "Mean over all else, with its 95 % interval over"
 ON_TARGET = "on_target"
+NEVER_OFF = (
+    "Runs whose estimate was never off the target after the first second: this is the tracker's "
+    "error, not the camera's."
+)
+Values = tuple[Array, ...]
+"""Times (n,) [s] and values (n,), with the edges of a band (n,) if there is one."""
 DISTANCES = {
     "servo_error_px": "Distance from the goal",
     "tracking_error_px": "Error of the tracker",
@@ -80,13 +87,37 @@ def _over_time(study: StudyResults, where: str, note: str) -> list[Figure]:
     found = {name: series for name, series in groups.items() if series}
     shown = dict(list(found.items())[:MOST_SERIES])
     note = f"{note} {cut(f'values of {study.compared}', list(found), MOST_SERIES) or ''}".strip()
-    drawn = [_errors(shown, name, title + where, note) for name, title in DISTANCES.items()]
-    return [figure for figure in (*drawn, _survival(shown, where, note)) if figure is not None]
+    distance = Scale("distance [px]", low=0, log_from=ERROR_RANGE)
+    asked: list[tuple[str, Scale, Callable[[Sequence[Series]], Values | None], str]] = [
+        *(
+            (title, distance, partial(band, name=name), "Median and 10 to 90 % of the runs.")
+            for name, title in DISTANCES.items()
+        ),
+        ("Still on target", Scale("share of runs", 0, 1.02), survival, NEVER_OFF),
+    ]
+    drawn = ((title, scale, _lines(shown, of), about) for title, scale, of, about in asked)
+    return [
+        curves(title + where, Scale("time [s]"), scale, lines, note=f"{about} {note}")
+        for title, scale, lines, about in drawn
+        if lines
+    ]
 
 
-def band(runs: Sequence[Series], name: str) -> tuple[Array, Array] | None:
-    """Return times (n,) [s], and the 10th, 50th and 90th percentile (3, n) of a series over the
-    runs that last until each time; None if no run has the series.
+def _lines(
+    groups: Mapping[str, Sequence[Series]], of: Callable[[Sequence[Series]], Values | None]
+) -> list[Curve]:
+    """Return a curve for each group of runs that has values."""
+    found = [(label, of(series)) for label, series in groups.items()]
+    return [
+        Curve(label, *values, colour=colour(i))
+        for i, (label, values) in enumerate(found)
+        if values is not None
+    ]
+
+
+def band(runs: Sequence[Series], name: str) -> Values | None:
+    """Return times (n,) [s], and the 50th, 10th and 90th percentile (n,) of a series over the runs
+    that last until each time; None if no run has the series.
     """
     having = [run for run in runs if name in run and np.isfinite(run[name]).any()]
     if not having:
@@ -99,10 +130,11 @@ def band(runs: Sequence[Series], name: str) -> tuple[Array, Array] | None:
             for run, at in zip(having, known, strict=True)
         ]
     )
-    return times, np.nanpercentile(np.where(lasting, every, np.nan), BAND, axis=0)
+    middle, low, high = np.nanpercentile(np.where(lasting, every, np.nan), BAND, axis=0)
+    return times, middle, low, high
 
 
-def survival(runs: Sequence[Series]) -> tuple[Array, Array] | None:
+def survival(runs: Sequence[Series]) -> Values | None:
     """Return times (n,) [s], and at each the share (n,) of the runs that last until then and whose
     tracker was never off the target since the first second; None if no run has the series
     "on_target".
@@ -125,37 +157,6 @@ def _lasting(runs: Sequence[Series]) -> tuple[Array, NDArray[np.bool_]]:
     return times, ends[:, None] + ROUNDING >= times
 
 
-def _errors(groups: dict[str, list[Series]], name: str, title: str, note: str) -> Figure | None:
-    drawn: list[Curve] = []
-    for i, (label, series) in enumerate(groups.items()):
-        found = band(series, name)
-        if found is not None:
-            times, (low, middle, high) = found
-            drawn.append(Curve(label, times, middle, low, high, colour(i)))
-    if not drawn:
-        return None
-    distance = Scale("distance [px]", low=0, log_from=ERROR_RANGE)
-    note = f"Median and 10 to 90 % of the runs. {note}"
-    return curves(title, Scale("time [s]"), distance, drawn, note=note)
-
-
-def _survival(groups: dict[str, list[Series]], where: str, note: str) -> Figure | None:
-    found = {label: survival(series) for label, series in groups.items()}
-    drawn = [
-        Curve(label, *curve, colour=colour(i))
-        for i, (label, curve) in enumerate(found.items())
-        if curve is not None
-    ]
-    if not drawn:
-        return None
-    share = Scale("share of runs", 0, 1.02)
-    note = (
-        "Runs whose estimate was never off the target after the first second: this is the "
-        f"tracker's error, not the camera's. {note}"
-    )
-    return curves(f"Still on target{where}", Scale("time [s]"), share, drawn, note=note)
-
-
 def against(study: StudyResults) -> list[Figure]:
     """Return figures of error and success rate against each axis of numbers; each value of the
     compared axis has a colour.
@@ -174,8 +175,9 @@ def against(study: StudyResults) -> list[Figure]:
             drawn = [curve for curve in drawn if len(curve.x)]
             if drawn:
                 over = study.units(study.rows)
-                said = f"{AVERAGED} {len(over.rows)} {over.name}s. {note}"
-                found.append(_against(key, name, drawn, said))
+                found.append(
+                    _against(key, name, drawn, f"{AVERAGED} {len(over.rows)} {over.name}s. {note}")
+                )
     return found
 
 
@@ -208,8 +210,9 @@ def heat_maps(study: StudyResults) -> list[Figure]:
     error = grid(lambda cell: median(cell, ERROR))
     drawn = [charts.heat("Success rate", x, y, *named, rate, limits=(0, 1), note=note)]
     if np.isfinite(error).any():
-        title = f"Median error, {ERROR}"
-        drawn.append(charts.heat(title, x, y, *named, error, log_from=COLOURED, note=note))
+        drawn.append(
+            charts.heat(f"Median error, {ERROR}", x, y, *named, error, log_from=COLOURED, note=note)
+        )
     return drawn
 
 
@@ -232,9 +235,13 @@ def _against(key: str, name: str, drawn: list[Curve], note: str) -> Figure:
             f"Success against {key}", across, Scale("success rate", -0.02, 1.02), drawn, note=note
         )
     measure = MEASURES[name]
-    along = Scale(f"error [{measure.unit}]", low=0, log_from=ERROR_RANGE)
-    title = f"Error against {key}: {measure.meaning}"
-    return charts.curves(title, across, along, drawn, note=note)
+    return charts.curves(
+        f"Error against {key}: {measure.meaning}",
+        across,
+        Scale(f"error [{measure.unit}]", low=0, log_from=ERROR_RANGE),
+        drawn,
+        note=note,
+    )
 
 
 def _numeric(values: list[object]) -> bool:

@@ -3,8 +3,8 @@ share.
 """
 
 import dataclasses
-import functools
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -20,19 +20,21 @@ DRAWS = "the second time; draw random numbers from the generator given to build(
 REMEMBERS = "a second start did not forget the first; reset in start all that a run changes"
 
 
-def contract(check: Callable[..., None]) -> Callable[..., None]:
-    """Decorate a check: an exception that the tested component raises becomes `BrokenContract`."""
+@contextmanager
+def raising(what: str) -> Generator[None]:
+    """Raise an exception of the tested component in the block, or in a decorated function, again as
+    `BrokenContract`; `what` begins the sentence, such as "the component raised".
+    """
+    try:
+        yield
+    except BrokenContract:
+        raise
+    except (Exception, SystemExit) as error:
+        raise BrokenContract(f"{what} {type(error).__name__}: {error}") from error
 
-    @functools.wraps(check)
-    def checked(*part: object, **more: object) -> None:
-        try:
-            check(*part, **more)
-        except BrokenContract:
-            raise
-        except (Exception, SystemExit) as error:
-            raise BrokenContract(f"the component raised {type(error).__name__}: {error}") from error
 
-    return checked
+contract = raising("the component raised")
+"""Decorator of a check: an exception that the tested component raises becomes `BrokenContract`."""
 
 
 def config_of(place: str, part: object) -> Any:

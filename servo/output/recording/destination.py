@@ -7,7 +7,7 @@ import inspect
 import shutil
 from abc import ABC, abstractmethod
 from pathlib import Path
-from typing import Protocol, final
+from typing import final
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -21,27 +21,6 @@ FULL = 1 << 16
 """A disk with less free space counts as full [bytes]."""
 ROOM = 1 << 18
 """Free space that a recording needs when it begins [bytes]."""
-
-
-class Recording(Protocol):
-    """Protocol of the destination of a Rerun recording: a file, a notebook or a viewer."""
-
-    def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Open the destination, with a layout for the viewer; return the stream to log to."""
-        ...
-
-    def flush(self) -> None:
-        """Wait until all logged data has arrived at the destination.
-
-        Raises:
-            Refused: The data does not arrive, such as on a full disk.
-        """
-
-    def close(self) -> None:
-        """Send the last data, and end the recording; raise the errors of `flush`."""
-
-    def abandon(self) -> None:
-        """Give the recording up after an error, at once: data may be lost."""
 
 
 def new_stream(app: str, name: str | None) -> rr.RecordingStream:
@@ -59,14 +38,18 @@ def new_stream(app: str, name: str | None) -> rr.RecordingStream:
     return stream
 
 
-class SentRecording(ABC):
-    """Base class of destinations to which data is sent while it is logged: files and servers."""
+class Recording(ABC):
+    """Base class of the destinations of a Rerun recording: a file, a notebook or a viewer."""
 
     _stream: rr.RecordingStream
 
     @abstractmethod
+    def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
+        """Open the destination, with a layout for the viewer; return the stream to log to."""
+
     def refusal(self) -> Refused:
         """Return the error to raise when logged data does not arrive in time."""
+        return Refused("Rerun takes no more data; run the command again")
 
     def flush(self) -> None:
         """Wait until all logged data has arrived.
@@ -93,7 +76,7 @@ class SentRecording(ABC):
 
 
 @final
-class RecordingFile(SentRecording):
+class RecordingFile(Recording):
     """A recording in a file (.rrd); viewers show the name of the file's folder."""
 
     def __init__(self, path: Path) -> None:
@@ -135,7 +118,7 @@ def footer_is_optional() -> bool:
     return "write_footer" in inspect.signature(rr.save).parameters
 
 
-class NotebookRecording:
+class NotebookRecording(Recording):
     """A recording in memory, which a notebook displays when the recording is complete."""
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:

@@ -18,8 +18,8 @@ import rerun.blueprint as rrb
 import rerun_cli
 
 from servo.mistake import Mistake, Refused
-from servo.output.display import has_display
-from servo.output.recording.destination import SentRecording, new_stream
+from servo.output.local_page import has_display
+from servo.output.recording.destination import Recording, new_stream
 
 HOST = "127.0.0.1"
 EVERY = 0.02
@@ -42,7 +42,7 @@ PROGRAM = str(Path(rerun_cli.__file__).parent / f"rerun{'.exe' * (sys.platform =
 
 
 @final
-class LiveViewer(SentRecording):
+class LiveViewer(Recording):
     """Rerun's server of one recording, and a viewer that is connected to it."""
 
     def __init__(self, *, web: bool, port: int, recording: Path | None = None) -> None:
@@ -60,7 +60,8 @@ class LiveViewer(SentRecording):
         if not web and not has_display():
             raise Mistake("there is no display here: use --live --web to watch in a browser")
         ports = [port, port + 1] if web else [port]
-        _check_free(ports, port)
+        for taken in filter(_listens, ports):
+            raise Mistake(f"--port {port}: port {taken} is in use; choose another one with --port")
         self.source = f"rerun+http://{HOST}:{port}/proxy"
         self.page = f"http://{HOST}:{port + 1}/?url={quote(self.source, safe='')}" if web else None
         more = ["--serve-web", "--web-viewer-port", str(port + 1)] if web else ["--serve-grpc"]
@@ -119,18 +120,6 @@ def _start_rerun(*words: str) -> subprocess.Popen[bytes]:
         stderr=subprocess.DEVNULL,
         start_new_session=True,  # Ctrl-C is for us: the last pictures are still to be sent
     )
-
-
-def _check_free(ports: list[int], first: int) -> None:
-    for port in ports:
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((HOST, port))
-            except OSError:
-                raise Mistake(
-                    f"--port {first}: port {port} is in use; choose another one with --port"
-                ) from None
 
 
 def _listens(port: int) -> bool:

@@ -9,8 +9,8 @@ from pathlib import Path
 from rerun.experimental import ViewerClient
 
 from servo.closing import closing
-from servo.mistake import Mistake, as_mistake, check_suffix
-from servo.output.display import has_display
+from servo.mistake import Mistake, as_mistake
+from servo.output.local_page import has_display
 from servo.output.recording.live import HOST, PROGRAM
 from sim.files import reading
 from sim.stderr import silent_libraries
@@ -73,9 +73,6 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
     Raises:
         Mistake: The viewer cannot start, has no such panel, or does not show the recording.
     """
-    check_suffix(png, ".png")
-    if not png.absolute().parent.is_dir():
-        raise Mistake(f"{png}: there is no folder {png.parent}: make it first")
     try:
         with _viewer() as viewer:
             viewer.open(str(path.resolve()))

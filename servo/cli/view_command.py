@@ -1,0 +1,49 @@
+"""The command `servobench view`: open a recording in the Rerun viewer, or draw a PNG."""
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+from servo.cli.options import PORT
+from servo.cli.outputs import announce, check_place, linger
+from servo.mistake import Mistake
+from servo.output.recording import view
+from servo.output.recording.live import LiveViewer
+
+
+def run(
+    recording: Path, web: bool, port: int | None, png: Path | None, at: float, panel: str | None
+) -> int | None:
+    """Show a recording in Rerun's window, in a browser or as a picture.
+
+    Args:
+        recording: A run's folder, or an .rrd file.
+        web: Whether to show it in a browser.
+        port: TCP port of the data, with `web`.
+        png: A PNG file to draw instead.
+        at: Simulated time that the picture shows [s].
+        panel: Entity of the only panel to draw; None: the whole viewer.
+
+    Returns:
+        The exit code of Rerun's window.
+
+    Raises:
+        Mistake: The file is no recording, an option has no effect, or a port is in use.
+        Refused: The viewer's server does not start, or has ended.
+    """
+    if port is not None and not web:
+        raise Mistake("--port has no effect without --web: add --web")
+    path = view.recording_in(recording) if recording.is_dir() else recording
+    view.check(path)
+    if png is not None:
+        check_place(png, ".png")
+        view.picture(path, png, at, panel)
+        click.echo(png)
+        return None
+    if not web:
+        return view.show(path)
+    viewer = LiveViewer(web=True, port=port or PORT, recording=path)
+    announce(viewer, Console())
+    linger(viewer, Console())
+    return None
