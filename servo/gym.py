@@ -129,12 +129,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         self._reach = np.repeat(numbers(reach, "reach", 2), 3)[self._moves]
         if self._reach.min() < 0:
             raise Mistake(f"reach: expected speeds of at least 0, got {reach!r}")
-        self.metadata = {
-            "render_modes": [
-                m for m in self.metadata["render_modes"] if m != "human" or has_display()
-            ],
-            "render_fps": round(self._base.camera.rate),
-        }
+        modes = [m for m in self.metadata["render_modes"] if m != "human" or has_display()]
+        self.metadata = {"render_modes": modes, "render_fps": round(self._base.camera.rate)}
         self._error = np.zeros(self._features)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._moves),), np.float32)
         self._episode: Episode | None = None
@@ -152,18 +148,11 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
     def _space(self) -> spaces.Space[Any]:
         camera = self._base.camera
-        own = spaces.Box(
-            -LARGEST_FEATURE,
-            LARGEST_FEATURE,
-            (2 * self._features + len(DOF) + len(self._moves) + 1,),
-            np.float32,
-        )
+        length = 2 * self._features + len(DOF) + len(self._moves) + 1
+        own = spaces.Box(-LARGEST_FEATURE, LARGEST_FEATURE, (length,), np.float32)
         picture = spaces.Box(0, 255, (camera.height, camera.width, 3), np.uint8)
-        return {
-            "features": own,
-            "picture": picture,
-            "both": spaces.Dict({"features": own, "picture": picture}),
-        }[self._observation]
+        both = spaces.Dict({"features": own, "picture": picture})
+        return {"features": own, "picture": picture, "both": both}[self._observation]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, object] | None = None
@@ -239,12 +228,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             seed = given.pop("seed", seed)
             return load(name, overrides, seed, **given)
         base = self._base
-        return parse(
-            with_settings(base.table, {"run.seed": seed}, name),
-            base.name,
-            name,
-            own=own_parts(settings),
-        )
+        table = with_settings(base.table, {"run.seed": seed}, name)
+        return parse(table, base.name, name, own=own_parts(settings))
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, object]]:
         """Move the camera until the next picture, by the action or, with action="residual", by the

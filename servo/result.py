@@ -87,13 +87,8 @@ def simulate(
             pictures.append(encoded(step.frame.image, QUALITY))
             steps.append(replace(step, frame=step.light().frame))  # with its particles
             bar(len(steps), f"error {step.servo_error:.1f} px")
-    return Run(
-        scenario,
-        record_of(Job(0, LoadedScenario(scenario), scenario.run.seed), scenario, steps),
-        episode,
-        steps,
-        pictures,
-    )
+    record = record_of(Job(0, LoadedScenario(scenario), scenario.run.seed), scenario, steps)
+    return Run(scenario, record, episode, steps, pictures)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -125,10 +120,8 @@ class Run(Sequence[Step]):
         if isinstance(index, slice):
             return [self[i] for i in range(len(self))[index]]
         light = self._light[index]
-        image = np.asarray(
-            cv2.imdecode(np.frombuffer(self._pictures[index], np.uint8), cv2.IMREAD_COLOR_RGB),
-            np.uint8,
-        )
+        raw = np.frombuffer(self._pictures[index], np.uint8)
+        image = np.asarray(cv2.imdecode(raw, cv2.IMREAD_COLOR_RGB), np.uint8)
         return replace(light, frame=replace(light.frame, image=image))
 
     def __repr__(self) -> str:
@@ -351,9 +344,5 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         measures = moved(self._cells)
-        return notebook.html_table(
-            Table(
-                (*self.study.keys, "units", "success", *measures),
-                [cell_row(cell, measures) for cell in self._cells],
-            )
-        )
+        rows = [cell_row(cell, measures) for cell in self._cells]
+        return notebook.html_table(Table((*self.study.keys, "units", "success", *measures), rows))

@@ -120,12 +120,8 @@ def run(
             try:
                 scenario = load(name, changes, s)
             except Mistake as mistake:
-                _write(
-                    [_entry(name, s, again, str(mistake))],
-                    junit,
-                    json,
-                    command_line("check", *scenarios, set=list(changes)),
-                )
+                refused = _entry(name, s, again, str(mistake))
+                _write([refused], junit, json, command_line("check", *scenarios, set=list(changes)))
                 raise
             jobs.append(Job(len(jobs), LoadedScenario(scenario), s, command=again))
             ended(name)
@@ -253,9 +249,8 @@ def _table(ends: Sequence[End]) -> Table:
     for job, record in ends:
         scenario = _scenario(job)
         if isinstance(record, Failure):
-            cells.append(
-                [job.subject.name, str(job.seed), Badge.of(False, "failed"), "", "", "", "", ""]
-            )
+            failed = Badge.of(False, "failed")
+            cells.append([job.subject.name, str(job.seed), failed, "", "", "", "", ""])
             continue
         bounds = len(scenario.expect)
         kept = f"{bounds - len(record.missed)} of {bounds}"
@@ -272,11 +267,8 @@ def _table(ends: Sequence[End]) -> Table:
                 f"{record.seconds:.1f} s",
             ]
         )
-    return Table(
-        ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time"),
-        cells,
-        words=(0, 2, 6),
-    )
+    head = ("scenario", "seed", "outcome", "rms px", "peak", "tracker", "bounds", "time")
+    return Table(head, cells, words=(0, 2, 6))
 
 
 def _junit(runs: list[Entry], shares: Sequence[DrawnShare], command: str) -> str:
@@ -288,12 +280,8 @@ def _junit(runs: list[Entry], shares: Sequence[DrawnShare], command: str) -> str
     suite = ElementTree.Element("testsuite", name="servobench check", tests=str(len(names)))
     for name, run in zip(names, runs + of_shares, strict=True):
         scenario = one_line(run["scenario"])
-        case = ElementTree.SubElement(
-            suite,
-            "testcase",
-            {"classname": f"servobench.{scenario}", "name": f"{scenario}, {name}"},
-            time=f"{run['seconds']:.3f}",
-        )
+        described = {"classname": f"servobench.{scenario}", "name": f"{scenario}, {name}"}
+        case = ElementTree.SubElement(suite, "testcase", described, time=f"{run['seconds']:.3f}")
         message = run["failed"] or "; ".join(map(str, run["missed"]))
         if run["unjudged"]:
             ElementTree.SubElement(case, "skipped", message=one_line(run["unjudged"]))

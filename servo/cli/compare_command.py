@@ -72,13 +72,8 @@ def run(
     """
     parts = {"tracker": tracker, "controller": controller, "estimator": estimator}
     folder = out or Path("runs") / "compare"
-    study = study_of(
-        scenarios,
-        variants_of(parts, set_of),
-        [*changes, *[MEASURED] * measured],
-        seeds,
-        folder.name,
-    )
+    every = [*changes, *[MEASURED] * measured]
+    study = study_of(scenarios, variants_of(parts, set_of), every, seeds, folder.name)
     columns = None if measures is None else measures_of(measures)
     if scheduler is None:
         gl.is_there()
@@ -133,13 +128,8 @@ def study_of(
         "named": {AXIS: dict(variants)},
         "compare": AXIS,
     }
-    return parsed(
-        table,
-        changes,
-        Path(f"{name}.toml"),
-        "compare",
-        f"Variants compared in {', '.join(scenarios)}.",
-    )
+    title = f"Variants compared in {', '.join(scenarios)}."
+    return parsed(table, changes, Path(f"{name}.toml"), "compare", title)
 
 
 def variants_of(parts: Mapping[str, Sequence[str]], set_of: Sequence[str]) -> dict[str, Settings]:

@@ -65,11 +65,8 @@ def run(
     folder = out or Path("runs") / f"evaluate-{title}"
     command = command_line("evaluate", suite, trackers=trackers, seeds=seeds)
     if suite == suites.CLOSED_LOOP:
-        study = load(
-            suite,
-            seeds=seeds,
-            trackers=None if trackers is None else suites.tracker_tables(trackers),
-        )
+        chosen = None if trackers is None else suites.tracker_tables(trackers)
+        study = load(suite, seeds=seeds, trackers=chosen)
         gl.is_there()
         return run_study(study, command, Workers(workers), folder, console, dry_run=dry_run)
     subjects = subjects_of(suite, trackers)
@@ -102,7 +99,8 @@ def run(
     with Workers(workers) as pool, opened(folder, described) as store:
         store.find(jobs)
         _forget_lost_tracks(jobs, store)
-        failed = complete_jobs(jobs, store, pool, console, f"evaluate {title}", go_on(command, out))
+        again = go_on(command, out)
+        failed = complete_jobs(jobs, store, pool, console, f"evaluate {title}", again)
         records = store.records(jobs)
         if records:
             ranks = ranking.ranked(records)
@@ -196,9 +194,6 @@ def _sheets(subjects: Sequence[TrackedSequence], best: str, folder: Path) -> Pat
             found = None  # where the run of this seed has failed
             with suppress(ValueError):
                 found = read_track(subject.track_path(folder, 0)).corners
-            atomic.write(
-                place,
-                f"{sequence.name}.png",
-                encoded(sheet(sequence.source, sequence.truth, found)),
-            )
+            picture = sheet(sequence.source, sequence.truth, found)
+            atomic.write(place, f"{sequence.name}.png", encoded(picture))
     return place

@@ -47,7 +47,8 @@ def _scenario(given: str) -> Scenario:
     `servobench run` in a text.
     """
     if given and Path(given).is_dir():
-        given = RunReport.read(Path(given) / RunReport.FILE).command.removeprefix("servobench run ")
+        report = RunReport.read(Path(given) / RunReport.FILE)
+        given = report.command.removeprefix("servobench run ")
     try:
         words = shlex.split(given)
     except ValueError as error:

@@ -155,9 +155,8 @@ def complete_jobs(
     except KeyboardInterrupt as cause:
         stop(cause, f"{len(store.done)} of {len(jobs)} runs are finished; {again}")
     except ClusterLost as lost:
-        raise (Refused if workers.scheduler is None else Mistake)(
-            f"{lost}; {len(store.done)} of {len(jobs)} runs are finished; {again}"
-        ) from None
+        sentence = f"{lost}; {len(store.done)} of {len(jobs)} runs are finished; {again}"
+        raise (Refused if workers.scheduler is None else Mistake)(sentence) from None
     for reason, paths in alike.items():
         more = f" (the first of {len(paths)} such runs)" if len(paths) > 1 else ""
         kept = next(filter(Path.exists, paths), paths[0].parent)

@@ -107,11 +107,8 @@ def _show_kind(part: str, kind: str) -> None:
     from servo.scenario.fill import form  # it takes time to import
 
     folder = FOLDERS[part]
-    _show_settings(
-        f'{part}.kind = "{kind}"',
-        folder.summary(kind),
-        settings_rows(part, form(folder.config_of(kind), described=True)),
-    )
+    settings = settings_rows(part, form(folder.config_of(kind), described=True))
+    _show_settings(f'{part}.kind = "{kind}"', folder.summary(kind), settings)
     for name, changed in folder.presets(kind).items():
         changes = ", ".join(f"{key} = {value}" for key, value in changed.items())
         Console().print(f'[bold]preset = "{name}"[/]  {escape(changes)}', highlight=False)
@@ -168,11 +165,6 @@ def settings_rows(prefix: str, settings: type[BaseModel]) -> list[tuple[str, str
         if hasattr(default, "model_fields_set"):  # a table inside the table
             rows += settings_rows(f"{prefix}.{name}", type(default))
         else:
-            rows.append(
-                (
-                    f"{prefix}.{name}",
-                    str(default.value if isinstance(default, Enum) else default),
-                    field.description or "",
-                )
-            )
+            shown = str(default.value if isinstance(default, Enum) else default)
+            rows.append((f"{prefix}.{name}", shown, field.description or ""))
     return rows

@@ -140,7 +140,8 @@ def _check_name(part: str, kind: str) -> None:
         )
     if part == "scenarios":
         return
-    if kind in PLUGINS[SECTIONS[part]][0].names():
+    section = SECTIONS[part]
+    if kind in PLUGINS[section][0].names():
         raise Mistake(f"{asked}: the {part} '{kind}' exists already; choose another name")
     if find_spec(kind) is not None:
         raise Mistake(

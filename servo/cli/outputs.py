@@ -110,11 +110,8 @@ class Outputs:
         if viewer is not None:
             from servo.output.recording.log import RerunLog
 
-            found[VIEWER] = PacedSink(
-                _shown(viewer, film, partial(RerunLog, episode=episode)),
-                self.speed or 1.0,
-                lambda step: step.frame.time,
-            )
+            sink = _shown(viewer, film, partial(RerunLog, episode=episode))
+            found[VIEWER] = PacedSink(sink, self.speed or 1.0, lambda step: step.frame.time)
         if self.server is not None:
             found["ROS 2"] = self.server.serving(episode)
         return found
@@ -141,9 +138,8 @@ class Outputs:
 
             found[VIEWER] = _shown(viewer, film, partial(TrackLog, region=region))
             if source.count is not None:  # a live source has a pace of its own
-                found[VIEWER] = PacedSink(
-                    found[VIEWER], self.speed or 1.0, lambda shot: shot.picture.time
-                )
+                speed = self.speed or 1.0
+                found[VIEWER] = PacedSink(found[VIEWER], speed, lambda shot: shot.picture.time)
         return found
 
 

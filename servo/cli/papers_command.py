@@ -80,7 +80,8 @@ def run(
         jobs = {claim.name: claim.jobs(effort) for claim in chosen}
     usual = "papers-quick" if quick else "papers"
     folder = out or Path("runs") / (f"papers-{first_seed}" if first_seed else usual)
-    again = command_line("papers", *claims, quick=quick, sequences=sequences, first_seed=first_seed)
+    options = {"quick": quick, "sequences": sequences, "first_seed": first_seed}
+    again = command_line("papers", *claims, **options)
     console = Console(quiet=quiet)
     every = {job.key: job for some in jobs.values() for job in some}
     verdicts: dict[str, Verdict] = {}

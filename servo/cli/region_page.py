@@ -136,14 +136,9 @@ def ask(image: Image, name: str) -> Box | None:
 
 def _page(image: Image, name: str) -> bytes:
     """Return the HTML page with a picture, RGB (H, W, 3), and the source's name as the title."""
-    page = Environment(undefined=StrictUndefined, autoescape=True).from_string(
-        (resources.files("servo.cli") / "templates" / "region.html.jinja").read_text("utf-8")
-    )
+    template = (resources.files("servo.cli") / "templates" / "region.html.jinja").read_text("utf-8")
+    page = Environment(undefined=StrictUndefined, autoescape=True).from_string(template)
     height, width = image.shape[:2]
-    text = page.render(
-        name=name,
-        width=width,
-        height=height,
-        picture=base64.b64encode(encoded(image, QUALITY)).decode(),
-    )
+    picture = base64.b64encode(encoded(image, QUALITY)).decode()
+    text = page.render(name=name, width=width, height=height, picture=picture)
     return text.encode(errors="replace")

@@ -129,16 +129,9 @@ def _world(
     motion.
     """
     rng = np.random.default_rng(0)
-    return World(
-        WorldParts(
-            config.build(rng),
-            car.Config().build(rng),
-            (motion or still.Config()).build(rng),
-            camera=PICTURE,
-        ),
-        rng,
-        renderer=renderer,
-    )
+    moved = (motion or still.Config()).build(rng)
+    parts = WorldParts(config.build(rng), car.Config().build(rng), moved, camera=PICTURE)
+    return World(parts, rng, renderer=renderer)
 
 
 def _own_camera(model: mujoco.MjModel) -> str:
@@ -166,11 +159,9 @@ def _begun(config: mjcf.Config, motion: PartConfig[Motion]) -> Reach:
     world = _world(config, Unseen, motion)
     facing = Pose(np.eye(3), np.array([0.0, 0.0, DEPTH]))
     times = np.arange(0.0, DRIVEN, STEP).tolist()
+    middle = np.array([PICTURE.width, PICTURE.height]) / 2
     return world.start(
-        np.array([PICTURE.width, PICTURE.height]) / 2,
-        0.0,
-        DEPTH,
-        way=lambda: [world.eye_at_goal(t, facing, turns=True) for t in times],
+        middle, 0.0, DEPTH, way=lambda: [world.eye_at_goal(t, facing, turns=True) for t in times]
     )
 
 
@@ -278,15 +269,13 @@ def _joint_table(model: mujoco.MjModel, chain: Chain, robot: Robot) -> Table:
         drive = ["held still", "", ""]
         if place is not None:
             fastest = robot.fastest[place]
-            drive = [
-                f"{fastest:.3g}{unit}/s" if isfinite(fastest) else "none",
-                f"{1e3 * robot.servos()[place]:.1f} ms",
-                _actuator(model, joint, kept=kept),
-            ]
-        rows.append([model.joint(joint).name, kind_of_joint(model.jnt_type[joint]), limits, *drive])
-    return Table(
-        ("joint", "type", "limits", "largest rate", "servo's lag", "actuator"), rows, words=(0, 1)
-    )
+            rate = f"{fastest:.3g}{unit}/s" if isfinite(fastest) else "none"
+            lag = f"{1e3 * robot.servos()[place]:.1f} ms"
+            drive = [rate, lag, _actuator(model, joint, kept=kept)]
+        kind = kind_of_joint(model.jnt_type[joint])
+        rows.append([model.joint(joint).name, kind, limits, *drive])
+    head = ("joint", "type", "limits", "largest rate", "servo's lag", "actuator")
+    return Table(head, rows, words=(0, 1))
 
 
 def _actuator(model: mujoco.MjModel, joint: int, *, kept: bool) -> str:

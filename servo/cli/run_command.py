@@ -132,14 +132,8 @@ def run_scenario(
     changes = [*changes_of(tracker, controller), *changes]
     scenario = load(name, changes, seed, outputs.server)
     outputs.check()
-    again = command_line(
-        "run",
-        name,
-        set=changes,
-        seed=scenario.run.seed,
-        no_rerun=not rerun,
-        ros2=outputs.server is not None,
-    )
+    flags = {"no_rerun": not rerun, "ros2": outputs.server is not None}
+    again = command_line("run", name, set=changes, seed=scenario.run.seed, **flags)
     gl.is_there()
     console = Console(quiet=quiet)
     name = f"{scenario.name}-{scenario.run.seed}"
@@ -164,9 +158,8 @@ def run_scenario(
             if isinstance(error, PartFailed):
                 raise with_traceback(error, folder) from None
             raise
-    record = record_of(
-        Job(0, LoadedScenario(scenario), scenario.run.seed, command=again), scenario, steps
-    )
+    job = Job(0, LoadedScenario(scenario), scenario.run.seed, command=again)
+    record = record_of(job, scenario, steps)
     _print_record(console, scenario, record)
     doubt = remarks_on_tracker(steps, is_guest=isinstance(scenario.tracker, GuestSettings))
     plain(console, unjudged(scenario, record.success), doubt)
@@ -185,15 +178,11 @@ def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) 
     """
     writing: list[float] = []
     with closing(output.close), progress_bar(console) as progress:
-        task = progress.add_task(
-            escape(episode.scenario.name), total=episode.frames, note=COMPILING
-        )
+        name = escape(episode.scenario.name)
+        task = progress.add_task(name, total=episode.frames, note=COMPILING)
         for step in episode:
-            progress.update(
-                task,
-                advance=1,
-                note=f"error {step.servo_error:5.1f} px  {step.estimate.status.name}",
-            )
+            note = f"error {step.servo_error:5.1f} px  {step.estimate.status.name}"
+            progress.update(task, advance=1, note=note)
             began = time.perf_counter()
             output.add(step)
             writing.append(time.perf_counter() - began)
@@ -314,14 +303,8 @@ def _print_record(console: Console, scenario: Scenario, record: Record) -> None:
     rows: list[list[str]] = []
     for name, measure in MEASURES.items():
         bound = scenario.expect.get(name, "")
-        rows.append(
-            [
-                name,
-                f"{record.measures[name]:.3g}",
-                f"{bound:g}" if isinstance(bound, int | float) else bound,
-                measure.meaning,
-            ]
-        )
+        limit = f"{bound:g}" if isinstance(bound, int | float) else bound
+        rows.append([name, f"{record.measures[name]:.3g}", limit, measure.meaning])
     print_table(console, Table(("measure", "value", "bound", "meaning"), rows, words=(0, 3)))
     if scenario.drawn:
         values = ", ".join(f"{key} = {shown(value)}" for key, value in scenario.drawn.items())
@@ -346,8 +329,5 @@ def _stage_line(run: Columns, writing: Sequence[float]) -> str:
 def print_missed(console: Console, record: Record) -> None:
     """Print the bounds that a run missed, and the command that repeats the run."""
     lines = missed_lines(record.missed, record.measures)
-    plain(
-        console,
-        *(f"missed: {line}" for line in lines),
-        f"  again: {record.command}" * bool(record.missed),
-    )
+    again = f"  again: {record.command}" * bool(record.missed)
+    plain(console, *(f"missed: {line}" for line in lines), again)

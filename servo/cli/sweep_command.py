@@ -79,15 +79,9 @@ def run(
     chosen = None if measures is None else measures_of(measures)
     if scheduler is None:
         gl.is_there()
-    return run_study(
-        parsed,
-        command_line("sweep", study, set=list(changes), seeds=seeds),
-        Workers(workers, scheduler),
-        out,
-        console,
-        dry_run=dry_run,
-        measures=chosen,
-    )
+    again = command_line("sweep", study, set=list(changes), seeds=seeds)
+    pool = Workers(workers, scheduler)
+    return run_study(parsed, again, pool, out, console, dry_run=dry_run, measures=chosen)
 
 
 def measures_of(text: str) -> list[str]:
@@ -143,9 +137,8 @@ def run_study(
     with opened(folder, StudyFile.of(study, command)) as store, workers:
         jobs = list(study.jobs())
         store.find(jobs)
-        failed = complete_jobs(
-            jobs, store, workers, console, f"sweep {study.name}", go_on(command, out)
-        )
+        title = f"sweep {study.name}"
+        failed = complete_jobs(jobs, store, workers, console, title, go_on(command, out))
         if not store.done:
             return 1 if failed else 0
         code = _sum_up(study, store, console, measures)
@@ -204,14 +197,8 @@ def _sum_up(study: Study, store: Store, console: Console, measures: Sequence[str
 def _print_cells(console: Console, cells: Sequence[Cell], measures: Sequence[str]) -> None:
     keys = [key.replace(".", ".\n", 1) for key in cells[0].settings]
     titles = [name.replace("_", "_\n", 1) for name in measures]
-    print_table(
-        console,
-        Table(
-            (*keys, "units", "success", *titles),
-            [cell_row(cell, measures) for cell in cells[:MOST_SHOWN]],
-            range(len(keys)),
-        ),
-    )
+    rows = [cell_row(cell, measures) for cell in cells[:MOST_SHOWN]]
+    print_table(console, Table((*keys, "units", "success", *titles), rows, range(len(keys))))
     if len(cells) > MOST_SHOWN:
         console.print(f"... and {len(cells) - MOST_SHOWN} more rows in cells.csv")
     plain(

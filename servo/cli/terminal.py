@@ -40,13 +40,9 @@ def waiting(console: Console, text: str) -> AbstractContextManager[object]:
 
 def progress_bar(console: Console) -> Progress:
     """Return a progress bar with count, time left and a note, which disappears at the end."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[note]}"),
-    )
+    title = TextColumn("{task.description}")
+    note = TextColumn("{task.fields[note]}")
+    columns = (title, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), note)
     return Progress(*columns, console=console, transient=True, disable=not moves(console))
 
 

@@ -43,11 +43,12 @@ def notebook(page: str) -> str:
     cells = list(_cells(f"{title}\n\n{BEGIN}\n\n{rest}"))
     if any(str(cell["source"]).startswith(MAGIC["sh"]) for cell in cells):
         cells.insert(1, _code(SETUP))
+    numbered = [cell | {"id": f"cell-{number}"} for number, cell in enumerate(cells)]
     whole = {
         "nbformat": 4,
         "nbformat_minor": 5,
         "metadata": {"kernelspec": KERNEL},
-        "cells": [cell | {"id": f"cell-{number}"} for number, cell in enumerate(cells)],
+        "cells": numbered,
     }
     return json.dumps(whole, indent=1)
 
@@ -63,7 +64,8 @@ def with_outputs(text: str) -> str:
 
     whole = nbformat.reads(text, as_version=4)
     with TemporaryDirectory() as folder:
-        NotebookClient(whole, timeout=LONGEST, resources={"metadata": {"path": folder}}).execute()
+        place = {"metadata": {"path": folder}}
+        NotebookClient(whole, timeout=LONGEST, resources=place).execute()
     return nbformat.writes(whole)
 
 
@@ -96,11 +98,8 @@ def _cells(page: str) -> Iterator[Cell]:
 
 def _text(text: str) -> Cell:
     """Return a cell of Markdown, without pictures that code draws and links to other pages."""
-    return {
-        "cell_type": "markdown",
-        "metadata": {},
-        "source": LINK.sub(r"\1", DRAWN.sub("", text)).strip(),
-    }
+    source = LINK.sub(r"\1", DRAWN.sub("", text)).strip()
+    return {"cell_type": "markdown", "metadata": {}, "source": source}
 
 
 def _code(source: str) -> Cell:

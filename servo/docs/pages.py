@@ -68,10 +68,8 @@ def _complete(app: Sphinx, page: str, source: list[str]) -> None:
     if page == "servo/docs/settings":
         source[0] += _settings()
     if page == "servo/docs/measures":
-        source[0] += _table(
-            ("measure", "unit", "meaning"),
-            [(f"`{m.name}`", m.unit, m.meaning) for m in MEASURES.values()],
-        )
+        rows = [(f"`{m.name}`", m.unit, m.meaning) for m in MEASURES.values()]
+        source[0] += _table(("measure", "unit", "meaning"), rows)
     if page == "servo/docs/gallery":
         source[0] += _gallery(app.outdir / "gallery", app.config.gallery_seconds)
     if page == "scenes/benchmarks/README":
@@ -172,16 +170,11 @@ def _draw(name: str, picture: Path, seconds: float) -> None:
         camera = episode.world.camera
         height = round(WIDTH * camera.height / camera.width)
         for step in islice(episode, 0, max(1, round(seconds / episode.world.period)), every):
-            shown = panel(
-                step.frame.image,
-                WIDTH,
-                height,
-                (
-                    (step.goal.corners, colours.GOAL),
-                    (step.estimate.outline(step.region), colours.ESTIMATE),
-                ),
-                step.estimate.particles,
+            marks = (
+                (step.goal.corners, colours.GOAL),
+                (step.estimate.outline(step.region), colours.ESTIMATE),
             )
+            shown = panel(step.frame.image, WIDTH, height, marks, step.estimate.particles)
             frames.append(shown[..., ::-1])
         film.durations = [round(1e3 * every * episode.world.period)] * len(frames)
     film.frames = frames
@@ -194,11 +187,8 @@ def _finish(app: Sphinx, error: Exception | None) -> None:
     """
     if error is None and app.builder.format == "html":
         first = f"{app.config.root_doc}.html"
-        (app.outdir / "index.html").write_text(
-            f'<!doctype html><meta http-equiv="refresh" content="0; url={first}">\n',
-            encoding="utf-8",
-        )
+        page = f'<!doctype html><meta http-equiv="refresh" content="0; url={first}">\n'
+        (app.outdir / "index.html").write_text(page, encoding="utf-8")
         for name in NAMES:
-            (app.outdir / f"{name}.html").write_text(
-                render([published_section(name)]), encoding="utf-8"
-            )
+            text = render([published_section(name)])
+            (app.outdir / f"{name}.html").write_text(text, encoding="utf-8")

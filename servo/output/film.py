@@ -152,23 +152,14 @@ class RunFilm:
             OSError: The file cannot be written.
         """
         if self._opened is None:
-            film = FilmPage(
-                self._to,
-                1 / step.scene.period,
-                self._title,
-                CAPTIONS,
-                PANEL,
-                Chart(CURVES, "distance [px]", self._end),
-            )
+            rate = 1 / step.scene.period
+            chart = Chart(CURVES, "distance [px]", self._end)
+            film = FilmPage(self._to, rate, self._title, CAPTIONS, PANEL, chart)
             self._opened = film, RunViews(step.scene.camera, step.scene.room, PANEL)
         film, views = self._opened
-        film.add(
-            step.frame.time,
-            views.draw(step),
-            (step.servo_error, float(step.corner_errors.mean()), step.tracking_error),
-            [step.estimate.status.name],
-            f"error {step.servo_error:.1f} px",
-        )
+        errors = step.servo_error, float(step.corner_errors.mean()), step.tracking_error
+        note = f"error {step.servo_error:.1f} px"
+        film.add(step.frame.time, views.draw(step), errors, [step.estimate.status.name], note)
 
     def close(self) -> None:
         """Finish the file; without a step there is no file."""
@@ -236,7 +227,8 @@ def write_film_of_two(
         )
     end = max(episode.scenario.run.duration for episode in episodes)
     captions = [_shortened(f"{number}: {name}") for number, name in enumerate(names, 1)]
-    chart = Chart({"run 1": colours.CURVES[0], "run 2": colours.CURVES[1]}, "corners off [px]", end)
+    curves = {"run 1": colours.CURVES[0], "run 2": colours.CURVES[1]}
+    chart = Chart(curves, "corners off [px]", end)
     width, height = PANEL_OF_TWO
     film = FilmPage(path, rates[0], TITLE_OF_TWO, captions, (width, 2 * height), chart)
     views = [RunViews(world.camera, world.model, PANEL_OF_TWO) for world in worlds]
@@ -247,13 +239,8 @@ def write_film_of_two(
             pictures = [np.vstack(view.draw(step)) for view, step in zip(views, steps, strict=True)]
             errors = [float(step.corner_errors.mean()) for step in steps]
             note = "error " + " and ".join(f"{error:.1f} px" for error in errors)
-            film.add(
-                max(step.frame.time for step in steps),
-                pictures,
-                errors,
-                [step.estimate.status.name for step in steps],
-                note,
-            )
+            statuses = [step.estimate.status.name for step in steps]
+            film.add(max(step.frame.time for step in steps), pictures, errors, statuses, note)
             written(note)
 
 

@@ -45,9 +45,8 @@ def motion_figure(curves: RunCurves, title: str) -> Drawing:
 
     Each fed-forward feature has axes of its own, with the measured, estimated and true rate.
     """
-    return _drawn(
-        curves, f"{title}: the target's own motion", [curves.motion(name) for name in curves.moving]
-    )
+    motions = [curves.motion(name) for name in curves.moving]
+    return _drawn(curves, f"{title}: the target's own motion", motions)
 
 
 def error_figure(curves: RunCurves, title: str) -> Drawing:

@@ -49,7 +49,8 @@ class Kind:
 
     def encoded(self, **fields: Any) -> bytes:
         """Return a message of this type with these fields, as bytes (CDR)."""
-        return bytes(self._store.serialize_cdr(self._store.types[self.name](**fields), self.name))
+        message = self._store.types[self.name](**fields)
+        return bytes(self._store.serialize_cdr(message, self.name))
 
 
 @cache

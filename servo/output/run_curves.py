@@ -52,9 +52,8 @@ class RunCurves:
     @staticmethod
     def of(table: pa.Table, features: FeatureSet) -> "RunCurves":
         """Return the curves of a run from its table of steps and its features."""
-        return RunCurves(
-            table, dict(zip(features.names, features.units, strict=True)), features.feed_forward
-        )
+        units = dict(zip(features.names, features.units, strict=True))
+        return RunCurves(table, units, features.feed_forward)
 
     def __getitem__(self, name: str) -> Array:
         """Return a column of numbers (n,).
@@ -83,15 +82,12 @@ class RunCurves:
 
     def distances(self) -> Panel:
         """Return the plot of the distances of the true centre from goal and estimate [px]."""
-        return Panel(
-            "Distance from goal, and of the estimate",
-            "distance [px]",
-            {
-                "true centre to goal": self["servo_error_px"],
-                "estimated to true centre": self["tracking_error_px"],
-            },
-            low=0,
-        )
+        lines = {
+            "true centre to goal": self["servo_error_px"],
+            "estimated to true centre": self["tracking_error_px"],
+        }
+        title = "Distance from goal, and of the estimate"
+        return Panel(title, "distance [px]", lines, low=0)
 
     def errors(self) -> Panel:
         """Return the plot of the feature errors s - s*, each in the feature's unit."""
@@ -119,10 +115,7 @@ class RunCurves:
         low = float(np.nanmin(every))
         high = float(np.nanmax(every))
         room = ROOM * max(high - low, LEAST)
+        title = f"The target's own motion: {feature}"
         return Panel(
-            f"The target's own motion: {feature}",
-            f"d{feature}/dt of the target [{unit}/s]",
-            lines,
-            low - room,
-            high + room,
+            title, f"d{feature}/dt of the target [{unit}/s]", lines, low - room, high + room
         )

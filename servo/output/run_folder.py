@@ -126,9 +126,8 @@ class RunFolder:
             ) from None
         except OSError as error:
             (folder / STREAM).unlink(missing_ok=True)
-            raise Refused(
-                f"{folder / STREAM}: the disk has no room for the table: {error.strerror}"
-            ) from None
+            sentence = f"{folder / STREAM}: the disk has no room for the table: {error.strerror}"
+            raise Refused(sentence) from None
         self._sinks = Sinks(more or {})
         if rerun:
             # rerun takes half a second to import
@@ -170,9 +169,8 @@ class RunFolder:
         title = f"{self._scenario.name}, seed {self._scenario.run.seed}"
         try:
             written = report.write(self.folder)
-            drawn = plots.draw(
-                RunCurves.of(pq.read_table(self.folder / TABLE), self._features), title, self.folder
-            )
+            curves = RunCurves.of(pq.read_table(self.folder / TABLE), self._features)
+            drawn = plots.draw(curves, title, self.folder)
         except OSError as error:
             raise Refused(f"{refusal(error)}; all rows are in {self.folder / TABLE}") from None
         return [*self._sinks.paths, self.folder / TABLE, written, *drawn]

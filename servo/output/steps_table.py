@@ -200,10 +200,8 @@ def quantities_of(episode: Episode) -> list[Quantity]:
 
 
 def _schema(found: Sequence[Quantity]) -> pa.Schema:
-    return pa.schema(
-        [column for quantity in found for column in quantity.columns],
-        metadata={"format": str(FORMAT)},
-    )
+    every = [column for quantity in found for column in quantity.columns]
+    return pa.schema(every, metadata={"format": str(FORMAT)})
 
 
 def table_of(steps: Sequence[Step], found: Sequence[Quantity]) -> pa.Table:
@@ -257,14 +255,11 @@ def _vector(
     units: tuple[str, ...] = (),
 ) -> Quantity:
     endings = [f"_{unit}" if unit else "" for unit in units] or [""] * len(names)
-    return Quantity(
-        prefix,
-        [
-            _column(f"{prefix}_{name}{ending}", f"{meaning}: {name}")
-            for name, ending in zip(names, endings, strict=True)
-        ],
-        of,
-    )
+    found = [
+        _column(f"{prefix}_{name}{ending}", f"{meaning}: {name}")
+        for name, ending in zip(names, endings, strict=True)
+    ]
+    return Quantity(prefix, found, of)
 
 
 class StepsTable:

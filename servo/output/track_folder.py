@@ -106,11 +106,9 @@ class TrackFolder:
 
 def _rows(file: Path) -> pa.Table:
     """Return the rows of a track's CSV file, in which a picture's name may hold any character."""
-    return csv.read_csv(
-        file,
-        parse_options=csv.ParseOptions(newlines_in_values=True),
-        convert_options=csv.ConvertOptions(column_types={"stamp": STAMP, "name": pa.string()}),
-    )
+    types = csv.ConvertOptions(column_types={"stamp": STAMP, "name": pa.string()})
+    lines = csv.ParseOptions(newlines_in_values=True)
+    return csv.read_csv(file, parse_options=lines, convert_options=types)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -43,11 +43,8 @@ def versions() -> dict[str, str]:
     Further entries are a digest of servobench's source, whether OpenGL is hidden ("pictures"), and
     packages that add kinds of components by entry points.
     """
-    return {
-        **_own(),
-        "pictures": "exact, without OpenGL" if gl.WITHOUT in os.environ else "as set",
-        **packages(),
-    }
+    pictures = "exact, without OpenGL" if gl.WITHOUT in os.environ else "as set"
+    return {**_own(), "pictures": pictures, **packages()}
 
 
 @functools.cache  # reading them takes 17 ms, as much as a short run

@@ -50,9 +50,8 @@ def section(folder: Path, study: StudyFile) -> Section:
     table = standings(rows) if rows else []
     if not table:
         return _unfinished(folder, study)
-    return _section(
-        benchmark, beside_published(benchmark, rows), folder, [*_failures(folder), again(study)]
-    )
+    blocks = [*_failures(folder), again(study)]
+    return _section(benchmark, beside_published(benchmark, rows), folder, blocks)
 
 
 def published_section(name: str) -> Section:
@@ -78,15 +77,9 @@ def _section(
         ours = list(groups) == [benchmark.rendering]
         facts.append(Fact("pictures", "the frozen ones" if ours else "others, see the tables"))
     verdict = Badge(f"first: {standings(next(iter(groups.values())))[0].name}", Tone.PLAIN)
-    return Section(
-        "benchmark",
-        folder.resolve().name,
-        benchmark.title,
-        verdict,
-        facts,
-        [*blocks_of(benchmark, worlds, groups), *blocks],
-        str(folder),
-    )
+    every = [*blocks_of(benchmark, worlds, groups), *blocks]
+    title = folder.resolve().name
+    return Section("benchmark", title, benchmark.title, verdict, facts, every, str(folder))
 
 
 def is_whole(benchmark: Benchmark, rows: Sequence[Row]) -> bool:
@@ -133,14 +126,10 @@ def _unfinished(folder: Path, study: StudyFile) -> Section:
         "scores once a contestant has run in all worlds."
     )
     table = Table(("contestant", "runs so far"), rows, range(1))
+    blocks = [Block("So far", [sentence], tables=[table]), *_failures(folder), again(study)]
+    verdict = Badge(progress, Tone.PLAIN)
     return Section(
-        "benchmark",
-        folder.resolve().name,
-        study.title,
-        Badge(progress, Tone.PLAIN),
-        [],
-        [Block("So far", [sentence], tables=[table]), *_failures(folder), again(study)],
-        str(folder),
+        "benchmark", folder.resolve().name, study.title, verdict, [], blocks, str(folder)
     )
 
 
@@ -161,18 +150,12 @@ def blocks_of(
         after = f", pictures {rendering}" if other else ""
         table = standings(rows)
         is_loop = benchmark.score == "held"
-        figures = [
-            _curves(rows, table) if is_loop else _sizes(benchmark, worlds, table),
-            _conditions(benchmark, table),
-        ]
+        first = _curves(rows, table) if is_loop else _sizes(benchmark, worlds, table)
+        figures = [first, _conditions(benchmark, table)]
         text = list(filter(None, [difficulty_of(rows)]))
+        shown = [standings_table(benchmark, rows)]
         found += [
-            Block(
-                f"Contestants{after}",
-                text,
-                tables=[standings_table(benchmark, rows)],
-                figures=figures,
-            ),
+            Block(f"Contestants{after}", text, tables=shown, figures=figures),
             Block(f"What the worlds do{after}", tables=[_effects(worlds, table)]),
         ]
     return found
@@ -242,13 +225,9 @@ def _curves(rows: Sequence[Row], table: Sequence[Standing]) -> Figure:
     drawn, note = _drawn(table, TAUS, lambda row: np.array(row.curve))
     scale = [row for row in rows if row.division == Division.SCALE.name]
     drawn += [Curve(row.contestant, TAUS, np.array(row.curve), dashed=True) for row in scale]
-    return curves(
-        "Share of the time within",
-        Scale("distance from the goal [target sizes]"),
-        Scale("share", low=0.0, high=1.0),
-        drawn,
-        note=note,
-    )
+    x = Scale("distance from the goal [target sizes]")
+    y = Scale("share", low=0.0, high=1.0)
+    return curves("Share of the time within", x, y, drawn, note=note)
 
 
 def _drawn(
@@ -279,9 +258,8 @@ def _conditions(benchmark: Benchmark, table: Sequence[Standing]) -> Figure:
         "In points of all worlds: where standing still costs less than elsewhere, there is less "
         "to win, and where it costs more, more than 100."
     )
-    return heat(
-        title, "", "", names, [s.name for s in upwards], values, limits=(0.0, 100.0), note=note
-    )
+    labels = [s.name for s in upwards]
+    return heat(title, "", "", names, labels, values, limits=(0.0, 100.0), note=note)
 
 
 def _sizes(benchmark: Benchmark, worlds: Sequence[World], table: Sequence[Standing]) -> Figure:
@@ -291,26 +269,20 @@ def _sizes(benchmark: Benchmark, worlds: Sequence[World], table: Sequence[Standi
     parts = min(PARTS, sum(w.condition == worlds[0].condition for w in worlds))
 
     def shares(row: Row) -> Array:
-        return np.mean([by_size(row, worlds, c.name, parts) for c in benchmark.conditions], axis=0)
+        of = [by_size(row, worlds, c.name, parts) for c in benchmark.conditions]
+        return np.mean(of, axis=0)
 
     drawn, grey = _drawn(table, (np.arange(parts) + 0.5) / parts, shares)
     note = f"Mean of all conditions; each is cut into {parts} parts by the size of its task. {grey}"
-    return curves(
-        "Reached, by the size of the task",
-        Scale("size of the task, as a rank in its condition", low=0.0, high=1.0),
-        Scale("share of the worlds reached", low=0.0, high=1.02),
-        drawn,
-        note=note.strip(),
-    )
+    size = Scale("size of the task, as a rank in its condition", low=0.0, high=1.0)
+    y = Scale("share of the worlds reached", low=0.0, high=1.02)
+    return curves("Reached, by the size of the task", size, y, drawn, note=note.strip())
 
 
 def _effects(worlds: Sequence[World], table: Sequence[Standing]) -> Table:
-    return Table(
-        ("factor", "level", "points"),
-        [[e.factor, e.level, spread(e.points)] for e in effects(worlds, table)],
-        range(2),
-        "Points, mean of all contestants, with 95 % intervals over worlds.",
-    )
+    rows = [[e.factor, e.level, spread(e.points)] for e in effects(worlds, table)]
+    note = "Points, mean of all contestants, with 95 % intervals over worlds."
+    return Table(("factor", "level", "points"), rows, range(2), note)
 
 
 def _failures(folder: Path) -> list[Block]:

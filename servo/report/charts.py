@@ -149,13 +149,8 @@ def curves(
         if any(c.points for c in drawn):
             axes.margins(x=0.05)
         named = [c for c in drawn if not c.faint and (len(drawn) > 1 or c.dashed)]
-        return Figure(
-            title,
-            svg(figure, title),
-            [Key(c.label, INKS[c.colour], c.dashed) for c in named],
-            note,
-            figure,
-        )
+        keys = [Key(c.label, INKS[c.colour], c.dashed) for c in named]
+        return Figure(title, svg(figure, title), keys, note, figure)
 
 
 def heat(
@@ -215,10 +210,11 @@ def heat(
 def _draw(axes: Axes, curve: Curve) -> None:
     ends = None if curve.low is None or curve.high is None else (curve.low, curve.high)
     if curve.points and ends is not None:
+        bars = np.maximum([curve.y - ends[0], ends[1] - curve.y], 0)
         axes.errorbar(
             curve.x,
             curve.y,
-            yerr=np.maximum([curve.y - ends[0], ends[1] - curve.y], 0),
+            yerr=bars,
             fmt="o-",
             ms=3.5,
             lw=1.4,

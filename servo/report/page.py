@@ -197,9 +197,8 @@ def template(name: str, **filters: Callable[[str], str]) -> Template:
         autoescape=".html" in name, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters.update(filters)
-    return environment.from_string(
-        resources.files("servo.report").joinpath(name).read_text(encoding="utf-8")
-    )
+    text = resources.files("servo.report").joinpath(name).read_text(encoding="utf-8")
+    return environment.from_string(text)
 
 
 def render(sections: Sequence[Section]) -> str:

@@ -40,15 +40,8 @@ def section(folder: Path) -> Section:
         *(_claim(folder, name, claim) for name, claim in papers.claims.items()),
         again(papers),
     ]
-    return Section(
-        "papers",
-        folder.resolve().name,
-        "Claims of the three papers, tested again.",
-        verdict,
-        facts,
-        blocks,
-        str(folder),
-    )
+    lead = "Claims of the three papers, tested again."
+    return Section("papers", folder.resolve().name, lead, verdict, facts, blocks, str(folder))
 
 
 def _claim(folder: Path, name: str, claim: Judged) -> Block:
@@ -62,12 +55,8 @@ def _claim(folder: Path, name: str, claim: Judged) -> Block:
         f"Measured: {claim.measured}.",
         f"Effect: {_effect(claim)}.",
     ]
-    return Block(
-        f"{name}: {marked(name, claim.finding)}",
-        text,
-        tables=[Table(head, rows)] if head else [],
-        pictures=pictures,
-    )
+    tables = [Table(head, rows)] if head else []
+    return Block(f"{name}: {marked(name, claim.finding)}", text, tables=tables, pictures=pictures)
 
 
 def _badge(name: str, claim: Judged) -> Badge:

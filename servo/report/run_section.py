@@ -100,12 +100,8 @@ def _bounds(run: RunReport) -> Block:
         text.append(f"{DOES_NOT_REPEAT}.")
     if run.uncertain:
         text.append(f"{run.uncertain}.")
-    return Block(
-        "Measures and bounds",
-        text,
-        missed_lines(run.missed, run.measures),
-        [Table(head, rows, words=(0, 2, 4, 5))],
-    )
+    table = Table(head, rows, words=(0, 2, 4, 5))
+    return Block("Measures and bounds", text, missed_lines(run.missed, run.measures), [table])
 
 
 def _figures(folder: Path, run: RunReport) -> list[Figure]:

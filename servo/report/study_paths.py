@@ -70,11 +70,8 @@ def _figure(title: str, runs: dict[str, tuple[Row, Series]], size: tuple[int, in
             space: Any = figure.add_subplot(2, len(runs), i + 1, projection="3d")
             _in_space(space, paths[name], max(*most[:2], 0.7 * most[2]), most[2])
             space.set_title(f"{name}\n{row['outcome'].lower()}", fontsize=9)
-            _in_image(
-                figure.add_subplot(2, len(runs), len(runs) + i + 1),
-                np.column_stack([series[k] for k in CORNERS]).reshape(-1, 4, 2),
-                size,
-            )
+            image = figure.add_subplot(2, len(runs), len(runs) + i + 1)
+            _in_image(image, np.column_stack([series[k] for k in CORNERS]).reshape(-1, 4, 2), size)
         title = title or "Paths"
         return Figure(title, svg(figure, title), drawing=figure)
 

@@ -82,15 +82,9 @@ def section(folder: Path, measures: Sequence[str] | None = None) -> Section:
             _runs(study),
         ]
     blocks += [*_failures(study), page.again(plan)]
-    return Section(
-        "study",
-        plan.name,
-        plan.title,
-        _verdict(study, broken),
-        _facts(study, broken),
-        blocks,
-        str(folder),
-    )
+    verdict = _verdict(study, broken)
+    facts = _facts(study, broken)
+    return Section("study", plan.name, plan.title, verdict, facts, blocks, str(folder))
 
 
 def _verdict(study: StudyResults, broken: Sequence[str]) -> Badge:
@@ -114,13 +108,8 @@ def _facts(study: StudyResults, broken: Sequence[str]) -> list[Fact]:
             facts.append(Fact("success rate", shown(rate.value), basis(rate, units.name)))
         for name in ("servo_rms_px", "tracking_rms_px"):
             measure = MEASURES[name]
-            facts.append(
-                Fact(
-                    f"{measure.meaning}, median",
-                    f"{shown(median(rows, name))} {measure.unit}",
-                    name,
-                )
-            )
+            value = f"{shown(median(rows, name))} {measure.unit}"
+            facts.append(Fact(f"{measure.meaning}, median", value, name))
     if plan.expect and rows:
         facts.append(Fact("bounds", Badge.of(not broken, "all kept", f"{len(broken)} missed")))
     if study.failures:
@@ -154,12 +143,8 @@ def _overview(study: StudyResults, broken: Sequence[str]) -> Block:
         text += [] if broken else ["Every cell keeps every bound."]
         text.append(BOUNDS)
     text += filter(None, [cut("missed bounds", broken, MOST_LISTED)])
-    return Block(
-        "What was varied, and what held",
-        text,
-        broken[:MOST_LISTED],
-        [Table(("what", "setting", "values"), rows, words=range(3))],
-    )
+    table = Table(("what", "setting", "values"), rows, words=range(3))
+    return Block("What was varied, and what held", text, broken[:MOST_LISTED], [table])
 
 
 def _median_words(rows: list[Row], name: str) -> str:
@@ -180,16 +165,9 @@ def _compared(study: StudyResults, columns: Sequence[str]) -> Block:
         medians = [_median_words(group, m) for m in columns]
         units = study.units(group)
         rate = units.mean(SUCCESS)
-        rows.append(
-            [
-                name,
-                f"{len(group)}" + f" of {planned}" * (len(group) != planned),
-                counted(rate, units.name),
-                spread(rate),
-                *map(str, ended),
-                *medians,
-            ]
-        )
+        over = counted(rate, units.name)
+        runs = f"{len(group)}" + f" of {planned}" * (len(group) != planned)
+        rows.append([name, runs, over, spread(rate), *map(str, ended), *medians])
     head = (
         study.compared or "runs",
         "runs",
@@ -204,12 +182,8 @@ def _compared(study: StudyResults, columns: Sequence[str]) -> Block:
         "are not finished ('6 of 10'), are in no share, median or comparison."
     )
     tables = [Table(head, rows[: page.MOST_ROWS], note=note)]
-    pairs = comparisons(
-        study.plan.compare if study.plan.compare in study.axes else None,
-        list(study.axes),
-        study.rows,
-        drawn=bool(study.plan.draws),
-    )
+    compared = study.plan.compare if study.plan.compare in study.axes else None
+    pairs = comparisons(compared, list(study.axes), study.rows, drawn=bool(study.plan.draws))
     if pairs:
         cells = [list(map(shown, pair.cells)) for pair in pairs[: page.MOST_ROWS]]
         described = (
@@ -284,13 +258,8 @@ def _cells(study: StudyResults, columns: Sequence[str]) -> Block:
         ]
         for settings, group in found
     )
-    block = page.rows_of(
-        "cells",
-        (*study.axes, "runs", "units", "success", *columns),
-        rows,
-        len(found),
-        range(len(study.axes)),
-    )
+    head = (*study.axes, "runs", "units", "success", *columns)
+    block = page.rows_of("cells", head, rows, len(found), range(len(study.axes)))
     return replace(block, text=[f"Means with 95 % intervals. {UNITS}", *block.text])
 
 
@@ -316,11 +285,5 @@ def _failures(study: StudyResults) -> list[Block]:
     for failure in study.failures[:MOST_FAILURES]:
         last = [NOTHING, *failure.error.strip().splitlines()][-1]
         points.append(f"run {failure.run}, {listed(failure.settings)}: {last}")
-    return [
-        Block(
-            "Runs that failed",
-            text,
-            points,
-            code=[f"{f.command}\n\n{f.error.strip()}" for f in study.failures[:1]],
-        )
-    ]
+    code = [f"{f.command}\n\n{f.error.strip()}" for f in study.failures[:1]]
+    return [Block("Runs that failed", text, points, code=code)]

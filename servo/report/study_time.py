@@ -175,9 +175,8 @@ def against(study: StudyResults) -> list[Figure]:
             drawn = [curve for curve in drawn if len(curve.x)]
             if drawn:
                 over = study.units(study.rows)
-                found.append(
-                    _against(key, name, drawn, f"{AVERAGED} {len(over.rows)} {over.name}s. {note}")
-                )
+                said = f"{AVERAGED} {len(over.rows)} {over.name}s. {note}"
+                found.append(_against(key, name, drawn, said))
     return found
 
 
@@ -210,9 +209,8 @@ def heat_maps(study: StudyResults) -> list[Figure]:
     error = grid(lambda cell: median(cell, ERROR))
     drawn = [charts.heat("Success rate", x, y, *named, rate, limits=(0, 1), note=note)]
     if np.isfinite(error).any():
-        drawn.append(
-            charts.heat(f"Median error, {ERROR}", x, y, *named, error, log_from=COLOURED, note=note)
-        )
+        title = f"Median error, {ERROR}"
+        drawn.append(charts.heat(title, x, y, *named, error, log_from=COLOURED, note=note))
     return drawn
 
 
@@ -235,13 +233,9 @@ def _against(key: str, name: str, drawn: list[Curve], note: str) -> Figure:
             f"Success against {key}", across, Scale("success rate", -0.02, 1.02), drawn, note=note
         )
     measure = MEASURES[name]
-    return charts.curves(
-        f"Error against {key}: {measure.meaning}",
-        across,
-        Scale(f"error [{measure.unit}]", low=0, log_from=ERROR_RANGE),
-        drawn,
-        note=note,
-    )
+    along = Scale(f"error [{measure.unit}]", low=0, log_from=ERROR_RANGE)
+    title = f"Error against {key}: {measure.meaning}"
+    return charts.curves(title, across, along, drawn, note=note)
 
 
 def _numeric(values: list[object]) -> bool:

@@ -61,9 +61,8 @@ class Camera:
             depth: Topic of the depth pictures, if there are any.
         """
         node = Node()
-        self._pictures = node.reader(
-            image, CompressedImage if image.endswith("/compressed") else Image
-        )
+        kind = CompressedImage if image.endswith("/compressed") else Image
+        self._pictures = node.reader(image, kind)
         self._info = node.reader(info, CameraInfo)
         self._depths = node.reader(depth, Image, KEPT_DEPTHS) if depth else None
         self._depth_topic = depth or ""
@@ -145,10 +144,8 @@ class Robot:
         Raises:
             Mistake: No joint state has come within 10 s, or it lacks a joint of the model.
         """
-        state = min(
-            self._reader.read(KEPT) or [first(self._reader, self._topic)],
-            key=lambda s: abs(seconds(s.header.stamp) - time),
-        )
+        states = self._reader.read(KEPT) or [first(self._reader, self._topic)]
+        state = min(states, key=lambda s: abs(seconds(s.header.stamp) - time))
         positions = dict(zip(state.name, state.position, strict=True))
         check_known(self._robot.names, positions, self._topic, "joint")
         self._data.qpos[self._robot.qpos] = [positions[name] for name in self._robot.names]
@@ -161,9 +158,8 @@ class Robot:
         Raises:
             Mistake: The twist is not six finite numbers; then nothing is sent.
         """
-        self._writer.write(
-            stamped(np.array(numbers(twist, "go", 6)), header(time.time(), self._frame))
-        )
+        finite = np.array(numbers(twist, "go", 6))
+        self._writer.write(stamped(finite, header(time.time(), self._frame)))
 
     def clock(self) -> float:
         """Return the current time [s] on the clock of the stamps."""

@@ -39,11 +39,8 @@ SECOND = 1_000_000_000
 def message(name: str) -> Message:
     """Return the DDS type of a message of ROS 2 by its name, such as "sensor_msgs/Image"."""
     package, _, short = name.partition("/")
-    made: Message = make_idl_struct(
-        short,
-        f"{package}.msg.dds_.{short}_",
-        {field: _type_of(*of) for field, of in FIELDS[f"{package}/msg/{short}"][1]},
-    )
+    fields = {field: _type_of(*of) for field, of in FIELDS[f"{package}/msg/{short}"][1]}
+    made: Message = make_idl_struct(short, f"{package}.msg.dds_.{short}_", fields)
     if short in PICTURES:  # as a sequence of numbers, a picture of 640 x 480 px would take 60 ms
         made.__idl__.populate()
         made.__idl__.v1_machine.members_machines["data"] = BytesMachine()
@@ -77,9 +74,8 @@ Clock = message("rosgraph_msgs/Clock")
 
 def header(seconds: float, frame: str) -> Message:
     """Return a std_msgs/Header with a stamp [s] and the name of a coordinate frame."""
-    return message("std_msgs/Header")(
-        message("builtin_interfaces/Time")(*divmod(round(seconds * SECOND), SECOND)), frame
-    )
+    stamp = message("builtin_interfaces/Time")(*divmod(round(seconds * SECOND), SECOND))
+    return message("std_msgs/Header")(stamp, frame)
 
 
 def seconds(stamp: Message) -> float:

@@ -41,21 +41,15 @@ class Node:
 
     def writer(self, topic: str, kind: Message) -> DataWriter[Message]:
         """Return a reliable writer of a topic, which reliable and best-effort readers can read."""
-        return DataWriter(
-            self._participant,
-            self._topic(topic, kind),
-            Qos(Policy.Reliability.Reliable(BLOCKS), Policy.History.KeepLast(1)),
-        )
+        qos = Qos(Policy.Reliability.Reliable(BLOCKS), Policy.History.KeepLast(1))
+        return DataWriter(self._participant, self._topic(topic, kind), qos)
 
     def reader(self, topic: str, kind: Message, depth: int = 1) -> DataReader[Message]:
         """Return a best-effort reader of a topic, which can read all writers and keeps the newest
         `depth` messages.
         """
-        return DataReader(
-            self._participant,
-            self._topic(topic, kind),
-            Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(depth)),
-        )
+        qos = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(depth))
+        return DataReader(self._participant, self._topic(topic, kind), qos)
 
     def _topic(self, topic: str, kind: Message) -> Topic[Message]:
         return Topic(self._participant, f"rt/{topic.strip('/')}", kind)

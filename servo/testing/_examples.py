@@ -87,19 +87,15 @@ def seen_from(T_room_camera: Pose, T_room_target: Pose, *, pixels: bool) -> Sigh
         T_room_target: Pose of the target in the room.
         pixels: Whether the view includes a picture.
     """
-    return replace(
-        _seen(T_room_camera, T_room_target, pixels),
-        goal=_seen(DOWN, Pose.planar(0.0, 0.0, 0.0), pixels),
-    )
+    goal = _seen(DOWN, Pose.planar(0.0, 0.0, 0.0), pixels)
+    return replace(_seen(T_room_camera, T_room_target, pixels), goal=goal)
 
 
 def _seen(T_room_camera: Pose, T_room_target: Pose, pixels: bool) -> Sight:
     """Return the exact view of a target from a camera, as `seen_from` does, but without a goal."""
     T_camera_object = T_room_camera.inverse() @ T_room_target @ object_frame(OUTLINE)
-    return replace(
-        sight_of(T_camera_object, OUTLINE),
-        picture=CameraImage(_textured(T_camera_object), CAMERA) if pixels else None,
-    )
+    picture = CameraImage(_textured(T_camera_object), CAMERA) if pixels else None
+    return replace(sight_of(T_camera_object, OUTLINE), picture=picture)
 
 
 def _textured(T_camera_object: Pose) -> Image:

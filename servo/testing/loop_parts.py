@@ -103,12 +103,8 @@ def check_estimator(estimator: object) -> None:
     Raises:
         BrokenContract: It breaks its contract; the sentence says what to change.
     """
-    check_repetition(
-        "estimator",
-        config_of("estimator", estimator),
-        _estimates,
-        "the same errors gave other estimates",
-    )
+    config = config_of("estimator", estimator)
+    check_repetition("estimator", config, _estimates, "the same errors gave other estimates")
 
 
 def _estimates(estimator: Estimator) -> Array:
@@ -147,12 +143,8 @@ def check_controller(controller: object) -> None:
     """
     config = config_of("controller", controller)
     for latency in (0, 2):
-        check_repetition(
-            "controller",
-            config,
-            partial(_twists, latency, Channel.PICTURE in needs_of(config)),
-            "the same sights gave other twists",
-        )
+        twists = partial(_twists, latency, Channel.PICTURE in needs_of(config))
+        check_repetition("controller", config, twists, "the same sights gave other twists")
 
 
 def _twists(latency: int, pixels: bool, controller: Controller) -> Array:

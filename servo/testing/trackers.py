@@ -63,9 +63,8 @@ def check_tracker(tracker: object, picture: Image | None = None) -> None:
     """
     subject = _Subject(config_of("tracker", tracker), picture)
     _check_pictures_are_kept(subject)
-    check_repetition(
-        "tracker", subject.config, subject.states, "the same pictures gave other states"
-    )
+    same = "the same pictures gave other states"
+    check_repetition("tracker", subject.config, subject.states, same)
     _check_buffer(subject)
     _check_odd_pictures(subject)
     _check_loss(subject)

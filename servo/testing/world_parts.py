@@ -50,10 +50,8 @@ def check_motion(motion: object) -> None:
     once, again = (built("motion", config) for _ in range(2))
     for time in TIMES:
         pose = once.at(time)
-        require(
-            np.array_equal(pose.translation, again.at(time).translation),
-            "the same generator gave another motion; draw from build(rng) only",
-        )
+        same = np.array_equal(pose.translation, again.at(time).translation)
+        require(same, "the same generator gave another motion; draw from build(rng) only")
         jump = float(np.linalg.norm(once.at(time + SOON).translation - pose.translation))
         require(
             jump < NEAR,
@@ -155,9 +153,9 @@ def check_target(target: object) -> None:
     before = data.geom_xpos[own].copy()
     data.mocap_pos[body.mocapid[0]] = (0.1, 0.2, 0.0)
     mujoco.mj_kinematics(model, data)
+    moved = np.allclose(data.geom_xpos[own] - before, (0.1, 0.2, 0.0), atol=1e-9)
     require(
-        np.allclose(data.geom_xpos[own] - before, (0.1, 0.2, 0.0), atol=1e-9),
-        "some geoms stay behind when the target moves; remove joints of the target's model",
+        moved, "some geoms stay behind when the target moves; remove joints of the target's model"
     )
 
 

@@ -23,9 +23,8 @@ def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
 
     def plot(name: str, title: str) -> rrb.TimeSeriesView:
         # At the left the legend would cover the transient.
-        return rrb.TimeSeriesView(
-            origin=f"plots/{name}", name=title, plot_legend=rrb.Corner2D.RightTop
-        )
+        legend = rrb.Corner2D.RightTop
+        return rrb.TimeSeriesView(origin=f"plots/{name}", name=title, plot_legend=legend)
 
     pictures = rrb.Vertical(
         rrb.Spatial2DView(origin=IMAGE, name="Camera: estimate green, goal red, truth white"),
@@ -62,10 +61,9 @@ def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
         rrb.TextLogView(origin="events", name="Events"),
         row_shares=[3, 3, 3, 3, 2, 2],
     )
+    columns = rrb.Horizontal(pictures, numbers, column_shares=[1, 1])
     return rrb.Blueprint(
-        rrb.Horizontal(pictures, numbers, column_shares=[1, 1]),
-        rrb.TimePanel(timeline="sim_time", state="collapsed"),
-        collapse_panels=True,
+        columns, rrb.TimePanel(timeline="sim_time", state="collapsed"), collapse_panels=True
     )
 
 
@@ -79,11 +77,8 @@ def blueprint_of_track() -> rrb.Blueprint:
             ("evaluations", "Histograms read"),
         )
     ]
-    columns = rrb.Horizontal(
-        rrb.Spatial2DView(
-            origin=PICTURE, name="Estimate green (locked), amber (unsure), red (lost); truth white"
-        ),
-        rrb.Vertical(*plots),
-        column_shares=[2, 1],
+    view = rrb.Spatial2DView(
+        origin=PICTURE, name="Estimate green (locked), amber (unsure), red (lost); truth white"
     )
+    columns = rrb.Horizontal(view, rrb.Vertical(*plots), column_shares=[2, 1])
     return rrb.Blueprint(columns, collapse_panels=True)

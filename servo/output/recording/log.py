@@ -121,18 +121,11 @@ class RerunLog:
         for event in events(self._before, step):
             self._rec.set_time("frame", sequence=step.frame.index)
             self._rec.set_time("sim_time", duration=step.frame.time)
-            names = {
-                Event.SATURATED: step.command.limits + step.joint_limits,
-                Event.LEAVING: step.command.violated,
-            }
+            limits = step.command.limits + step.joint_limits
+            names = {Event.SATURATED: limits, Event.LEAVING: step.command.violated}
             which = ", ".join(names.get(event, ()))
-            self._rec.log(
-                "events",
-                rr.TextLog(
-                    f"{event.name}: {event.value}" + f" ({which})" * bool(which),
-                    level=LEVELS.get(event, "INFO"),
-                ),
-            )
+            text = f"{event.name}: {event.value}" + f" ({which})" * bool(which)
+            self._rec.log("events", rr.TextLog(text, level=LEVELS.get(event, "INFO")))
         self._before = step
         self._steps.append(replace(step, frame=step.light().frame))  # a second of pictures is large
         self._jpegs.append(encoded(step.frame.image, JPEG_QUALITY))
@@ -170,14 +163,10 @@ class RerunLog:
         )
         self._rec.log("world/eye", pinhole, static=True)
         for name, colour in (("truth", TRUTH), ("goal", GOAL), ("estimate", ESTIMATE)):
-            self._rec.log(
-                f"{IMAGE}/{name}",
-                rr.LineStrips2D.from_fields(colors=colour, radii=solids.LINE_RADIUS),
-                static=True,
-            )
-        self._rec.log(
-            f"{IMAGE}/particles", rr.Points2D.from_fields(colors=PARTICLES, radii=1.0), static=True
-        )
+            style = rr.LineStrips2D.from_fields(colors=colour, radii=solids.LINE_RADIUS)
+            self._rec.log(f"{IMAGE}/{name}", style, static=True)
+        dots = rr.Points2D.from_fields(colors=PARTICLES, radii=1.0)
+        self._rec.log(f"{IMAGE}/particles", dots, static=True)
 
     def _send(self) -> None:
         if not self._steps:
@@ -197,20 +186,14 @@ class RerunLog:
         """
         count = len(self._jpegs)
         index = _times(self._steps[-count:])
-        self._rec.send_columns(
-            IMAGE,
-            index,
-            rr.EncodedImage.columns(blob=self._jpegs, media_type=["image/jpeg"] * count),
-        )
+        images = rr.EncodedImage.columns(blob=self._jpegs, media_type=["image/jpeg"] * count)
+        self._rec.send_columns(IMAGE, index, images)
         self._jpegs = []
         if self._depths:
-            self._rec.send_columns(
-                "world/eye/depth",
-                index,
-                rr.EncodedDepthImage.columns(
-                    blob=self._depths, media_type=["image/png"] * count, meter=[MILLIMETRES] * count
-                ),
+            columns = rr.EncodedDepthImage.columns(
+                blob=self._depths, media_type=["image/png"] * count, meter=[MILLIMETRES] * count
             )
+            self._rec.send_columns("world/eye/depth", index, columns)
             self._depths = []
 
     def _send_outlines(self, steps: list[Step], index: list[rr.TimeColumn]) -> None:
@@ -223,11 +206,8 @@ class RerunLog:
         for name, corners in places.items():
             strips = [strip for c in corners for strip in solids.outline_strips(c)]
             columns = rr.LineStrips2D.columns(strips=strips)
-            self._rec.send_columns(
-                f"{IMAGE}/{name}",
-                index,
-                columns.partition([len(strips) // len(steps)] * len(steps)),
-            )
+            per_frame = [len(strips) // len(steps)] * len(steps)
+            self._rec.send_columns(f"{IMAGE}/{name}", index, columns.partition(per_frame))
         none = np.zeros((0, 5))
         clouds = [none if s.estimate.particles is None else s.estimate.particles for s in steps]
         points = rr.Points2D.columns(positions=np.concatenate(clouds)[:, :2])
@@ -238,9 +218,8 @@ class RerunLog:
         numbers = {p.path: np.array([p.values(s) for s in steps], float) for p in self._plots}
         for path, table in numbers.items():
             columns = rr.Scalars.columns(scalars=table.ravel())
-            self._rec.send_columns(
-                f"plots/{path}", index, columns.partition([table.shape[1]] * len(table))
-            )
+            per_frame = [table.shape[1]] * len(table)
+            self._rec.send_columns(f"plots/{path}", index, columns.partition(per_frame))
         poses = np.stack([s.bodies for s in steps])
         cameras = [s.truth.T_world_camera for s in steps]
         self._send_poses(
@@ -255,20 +234,11 @@ class RerunLog:
         """
         self._places += [s.truth.T_world_camera.translation for s in steps]
         self._corners += [s.truth.corners for s in steps]
-        self._rec.log(
-            f"world/path/{self._piece}",
-            rr.LineStrips3D([self._places], colors=PARTICLES, radii=PATH_RADIUS),
-            static=True,
-        )
-        self._rec.log(
-            f"{IMAGE}/path/{self._piece}",
-            rr.LineStrips2D(
-                list(np.stack(self._corners, axis=1)),
-                colors=PARTICLES,
-                radii=solids.LINE_RADIUS / 2,
-            ),
-            static=True,
-        )
+        path = rr.LineStrips3D([self._places], colors=PARTICLES, radii=PATH_RADIUS)
+        self._rec.log(f"world/path/{self._piece}", path, static=True)
+        corners = np.stack(self._corners, axis=1)
+        paths = rr.LineStrips2D(list(corners), colors=PARTICLES, radii=solids.LINE_RADIUS / 2)
+        self._rec.log(f"{IMAGE}/path/{self._piece}", paths, static=True)
         if len(self._places) >= PIECE:
             self._piece += 1
             # The next piece begins where this one ends.
@@ -282,21 +252,15 @@ class RerunLog:
         t: Sequence[Array] | Array,
         R: Sequence[Array] | Array,
     ) -> None:
-        self._rec.send_columns(
-            path,
-            index,
-            rr.Transform3D.columns(translation=np.asarray(t), mat3x3=np.asarray(R).reshape(-1, 9)),
-        )
+        turned = np.asarray(R).reshape(-1, 9)
+        columns = rr.Transform3D.columns(translation=np.asarray(t), mat3x3=turned)
+        self._rec.send_columns(path, index, columns)
 
     def _name_series(self) -> None:
         for plot in self._plots:
-            self._rec.log(
-                f"plots/{plot.path}",
-                rr.SeriesLines(
-                    names=list(plot.names), colors=list(plot.colours[: len(plot.names)])
-                ),
-                static=True,
-            )
+            colours = list(plot.colours[: len(plot.names)])
+            lines = rr.SeriesLines(names=list(plot.names), colors=colours)
+            self._rec.log(f"plots/{plot.path}", lines, static=True)
 
 
 def _times(steps: list[Step]) -> list[rr.TimeColumn]:

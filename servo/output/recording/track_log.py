@@ -41,23 +41,15 @@ class TrackLog:
         # The timeline of runs, for `servobench view`.
         rec.set_time("sim_time", duration=shot.picture.time)
         if shot.picture.image is not None:
-            rec.log(
-                PICTURE,
-                rr.EncodedImage(
-                    contents=encoded(shot.picture.image, JPEG_QUALITY), media_type="image/jpeg"
-                ),
-            )
-        rec.log(
-            f"{PICTURE}/estimate",
-            outline(estimate.outline(self._region), colours.STATUS[estimate.status]),
-        )
+            data = encoded(shot.picture.image, JPEG_QUALITY)
+            rec.log(PICTURE, rr.EncodedImage(contents=data, media_type="image/jpeg"))
+        corners = estimate.outline(self._region)
+        rec.log(f"{PICTURE}/estimate", outline(corners, colours.STATUS[estimate.status]))
         if truth is not None:
             rec.log(f"{PICTURE}/truth", outline(truth, colours.TRUTH))
         if estimate.particles is not None:
-            rec.log(
-                f"{PICTURE}/particles",
-                rr.Points2D(estimate.particles[:, :2], colors=colours.PARTICLES, radii=0.5),
-            )
+            points = rr.Points2D(estimate.particles[:, :2], colors=colours.PARTICLES, radii=0.5)
+            rec.log(f"{PICTURE}/particles", points)
         rec.log("plots/confidence", rr.Scalars(shot.confidence))
         rec.log("plots/ms", rr.Scalars(1e3 * shot.seconds))
         rec.log("plots/evaluations", rr.Scalars(float(estimate.evaluations)))
