@@ -219,7 +219,7 @@ SENTENCES = {
     "a motion": (["motion.kind=line"], "the recording gives the motion: leave [motion] out"),
     "depth": (["camera.depth=true"], "camera.depth: a recording has no depth pictures"),
     "a standing camera": (["camera.mounted=world"], "camera.mounted: in a recording the robot"),
-    "a renderer": (["camera.renderer=exact"], "camera.renderer: the pictures are recorded"),
+    "a renderer": (["camera.renderer=opengl"], "camera.renderer: the pictures are recorded"),
     "two lenses": (
         ["recording.fov_deg=50", "recording.calibration=x.yaml"],
         "fov_deg and calibration both give the lens; leave one out",

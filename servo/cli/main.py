@@ -34,6 +34,7 @@ def app() -> None:
     help="Its control law: kind, kind:preset, module:Class or onnx:FILE (default: the scenario's).",
 )
 @opt.changes_option
+@opt.exact_option
 @click.option(
     "--seed", type=opt.NATURAL, help="Seed of every random stream (default: the scenario's)."
 )
@@ -58,6 +59,7 @@ def run() -> None:
     help="Shipped scenarios or .toml files (default: all shipped ones with bounds).",
 )
 @opt.changes_option
+@opt.exact_option
 @click.option(
     "--seeds",
     type=opt.COUNT,
@@ -225,6 +227,7 @@ def bench(**_: object) -> None:
 @app.command()
 @click.argument("study", type=opt.STUDY, help="A shipped study, or a .toml file of axes.")
 @opt.changes_option
+@opt.exact_option
 @click.option(
     "--seeds", type=opt.COUNT, help="Number of seeds: 0, 1, 2, ... (default: the study's)."
 )
@@ -272,6 +275,7 @@ def sweep() -> None:
     "--measured", is_flag=True, help="Delay the loop by the time that the tracker takes here."
 )
 @opt.changes_option
+@opt.exact_option
 @click.option(
     "--seeds", type=opt.COUNT, default=3, show_default=True, help="Number of seeds: 0, 1, 2, ..."
 )

@@ -113,6 +113,11 @@ changes_option = click.option(
     help="Change any setting; may be repeated: the last value of a key counts. A value is TOML, or "
     "else a text.",
 )
+exact_option = click.option(
+    "--exact",
+    is_flag=True,
+    help="Render without OpenGL, with the same pictures on every machine.",
+)
 workers_option = click.option(
     "--workers", type=COUNT, default=2, show_default=True, help="Processes at the same time."
 )
@@ -199,7 +204,10 @@ class Command(click.Command):
     def invoke(self, ctx: click.Context) -> NoReturn:
         """Call `run` with the options as arguments; exit with the code that it returns, or 0."""
         module = import_module(f"servo.cli.{self.name}_command")
-        sys.exit(module.run(**ctx.params) or 0)
+        given = dict(ctx.params)
+        if given.pop("exact", False):
+            given["changes"] = (*given["changes"], "camera.renderer=exact")
+        sys.exit(module.run(**given) or 0)
 
 
 class Commands(click.Group):
