@@ -52,9 +52,7 @@ VIEW = ("fovy_deg", "fx", "fy", "cx", "cy", "calibration")
 
 @dataclass(frozen=True, slots=True)
 class RecordingConfig:
-    """Settings of a recording in which the camera turns: pictures, truth, and the recording
-    camera's field of view [deg] or calibration.
-    """
+    """Settings of a recording in which the camera turns, with the target's truth and its camera."""
 
     pictures: FileOrFolder = ""
     """A folder of pictures, a video file or a bag, as `servobench track` reads them, or a shipped
