@@ -64,6 +64,7 @@ def sequences_folder():
 
 WALLS = {
     "test_believed",
+    "test_checks",
     "test_closed_loop",
     "test_contracts",
     "test_every_setting",
@@ -77,9 +78,10 @@ WALLS = {
     "test_odd_pictures",
     "test_properties_trackers",
     "test_scenarios",
+    "test_schemes",
     "test_vary",
 }
-"""Files whose tests try every setting, input, scenario, tracker or example, mostly in whole runs."""
+"""Files whose tests try every setting, input, scenario, scheme, kind or example, mostly in whole runs."""
 PLAIN_SHARE = 5
 """The plain command runs one in so many of their cases, the same ones each time."""
 WIDE = "wide and not processes"
