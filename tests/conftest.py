@@ -64,7 +64,7 @@ def sequences_folder():
 
 WALLS = {
     "test_believed",
-    "test_checks",
+    "test_checks::test_every_shipped_kind_keeps_its_contract",
     "test_closed_loop",
     "test_contracts",
     "test_every_setting",
@@ -78,10 +78,10 @@ WALLS = {
     "test_odd_pictures",
     "test_properties_trackers",
     "test_scenarios",
-    "test_schemes",
+    "test_schemes::test_closed_loop_of_a_scheme",
     "test_vary",
 }
-"""Files whose tests try every setting, input, scenario, scheme, kind or example, mostly in whole runs."""
+"""Files, or tests, that try every setting, input, scenario, scheme, kind or example, mostly in whole runs."""
 PLAIN_SHARE = 5
 """The plain command runs one in so many of their cases, the same ones each time."""
 WIDE = "wide and not processes"
@@ -117,7 +117,7 @@ def pytest_ignore_collect(collection_path, config):
     if wanted == "processes":
         some = "mark.processes" in text
     elif wanted == WIDE:
-        some = "mark.wide" in text or collection_path.stem in WALLS
+        some = "mark.wide" in text or any(collection_path.stem == w.split(":")[0] for w in WALLS)
     else:
         some = True
     return None if some else True
@@ -139,7 +139,8 @@ def pytest_collection():
 def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: -LONGEST_FIRST.get(item.path.stem, 0.0))
     for item in items:
-        is_case = item.path.stem in WALLS and hasattr(item, "callspec")
+        names = {item.path.stem, f"{item.path.stem}::{item.originalname}"}
+        is_case = hasattr(item, "callspec") and not WALLS.isdisjoint(names)
         if is_case and zlib.crc32(item.nodeid.encode()) % PLAIN_SHARE:
             item.add_marker("wide")
 
