@@ -2,8 +2,11 @@
 
 import shutil
 from dataclasses import replace
+from fractions import Fraction
 from importlib.resources import files
+from itertools import pairwise
 
+import av
 import cv2
 import mujoco
 import numpy as np
@@ -15,6 +18,7 @@ from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.scenario.load import load
 from servo.scenario.named_files import digest_of
+from servo.scenario.recording import recorded_of
 from sim.camera.distortion import Distortion
 from sim.camera.gl import is_there
 from sim.geometry import exp_so3
@@ -335,3 +339,25 @@ def test_the_same_seed_gives_the_same_pictures(small):
     for a, b in zip(one, other, strict=True):
         np.testing.assert_array_equal(a.frame.image, b.frame.image)
         assert a.estimate.state == b.estimate.state
+
+
+def test_a_picture_stays_until_the_next_whatever_the_times(small, tmp_path):
+    """A video whose pictures are 40, 40, 120, 40 ... ms apart."""
+    ticks = np.cumsum([0, 1, 1, 3, 1, 1, 1, 1, 1, 1, 1, 1])
+    path = tmp_path / "v.mp4"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", 25)
+        stream.width, stream.height, stream.pix_fmt = 640, 480, "yuv420p"
+        for tick, file in zip(ticks.tolist(), sorted(small.glob("*.png")), strict=True):
+            frame = av.VideoFrame.from_ndarray(cv2.imread(str(file)), "bgr24")
+            frame.pts, frame.time_base = tick, Fraction(1, 25)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    shutil.copy(small / "groundtruth.txt", path.with_suffix(".txt"))
+    scenario = load("recording", [f"recording.pictures={path}", *TRUTH])
+    np.testing.assert_allclose(recorded_of(scenario.recording).times, ticks / 25)
+    assert (scenario.camera.rate, scenario.frames) == (25.0, 14)
+    with Episode(scenario) as episode:
+        places = [step.truth.T_world_target.translation for step in episode]
+    same = [bool((a == b).all()) for a, b in pairwise(places)]
+    assert same == [False, False, True, True, *[False] * 9]
