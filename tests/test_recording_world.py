@@ -262,11 +262,10 @@ def test_what_cannot_be_is_refused_in_a_sentence(small, tmp_path, case):
 
 
 def test_what_is_assumed_is_said(small):
-    said = load("still", []).recording.remarks()
-    assert said == []
+    assert load("still").recording.remarks() == load("recording").recording.remarks() == []
     config = load("recording", [f"recording.pictures={small}"]).recording
-    assert config.remarks() == []
-    assert replace(config, fov_deg=None).remarks() == [
+    assert replace(config, fov_deg=60.0).remarks() == []
+    assert config.remarks() == [
         "the recording's field of view is taken to be 60 deg: set recording.fov_deg or "
         "recording.calibration"
     ]
@@ -274,7 +273,7 @@ def test_what_is_assumed_is_said(small):
 
 def test_a_small_recording_is_enlarged(tmp_path):
     as_folder(tmp_path, wide(320, FOCAL / 2, 0.2, *MOVES))
-    scenario = load("recording", [f"recording.pictures={tmp_path}"])
+    scenario = load("recording", [f"recording.pictures={tmp_path}", "recording.fov_deg=60"])
     assert scenario.recording.remarks() == [
         "the recording has 320 x 240 px: its pictures are enlarged 2 times"
     ]
@@ -302,6 +301,12 @@ def test_a_calibration_gives_lens_and_centre(small, tmp_path):
         middle = seen_from(camera, turn, step.scene.camera.normalise(step.truth.centre))
         expected = camera.to_pixels(camera.normalise(corners).mean(axis=0))
         np.testing.assert_allclose(middle, expected, atol=1e-6)
+    beside = tmp_path / "film"
+    shutil.copytree(small, beside)
+    shutil.copy(path, beside / "camera.yaml")
+    found = load(str(scene), [f"recording.pictures={beside}"]).recording
+    assert recorded_of(found).camera == camera
+    assert recorded_of(replace(found, fov_deg=60.0)).camera.fx == pytest.approx(FOCAL)
     path.write_text(path.read_text().replace("640", "800"))
     with pytest.raises(Mistake, match="this calibration is for 800 x 480 px"):
         load(str(scene), places)
