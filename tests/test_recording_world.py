@@ -78,7 +78,7 @@ def test_it_is_the_simulation_that_was_filmed(table, tracker):
 
 def rendered(camera, picture, view, pan, tilt):
     """The view of a head inside a recording of one picture."""
-    model = mujoco.MjModel.from_xml_path(str(files("scenes") / "robots" / "head.xml"))
+    model = mujoco.MjModel.from_xml_path(str(files("scenes") / "robots" / "turning_head.xml"))
     data = mujoco.MjData(model)
     data.qpos[:] = pan, tilt
     mujoco.mj_forward(model, data)
