@@ -181,7 +181,7 @@ class Loop:
             source = Led(s.leader, self.outline, self.camera, factor)
         if picture is None:
             return source
-        check_picture("goal", picture, (self.camera.height, self.camera.width, 3), "uint8")
+        check_picture("goal", picture, self.camera)
         return Shown(source, CameraImage(picture, self.camera))
 
 
