@@ -103,11 +103,25 @@ class Run(Sequence[Step]):
     _light: list[Step]
     _pictures: list[bytes]
 
+    def __copy__(self) -> Run:
+        return replace(self)
+
     def __deepcopy__(self, memo: dict[int, object]) -> Run:
         """Return a copy of the run that shares its steps, world and pictures, as these never
         change.
         """
         return replace(self)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Raise an error, as a run cannot be pickled: MuJoCo's model of the world cannot be.
+
+        Raises:
+            Mistake: Always.
+        """
+        raise Mistake(
+            "a run cannot be pickled, as it holds the simulated world: pickle its scenario and its "
+            "tables (result.steps, result.measures)"
+        )
 
     def __len__(self) -> int:
         return len(self._light)

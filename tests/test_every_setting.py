@@ -144,6 +144,10 @@ LEFT_OUT = {
     "tracker.least_texture": "a target without texture: test_texture",
     "camera.renderer": "the same pictures, but for shadows: test_exact",
     "robot.home": "the same posture is found from everywhere: test_mjcf_robots",
+    **dict.fromkeys(
+        ("recording.rate", "recording.truth_format", "recording.fov_deg"),
+        "a recording: test_recording_world",
+    ),
     **dict.fromkeys(("controller.file", "controller.timeout"), "a network: test_onnx_policy"),
 }
 """Settings that other tests change."""
@@ -333,6 +337,7 @@ PIXELS = ("features.kind=photometric", "estimator.kind=none")
             "run.ego=true",
             "this tracker does not use the motion of the camera",
         ),
+        ((), "recording.fov_deg=50.0", "recording.pictures is not set, so the room is drawn"),
         (
             ('camera.distortion="plumb_bob"', "camera.coefficients=[0.0, 0.0, 0.0, 0.0, 0.0]"),
             "believed.ignore_distortion=true",
@@ -373,7 +378,7 @@ def test_what_has_an_effect_is_not_said_to_have_none(changes, setting):
         ("pose", "frozen", True),
         ("partitioned", "frozen", True),
         ("pose", "homography", False),
-        ("decoupled", "homography", True),
+        ("decoupled", "homography", False),
     ],
 )
 def test_weights_that_let_nothing_move_are_said(features, tracker, stands):

@@ -366,3 +366,17 @@ def test_a_picture_stays_until_the_next_whatever_the_times(small, tmp_path):
         places = [step.truth.T_world_target.translation for step in episode]
     same = [bool((a == b).all()) for a, b in pairwise(places)]
     assert same == [False, False, True, True, *[False] * 9]
+
+
+def test_a_folder_has_the_rate_that_is_set(small):
+    scenario = load("recording", [f"recording.pictures={small}", "recording.rate=20"])
+    assert (scenario.camera.rate, scenario.frames) == (20.0, 12)
+
+
+def test_a_wider_recording_leaves_the_head_more_room(small):
+    narrow, wide_one = (
+        load("recording", [f"recording.pictures={small}", f"recording.fov_deg={fov}"])
+        for fov in (40, 80)
+    )
+    assert wide_one.robot.pan[1] > 1.5 * narrow.robot.pan[1]
+    assert wide_one.camera.fx < narrow.camera.fx

@@ -226,9 +226,9 @@ def test_a_path_and_a_seed_of_numpy_are_taken(tmp_path):
     assert (loaded.name, loaded.run.seed) == ("mine", 3)
 
 
-def test_it_can_be_copied_and_is_not_pickled(result):
+def test_it_can_be_copied_and_says_why_it_is_not_pickled(result):
     for again in (copy.deepcopy(result), copy.copy(result)):
         assert again.measures.equals(result.measures)
         assert len(again) == len(result)
-    with pytest.raises(TypeError, match=r"^cannot pickle 'mujoco"):
+    with pytest.raises(Mistake, match=r"^a run cannot be pickled, as it holds the simulated world"):
         pickle.dumps(result)

@@ -231,6 +231,11 @@ NEEDS = (
         DRAWN,
     ),
     Need(
+        ("recording",),
+        _of_scenario(lambda s: s.camera.renderer == "recording"),
+        "recording.pictures is not set, so the room is drawn",
+    ),
+    Need(
         ("goal.change_start", "goal.change_duration"),
         _of_scenario(lambda s: s.goal.depth_to is not None),
         "goal.depth_to is not set, so the goal does not change",

@@ -126,6 +126,8 @@ def _flat(form: type[BaseModel], bounds: object, place: str) -> dict[str, Any]:
         Mistake: A name is unknown, or a value has the wrong type or is out of range.
     """
     found = validated(form, bounds, f"{place}.").model_dump(mode="json", exclude_unset=True)
+    if is_table(bounds):  # missed bounds are named in the order of the file
+        found = {name: found[name] for name in bounds}
     drawn = found.pop("drawn", {})
     return found | {f"{DRAWN}{name}": bound for name, bound in drawn.items()}
 
