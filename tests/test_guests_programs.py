@@ -217,7 +217,8 @@ def test_a_program_that_was_ended_is_not_asked_again(tmp_path):
     with pytest.raises(ValueError) as refused:
         tracker.update(frame(2))
     assert str(refused.value) == (
-        f"program '{config.command}' was ended, and cannot be asked again"
+        f"program '{config.command}' was ended after an error, so it cannot follow any more "
+        "pictures: start a new tracker"
     )
 
 

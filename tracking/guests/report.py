@@ -78,8 +78,9 @@ def report_in(answer: object, name: str) -> Report:
     box = _numbers(given, (4,))
     if box is None or not (_has_area(box) or not box.any()):
         raise ValueError(
-            f"{name} answered {shown(answer)}; expected a box of left, top, width, height with an "
-            f"area, (ok, box), or a mapping with {', '.join(KEYS)}"
+            f"{name} answered {shown(answer)}; expected a box of left, top, width, height [px] "
+            "(with an area, or all zeros: not seen), (ok, box), or a mapping with some of the keys "
+            f"{', '.join(KEYS)}"
         )
     return report_of_box(box)
 

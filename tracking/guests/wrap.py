@@ -295,8 +295,8 @@ def wrap(
     kind = name or ":".join(filter(None, (of.__module__, of.__qualname__)))
     if not callable(factory) and not is_foreign(factory):
         raise ValueError(
-            f"{factory!r} is not a tracker: expected methods init and update, or a function that "
-            "returns a tracker"
+            f"{factory!r} is not a tracker: expected a class or object with methods init and "
+            "update, or a function that returns one"
         )
     if convention not in (None, *get_args(Convention)):
         there = ", ".join(get_args(Convention))
