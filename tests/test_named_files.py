@@ -157,7 +157,7 @@ def test_a_worker_with_another_file_is_refused(folder):
     with pytest.raises(Mistake) as refused:
         run.run(folder)
     assert str(refused.value).startswith("on ")
-    said = f", the file {folder / 'wedge.obj'} is missing or differs from the one at the start of the study; copy it there"
+    said = f", the file {folder / 'wedge.obj'} is missing or differs from the one at the start of the study: restore it, or copy it to that machine"
     assert str(refused.value).endswith(said)
 
 

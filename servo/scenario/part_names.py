@@ -79,7 +79,9 @@ def changes_of(tracker: str | None, controller: str | None) -> list[str]:
 
 
 def _table(section: str, what: str) -> Settings:
-    """Return the settings of a part by their names in its section."""
+    """Return the settings of a part by their names in its section; for arguments and errors see
+    `settings_of`.
+    """
     kind, colon, given = what.partition(":")
     begin, given = kind + colon, given.strip()
     if begin not in DOORS.get(section, ()):

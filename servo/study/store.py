@@ -152,8 +152,9 @@ def opened(folder: Path, described: StudyFile) -> Generator["Store"]:
         described: The study that this process begins or continues.
 
     Raises:
-        Mistake: The folder cannot be written, has other files or results of another study or of
-            other versions, or another process is writing into it.
+        Mistake: The folder cannot be written, has other files, a damaged database, or results of
+            another command or study or of other versions, or another process is writing into it.
+        Refused: The disk is full, or a file cannot be written.
     """
     with writing(folder):
         if folder.is_dir():
@@ -198,7 +199,8 @@ def _writable(path: Path) -> sqlite3.Connection:
     for ending in BESIDE:
         file = path.with_name(path.name + ending)
         if file.is_symlink() or (file.exists() and not file.is_file()):
-            raise OSError(errno.ELOOP, "nothing is written through a link", file)
+            why = f"{file.name} is a link or no regular file: remove it"
+            raise OSError(errno.ELOOP, why, file)
     database = sqlite3.connect(path, isolation_level=None)
     database.text_factory = _text
     return database
@@ -283,7 +285,7 @@ def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
     versions as `now`.
 
     Raises:
-        Mistake: It has not.
+        Mistake: The folder has results of another one.
     """
     check_rules(
         (
@@ -415,8 +417,8 @@ class Store:
         return list(self.read([job.key for job in jobs if job.key in self.done], long=True))
 
     def table(self) -> pa.Table:
-        """Return the table of results with a row for each record, in the order of the study; there
-        must be one record or more.
+        """Return the table of results with a row for each job in `done`, at least one, in the order
+        of the study; call `find` first.
 
         Raises:
             Mistake: The database is damaged.
@@ -483,7 +485,8 @@ class Store:
         """Write results and series of all runs as Parquet files; return the paths of the files.
 
         Args:
-            table: The results, as `table` returns them; series are read from the database.
+            table: The results, as `table` returns them; the series of the jobs in `done` are read
+                from the database.
 
         Raises:
             Mistake: The database is damaged.

@@ -57,8 +57,8 @@ def chain_to(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> Chain:
     Args:
         spec: A model in which all bodies and joints have names.
         model: The same model, compiled.
-        name: Name of the body or site; an empty text stands for the end of the longest chain: the
-            only site of its last body, or else that body.
+        name: Name of the body or site; an empty text stands for the only site of the tool at the
+            end of the longest chain, or else the tool's body.
 
     Raises:
         ValueError: The model has no joints, no body or site has that name, no joint moves it, or a

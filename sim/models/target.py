@@ -46,7 +46,8 @@ def target_of(spec: mujoco.MjSpec) -> Target:
     `outline`, or else the one that `seen_from_above` finds.
 
     Raises:
-        ValueError: No part of the target is seen from above.
+        ValueError: The site is not aligned with the model's axes, or no part of the target is seen
+            from above.
     """
     own = outline_site(spec)
     return Target(spec, seen_from_above(spec) if own is None else own, found=own is None)
@@ -67,8 +68,8 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
 
 
 def outline_site(spec: mujoco.MjSpec) -> Array | None:
-    """Return the corners (4, 3) [m] of the rectangle that a model's site `outline` gives; None if
-    the model has no such site.
+    """Return the corners (4, 3) [m], in the model's frame and in the order of `rectangle`, of the
+    rectangle that a model's site `outline` gives; None if the model has no such site.
 
     Raises:
         ValueError: The site is not aligned with the model's axes.

@@ -81,6 +81,9 @@ class AppearanceSettings:
         """Return the reference histograms of the target, learnt from the first picture, RGB
         (H, W, 3). There the target is the rectangle `region` [px], placed by `state` (x, y [px],
         theta [rad], scale).
+
+        Raises:
+            ValueError: `image` is not a picture.
         """
         return SampledModel(image, region, state, self)
 

@@ -121,7 +121,7 @@ class GuestProcess:
             )
         until = time.monotonic() + limit
         if self._is_asked and self._has_waiting(answer_in):
-            self.fail("sent more than one answer to a picture")
+            self.fail("sent an answer that it was not asked for: it must answer each message once")
         self._is_asked = True
         answer = None
         try:

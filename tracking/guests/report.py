@@ -109,7 +109,7 @@ def gives_in(declared: object, name: str) -> frozenset[Gives] | None:
         name: Name of the tracker, to begin messages.
 
     Raises:
-        ValueError: It is something else.
+        ValueError: `declared` is something else.
     """
     if declared is None:
         return None
@@ -133,7 +133,7 @@ def confidence_in(answer: object, name: str) -> float:
         name: Name of the tracker, to begin messages.
 
     Raises:
-        ValueError: It is not a number from 0 to 1.
+        ValueError: `answer` is not a number from 0 to 1.
     """
     found = _number(answer)
     if found is None or not -SLACK <= found <= 1 + SLACK:
