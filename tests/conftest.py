@@ -23,9 +23,11 @@ from approved import approved, drawn, section  # noqa: F401  (fixtures)
 from commands import scheduler_with
 from filelock import FileLock
 from hypothesis import HealthCheck, settings
+from matplotlib.figure import Figure
 from preloaded import preloaded
 from seen_targets import model_folder, show_target  # noqa: F401  (fixtures)
 
+from servo.__main__ import OBJECTS
 from sim.camera import gl
 
 # The same examples in each run: what CI finds anybody finds. The first call compiles: no deadline.
@@ -62,6 +64,7 @@ def sequences_folder():
 
 WALLS = {
     "test_believed",
+    "test_checks::test_every_shipped_kind_keeps_its_contract",
     "test_closed_loop",
     "test_contracts",
     "test_every_setting",
@@ -75,11 +78,16 @@ WALLS = {
     "test_odd_pictures",
     "test_properties_trackers",
     "test_scenarios",
+    "test_schemes::test_closed_loop_of_a_scheme",
     "test_vary",
 }
-"""Files whose tests try every setting, input, scenario, tracker or example, mostly in whole runs."""
+"""Files, or tests, that try every setting, input, scenario, scheme, kind or example, mostly in whole runs."""
 PLAIN_SHARE = 5
 """The plain command runs one in so many of their cases, the same ones each time."""
+WIDE = "wide and not processes"
+"""The option -m that asks for the others."""
+LAID_OUT = {"test_bench", "test_identify", "test_papers", "test_report", "test_run_numbers"}
+"""Files whose figures are laid out as a user's, one for each kind of figure."""
 
 
 LONGEST_FIRST = json.loads((ROOT / "tests" / "data" / "durations.json").read_text())
@@ -102,10 +110,17 @@ def pytest_configure(config):
 
 
 def pytest_ignore_collect(collection_path, config):
-    """Where tests that start programs are wanted, import no file that has none."""
-    if config.option.markexpr != "processes" or collection_path.suffix != ".py":
+    """Import no file that has none of the wanted tests, where few files have any."""
+    if collection_path.suffix != ".py":
         return None
-    return True if "mark.processes" not in collection_path.read_text() else None
+    wanted, text = config.option.markexpr, collection_path.read_text()
+    if wanted == "processes":
+        some = "mark.processes" in text
+    elif wanted == WIDE:
+        some = "mark.wide" in text or any(collection_path.stem == w.split(":")[0] for w in WALLS)
+    else:
+        some = True
+    return None if some else True
 
 
 @pytest.hookimpl(wrapper=True)
@@ -116,6 +131,7 @@ def pytest_collection():
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(OBJECTS)
         gc.enable()
 
 
@@ -123,7 +139,8 @@ def pytest_collection():
 def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: -LONGEST_FIRST.get(item.path.stem, 0.0))
     for item in items:
-        is_case = item.path.stem in WALLS and hasattr(item, "callspec")
+        names = {item.path.stem, f"{item.path.stem}::{item.originalname}"}
+        is_case = hasattr(item, "callspec") and not WALLS.isdisjoint(names)
         if is_case and zlib.crc32(item.nodeid.encode()) % PLAIN_SHARE:
             item.add_marker("wide")
 
@@ -198,6 +215,22 @@ def smooth_image():
     noise = np.random.default_rng(0).normal(128, 90, (120, 160, 3))
     blurred = cv2.GaussianBlur(noise, (0, 0), 3)
     return np.clip((blurred - 128) * 3 + 128, 0, 255).astype(np.uint8)
+
+
+@pytest.fixture(autouse=True)
+def not_laid_out(request, monkeypatch):
+    """Elsewhere figures are drawn where Matplotlib puts their parts at first: to make room for each
+    label takes two fifths of the time of a figure.
+    """
+    if request.path.stem in LAID_OUT:
+        return
+
+    def as_it_is(figure, *given, **named):
+        figure.set_layout_engine("none")
+        return savefig(figure, *given, **named)
+
+    savefig = Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", as_it_is)
 
 
 @pytest.fixture

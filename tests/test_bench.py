@@ -1,13 +1,16 @@
 """`servobench evaluate` on short painted sequences: its files, its order, how it goes on."""
 
 import csv
+import shutil
 
 import cv2
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from kept import drop
 
 from servo.cli import main
+from servo.cli.main import app
 from servo.study import ranking
 from servo.study.run import Job, Record
 from tracking.evaluation.track_measures import MEASURES
@@ -25,6 +28,7 @@ kind = "sok"
 kind = "frozen"
 label = "nothing"
 """
+WORDS = ("mine.toml", "--seeds", "2", "--workers", "1", "--out", "out")
 
 
 @pytest.fixture
@@ -43,13 +47,24 @@ def call(monkeypatch, capfd, *arguments):
 
 
 def bench(monkeypatch, capfd, *more):
-    arguments = ["mine.toml", "--seeds", "2", "--workers", "1", "--out", "out", *more]
-    return call(monkeypatch, capfd, *arguments)
+    return call(monkeypatch, capfd, *WORDS, *more)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A folder with the finished bench; copy it to change it."""
+    folder = tmp_path_factory.mktemp("finished")
+    (folder / "mine.toml").write_text(SUITE)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        done = CliRunner().invoke(app, ["evaluate", *WORDS])
+    assert (done.exit_code, done.exception) == (0, None)
+    return folder / "out"
 
 
 @pytest.mark.parametrize("damage", ["missing", "empty", "cut", "cut in a row", "noise"])
-def test_a_track_that_is_lost_is_computed_again(monkeypatch, capfd, place, damage):
-    assert bench(monkeypatch, capfd)[0] == 0
+def test_a_track_that_is_lost_is_computed_again(monkeypatch, capfd, place, finished, damage):
+    shutil.copytree(finished, place / "out")
     path = place / "out" / "tracks" / "sok" / "clutter-a-0.csv"
     whole = path.read_bytes()
     left = {"empty": b"", "cut": b"\n".join(whole.split(b"\n")[:20]) + b"\n", "noise": b"\xff" * 99}
@@ -89,8 +104,8 @@ def test_a_bench_writes_tables_curves_tracks_and_sheets(monkeypatch, capfd, plac
     assert out.index("sok") < out.index("nothing")
 
 
-def test_a_stopped_bench_goes_on_and_repeats_nothing(monkeypatch, capfd, place):
-    bench(monkeypatch, capfd)
+def test_a_stopped_bench_goes_on_and_repeats_nothing(monkeypatch, capfd, place, finished):
+    shutil.copytree(finished, place / "out")
     before = (place / "out" / "runs.csv").read_text()
     drop(place / "out", 1)
     ran = []
@@ -114,8 +129,8 @@ def without_times(table):
     ]
 
 
-def test_a_folder_of_other_settings_is_refused(monkeypatch, capfd, place):
-    bench(monkeypatch, capfd)
+def test_a_folder_of_other_settings_is_refused(monkeypatch, capfd, place, finished):
+    shutil.copytree(finished, place / "out")
     (place / "mine.toml").write_text(SUITE.replace("frames = 40", "frames = 9"))
     assert bench(monkeypatch, capfd)[::2] == (
         2,

@@ -9,8 +9,8 @@ from servoing import OUTLINE, ROOT_AREA, facing, posture_of, task
 from servo.controllers._inverse import Inverse
 from servo.controllers.ibvs import Config
 from servo.estimators import kalman_cv, none
-from servo.features import points
 from servo.features._interaction import interaction
+from servo.features.points import PointFeatures
 from servo.mistake import Mistake
 from servo.scenario import load as s
 from servo.sight import exact, shape_moments
@@ -106,7 +106,7 @@ TURNS = (0.0, 0.0, 0.0, 1.0, 1.0, 0.0)
 def test_weights_that_only_tilt_the_camera_move_it_with_six_features():
     config = s.load("line", [f"controller.weights={list(TURNS)}"]).controller
     controller = config.build(RNG)
-    features = points.Config()
+    features = PointFeatures()
     goal = exact.sight_of(Pose(np.eye(3), np.array([0.0, 0.0, 1.0])), OUTLINE)
     seen = exact.sight_of(Pose(np.eye(3), np.array([0.05, -0.03, 1.0])), OUTLINE)
     controller.start(task(goal, none.Config().build(RNG), latency=1, features=features))

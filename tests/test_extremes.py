@@ -1,6 +1,7 @@
 """A short run ends normally with each setting at its smallest and at its largest value."""
 
 import dataclasses
+import functools
 from itertools import starmap
 
 import numpy as np
@@ -108,8 +109,11 @@ def base(place, kind):
 
 
 def cases():
-    """Every setting of every kind at each end; what several kinds inherit, in the first of them."""
-    seen = set()
+    """Every setting of every kind at each end; what several kinds inherit, in the first of them.
+
+    An end that is the default is the same run for all settings of a kind: it is the first one's.
+    """
+    seen, usual = set(), set()
     for place, kind, config in KINDS:
         if kind == "onnx":
             continue  # it needs a network: test_onnx_policy
@@ -120,8 +124,23 @@ def cases():
             seen.add((owner, name))
             for value in values:
                 if not too_long(kind, name, value):
+                    if is_usual(place, kind, config, name, value):
+                        if (place, kind) in usual:
+                            continue
+                        usual.add((place, kind))
                     label = f"{kind or place}-{name}={value}"
                     yield pytest.param(place, kind, {f"{at}.{name}": value}, id=label)
+
+
+def is_usual(place, kind, config, name, value):
+    """Whether a short scenario with a kind has this value of a setting already."""
+    there = base(place, kind).get(place, {})
+    if name.partition(".")[0] in (there[0] if isinstance(there, list) else there):
+        return False
+    default = functools.reduce(getattr, name.split("."), config())
+    default = getattr(default, "value", default)
+    default = list(default) if isinstance(default, tuple) else default
+    return type(default) is type(value) and default == value
 
 
 def too_long(kind, name, value):

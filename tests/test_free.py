@@ -136,7 +136,7 @@ def test_the_back_of_a_target_is_not_seen():
 @pytest.mark.parametrize(("speed", "outcome"), [(0.2, "CONVERGED"), (0.8, "DIVERGED")])
 def test_a_camera_that_dives_through_the_target_has_not_converged(speed, outcome, monkeypatch):
     dive = Command(np.array([0.0, 0.0, speed, 0.0, 0.0, 0.0]))
-    monkeypatch.setattr(hold.Config, "command", lambda *_: dive)
+    monkeypatch.setattr(hold.Hold, "command", lambda *_: dive)
     scenario = load(
         "line",
         [

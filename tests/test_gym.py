@@ -343,3 +343,11 @@ def test_the_reward_is_made_of_the_terms_that_are_told():
         distances = list(info["reward_terms"].values())
         assert np.ptp(distances) > 0.1
         assert reward == pytest.approx(1 / (1 + np.mean(distances) / 10), rel=1e-12)
+
+
+def test_a_policy_may_learn_inside_a_recording():
+    env = made(scenario="recording", overrides=["run.duration=0.4"], tracker="truth")
+    env.reset(seed=3)
+    *_, reward, _, _, _ = env.step(np.zeros(env.action_space.shape, np.float32))
+    assert 0 < reward <= 1
+    env.close()

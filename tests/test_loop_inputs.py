@@ -135,7 +135,7 @@ def test_a_depth_picture_that_is_none_is_refused(loop, steps, depth, found):
     frame = replace(first.frame, depth=depth)
     with pytest.raises(ValueError) as refused:
         loop.start(frame, first.scene.region, first.true_state)
-    sentence = f"frame.depth [m]: expected a picture (240, 320) of float, got {found}"
+    sentence = f"frame: expected a depth picture (240, 320) of floats [m], got {found}"
     assert str(refused.value) == sentence
 
 

@@ -164,7 +164,7 @@ def test_inside_the_picture_the_weighted_law_is_position_based():
 
 def test_the_weighted_law_keeps_the_corners_that_the_pose_alone_loses():
     start = "start.pose=[0.331, -0.106, 1.011, 21.3427, -37.3568, -107.4468]"
-    _, alone = measured_run(load("small_hybrid", ["features.kind=pose", start, "run.duration=2.0"]))
+    _, alone = measured_run(load("small_hybrid", ["features.kind=pose", start, "run.duration=1.0"]))
     _, both = measured_run(
         load("small_hybrid", ["features.kind=weighted", start, "run.duration=6.0"])
     )

@@ -284,7 +284,7 @@ def test_a_package_that_cannot_be_read_brings_nothing_and_ends_nothing(
     entries.cache_clear()
     assert TRACKERS.names() == names
     assert "calm" in names
-    list_command.show_all()
+    list_command.show("tracker")
     assert "calm" in capsys.readouterr().out
 
 

@@ -2,8 +2,11 @@
 
 import shutil
 from dataclasses import replace
+from fractions import Fraction
 from importlib.resources import files
+from itertools import pairwise
 
+import av
 import cv2
 import mujoco
 import numpy as np
@@ -15,6 +18,7 @@ from servo.loop.episode import Episode
 from servo.mistake import Mistake
 from servo.scenario.load import load
 from servo.scenario.named_files import digest_of
+from servo.scenario.recording import recorded_of
 from sim.camera.distortion import Distortion
 from sim.camera.gl import is_there
 from sim.geometry import exp_so3
@@ -74,7 +78,7 @@ def test_it_is_the_simulation_that_was_filmed(table, tracker):
 
 def rendered(camera, picture, view, pan, tilt):
     """The view of a head inside a recording of one picture."""
-    model = mujoco.MjModel.from_xml_path(str(files("scenes") / "robots" / "head.xml"))
+    model = mujoco.MjModel.from_xml_path(str(files("scenes") / "robots" / "turning_head.xml"))
     data = mujoco.MjData(model)
     data.qpos[:] = pan, tilt
     mujoco.mj_forward(model, data)
@@ -258,11 +262,10 @@ def test_what_cannot_be_is_refused_in_a_sentence(small, tmp_path, case):
 
 
 def test_what_is_assumed_is_said(small):
-    said = load("still", []).recording.remarks()
-    assert said == []
+    assert load("still").recording.remarks() == load("recording").recording.remarks() == []
     config = load("recording", [f"recording.pictures={small}"]).recording
-    assert config.remarks() == []
-    assert replace(config, fov_deg=None).remarks() == [
+    assert replace(config, fov_deg=60.0).remarks() == []
+    assert config.remarks() == [
         "the recording's field of view is taken to be 60 deg: set recording.fov_deg or "
         "recording.calibration"
     ]
@@ -270,7 +273,7 @@ def test_what_is_assumed_is_said(small):
 
 def test_a_small_recording_is_enlarged(tmp_path):
     as_folder(tmp_path, wide(320, FOCAL / 2, 0.2, *MOVES))
-    scenario = load("recording", [f"recording.pictures={tmp_path}"])
+    scenario = load("recording", [f"recording.pictures={tmp_path}", "recording.fov_deg=60"])
     assert scenario.recording.remarks() == [
         "the recording has 320 x 240 px: its pictures are enlarged 2 times"
     ]
@@ -298,6 +301,12 @@ def test_a_calibration_gives_lens_and_centre(small, tmp_path):
         middle = seen_from(camera, turn, step.scene.camera.normalise(step.truth.centre))
         expected = camera.to_pixels(camera.normalise(corners).mean(axis=0))
         np.testing.assert_allclose(middle, expected, atol=1e-6)
+    beside = tmp_path / "film"
+    shutil.copytree(small, beside)
+    shutil.copy(path, beside / "camera.yaml")
+    found = load(str(scene), [f"recording.pictures={beside}"]).recording
+    assert recorded_of(found).camera == camera
+    assert recorded_of(replace(found, fov_deg=60.0)).camera.fx == pytest.approx(FOCAL)
     path.write_text(path.read_text().replace("640", "800"))
     with pytest.raises(Mistake, match="this calibration is for 800 x 480 px"):
         load(str(scene), places)
@@ -335,3 +344,25 @@ def test_the_same_seed_gives_the_same_pictures(small):
     for a, b in zip(one, other, strict=True):
         np.testing.assert_array_equal(a.frame.image, b.frame.image)
         assert a.estimate.state == b.estimate.state
+
+
+def test_a_picture_stays_until_the_next_whatever_the_times(small, tmp_path):
+    """A video whose pictures are 40, 40, 120, 40 ... ms apart."""
+    ticks = np.cumsum([0, 1, 1, 3, 1, 1, 1, 1, 1, 1, 1, 1])
+    path = tmp_path / "v.mp4"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", 25)
+        stream.width, stream.height, stream.pix_fmt = 640, 480, "yuv420p"
+        for tick, file in zip(ticks.tolist(), sorted(small.glob("*.png")), strict=True):
+            frame = av.VideoFrame.from_ndarray(cv2.imread(str(file)), "bgr24")
+            frame.pts, frame.time_base = tick, Fraction(1, 25)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    shutil.copy(small / "groundtruth.txt", path.with_suffix(".txt"))
+    scenario = load("recording", [f"recording.pictures={path}", *TRUTH])
+    np.testing.assert_allclose(recorded_of(scenario.recording).times, ticks / 25)
+    assert (scenario.camera.rate, scenario.frames) == (25.0, 14)
+    with Episode(scenario) as episode:
+        places = [step.truth.T_world_target.translation for step in episode]
+    same = [bool((a == b).all()) for a, b in pairwise(places)]
+    assert same == [False, False, True, True, *[False] * 9]

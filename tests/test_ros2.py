@@ -8,12 +8,12 @@ import importlib
 import json
 import os
 import re
-import subprocess
 import sys
 import time
 
 import numpy as np
 import pytest
+from preloaded import SCRIPT, Command, ran
 
 import servo
 from servo.cli import run_command
@@ -388,12 +388,12 @@ def test_two_processes_close_the_loop(tmp_path, name, depth, duration, measure, 
     out = tmp_path / "served"
     words = ["run", name, "--ros2", "--no-rerun", "--out", str(out), "--quiet"]
     changes = ["--set", f"run.duration={duration}", "--set", "expect={}"]
-    command = [sys.executable, "-m", "servo", *words, *changes]
-    controller = [sys.executable, "-c", CONTROLLER, name, depth, str(duration - 0.1)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
-        subprocess.run(controller, check=True, timeout=120)
-        assert run.communicate(timeout=60)[1] == "waiting for a twist on /servo/twist\n"
-    assert run.returncode == 0
+    (tmp_path / "controller.py").write_text(CONTROLLER)
+    served = Command([*words, *changes])
+    controller = [tmp_path / "controller.py", name, depth, str(duration - 0.1)]
+    assert ran(controller, program=SCRIPT) == (0, "", "")
+    assert served.communicate() == ("", "waiting for a twist on /servo/twist\n")
+    assert served.returncode == 0
     measures = json.loads((out / "report.json").read_text())["measures"]
     assert 0.0 < measures[measure] < most
 

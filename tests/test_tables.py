@@ -314,7 +314,8 @@ def test_the_list_has_every_scenario_study_and_kind(printed):
 @pytest.mark.parametrize("part", list_command.PARTS)
 def test_a_part_is_listed_with_all_its_kinds(part, printed):
     list_command.show(part)
-    rows = [line.split(maxsplit=2) for line in lines(printed) if not line.startswith(" ")]
+    shown = list(itertools.takewhile(bool, lines(printed)))  # advice may follow
+    rows = [line.split(maxsplit=2) for line in shown if not line.startswith(" ")]
     own = {"scenario": shipped, "study": studies}.get(part)
     names = own() if own else list_command.FOLDERS[part].names()
     assert [row[:2] for row in rows] == [[part, name] for name in names]
@@ -325,8 +326,9 @@ def test_a_part_is_listed_with_all_its_kinds(part, printed):
 def test_a_section_is_listed_with_all_its_settings(section, printed):
     list_command.show(section)
     title, head, *rows = lines(printed)
-    kinds = [i for i, row in enumerate(rows) if f'.kind = "{section}"' in row]
-    rows = rows[: kinds[0]] if kinds else rows  # a kind of the same name follows the section
+    same = f'.kind = "{section}"', f"scenario  {section}"  # what has its name follows the section
+    others = [i for i, row in enumerate(rows) if any(each in row for each in same)]
+    rows = rows[: others[0]] if others else rows
     assert title.startswith(f"[{section}]  ")
     assert head.split() == ["setting", "default", "meaning"]
     at = head.index("default"), head.index("meaning")

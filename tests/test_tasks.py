@@ -99,6 +99,7 @@ def test_a_run_that_fails_leaves_the_others(monkeypatch, capfd):
     assert [row[0] for row in untimed(out)[1:]] == ["scenario", "still", "line"]
 
 
+@pytest.mark.usefixtures("no_progress")
 def test_a_mistake_that_a_run_finds_is_said_once_and_exits_2(monkeypatch, capfd):
     words = ("check", "still", *QUICK, "--set", "start.x=200", "--set", "vary={}", "--workers", "1")
     code, out, err = call(monkeypatch, capfd, *words)

@@ -61,7 +61,7 @@ def show(name: str) -> None:
 
     found = [(part, each) for part in PARTS for each in _names(part) if name in (part, each)]
     with_settings = [part for part, each in found if each == name and part in FOLDERS]
-    if not found or (with_settings and name in SECTIONS):
+    if not found or name in SECTIONS:
         _show_section(name)
     for part in with_settings:
         _show_kind(part, name)

@@ -7,14 +7,21 @@ import numpy as np
 
 from servo.parts import Task
 from servo.types import Command, Mode, Sight
-from sim.kinds import BuildsItself
 from sim.types import Posture
 
 
-@final
 @dataclass(frozen=True, slots=True)
-class Config(BuildsItself):
-    """Controller that commands a twist of zero after each picture; it has no settings."""
+class Config:
+    """Settings of the controller `hold`: it has none."""
+
+    def build(self, rng: np.random.Generator) -> "Hold":
+        """Return the controller, which uses no random numbers."""
+        return Hold()
+
+
+@final
+class Hold:
+    """Controller that commands a twist of zero after each picture."""
 
     def start(self, task: Task) -> None:
         """Begin a run; the task is not used."""

@@ -1,7 +1,6 @@
 """Base classes of feature sets, with the methods that most of them share."""
 
 from collections.abc import Mapping
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +18,6 @@ class Features:
     sole_dof: Mapping[str, str] = {}
     angles = slice(0)
     """The features that are angles; by default none."""
-
-    def build(self, outline: Array) -> Self:
-        """Return these settings as the feature set, which is the same for any outline (4, 3)."""
-        return self
 
     def error(self, values: Array, goal: Array) -> Array:
         """Return the error e = s - s* (k,) from the features s and those s* at the goal; the

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from servo.features import points
 from servo.features._base import Features
+from servo.features.points import PointFeatures
 from servo.features.pose import PoseFeatures
 from servo.types import Sight
 from sim.types import Array
@@ -20,31 +20,33 @@ class PointsAndPose(Features):
     the camera in the frame of the desired camera.
     """
 
-    corners = points.Config()
-    pose = PoseFeatures("cdMc")
-    names = corners.names + pose.names
-    units = corners.units + pose.units
-    feed_forward = names
-    noise = np.concatenate([corners.noise, pose.noise])
+    def __init__(self) -> None:
+        """Join the names, units and noises of the feature sets `points` and `pose`."""
+        self._parts = PointFeatures(), PoseFeatures("cdMc")
+        points, pose = self._parts
+        self.names = points.names + pose.names
+        self.units = points.units + pose.units
+        self.feed_forward = self.names
+        self.noise = np.concatenate([points.noise, pose.noise])
 
     def values(self, sight: Sight) -> Array:
         """Return the features (14,) of the target in a picture: eight corner coordinates, three of
         t [m], three of theta u [rad].
         """
-        return np.concatenate([self.corners.values(sight), self.pose.values(sight)])
+        return np.concatenate([part.values(sight) for part in self._parts])
 
     def matrix(self, sight: Sight) -> Array:
         """Return the interaction matrix L (14, 6)."""
-        return np.concatenate([self.corners.matrix(sight), self.pose.matrix(sight)])
+        return np.concatenate([part.matrix(sight) for part in self._parts])
 
     def error(self, values: Array, goal: Array) -> Array:
         """Return the error e = s - s* (14,); of the rotation vectors of one rotation, the one
         nearest to the goal's counts.
         """
-        in_picture = self.corners.error(values[POINTS], goal[POINTS])
-        in_space = self.pose.error(values[POINTS.stop :], goal[POINTS.stop :])
-        return np.concatenate([in_picture, in_space])
+        points, pose = self._parts
+        place, turn = (part[POINTS.stop :] for part in (values, goal))
+        return np.concatenate([points.error(values[POINTS], goal[POINTS]), pose.error(place, turn)])
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
         """Return True (14,) for each feature that the sight measures."""
-        return np.concatenate([self.corners.known(sight), self.pose.known(sight)])
+        return np.concatenate([part.known(sight) for part in self._parts])

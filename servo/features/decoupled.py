@@ -11,9 +11,17 @@ from servo.features._points_and_pose import POINTS, TRANSLATION, PointsAndPose
 from sim.types import Array, Camera
 
 
-@final
 @dataclass(frozen=True, slots=True)
-class Config(PointsAndPose):
+class Config:
+    """Settings of the feature set `decoupled`: it has none."""
+
+    def build(self, outline: Array) -> "DecoupledFeatures":
+        """Return the feature set, which is the same for any outline (4, 3)."""
+        return DecoupledFeatures()
+
+
+@final
+class DecoupledFeatures(PointsAndPose):
     """Feature set of corners and pose, with an inverse of its own: the pose controls the camera's
     translation, the remaining error of the corners its rotation.
 

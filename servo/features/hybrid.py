@@ -14,15 +14,21 @@ from servo.sight.point_rows import point_rows
 from servo.types import Sight
 from sim.types import Array
 
-MOVES: Mapping[str, str] = {**SOLE_DOF, "logZ": "vz"}
-"""Component of the twist that alone controls a feature."""
 NOISE = (2e-4, 2e-4, 2e-3, 5e-3, 5e-3, 1e-3)
 """Standard deviations from frame to frame, of a target of 0.1 m at 1 m with f = 600 px."""
 
 
-@final
 @dataclass(frozen=True, slots=True)
-class Config(WithRotation):
+class Config:
+    """Settings of the feature set `hybrid`: it has none."""
+
+    def build(self, outline: Array) -> "HybridFeatures":
+        """Return the feature set, which is the same for any outline (4, 3)."""
+        return HybridFeatures()
+
+
+@final
+class HybridFeatures(WithRotation):
     """Feature set s = (x, y, log(Z / Z*), theta u): normalised image coordinates and depth Z of the
     target's centre, Z* at the goal, and the rotation vector theta u [rad] of c*Rc, the camera's
     rotation in the frame of the desired camera.
@@ -34,7 +40,7 @@ class Config(WithRotation):
     names = ("x", "y", "logZ", "rx", "ry", "rz")
     units = ("1", "1", "1", "rad", "rad", "rad")
     feed_forward = ("x", "y")
-    sole_dof = MOVES
+    sole_dof: Mapping[str, str] = {**SOLE_DOF, "logZ": "vz"}
     noise = np.array(NOISE)
 
     def values(self, sight: Sight) -> Array:

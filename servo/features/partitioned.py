@@ -7,8 +7,8 @@ from typing import final
 
 import numpy as np
 
-from servo.features import points
 from servo.features._base import OfCorners
+from servo.features.points import NOISE, PointFeatures
 from servo.sight.point_rows import corner_rows, corners_of
 from servo.types import Sight
 from sim.types import Array, Camera
@@ -21,9 +21,19 @@ ALONG, ABOUT = 2, 5
 """vz and wz in a twist."""
 
 
-@final
 @dataclass(frozen=True, slots=True)
-class Config(OfCorners):
+class Config:
+    """Settings of the feature set `partitioned`: it has none."""
+
+    def build(self, outline: Array) -> "PartitionedFeatures":
+        """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not
+        used.
+        """
+        return PartitionedFeatures()
+
+
+@final
+class PartitionedFeatures(OfCorners):
     """Feature set s = (x0, y0, ..., x3, y3, ln sigma, theta) (10,): the four corners in normalised
     image coordinates, the square root sigma of the area that they enclose, and the angle theta
     [rad] of the side from the first corner to the second.
@@ -35,11 +45,11 @@ class Config(OfCorners):
     of vz and wz on them.
     """
 
-    names = (*points.Config.names, "sigma", "theta")
-    units = (*points.Config.units, "1", "rad")
+    names = (*PointFeatures.names, "sigma", "theta")
+    units = (*PointFeatures.units, "1", "rad")
     angles = slice(ANGLE, None)
     feed_forward = names
-    noise = np.array([points.NOISE] * 8 + [*NOISES])
+    noise = np.array([NOISE] * 8 + [*NOISES])
 
     def values(self, sight: Sight) -> Array:
         """Return the features (10,) of the target in a picture: eight corner coordinates, ln sigma,

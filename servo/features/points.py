@@ -16,9 +16,17 @@ NOISE = 2e-4
 """Standard deviation of a corner from frame to frame: 0.1 px at f = 600 px."""
 
 
-@final
 @dataclass(frozen=True, slots=True)
-class Config(OfCorners):
+class Config:
+    """Settings of the feature set `points`: it has none."""
+
+    def build(self, outline: Array) -> "PointFeatures":
+        """Return the feature set, which is the same for any outline (4, 3)."""
+        return PointFeatures()
+
+
+@final
+class PointFeatures(OfCorners):
     """Feature set s = (x0, y0, ..., x3, y3) (8,): normalised image coordinates of the target's four
     corners.
 

@@ -17,9 +17,19 @@ NOISE = (2e-4, 1e-3)
 """
 
 
-@final
 @dataclass(frozen=True, slots=True)
-class Config(OfCorners):
+class Config:
+    """Settings of the feature set `polar`: it has none."""
+
+    def build(self, outline: Array) -> "PolarFeatures":
+        """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not
+        used.
+        """
+        return PolarFeatures()
+
+
+@final
+class PolarFeatures(OfCorners):
     """Feature set s = (rho0, theta0, ..., rho3, theta3) (8,): distance rho of each corner from the
     optical axis, in normalised image coordinates, and its direction theta [rad] from there.
 

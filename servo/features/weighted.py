@@ -16,9 +16,25 @@ LARGEST = 1e3
 do not swamp the pose."""
 
 
-@final
 @dataclass(frozen=True, slots=True)
-class Config(PointsAndPose):
+class Config:
+    """Settings of the feature set `weighted`: the width of the border of the picture in which
+    corners count.
+    """
+
+    border: Annotated[float, Gt(0), Lt(1)] = 0.3
+    """Width of the border in which corners count, over half the width (or height) of the
+    picture."""
+
+    def build(self, outline: Array) -> "WeightedFeatures":
+        """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not
+        used.
+        """
+        return WeightedFeatures(self.border)
+
+
+@final
+class WeightedFeatures(PointsAndPose):
     """Feature set of corners and pose, each with a weight: 1 for the pose; for a coordinate of a
     corner 0 in the inner part of the picture, and the more the nearer it is to the border.
 
@@ -28,9 +44,10 @@ class Config(PointsAndPose):
     diagonal of H; `safe` is where the border begins, `limit` the side of the picture.
     """
 
-    border: Annotated[float, Gt(0), Lt(1)] = 0.3
-    """Width of the border in which corners count, over half the width (or height) of the
-    picture."""
+    def __init__(self, border: float) -> None:
+        """Store the width of the border, over half the width (or height) of the picture."""
+        super().__init__()
+        self._border = border
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
         """Return the matrix (6, 14) that maps the error of the features to the camera twist, with
@@ -52,5 +69,5 @@ class Config(PointsAndPose):
         pixels = camera.to_pixels(corners)
         half = np.array([camera.width, camera.height]) / 2
         out = np.abs(pixels - half) / half  # 0 in the middle, 1 at the border
-        beyond = np.maximum(out - (1 - self.border), 0.0)
-        return np.minimum(beyond / np.maximum(1 - out, self.border / LARGEST), LARGEST)
+        beyond = np.maximum(out - (1 - self._border), 0.0)
+        return np.minimum(beyond / np.maximum(1 - out, self._border / LARGEST), LARGEST)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from servo.goals import Faced
+from servo.goals.faced import Faced
 from servo.loop.inputs import check_type
 from servo.loop.loop import Loop
 from servo.loop.part_failures import Part, PartFailed

@@ -10,7 +10,7 @@ import numpy as np
 from servo.contracts import LARGEST, outline_fault
 from servo.loop.settings import Setup
 from sim.geometry import is_rotation
-from sim.types import Array, Camera, Frame, Pose, Posture
+from sim.types import Array, Camera, DepthPicture, Frame, Image, Pose, Posture
 from tracking.types import Region, State
 
 ROUNDING = 1e-6
@@ -58,29 +58,40 @@ def check_frame(frame: Frame, camera: Camera) -> None:
         ValueError: A picture has another size or type, or the time is not finite.
     """
     check_type("frame", frame, Frame)
-    size = camera.height, camera.width
-    check_picture("frame", frame.image, (*size, 3), "uint8")
+    check_picture("frame", frame.image, camera)
     if frame.depth is not None:
-        check_picture("frame.depth [m]", frame.depth, size, "float")  # integers would be mm
+        _check_depth(frame.depth, (camera.height, camera.width))
     if not isfinite(frame.time):
         raise ValueError(f"frame.time: expected a finite number [s], got {frame.time}")
 
 
-def check_picture(name: str, picture: np.ndarray, shape: tuple[int, ...], kind: str) -> None:
-    """Check the shape and the type of an array of pixels.
+def check_picture(name: str, image: Image, camera: Camera) -> None:
+    """Check that an array is a picture of a camera: (height, width, 3) of uint8.
 
     Args:
         name: Name of the argument, with which the error's message begins.
-        picture: The array.
-        shape: The shape that it should have.
-        kind: Beginning of the name of its type, such as "uint8", or "float" for any floats.
+        image: The array.
+        camera: Camera whose height and width the picture should have.
 
     Raises:
         ValueError: The array has another shape or type.
     """
-    if np.shape(picture) != shape or not _type_of(picture).startswith(kind):
-        found = f"{np.shape(picture)} of {_type_of(picture)}"
-        raise ValueError(f"{name}: expected a picture {shape} of {kind}, got {found}")
+    shape = camera.height, camera.width, 3
+    if np.shape(image) != shape or _type_of(image) != "uint8":
+        found = f"{np.shape(image)} of {_type_of(image)}"
+        raise ValueError(f"{name}: expected a picture {shape} of uint8, got {found}")
+
+
+def _check_depth(depth: DepthPicture, shape: tuple[int, int]) -> None:
+    """Check that an array is a depth picture: floats [m] of a shape (H, W). Integers are refused,
+    because they would be millimetres.
+
+    Raises:
+        ValueError: The array has another shape or type.
+    """
+    if np.shape(depth) != shape or not _type_of(depth).startswith("float"):
+        found = f"{np.shape(depth)} of {_type_of(depth)}"
+        raise ValueError(f"frame: expected a depth picture {shape} of floats [m], got {found}")
 
 
 def _type_of(values: object) -> str:

@@ -16,7 +16,9 @@ from weakref import ref
 
 import numpy as np
 
-from servo.goals import Faced, Led, Shown
+from servo.goals.faced import Faced
+from servo.goals.led import Led
+from servo.goals.shown import Shown
 from servo.loop.inputs import check_frame, check_picture, check_posture, check_setup, check_start
 from servo.loop.law import Law
 from servo.loop.perception import Perception
@@ -181,7 +183,7 @@ class Loop:
             source = Led(s.leader, self.outline, self.camera, factor)
         if picture is None:
             return source
-        check_picture("goal", picture, (self.camera.height, self.camera.width, 3), "uint8")
+        check_picture("goal", picture, self.camera)
         return Shown(source, CameraImage(picture, self.camera))
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Le
 
-from servo.goals import Depth, GoalConfig, Pixels
+from servo.goals.faced import Depth, GoalConfig, Pixels
 from servo.mistake import Mistake
 from servo.parts import Controller, Estimator, FeaturesConfig
 from servo.sight.estimate_to_sight import SightConfig

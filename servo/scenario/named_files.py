@@ -28,8 +28,8 @@ MISSING = "missing"
 """Digest of a file that cannot be read."""
 DIGITS = 12
 """Digits of a digest: 48 bits do not collide by chance among the files of a study."""
-TRUTHS = (".csv", ".txt")
-"""Suffixes of the truth file beside a recording."""
+BESIDE = (".csv", ".txt", ".yaml")
+"""Suffixes of the truth and the calibration beside a recording."""
 AROUND = {"vary": 1, "set": 1, "axes": 1, "named": 3}
 """Tables whose keys are settings of other tables, and the number of keys before each setting."""
 
@@ -169,8 +169,8 @@ def _files(name: str) -> set[Path]:
         return {each for each in path.rglob("*") if each.is_file()}
     if not path.is_file():
         return set()
-    truths = {path.with_suffix(suffix) for suffix in TRUTHS}
-    return files_behind(path) | {each for each in truths if each.is_file()}
+    beside = {path.with_suffix(suffix) for suffix in BESIDE}
+    return files_behind(path) | {each for each in beside if each.is_file()}
 
 
 @functools.lru_cache(maxsize=100_000)

@@ -52,9 +52,7 @@ VIEW = ("fovy_deg", "fx", "fy", "cx", "cy", "calibration")
 
 @dataclass(frozen=True, slots=True)
 class RecordingConfig:
-    """Settings of a recording in which the camera turns: pictures, truth, and the recording
-    camera's field of view [deg] or calibration.
-    """
+    """Settings of a recording in which the camera turns, with the target's truth and its camera."""
 
     pictures: FileOrFolder = ""
     """A folder of pictures, a video file or a bag, as `servobench track` reads them, or a shipped
@@ -67,9 +65,11 @@ class RecordingConfig:
     rate: Annotated[float, Ge(0.5), Le(1000)] = RATE
     """Rate of a folder's pictures [1/s]; videos and bags have their own."""
     fov_deg: Annotated[float, Ge(1), Le(150)] | None = None
-    """Horizontal field of view of the recording camera [deg]; by default 60, and a line says so."""
+    """Horizontal field of view of the recording camera [deg]; without it and a calibration 60, and
+    a line says so."""
     calibration: File = ""
-    """Calibration file of the recording camera, of ROS or OpenCV, in place of `fov_deg`."""
+    """Calibration file of the recording camera, of ROS or OpenCV; by default camera.yaml in the
+    folder, or the file beside the video with its name and the suffix .yaml."""
 
     def __post_init__(self) -> None:
         """Check that the lens is given once.
@@ -98,7 +98,7 @@ class RecordingConfig:
             return []
         camera = recorded_of(self).camera
         said = list[str]()
-        if not self.calibration and self.fov_deg is None:
+        if self.fov_deg is None and _calibration(self, _path(self.pictures)) is None:
             said.append(
                 f"the recording's field of view is taken to be {FOV:g} deg: set recording.fov_deg "
                 "or recording.calibration"
@@ -272,24 +272,43 @@ def recorded_of(config: RecordingConfig) -> Recorded:
         Mistake: Pictures, truth or calibration cannot be read or do not fit each other, or the
             target is not in the first picture.
     """
-    path = Path(config.pictures)
     with as_mistake():
-        if ADDRESS.match(config.pictures) or config.pictures.startswith(sequence.CAMERA):
-            raise ValueError(
-                f"{shown(config.pictures)}: a camera or stream cannot be read again: record it "
-                "first"
-            )
-        if not path.is_dir():
-            path = file_of(config.pictures, FOLDER, ".mp4", "recording.pictures")
+        path = _path(config.pictures)
         truth = Path(config.truth) if config.truth else _truth_beside(path)
         if truth is None:
             raise ValueError(
                 f"{path}: there is no truth file in it or beside it, with the target's box in each "
                 "picture: set recording.truth"
             )
-        files = (path, truth, Path(config.calibration or truth))
+        lens = _calibration(config, path)
+        files = [each.resolve() for each in (path, truth, lens or truth)]
         stamps = tuple(each.stat().st_mtime_ns for each in files if each.exists())
-        return _recorded(config, path.resolve(), truth.resolve(), stamps)
+        return _recorded(config, *files[:2], lens and lens.resolve(), stamps)
+
+
+def _path(pictures: str) -> Path:
+    """Return the path of a recording.
+
+    Raises:
+        ValueError: It is a camera or a stream, or no recording of this bare name is shipped.
+    """
+    if ADDRESS.match(pictures) or pictures.startswith(sequence.CAMERA):
+        raise ValueError(
+            f"{shown(pictures)}: a camera or stream cannot be read again: record it first"
+        )
+    path = Path(pictures)
+    return path if path.is_dir() else file_of(pictures, FOLDER, ".mp4", "recording.pictures")
+
+
+def _calibration(config: RecordingConfig, path: Path) -> Path | None:
+    """Return the calibration file of a recording's camera: the one that the settings name, else
+    camera.yaml in its folder, or the one beside a video with the video's name. None if there is
+    none, or the settings have a field of view.
+    """
+    if config.calibration:
+        return Path(config.calibration)
+    beside = path / "camera.yaml" if path.is_dir() else path.with_suffix(".yaml")
+    return beside if config.fov_deg is None and beside.is_file() else None
 
 
 def _truth_beside(path: Path) -> Path | None:
@@ -302,7 +321,7 @@ def _truth_beside(path: Path) -> Path | None:
 
 @functools.lru_cache(maxsize=16)
 def _recorded(
-    config: RecordingConfig, path: Path, truth: Path, changed: tuple[int, ...]
+    config: RecordingConfig, path: Path, truth: Path, lens: Path | None, changed: tuple[int, ...]
 ) -> Recorded:
     """Return a recording. It is cached until a file's time of change `changed` [ns] differs.
 
@@ -330,7 +349,7 @@ def _recorded(
         raise ValueError(f"{path}: no picture can be decoded")
     height, width = image.shape[:2]
     return Recorded(
-        _intrinsics(config, width, height), times[: len(corners)], corners, _Pictures(source)
+        _intrinsics(config, lens, width, height), times[: len(corners)], corners, _Pictures(source)
     )
 
 
@@ -357,19 +376,19 @@ def _times(source: Source) -> Array:
     return np.array([picture.time for picture in source])
 
 
-def _intrinsics(config: RecordingConfig, width: int, height: int) -> Camera:
-    """Return the recording camera.
+def _intrinsics(config: RecordingConfig, lens: Path | None, width: int, height: int) -> Camera:
+    """Return the recording camera, by its calibration file `lens` or its field of view.
 
     Raises:
-        Mistake: The calibration file cannot be read, or is of pictures of another size.
+        Mistake: The file cannot be read, or is of pictures of another size.
     """
-    if config.calibration:
-        camera = camera_in(Path(config.calibration))
-        if (camera.width, camera.height) != (width, height):
-            raise Mistake(
-                f"{config.calibration}: this calibration is for {camera.width} x {camera.height} "
-                f"px, and the recording has {width} x {height} px"
-            )
-        return camera
-    f = width / 2 / tan(radians(config.fov_deg or FOV) / 2)
-    return Camera(f, f, width / 2, height / 2, width, height)
+    if lens is None:
+        f = width / 2 / tan(radians(config.fov_deg or FOV) / 2)
+        return Camera(f, f, width / 2, height / 2, width, height)
+    camera = camera_in(lens)
+    if (camera.width, camera.height) != (width, height):
+        raise Mistake(
+            f"{lens}: this calibration is for {camera.width} x {camera.height} px, and the "
+            f"recording has {width} x {height} px"
+        )
+    return camera

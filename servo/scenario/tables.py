@@ -3,7 +3,7 @@
 from contextlib import suppress
 from typing import Any
 
-from servo.goals import GoalConfig
+from servo.goals.faced import GoalConfig
 from servo.loop.settings import (
     MeasureConfig,
     RegionConfig,

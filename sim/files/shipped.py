@@ -6,6 +6,8 @@ from pathlib import Path
 from sim.files.notices import Notice, notice
 from sim.files.packages import is_file
 
+FOLDER_NAMES = (".", "..")
+"""Paths without a slash."""
 FOLDERS = ("robots", "targets")
 """Folders of shipped files in `scenes`."""
 
@@ -34,7 +36,7 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
     files = (resources.files("scenes") / folder).iterdir()
     shipped = {f.name: Path(str(f)) for f in files if f.name.endswith(suffix)}
     found = shipped.get(name if own.suffix else name + suffix)
-    if "/" in name or (is_file(own) and (own.suffix or not found)):
+    if "/" in name or name in FOLDER_NAMES or (is_file(own) and (own.suffix or not found)):
         warn_of_shipped(name)
         return own
     if not found and not own.suffix:

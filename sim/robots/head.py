@@ -38,7 +38,7 @@ class Config(Drives):
     def build(self, rng: np.random.Generator) -> Design:
         """Return the design of the robot; uses no random numbers."""
         middles = [np.radians(sum(each) / 2).item() for each in (self.pan, self.tilt)]
-        design = shipped("head.xml", self, (tuple(middles),), INVERSION)
+        design = shipped("turning_head.xml", self, (tuple(middles),), INVERSION)
         spec = design.spec.copy()
         for name, limits in {"pan": self.pan, "tilt": self.tilt}.items():
             spec.joint(name).range = np.radians(limits)

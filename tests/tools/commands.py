@@ -23,11 +23,12 @@ def begin(words, cwd=None):
     return Command(words.split(), cwd=cwd, stdout=os.devnull)
 
 
-def begin_afresh(words, cwd=None):
+def begin_afresh(words, cwd=None, env=None):
     """The same as a user starts it: it imports first."""
     return subprocess.Popen(
         [BIN / "servobench", *words.split()],
         cwd=cwd,
+        env=env,
         start_new_session=True,
         preexec_fn=hear,
         stdout=subprocess.DEVNULL,

@@ -1,8 +1,5 @@
-"""Sources of the goal of a run: for a picture, each returns the desired view of the target (its
-moments, corners, plane and pose in the camera frame).
-
-`Faced`: the camera faces the target at a given pixel, angle and depth. `Led`: the target is beside
-a leader, a moving tag. `Shown`: a picture that the camera takes at the goal, for pixels.
+"""Goal at which the camera faces the target, given by pixel, angle and depth; the depth may change
+to another one at constant speed, once in the run.
 """
 
 from dataclasses import dataclass, replace
@@ -12,17 +9,12 @@ from typing import Annotated, final
 import numpy as np
 from annotated_types import Ge, Le
 
-from servo.parts import GoalSource
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
-from servo.sight.planar_pose import CornersToPose
-from servo.types import CameraImage, Sight
-from sim.geometry import mount_pose
-from sim.leader import LeaderConfig
+from servo.types import Sight
 from sim.outline import Outline
 from sim.placement import truth_above
 from sim.ranges import Degrees, Interval, Time
 from sim.types import Array, Camera, Frame, Pose, Truth
-from tracking.search.tag_detector import TagDetector
 from tracking.types import Region, State
 
 Pixels = Annotated[float, Ge(-10_000), Le(10_000)]
@@ -156,83 +148,3 @@ class Faced:
                 faced = replace(faced, centre=self.pixel, theta=self.theta, size=size)
             self._faced = {depth: faced}
         return self._faced[depth]
-
-
-STANDS = Pose(np.eye(3), np.zeros(3))
-"""Pose of the standing camera, relative to itself."""
-
-
-@final
-class Led:
-    """Goal of a target that the robot holds in front of a standing camera: a pose relative to the
-    leader, a second tag that `[motion]` moves and that is detected in each picture.
-    """
-
-    moved_by = "leader.id"
-
-    def __init__(
-        self, config: LeaderConfig, outline: Array, camera: Camera, depth_factor: float = 1.0
-    ) -> None:
-        """Create the goal for a run.
-
-        Args:
-            config: Number and size of the leader's tag, and the desired pose relative to it.
-            outline: Corners (4, 3) of the held target's reference rectangle in its frame [m].
-            camera: Intrinsics, as the robot believes them.
-            depth_factor: Factor on all depths, to test laws with wrong depths; 1 leaves them.
-        """
-        self._number = config.id
-        self._beside = mount_pose(config.beside)
-        self._camera = camera
-        self._tags = TagDetector()
-        self._seen: Array | None = None
-        self._corners_to_pose = CornersToPose((config.size, config.size))
-        region = Region(1.0, 1.0)  # a pose needs no template
-        self._to_sight = EstimateToSight(SightConfig(), camera, region, outline, depth_factor)
-
-    def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
-        """Return the desired view of the held target (moments, corners, plane and pose in the
-        camera frame) for a picture; None if the leader's tag is not seen in it. `by_corners` is not
-        used.
-        """
-        if self._number is not None:
-            self._seen = self._tags.find(frame.image, self._number, self._seen)
-        if self._seen is None:
-            return None
-        pose = self._corners_to_pose.of(self._camera.normalise(self._seen), STANDS)
-        return None if pose is None else self._to_sight.at(pose @ self._beside)
-
-
-@final
-class Shown:
-    """Goal source that takes the desired views of another goal source, and adds the camera's
-    picture at the goal to them.
-    """
-
-    moved_by = ""
-
-    def __init__(self, goal: GoalSource, picture: CameraImage) -> None:
-        """Store a goal source and the picture at its goal.
-
-        Raises:
-            ValueError: The goal moves, but there is only one picture.
-        """
-        if goal.moved_by:
-            raise ValueError(
-                f"{goal.moved_by}: features made of pixels compare with one picture, taken at the "
-                f"first goal, so the goal must not move: leave {goal.moved_by} out"
-            )
-        self._goal = goal
-        self._picture = picture
-        self._bare: Sight | None = None
-        self._shown: Sight | None = None
-
-    def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
-        """Return the desired view of the target with the picture at the goal; None until the other
-        source has found a desired view.
-        """
-        bare = self._goal.sight(frame, by_corners=by_corners)
-        if bare is not None and bare is not self._bare:
-            self._bare = bare
-            self._shown = replace(bare, picture=self._picture)
-        return self._shown

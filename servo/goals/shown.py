@@ -1,0 +1,43 @@
+"""Goal with the picture that the camera takes there, for features and policies that use pixels."""
+
+from dataclasses import replace
+from typing import final
+
+from servo.parts import GoalSource
+from servo.types import CameraImage, Sight
+from sim.types import Frame
+
+
+@final
+class Shown:
+    """Goal source that takes the desired views of another goal source, and adds the camera's
+    picture at the goal to them.
+    """
+
+    moved_by = ""
+
+    def __init__(self, goal: GoalSource, picture: CameraImage) -> None:
+        """Store a goal source and the picture at its goal.
+
+        Raises:
+            ValueError: The goal moves, but there is only one picture.
+        """
+        if goal.moved_by:
+            raise ValueError(
+                f"{goal.moved_by}: features made of pixels compare with one picture, taken at the "
+                f"first goal, so the goal must not move: leave {goal.moved_by} out"
+            )
+        self._goal = goal
+        self._picture = picture
+        self._bare: Sight | None = None
+        self._shown: Sight | None = None
+
+    def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
+        """Return the desired view of the target with the picture at the goal; None until the other
+        source has found a desired view.
+        """
+        bare = self._goal.sight(frame, by_corners=by_corners)
+        if bare is not None and bare is not self._bare:
+            self._bare = bare
+            self._shown = replace(bare, picture=self._picture)
+        return self._shown
