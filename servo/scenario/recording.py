@@ -290,7 +290,8 @@ def _path(pictures: str) -> Path:
     """Return the path of a recording.
 
     Raises:
-        ValueError: It is a camera or a stream, or no recording of this bare name is shipped.
+        ValueError: `pictures` names a camera or a stream, or no recording of this bare name is
+            shipped.
     """
     if ADDRESS.match(pictures) or pictures.startswith(sequence.CAMERA):
         raise ValueError(

@@ -232,7 +232,7 @@ class Wrapping:
         """Return the random arguments that a class or function takes: `rng`, `seed` or none.
 
         Raises:
-            ValueError: It needs other arguments.
+            ValueError: The class or function needs other arguments.
         """
         try:
             taken = inspect.signature(factory).parameters.values()
