@@ -312,11 +312,13 @@ def require_array(found: object, shape: tuple[int, ...], method: str) -> Array:
 
 
 def check_names(features: FeatureSet) -> None:
-    """Check the names of a feature set, and its properties: units, noise, feed_forward and
-    sole_dof.
+    """Check the names of a feature set and the properties that belong to them: units, noise,
+    feed_forward, and sole_dof (the degree of freedom that a feature alone controls).
 
     Raises:
-        BrokenContract: Two features have one name, or a property does not fit the names.
+        BrokenContract: The names are not different texts; units or noise have an entry too few or
+            too many; feed_forward or sole_dof names an unknown feature; a noise is not above 0; or
+            a value of sole_dof is no degree of freedom.
     """
     names = features.names
     k = len(names)
@@ -560,7 +562,9 @@ def check_followed(features: FeatureSet, estimate: Estimate, goal: Sight) -> Non
 
 @final
 class _Guarded:
-    """A wrapper of a component that checks its method calls; other attributes pass through."""
+    """A wrapper of a component that checks what its methods return; other attributes pass
+    through.
+    """
 
     def __init__(
         self,
@@ -601,13 +605,14 @@ def guarded(
     *,
     checked: bool = True,
 ) -> Built:
-    """Return a wrapper of a component that checks each of its method calls.
+    """Return a wrapper of a component that checks what its methods return: a call that returns
+    something invalid raises BrokenContract.
 
     Args:
         part: The component that a `Config` built.
         place: Its place in a scenario, such as "tracker".
         naming: Returns a context manager for a call of the method of this name, which may turn an
             exception into one that names the component.
-        checked: Whether returned values are checked too.
+        checked: False: nothing is checked; calls only run within `naming`.
     """
     return cast(Built, _Guarded(part, _checks_of(place, part) if checked else {}, naming))

@@ -42,7 +42,7 @@ class View:
     truth: Truth | None = None
     """Where the target is in this picture."""
     true_motion: Array | None = None
-    """Mean de/dt (k,) of the target's own motion while the next command acts, over
+    """Mean de/dt (k,) of the target's own motion while the next command acts, divided by
     `FeatureSet.scales`."""
     seen: bool | None = None
     """Whether the target is seen; None too where the camera delivered no new picture."""
@@ -74,7 +74,9 @@ VIEWED = frozenset({Channel.TRUTH, Channel.TRUE_MOTION, Channel.SEEN})
 
 @runtime_checkable
 class Sees(Protocol):
-    """A component that receives its declared channels by a method `see`."""
+    """A component with a method `see`, which is given the data (channels) that the component's
+    settings declare in `needs`, such as the target's true pose.
+    """
 
     def see(self, view: View) -> None:
         """Receive the declared channels of the next picture, before any method that works on it."""

@@ -165,7 +165,7 @@ class TargetInHand:
 
     def believed(self, model: mujoco.MjModel, T_camera_believed: Pose) -> "TargetInHand":
         """Return the mounting of a robot that believes the camera at T_camera_believed relative to
-        where it really stands.
+        where it really stands; `model` is not used.
         """
         return replace(self, T_world_camera=self.T_world_camera @ T_camera_believed)
 

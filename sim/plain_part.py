@@ -27,9 +27,10 @@ def config_for(part: object, make: Callable[..., object], **attributes: object) 
     """Return a `Config` class for a component given as a class, a function, or an object.
 
     Args:
-        part: The settings are its arguments with a default; an object has none.
-        make: Is called with the settings, and with `rng` or `seed` where `part` has an argument of
-            that name; returns the part.
+        part: Its arguments with a hashable default are the settings, except those named in
+            `RESERVED` and `DRAWN`; an object has no settings.
+        make: Function that returns the part; it gets the settings by name, and `rng` or `seed` if
+            `part` has an argument of that name.
         **attributes: Further attributes of the class.
     """
     taken: Mapping[str, inspect.Parameter] = {}

@@ -208,7 +208,8 @@ class Truth:
     T_world_target: Pose
     """Pose of the target (x along its nose, z up)."""
     visible: float | None
-    """Visible fraction of the target's silhouette, 0..1; None if it was not measured."""
+    """Fraction, 0..1, of the target's silhouette in the picture that is not hidden by other bodies;
+    None if it was not measured."""
 
     @property
     def depth(self) -> float:

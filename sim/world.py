@@ -50,7 +50,8 @@ class WorldConfig:
     """Rate at which the drives compute joint rates from the twist [Hz]; at least once a frame,
     after a whole number of physics steps."""
     visibility: bool = False
-    """Measure the visible fraction of the target in each frame (two more renderings a frame)."""
+    """Measure in each frame which fraction of the target's silhouette in the picture is not hidden
+    by other bodies (two more renderings a frame)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -352,8 +353,8 @@ class World:
         )
 
     def truth(self) -> Truth:
-        """Return the exact pose and projection of the target, and its visible fraction if the
-        setting `visibility` asks for it.
+        """Return the exact pose and projection of the target, and the fraction that `visible`
+        returns if the setting `visibility` asks for it.
         """
         visible = self.visible() if self._visibility else None
         target = self._stage.target(self.data.time)
@@ -411,8 +412,10 @@ class World:
         return camera_pose(self.data, self._eye)
 
     def visible(self) -> float:
-        """Return the visible fraction of the target's silhouette, 0 to 1, found by two more
-        renderings.
+        """Return which fraction, 0 to 1, of the part of the target's silhouette that lies in the
+        picture is not hidden by other bodies; 0 if the target is outside of the picture.
+
+        Takes two more renderings.
         """
         model = self.model
         own = model.body_rootid[model.geom_bodyid] == model.body(TARGET).id

@@ -134,7 +134,7 @@ def test_a_folder_of_other_settings_is_refused(monkeypatch, capfd, place, finish
     (place / "mine.toml").write_text(SUITE.replace("frames = 40", "frames = 9"))
     assert bench(monkeypatch, capfd)[::2] == (
         2,
-        "servobench: out: this folder holds another study (its table differs); choose another "
+        "servobench: out: this folder holds another study (its settings differ); choose another "
         "folder with --out\n",
     )
 

@@ -497,7 +497,7 @@ def test_a_bench_does_not_go_on_with_another_guest(monkeypatch, capfd, short):
     law.write_text(law.read_text() + "# another one\n")
     assert call(monkeypatch, capfd, "benchmark", *words)[::2] == (
         2,
-        "servobench: o: this folder holds another study (its table differs); choose another "
+        "servobench: o: this folder holds another study (its settings differ); choose another "
         "folder with --out\n",
     )
 

@@ -76,7 +76,7 @@ def test_a_single_variant_stands_beside_the_scenario_as_it_is():
         ),
         (
             {"tracker": ["a="]},
-            "'a=': a name or a tracker is missing; write NAME=KIND, NAME=module:Class, NAME='program:COMMAND', NAME='trax:COMMAND' or NAME=onnx:FILE",
+            "'a=': the name before the = or the part after it is missing; write NAME=KIND, NAME=module:Class, NAME='program:COMMAND', NAME='trax:COMMAND' or NAME=onnx:FILE",
         ),
         (
             {"set_of": ["slow"]},

@@ -1,5 +1,7 @@
 """Other toolkits' conventions, each driven as the toolkit itself drives it."""
 
+import io
+import json
 import subprocess
 import sys
 from collections import namedtuple
@@ -13,6 +15,7 @@ from followed import frame
 
 from tracking import configured
 from tracking.exported import Got10kTracker, OpenCVTracker, run_vot
+from tracking.exported.program_server import run_program
 from tracking.exported.served import Served
 from tracking.types import Estimate, Region, State, Status
 
@@ -257,3 +260,19 @@ def test_a_served_tracker_reports_an_angle_if_it_follows_one(kind):
         corners = region.corners(state)
         expected = [*corners.min(axis=0), *np.ptp(corners, axis=0)]
     np.testing.assert_allclose(report.box, expected, atol=4.0)
+
+
+@pytest.mark.parametrize(
+    ("left_out", "given"),
+    [("time", {}), ("index", {}), ("width", {}), ("angle", {"corners": [[40, 30]] * 4})],
+)
+def test_a_client_whose_line_lacks_a_key_is_a_sentence(left_out, given):
+    line = {"width": 160, "height": 100, "index": 0, "time": 0.0} | given
+    lines = [{"seed": 7}, {key: value for key, value in line.items() if key != left_out}]
+    requests = io.BytesIO("".join(f"{json.dumps(one)}\n" for one in lines).encode())
+    with pytest.raises(ValueError) as refused:
+        run_program("frozen", requests=requests, answers=io.BytesIO())
+    assert str(refused.value) == (
+        f"the client sent a line without '{left_out}' before a picture; it needs width, height, "
+        "index, time, and for the first picture corners and angle"
+    )

@@ -174,7 +174,10 @@ for asked, picture in each():
     until = time.monotonic() + 20
     while not told.exists() and time.monotonic() < until:
         time.sleep(0.01)
-    with pytest.raises(ValueError, match=r"sent more than one answer to a picture$"):
+    with pytest.raises(
+        ValueError,
+        match=r"sent an answer that it was not asked for: it must answer each message once$",
+    ):
         tracker.update(frame(1))
 
 
@@ -217,7 +220,8 @@ def test_a_program_that_was_ended_is_not_asked_again(tmp_path):
     with pytest.raises(ValueError) as refused:
         tracker.update(frame(2))
     assert str(refused.value) == (
-        f"program '{config.command}' was ended, and cannot be asked again"
+        f"program '{config.command}' was ended after an error, so it cannot follow any more "
+        "pictures: start a new tracker"
     )
 
 

@@ -147,7 +147,7 @@ def test_a_study_does_not_go_on_after_a_file_that_it_names_has_changed(folder):
     assert list(begin().files) == [str(folder / "wedge.obj")]
     begin()
     (folder / "wedge.obj").write_text(WEDGE.format(height=0.7))
-    with pytest.raises(Mistake, match=r"holds another study \(its files differs\)"):
+    with pytest.raises(Mistake, match=r"holds another study \(its files differ\)"):
         begin()
 
 
@@ -157,7 +157,7 @@ def test_a_worker_with_another_file_is_refused(folder):
     with pytest.raises(Mistake) as refused:
         run.run(folder)
     assert str(refused.value).startswith("on ")
-    said = f", the file {folder / 'wedge.obj'} is missing or differs from the one at the start of the study; copy it there"
+    said = f", the file {folder / 'wedge.obj'} is missing or differs from the one at the start of the study: restore it, or copy it to that machine"
     assert str(refused.value).endswith(said)
 
 

@@ -38,7 +38,10 @@ def started(kind, image=RGB, region=(40.0, 30.0)):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("shape", PICTURES)
 def test_what_is_no_picture_is_refused(kind, shape):
-    said = "expected an RGB picture, an array (height, width, 3) of uint8, got one of " + shape
+    said = (
+        "expected an RGB picture with at least one pixel, an array (height, width, 3) of uint8, "
+        f"got one of {shape}"
+    )
     with pytest.raises(ValueError, match="picture") as refused:
         started(kind, PICTURES[shape])
     assert str(refused.value) == said

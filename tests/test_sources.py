@@ -175,8 +175,18 @@ TWO = {"groundtruth_rect.txt": ["11,11,20,10"] * 2}
 @pytest.mark.parametrize(
     ("pictures", "truths", "message"),
     [
-        (2, {}, "{}: there are pictures in this folder, but no truth file"),
-        (0, TWO, "{}: there is a truth file in this folder, but no picture"),
+        (
+            2,
+            {},
+            "{}: there are pictures in this folder, but no truth file: add one, such as "
+            "groundtruth.txt or truth.csv, or leave this folder out",
+        ),
+        (
+            0,
+            TWO,
+            "{}: there is a truth file in this folder, but no picture: add the pictures, or leave "
+            "this folder out",
+        ),
         (
             3,
             TWO,

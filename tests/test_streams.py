@@ -143,7 +143,9 @@ def test_a_camera_gives_pictures_with_their_times_until_it_is_lost(monkeypatch):
     assert pictures[0].image.tolist() == [[[30, 20, 10]] * 3] * 2
     assert cameras[2].released
     assert source.end == End(
-        "camera:2: 2 pictures, then it was lost: the camera gives no more pictures", lost=True
+        "camera:2: 2 pictures, then it was lost: no picture came from the camera: check its cable, "
+        "and that no other program uses it",
+        lost=True,
     )
     with pytest.raises(ValueError, match="camera:3: there is no such camera"):
         next(iter(source_of("camera:3", 30.0)))

@@ -15,7 +15,7 @@ from kept import drop, execute, spoil
 
 from servo.cli import main
 from servo.mistake import Mistake, Refused
-from servo.output.versions import SOURCE
+from servo.output.versions import RENDERING, SOURCE
 from servo.study import store
 from servo.study.parse import load
 from servo.study.run import Failure
@@ -284,36 +284,68 @@ def test_a_damaged_description_is_refused(small, folder, text):
 def test_a_description_without_versions_is_refused(small, folder, versions):
     about = json.loads((folder / "study.json").read_text()) | {"versions": versions}
     (folder / "study.json").write_text(json.dumps(about))
-    other = "these results are of servobench None, and 0.1.0 is installed now: numbers may differ"
+    other = "these results state no version of servobench, and 0.1.0 is installed now: numbers may"
     damaged = "this file is damaged, so the results beside it cannot be identified"
     assert (other if versions in ({}, {"mujoco": "4"}) else damaged) in refused(small, folder)
 
 
 def test_another_study_other_versions_and_other_code_are_refused(small, folder):
     assert refused(small, folder, seeds=[0]) == (
-        f"{folder}: this folder holds another study (its seeds differs); choose another folder "
+        f"{folder}: this folder holds another study (its seeds differ); choose another folder "
         "with --out"
     )
     versions = StudyFile.of(small, "me").versions
+    assert refused(small, folder, versions=versions | {RENDERING: "otherwise"}) == (
+        f"{folder}: the pictures of these results are '{versions[RENDERING]}', and now they would "
+        "be 'otherwise': numbers may differ; choose another folder with --out"
+    )
     assert refused(small, folder, versions=versions | {"mujoco": "9.9"}) == (
         f"{folder}: these results are of mujoco {versions['mujoco']}, and 9.9 is installed now: "
         "numbers may differ; choose another folder with --out"
     )
     assert refused(small, folder, versions=versions | {SOURCE: "0"}) == (
-        f"{folder}: these results are of servobench source {versions[SOURCE]}, and 0 is "
-        "installed now: numbers may differ; choose another folder with --out"
+        f"{folder}: these results are of a source of servobench with digest {versions[SOURCE]}, "
+        "and it is 0 now: numbers may differ; choose another folder with --out"
     )
 
 
-def test_a_row_of_a_worker_with_other_code_is_refused(small, folder):
+@pytest.mark.parametrize(
+    ("name", "there", "sentence"),
+    [
+        (
+            SOURCE,
+            "abc",
+            "the source of servobench on a worker has digest abc, and here it has {here}: numbers "
+            "may differ; install the same source on every worker",
+        ),
+        (
+            RENDERING,
+            "otherwise",
+            "the pictures of a worker are 'otherwise', and here they are '{here}': numbers may "
+            'differ; install OpenGL on every worker and here, or set camera.renderer = "exact"',
+        ),
+        (
+            "mujoco",
+            "9.9",
+            "a worker has mujoco 9.9, and {here} is installed here: numbers may differ; install "
+            "the same version on every worker",
+        ),
+        (
+            "mujoco",
+            None,
+            "a worker lacks mujoco, and {here} is installed here: numbers may differ; install the "
+            "same version on every worker",
+        ),
+    ],
+)
+def test_a_row_of_a_worker_with_other_versions_is_refused(small, folder, name, there, sentence):
     job = next(small.jobs())
     record = job.run(folder)
+    versions = {k: v for k, v in record.versions.items() if k != name}
+    versions |= {} if there is None else {name: there}
     with opened(small, folder) as kept, pytest.raises(Mistake) as said:
-        kept.add(job, replace(record, versions=record.versions | {SOURCE: "abc"}))
-    assert str(said.value) == (
-        f"a worker has servobench source abc, and {record.versions[SOURCE]} is "
-        "installed here: numbers may differ; install the same version on every worker"
-    )
+        kept.add(job, replace(record, versions=versions))
+    assert str(said.value) == sentence.format(here=record.versions[name])
 
 
 def test_a_folder_of_something_else_is_refused_and_left_alone(small, study_place):

@@ -177,7 +177,7 @@ BAD = {
     ),
     "a truth in another format": (
         ["in", "--truth", "short.txt", "--truth-format", "tld"],
-        "short.txt, line 1: 40,30,30,20 is not x1,y1,x2,y2: x2 > x1 and y2 > y1 do not hold",
+        "short.txt, line 1: 40,30,30,20 is not x1,y1,x2,y2 with x2 > x1 and y2 > y1: correct that line, or give the format of this truth: otb, vot or tld (--truth-format, or truth_format in a suite or in [recording])",
     ),
     "a folder that is no text": (
         ["in", "--region", REGION, "--out", "o\udcff"],

@@ -178,13 +178,13 @@ def test_a_box_without_an_area_is_a_sentence():
         follow(settings)
     assert str(refused.value) == (
         f"TraX server '{settings.command}' answered [1.0, 2.0, -3.0, 4.0]; expected a box of left, "
-        "top, width, height with an area, (ok, box), or a mapping with box, angle, corners, seen, "
-        "confidence"
+        "top, width, height [px] (with an area, or all zeros: not seen), (ok, box), or a mapping "
+        "with some of the keys box, angle, corners, seen, confidence"
     )
 
 
 def test_a_box_whose_area_vanishes_has_none():
-    with pytest.raises(ValueError, match=r"width, height with an area"):
+    with pytest.raises(ValueError, match=r"width, height \[px\] \(with an area"):
         follow(config("vanishes"))
 
 

@@ -165,7 +165,12 @@ def test_a_line_that_would_be_read_as_something_else_is_refused(tmp_path, line, 
 @pytest.mark.parametrize(
     ("text", "form", "message"),
     [
-        ("50,20,30,40", "TLD", "line 1: 50,20,30,40 is not x1,y1,x2,y2: x2 > x1 and y2 > y1 do"),
+        (
+            "50,20,30,40",
+            "TLD",
+            "line 1: 50,20,30,40 is not x1,y1,x2,y2 with x2 > x1 and y2 > y1: correct that line, "
+            "or give the format of this truth: otb, vot or tld (--truth-format, or",
+        ),
         (
             "10,20,40,20,40,60,10,60",
             "TLD",

@@ -19,8 +19,8 @@ def answering(answer):
 
 
 EXPECTED = (
-    "expected a box of left, top, width, height with an area, (ok, box), or a mapping with box, "
-    "angle, corners, seen, confidence"
+    "expected a box of left, top, width, height [px] (with an area, or all zeros: not seen), "
+    "(ok, box), or a mapping with some of the keys box, angle, corners, seen, confidence"
 )
 
 
@@ -174,7 +174,9 @@ def test_a_convention_or_a_confidence_that_is_not_there_is_refused():
 def test_what_makes_no_tracker_is_refused_at_once():
     with pytest.raises(ValueError) as refused:
         wrap(5)
-    assert str(refused.value).startswith("5 is not a tracker: expected methods init and update")
+    assert str(refused.value).startswith(
+        "5 is not a tracker: expected a class or object with methods init and update"
+    )
 
 
 class Endless(Moving):

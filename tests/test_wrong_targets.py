@@ -68,7 +68,12 @@ WRONG = [
         *("mesh", {"file": "g.obj"}, "g.obj: there is no triangle in this mesh"),
         marks=pytest.mark.newest,
     ),
-    ("mesh", {"file": "h.obj"}, "h.obj: the mesh has no length and no width"),
+    (
+        "mesh",
+        {"file": "h.obj"},
+        "h.obj: all points of the mesh lie on one vertical line: choose another axis as up, or "
+        "correct the file",
+    ),
     ("mesh", {"file": "i.obj"}, "i.obj: mesh surface area is too small: mesh, Element name 'mesh'"),
     (
         "mesh",

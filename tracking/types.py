@@ -303,8 +303,8 @@ def check_picture(image: object) -> None:
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
         shape = " x ".join(map(str, image.shape))
         raise ValueError(
-            f"expected an RGB picture, an array (height, width, 3) of uint8, got one of {shape} of "
-            f"{image.dtype}"
+            "expected an RGB picture with at least one pixel, an array (height, width, 3) of "
+            f"uint8, got one of {shape} of {image.dtype}"
         )
 
 

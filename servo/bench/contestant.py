@@ -224,8 +224,8 @@ def _served(settings: Settings) -> Settings:
 
 
 def _guest(benchmark: Benchmark, home: Collection[str], text: str, served: bool) -> Contestant:
-    name, what = named_part(text)
     is_law = benchmark.contestant == "law"
+    name, what = named_part("controller" if is_law else "tracker", text)
     kinds = [*FEATURES.names(), *LAWS.names()] if is_law else TRACKERS.names()
     if what not in (*home, *kinds) and ":" not in what:
         shipped = ", ".join(f"'{one}'" for one in home)

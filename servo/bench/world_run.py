@@ -34,7 +34,9 @@ ERROR = "error_sizes"
 
 @dataclass(frozen=True, slots=True)
 class WorldRun:
-    """A contestant in a world (random scenario) of a benchmark, as the subject of a study's job."""
+    """The run of a contestant (tracker or control law) in a random scenario of a benchmark, which a
+    study's job carries out.
+    """
 
     benchmark: str
     """Name and hash of the benchmark."""

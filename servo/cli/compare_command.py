@@ -143,7 +143,9 @@ def variants_of(parts: Mapping[str, Sequence[str]], set_of: Sequence[str]) -> di
     Raises:
         Mistake: There is no variant, two have one name, or a text has another form.
     """
-    named = [(section, *named_part(text)) for section, texts in parts.items() for text in texts]
+    named = [
+        (section, *named_part(section, text)) for section, texts in parts.items() for text in texts
+    ]
     found = [(name, settings_of(section, what)) for section, name, what in named]
     found += map(_settings, set_of)
     names = [name for name, _ in found]

@@ -44,8 +44,9 @@ class HybridFeatures(WithRotation):
     noise = np.array(NOISE)
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (6,) of the target in a picture, from its pose and that at the
-        goal.
+        """Return x, y and log(Z / Z*) of the target's centre (normalised coordinates, and depth
+        relative to the goal's), and theta u [rad] of c*Rc, together (6,), from the target's poses
+        in the camera frame now and at the goal.
         """
         X, Y, Z = sight.pose.translation.tolist()
         goal = sight.aim.pose

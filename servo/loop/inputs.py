@@ -39,11 +39,11 @@ def check_setup(setup: Setup, camera: Camera, outline: Array) -> None:
 
 
 def check_start(frame: Frame, camera: Camera, region: Region, state: State) -> None:
-    """Check the types of the arguments of `Loop.start`, and the picture's size; the tracker itself
-    checks the numbers of the region.
+    """Check frame, region and state as `Loop.start` gets them: their types, the sizes of picture
+    and depth picture, and that the time is finite. The tracker checks the numbers of the region.
 
     Raises:
-        ValueError: An argument has the wrong type, or the picture does not fit the camera.
+        ValueError: One of them is wrong.
     """
     check_frame(frame, camera)
     check_type("region", region, Region)

@@ -103,7 +103,7 @@ class Law:
             raise ValueError(
                 "estimator: this kind needs the target's true motion, which is not known where "
                 "features, estimator or controller use the pictures themselves: choose another "
-                "estimator, such as none"
+                "estimator, such as 'none'"
             )
         if not true_motion:
             raise ValueError(NO_TRUTH)

@@ -150,7 +150,9 @@ class RegionConfig:
 
 @dataclass(frozen=True, slots=True)
 class MeasureConfig:
-    """Settings of the measures: from when errors count, and which error is a missed target."""
+    """Settings of a run's measures: the time from which errors count [s], and the servo error above
+    which the camera is off the target [px].
+    """
 
     after: Time = 0.0
     """Time from which errors count [s]."""

@@ -41,8 +41,9 @@ class Schedule:
 
 @dataclass(frozen=True, slots=True)
 class TimedDecision:
-    """A decision of the loop (view of the target and command), with the picture from which it was
-    made and the age of the estimate.
+    """A decision of the loop (view of the target and command), with the number of the picture from
+    which it was made, the time from that picture until its estimate was ready [s], and the number
+    of pictures skipped so far.
     """
 
     decision: Decision

@@ -34,6 +34,8 @@ ENDINGS = (".py", ".xml", ".png", ".obj")
 PICTURES = "pictures"
 """Folder with the README's pictures, which the digest leaves out."""
 SOURCE = "servobench source"
+RENDERING = "pictures"
+"""Entries that are no packages: the digest of the source, and how pictures are rendered."""
 DIGITS = 12
 
 
@@ -44,7 +46,7 @@ def versions() -> dict[str, str]:
     packages that add kinds of components by entry points.
     """
     pictures = "exact, without OpenGL" if gl.WITHOUT in os.environ else "as set"
-    return {**_own(), "pictures": pictures, **packages()}
+    return {**_own(), RENDERING: pictures, **packages()}
 
 
 @functools.cache  # reading them takes 17 ms, as much as a short run

@@ -49,7 +49,9 @@ def contender(
 
 @dataclass(frozen=True, slots=True)
 class CachedPainting(Generated):
-    """A painted sequence that caches its pictures, since painting takes longer than tracking."""
+    """A kind of painted sequence with its settings. `build` keeps the pictures of the sequence that
+    it returned last, since painting takes longer than tracking.
+    """
 
     def build(self, seed: int) -> Painting:
         """Return the sequence of a seed; all trackers that follow it share its pictures."""
@@ -67,7 +69,7 @@ def _painted(kind: str, config: object, seed: int) -> Painting:
 
 def generated(kind: str, **settings: float | str) -> Generated:
     """Return the description of a painted (synthetic) sequence of a kind, with changed settings;
-    its `build(seed)` gives another sequence for each seed, and caches the pictures.
+    its `build(seed)` gives another sequence for each seed, and keeps the pictures of the last one.
     """
     return CachedPainting(kind, GENERATORS.config(kind, **settings))
 

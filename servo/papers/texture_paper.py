@@ -107,8 +107,8 @@ def coefficients(tracker: Contender, seed: int, track: Array) -> dict[str, Array
         track: States that the tracker found (frames, 4): x, y [px], theta [rad], scale.
 
     Returns:
-        Coefficients (frames - 1,), from 0 to 1, at the track, at the true state and beside it, by
-        name of the place.
+        Coefficients (frames - 1,), from 0 to 1, by the place where the histogram was taken: at the
+        track (`FOUND`), at the true state (`TRUTH`), and some pixels beside the true state.
     """
     sequence = TEXTURE.build(seed)
     pictures = [p.image for p in sequence.source if p.image is not None]
@@ -136,11 +136,12 @@ def _logarithmic(states: Array) -> Array:
 
 
 def judged(rho: dict[str, Array]) -> Verdict:
-    """Return the verdict on the claim P2-2 that the Bhattacharyya coefficient (0 to 1, equal
-    histograms) at the particle filter's estimate stays high.
+    """Return the verdict on the claim P2-2: at the particle filter's estimate the Bhattacharyya
+    coefficient (0 to 1, equal histograms) is, in most frames, nearly that at the true state.
 
     Args:
-        rho: Bhattacharyya coefficients (sequences, frames) by name of the place.
+        rho: Coefficients (sequences, frames - 1) by the place where the histogram was taken:
+            `FOUND`, `TRUTH`, and places beside the truth.
     """
     shares = {
         place: mean_percent(np.mean(values >= ALIKE * rho[TRUTH], axis=1))

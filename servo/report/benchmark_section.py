@@ -104,8 +104,9 @@ def by_pictures(benchmark: Benchmark, rows: Sequence[Row]) -> dict[str, list[Row
     """Return rows of results in groups, by the digest of their rendered pictures: only results on
     the same pictures can be compared.
 
-    The group with the benchmark's own (frozen) pictures is first. Rows without pictures, such as
-    those of the reference contestants that fix the scale, are in each group.
+    If there are rows with the benchmark's own (frozen) pictures, their group is first. Rows without
+    pictures, such as those of the reference contestants, whose results define the scores 0 and 100,
+    are in each group.
     """
     seen = {row.rendering for row in rows} - {""} or {""}
     order = sorted(seen, key=lambda one: (one != benchmark.rendering, one))

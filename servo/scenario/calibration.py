@@ -126,7 +126,8 @@ def calibrated(camera: object, place: str) -> object:
         place: The table's place, for messages.
 
     Returns:
-        A new table, with the focal lengths and the principal point scaled to the table's width.
+        A new table, with the focal lengths and the principal point [px] scaled to the table's
+        width.
 
     Raises:
         Mistake: The file is no calibration, its image has another aspect ratio than the table's,
@@ -333,7 +334,8 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
         values: The distortion's coefficients.
 
     Raises:
-        Mistake: The file names an unknown lens, or several different ones.
+        Mistake: The file names an unknown lens, several different ones, or none although it has
+            coefficients of a distortion.
     """
     named: dict[Model, str] = {}
     for key, value in leaves(document):

@@ -51,7 +51,8 @@ class Expected:
 
         Raises:
             Mistake: A tracker, a measure or an outcome is unknown, a bound is not a finite number,
-                or [expect.tracker] names the scenario's own tracker.
+                a success rate is not from 0 to 1, or [expect.tracker] names the scenario's own
+                tracker.
         """
         at = f"{place}: expect"
         form, of_others = _forms()

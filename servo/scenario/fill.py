@@ -89,7 +89,9 @@ def fill(config: type[Config], table: object, place: str, begin: Config | None =
         begin: Gives the settings that the table leaves out; None: the defaults.
 
     Raises:
-        WrongSetting: A key is unknown, or a value has the wrong type or is out of range.
+        WrongSetting: A key is unknown, a value has the wrong type or is out of range, or the
+            dataclass refuses several values together.
+        UnknownKind: An annotation in the dataclass cannot be used (see `form`).
     """
     begin = config() if begin is None else begin
     if table == {}:
@@ -200,8 +202,8 @@ def fill_plugin(
         own: A `Config` that was given from Python, for a table that names its kind.
 
     Raises:
-        WrongSetting: The kind, the preset or a key is unknown, or a value has the wrong type or is
-            out of range.
+        WrongSetting: The kind, the preset or a key is unknown, a value has the wrong type or is out
+            of range, the `Config` refuses several values together, or a file names a command.
     """
     if not is_table(table):
         raise WrongSetting(f"{place} should be a table with a kind, not {table!r}", place)

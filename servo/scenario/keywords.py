@@ -114,7 +114,11 @@ def own_parts(given: Mapping[str, object]) -> dict[str, Any]:
 
 
 def _own_part(key: str, value: object) -> object:
-    """Return the `Config` of a component for a scenario's table `key`, wrapped if necessary."""
+    """Return the `Config` of a component for a scenario's table `key`, wrapped if necessary.
+
+    Raises:
+        Mistake: The component is neither a `Config` nor can be wrapped as one.
+    """
     is_config = dataclasses.is_dataclass(value) and callable(getattr(value, "build", None))
     if is_config and not isinstance(value, type):
         return value

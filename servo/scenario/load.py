@@ -44,7 +44,8 @@ class Scenario(Setup):
     drawn: Table = field(default_factory=dict)
     """The settings that were drawn for this seed, and their values."""
     success_rate: float | None = None
-    """Least share of drawn seeds that end as expected; None: all of them."""
+    """Least share of drawn seeds that end as expected; None: all of them, or this run has no drawn
+    settings."""
 
     @property
     def unjudged(self) -> str:
@@ -97,7 +98,8 @@ def load(
             tracker that `tracking.wrap` accepts. Its settings can be changed in the same call.
 
     Raises:
-        Mistake: The user's mistake, in one sentence.
+        Mistake: The file cannot be read, or a setting, a component or a bound is wrong; in one
+            sentence.
     """
     name = arguments.name(name, "scenario")
     own = keywords.own_parts(settings)

@@ -18,20 +18,30 @@ ONNX = "onnx:"
 """Begins the files of a network: of a tracker of OpenCV, or of a learned control law."""
 NETWORKS = {1: "Vit", 2: "Nano", 3: "DaSiamRPN"}
 """OpenCV's trackers by the number of their network files."""
+DOORS = {"tracker": (PROGRAM, TRAX, ONNX), "controller": (ONNX,)}
+"""Beginnings that a part of a section may have, besides those of kinds and classes."""
+FORMS = {PROGRAM: "'program:COMMAND'", TRAX: "'trax:COMMAND'", ONNX: "onnx:FILE"}
+"""What the beginnings stand before, for messages."""
 
 
-def named_part(text: str) -> tuple[str, str]:
+def named_part(section: str, text: str) -> tuple[str, str]:
     """Split a text NAME=PART, such as "mine=package:Class", into name and part (a tracker or
     control law); a text without "=" is both.
+
+    Args:
+        section: The section of a scenario that the part is for, such as "tracker".
+        text: The text.
 
     Raises:
         Mistake: The name or the part is missing.
     """
     name, _, what = text.partition("=") if "=" in text else (text, "", text)
     if not name.strip() or not what.strip():
+        parts = ["KIND", "module:Class", *(FORMS[begin] for begin in DOORS.get(section, ()))]
+        *first, last = (f"NAME={part}" for part in parts)
         raise Mistake(
-            f"'{text}': a name or a tracker is missing; write NAME=KIND, NAME=module:Class, "
-            "NAME='program:COMMAND', NAME='trax:COMMAND' or NAME=onnx:FILE"
+            f"'{text}': the name before the = or the part after it is missing; write "
+            f"{', '.join(first)} or {last}"
         )
     return name.strip(), what.strip()
 
@@ -42,7 +52,8 @@ def settings_of(section: str, what: str) -> Settings:
     Args:
         section: The section, such as "tracker" or "controller".
         what: The part: kind, kind:preset or module:Class; for a tracker also trax:COMMAND,
-            program:COMMAND or onnx:FILE with one to three files, and for a controller onnx:FILE.
+            program:COMMAND or onnx:FILE[,FILE[,FILE]], whose number of files selects OpenCV's
+            tracker (`NETWORKS`), and for a controller onnx:FILE.
 
     Raises:
         Mistake: The command or the file is missing, or there are too many files.
@@ -68,11 +79,12 @@ def changes_of(tracker: str | None, controller: str | None) -> list[str]:
 
 
 def _table(section: str, what: str) -> Settings:
-    """Return the settings of a part by their names in its section."""
+    """Return the settings of a part by their names in its section; for arguments and errors see
+    `settings_of`.
+    """
     kind, colon, given = what.partition(":")
     begin, given = kind + colon, given.strip()
-    doors = {"tracker": (TRAX, PROGRAM, ONNX), "controller": (ONNX,)}
-    if begin not in doors.get(section, ()):
+    if begin not in DOORS.get(section, ()):
         return {**PLUGINS[section][0].named(what)}
     if not given:
         raise Mistake(f"'{what}': write the {'file' if begin == ONNX else 'command'} after it")

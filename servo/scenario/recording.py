@@ -72,6 +72,11 @@ class RecordingConfig:
     folder, or the file beside the video with its name and the suffix .yaml."""
 
     def __post_init__(self) -> None:
+        """Check that the lens is given once.
+
+        Raises:
+            ValueError: `fov_deg` and `calibration` are both given.
+        """
         if self.calibration and self.fov_deg is not None:
             raise ValueError("fov_deg and calibration both give the lens; leave one out")
 
@@ -84,7 +89,11 @@ class RecordingConfig:
         return partial(RecordingRenderer, recorded_of(self)) if self.pictures else None
 
     def remarks(self) -> list[str]:
-        """Return a sentence for each value that is assumed."""
+        """Return a sentence for an assumed field of view, and one for pictures that are enlarged.
+
+        Raises:
+            Mistake: The recording cannot be read.
+        """
         if not self.pictures:
             return []
         camera = recorded_of(self).camera
@@ -110,7 +119,11 @@ class MovedByRecording:
     recording: RecordingConfig
 
     def build(self, rng: np.random.Generator) -> RecordedMotion:
-        """Return the motion; uses no random numbers."""
+        """Return the motion; uses no random numbers.
+
+        Raises:
+            Mistake: The recording cannot be read.
+        """
         return recorded_of(self.recording).motion()
 
 
@@ -122,7 +135,11 @@ class ShownByRecording:
     recording: RecordingConfig
 
     def build(self, rng: np.random.Generator) -> Target:
-        """Return the target; uses no random numbers."""
+        """Return the target; uses no random numbers.
+
+        Raises:
+            Mistake: The recording cannot be read.
+        """
         return recorded_of(self.recording).target()
 
 
@@ -252,8 +269,8 @@ def recorded_of(config: RecordingConfig) -> Recorded:
     """Return the recording that settings name, as it is on the disk now.
 
     Raises:
-        Mistake: Pictures or truth cannot be read, do not fit each other, or the target is not in
-            the first picture.
+        Mistake: Pictures, truth or calibration cannot be read or do not fit each other, or the
+            target is not in the first picture.
     """
     with as_mistake():
         path = _path(config.pictures)
@@ -273,7 +290,8 @@ def _path(pictures: str) -> Path:
     """Return the path of a recording.
 
     Raises:
-        ValueError: It is a camera or a stream, or no recording of this bare name is shipped.
+        ValueError: `pictures` names a camera or a stream, or no recording of this bare name is
+            shipped.
     """
     if ADDRESS.match(pictures) or pictures.startswith(sequence.CAMERA):
         raise ValueError(

@@ -142,7 +142,8 @@ def put(table: Table, path: str, value: object, place: str) -> None:
         place: Where the change was given; it begins messages.
 
     Raises:
-        Mistake: The path goes through a value that is not a table.
+        Mistake: The path goes through a value that is not a table, has more than `DEEPEST` names,
+            or ends in a list without such an item.
     """
     *above, name = keys = names_of(path)
     if len(keys) > DEEPEST:
@@ -167,7 +168,11 @@ def put(table: Table, path: str, value: object, place: str) -> None:
 
 
 def with_settings(table: Table, settings: Table, place: str) -> Table:
-    """Return a copy of a scenario's table in which settings are changed, by path, as by `put`."""
+    """Return a copy of a scenario's table in which settings are changed, by path, as by `put`.
+
+    Raises:
+        Mistake: As for `put`; the message begins with `place`.
+    """
     changed = copied(table)
     for key, value in settings.items():
         put(changed, key, value, place)

@@ -38,12 +38,13 @@ class SizeGate:
         """Time for which a refused size has fitted again [s]; None while no size is refused."""
 
     def judged(self, estimate: Estimate, ego: float, interval: float) -> Estimate:
-        """Return an estimate, with the scale to use instead of its own if that is refused.
+        """Return the estimate; if its scale is refused, with the scale to use instead in
+        `likely_scale`. Call it once for each picture.
 
         Args:
-            estimate: The estimate of the next picture.
-            ego: Change of ln scale by the camera's own motion since the last one.
-            interval: Time since the last one [s].
+            estimate: The tracker's estimate of this picture.
+            ego: Change of ln scale since the previous picture by the camera's own motion.
+            interval: Time since the previous picture [s].
         """
         self._log += ego
         if estimate.status is not Status.LOCKED or not estimate.follows[1]:

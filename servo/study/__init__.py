@@ -1,1 +1,3 @@
-"""Studies: one scenario, or several, run many times over axes, draws and seeds."""
+"""Studies: runs of one or several scenarios with each combination of the values of some settings
+(axes), with settings drawn at random, and with several seeds.
+"""

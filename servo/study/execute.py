@@ -139,6 +139,7 @@ def complete(
 
     Raises:
         ClusterLost: The cluster has stopped working.
+        Mistake: A worker has other versions of packages, or the database is damaged.
         Refused: The disk is full, or the processes cannot be started.
     """
     missing = (job for job in jobs if job.key not in store.done)

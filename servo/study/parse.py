@@ -269,7 +269,12 @@ def _bases(given: str | list[str], path: Path, place: str) -> tuple[StudiedScena
 
 
 def _seeds(given: int | list[int], place: str) -> tuple[int, ...]:
-    """Return the seeds of a study from their number, counted from 0, or from a list of them."""
+    """Return the seeds of a study from their number, counted from 0, or from a list of them;
+    `place` begins messages.
+
+    Raises:
+        Mistake: A seed is listed twice.
+    """
     seeds = list(range(given)) if isinstance(given, int) else given
     if len(set(seeds)) < len(seeds):
         raise Mistake(f"{place}: seeds has the same value twice")
@@ -278,7 +283,10 @@ def _seeds(given: int | list[int], place: str) -> tuple[int, ...]:
 
 def _expect(bounds: dict[str, float], place: str) -> dict[str, float]:
     """Check that a study's bounds name known measures and that its success rate is from 0 to 1;
-    return the bounds.
+    return the bounds. `place` begins messages.
+
+    Raises:
+        Mistake: A name is not known, or the success rate is not from 0 to 1.
     """
     check_known(bounds, (SUCCESS_RATE, *MEASURES), f"{place}: expect")
     if not 0 <= bounds.get(SUCCESS_RATE, 1.0) <= 1:

@@ -200,7 +200,7 @@ def check_key(key: str, at: str) -> None:
     [expect] cannot. `at`, the setting's place in the study, begins the message.
 
     Raises:
-        Mistake: It cannot; the message says what to write instead.
+        Mistake: The setting cannot be varied; the message says what to write instead.
     """
     section = key.split(".")[0]
     remedy = ELSEWHERE.get(key) or (ELSEWHERE[section] if section in ("expect", "sweep") else None)
@@ -211,6 +211,9 @@ def check_key(key: str, at: str) -> None:
 def _span(law: str, numbers: tuple[Any, ...], at: str) -> list[float]:
     """Return the values of an axis from (first, last, count), equally spaced for "linspace" and in
     equal ratios for "geomspace"; `at` begins messages.
+
+    Raises:
+        Mistake: The count is not a whole number from 1 to `MOST_VALUES`.
     """
     count = numbers[2]
     if not isinstance(count, int) or not 1 <= count <= MOST_VALUES:
@@ -228,7 +231,7 @@ def check_apart(keys: Mapping[str, str], place: str) -> None:
         place: The study's file, which begins the message.
 
     Raises:
-        Mistake: It does.
+        Mistake: A table and a setting in it are both set.
     """
     for key, at in keys.items():
         names = key.split(".")

@@ -131,12 +131,14 @@ class Cell:
 
     @staticmethod
     def of(settings: Table, rows: Sequence[Row], *, drawn: bool) -> "Cell":
-        """Return the means over runs with one combination of axis values.
+        """Return the number of runs, success rate and means, with 95 % intervals, of the runs with
+        one combination of axis values.
 
         Args:
             settings: Axis values by name of the axis.
             rows: The runs' rows, at least one.
-            drawn: Whether the study has drawn settings; intervals are then over seeds.
+            drawn: Whether the study has drawn settings; then seeds are the independent observations
+                of the intervals, unless there are several scenarios.
         """
         units = Units.of(rows, settings, drawn)
         found = {name: units.mean(name) for name in MEASURED}

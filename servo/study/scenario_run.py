@@ -103,6 +103,9 @@ class StudiedScenario:
         Args:
             seed: The run's seed.
             settings: Values of the study's axes and drawn settings, by name.
+
+        Raises:
+            Mistake: The path of a setting leads through a value that is no table.
         """
         table = copied(self.table)
         table.pop("sweep", None)
@@ -130,15 +133,15 @@ class StudiedScenario:
         """Run the scenario with the settings of a job, and return the record; no file is written.
 
         Raises:
-            Mistake: A package that the scenario needs is missing on this machine, or a file has
-                changed since the study began.
+            Mistake: A setting is not valid, a package that the scenario needs is missing on this
+                machine, or a file is missing or has changed since the study began.
         """
         check_rules(
             *(
                 (
                     digest_of(path) != digest,
                     f"on {platform.node()}, the file {path} is missing or differs from the one at "
-                    "the start of the study; copy it there",
+                    "the start of the study: restore it, or copy it to that machine",
                 )
                 for path, digest in self.files.items()
             )

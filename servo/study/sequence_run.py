@@ -108,7 +108,7 @@ class Recorded:
 
     @staticmethod
     def all_in(folder: Path, form: Format = Format.AUTO) -> list["Recorded"]:
-        """Return the sequences in a folder whose truth files have a format.
+        """Return the sequences in a folder, whose truth files are read in a format.
 
         Raises:
             ValueError: There is no sequence, or a picture or truth cannot be read.
@@ -134,13 +134,18 @@ class Recorded:
         }
 
     def build(self, seed: int) -> Sequence:
-        """Return the sequence, whose pictures are read when used; the seed has no effect."""
+        """Return the sequence, whose pictures are read when used; the seed has no effect.
+
+        Raises:
+            ValueError: The folder or a truth cannot be read any more.
+        """
         found = read_all(self.folder, RATE, self.truth_format)
         return next(s for s in found if s.name == self.name)
 
 
 Entry = Generated | Recorded
-"""A sequence of a suite; results of all seeds of one name are averaged."""
+"""A kind of painted sequence, or a recorded sequence, of a suite; results of all seeds of one name
+are averaged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +174,7 @@ class TrackedSequence:
 
         Raises:
             OSError: The track cannot be written.
+            ValueError: A picture or the truth cannot be read, or the tracker refuses the region.
         """
         began = time.perf_counter()
         sequence = self.entry.build(job.seed)

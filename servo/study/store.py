@@ -21,7 +21,7 @@ from filelock import FileLock, Timeout
 
 from servo.mistake import Mistake, Refused, check_rules, writing
 from servo.output.formats import Document, Made, Number, OtherFormat
-from servo.output.versions import versions
+from servo.output.versions import RENDERING, SOURCE, versions
 from servo.scenario.toml import Table
 from servo.study.plan import Study
 from servo.study.record_file import parquet, record_of, series_table, stored, table_of
@@ -53,8 +53,16 @@ BATCH = 1000
 """Most records that are in memory at once when tables are made."""
 MOST_FAILURES = 40
 """Most files of failures in a folder."""
-DECIDE = ("table", "axes", "draws", "seeds", "scenarios", "files")
-"""Keys of study.json that must be the same whenever a study is continued."""
+DECIDE = {
+    "table": "settings",
+    "axes": "axes",
+    "draws": "drawn settings",
+    "seeds": "seeds",
+    "scenarios": "scenarios",
+    "files": "files",
+}
+"""Keys of study.json that must be the same whenever a study is continued, and their names in
+messages."""
 GOES_ON = "the finished runs are stored; run the same command again to continue"
 
 
@@ -144,8 +152,9 @@ def opened(folder: Path, described: StudyFile) -> Generator["Store"]:
         described: The study that this process begins or continues.
 
     Raises:
-        Mistake: The folder cannot be written, has other files or results of another study or of
-            other versions, or another process is writing into it.
+        Mistake: The folder cannot be written, has other files, a damaged database, or results of
+            another command or study or of other versions, or another process is writing into it.
+        Refused: The disk is full, or a file cannot be written.
     """
     with writing(folder):
         if folder.is_dir():
@@ -190,7 +199,8 @@ def _writable(path: Path) -> sqlite3.Connection:
     for ending in BESIDE:
         file = path.with_name(path.name + ending)
         if file.is_symlink() or (file.exists() and not file.is_file()):
-            raise OSError(errno.ELOOP, "nothing is written through a link", file)
+            why = f"{file.name} is a link or no regular file: remove it"
+            raise OSError(errno.ELOOP, why, file)
     database = sqlite3.connect(path, isolation_level=None)
     database.text_factory = _text
     return database
@@ -275,7 +285,7 @@ def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
     versions as `now`.
 
     Raises:
-        Mistake: It has not.
+        Mistake: The folder has results of another one.
     """
     check_rules(
         (
@@ -286,19 +296,55 @@ def _check_same(folder: Path, before: StudyFile, now: StudyFile) -> None:
         *(
             (
                 as_json(getattr(before, what)) != as_json(getattr(now, what)),
-                f"{folder}: this folder holds another study (its {what} differs); choose another "
+                f"{folder}: this folder holds another study (its {words} differ); choose another "
                 "folder with --out",
             )
-            for what in DECIDE
+            for what, words in DECIDE.items()
         ),
         *(
             (
                 before.versions.get(name) != version,
-                f"{folder}: these results are of {name} {before.versions.get(name)}, and {version} "
-                "is installed now: numbers may differ; choose another folder with --out",
+                f"{folder}: {_since(name, before.versions.get(name), version)}: numbers may "
+                "differ; choose another folder with --out",
             )
             for name, version in now.versions.items()
         ),
+    )
+
+
+def _since(name: str, before: str | None, now: str) -> str:
+    """Return the beginning of a sentence: an entry of `versions` differs from that of stored
+    results (None: they have no such entry).
+    """
+    if name == RENDERING and before is not None:
+        return f"the pictures of these results are '{before}', and now they would be '{now}'"
+    if name == SOURCE and before is not None:
+        return (
+            f"these results are of a source of servobench with digest {before}, and it is {now} now"
+        )
+    if before is None:
+        return f"these results state no version of {name}, and {now} is installed now"
+    return f"these results are of {name} {before}, and {now} is installed now"
+
+
+def _elsewhere(name: str, there: str | None, here: str) -> str:
+    """Return a sentence: an entry of `versions` differs from that of a worker (None: the worker has
+    no such entry).
+    """
+    if name == RENDERING:
+        return (
+            f"the pictures of a worker are '{there}', and here they are '{here}': numbers may "
+            'differ; install OpenGL on every worker and here, or set camera.renderer = "exact"'
+        )
+    if name == SOURCE:
+        return (
+            f"the source of servobench on a worker has digest {there}, and here it has {here}: "
+            "numbers may differ; install the same source on every worker"
+        )
+    found = f"a worker lacks {name}" if there is None else f"a worker has {name} {there}"
+    return (
+        f"{found}, and {here} is installed here: numbers may differ; install the same version on "
+        "every worker"
     )
 
 
@@ -361,8 +407,8 @@ class Store:
                 yield record_of(*found.fetchone())
 
     def records(self, jobs: Iterable[Job]) -> list[Record]:
-        """Return the records of the finished ones among some jobs, in the order of the jobs, with
-        series and contact sheets.
+        """Return the records, with series and contact sheets, of those jobs that are in `done`, in
+        the order of the jobs; call `find` first.
 
         Raises:
             Mistake: The database is damaged.
@@ -371,8 +417,8 @@ class Store:
         return list(self.read([job.key for job in jobs if job.key in self.done], long=True))
 
     def table(self) -> pa.Table:
-        """Return the table of results with a row for each record, in the order of the study; there
-        must be one record or more.
+        """Return the table of results with a row for each job in `done`, at least one, in the order
+        of the study; call `find` first.
 
         Raises:
             Mistake: The database is damaged.
@@ -386,19 +432,18 @@ class Store:
             yield list(self.read(keys[first : first + BATCH], long=long))
 
     def add(self, job: Job, record: Record) -> None:
-        """Store the record of a job, which is then in `done`.
+        """Store the record of a job, and add the job's key to `done`.
 
         Raises:
-            Mistake: The worker that ran the job has other versions of some packages, or the
-                database is damaged.
+            Mistake: The worker that ran the job has other versions of packages or another source
+                than this process, or renders its pictures otherwise; or the database is damaged.
             Refused: The disk is full, or the database cannot be written.
         """
         check_rules(
             *(
                 (
                     record.versions.get(name) != here,
-                    f"a worker has {name} {record.versions.get(name)}, and {here} is installed "
-                    "here: numbers may differ; install the same version on every worker",
+                    _elsewhere(name, record.versions.get(name), here),
                 )
                 for name, here in versions().items()
             )
@@ -440,7 +485,8 @@ class Store:
         """Write results and series of all runs as Parquet files; return the paths of the files.
 
         Args:
-            table: The results, as `table` returns them; series are read from the database.
+            table: The results, as `table` returns them; the series of the jobs in `done` are read
+                from the database.
 
         Raises:
             Mistake: The database is damaged.

@@ -89,8 +89,11 @@ def contenders(text: str | None) -> list[Contender]:
 
 
 def tracker_tables(text: str) -> dict[str, Table]:
-    """Return settings such as {"tracker.kind": "kams"} of listed trackers by label; the text and
-    the errors are as for `contenders`.
+    """Return settings such as {"tracker.kind": "kams"} of listed trackers by label; the text is as
+    for `contenders`.
+
+    Raises:
+        Mistake: There is no such tracker or preset, or one is listed twice.
     """
     labels = [one.label for one in contenders(text)]
     words = [word.strip() for word in text.split(",")]
@@ -119,8 +122,11 @@ def _contender(table: Mapping[str, object], place: str) -> Contender:
 
 
 def _entry(table: Table, place: str) -> Generated:
-    """Return the painted (synthetic) sequences of a table with `kind` and settings; `place` begins
-    messages.
+    """Return the kind of painted (synthetic) sequence that a table with `kind` and settings
+    describes; `place` begins messages.
+
+    Raises:
+        Mistake: The kind or a setting is wrong.
     """
     return Generated(str(table["kind"]), fill_plugin(GENERATORS, table, place))
 

@@ -57,11 +57,12 @@ def chain_to(spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> Chain:
     Args:
         spec: A model in which all bodies and joints have names.
         model: The same model, compiled.
-        name: Name of the body or site; an empty text stands for the end of the longest chain: the
-            only site of its last body, or else that body.
+        name: Name of the body or site; an empty text stands for the only site of the tool at the
+            end of the longest chain, or else the tool's body.
 
     Raises:
-        ValueError: No body or site has that name, or its chain is not of hinges and slides only.
+        ValueError: The model has no joints, no body or site has that name, no joint moves it, or a
+            ball joint does.
     """
     if not spec.joints:
         raise ValueError("the model has no joints: a robot needs at least one hinge or slide")
@@ -93,8 +94,9 @@ def flanges(spec: mujoco.MjSpec) -> list[tuple[str, str, int]]:
     """Return the candidates for a robot's flange, those with the most joints first: "site" or
     "body", its name, and the number of joints that move it.
 
-    If any have six joints, those with fewer are left out. The parts that a gripper moves are left
-    out, too, except for a single part whose name does not say that it is a jaw: it may be a link.
+    Left out are unnamed ones, those with fewer joints than the hand (but six are always enough),
+    and the parts that a gripper moves, except for a single part whose name does not say that it is
+    a jaw: it may be a link.
     """
     hand = _hand(spec)
     most = len(_joints(hand))

@@ -73,14 +73,15 @@ def wrong_drive(model: mujoco.MjModel, actuator: int) -> str | None:
 
 
 def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces: Array) -> None:
-    """Add a velocity servo to each joint of a model; friction, damping and springs of the joints
-    are removed.
+    """Add a velocity servo to each joint of a model; friction, damping, springs and force limits of
+    the joints are removed, and their motors' inertia is raised to at least `ARMATURE`.
 
     Args:
         spec: A model without actuators and without further joints; it is changed.
         names: Names of its joints.
         speeds: Largest rates of the joints (n,) [rad/s or m/s].
-        forces: Largest force or torque of each joint (n,) [N or N m]; inf for unlimited ones.
+        forces: Largest force or torque of each joint (n,) [N or N m]; inf for unlimited ones. One
+            that does not allow the full speed within `FULL_SPEED_AFTER` is ignored.
     """
     for name in names:
         joint = spec.joint(name)

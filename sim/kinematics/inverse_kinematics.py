@@ -95,7 +95,7 @@ def reach(
     most comfortable of several solutions is taken (see `comfort`). If a joint would reach its limit
     on the path that follows, the solution that keeps the largest distance from all limits is taken
     instead, if there is one. For a robot of fewer than six joints it is enough that the camera sees
-    a point in the desired direction.
+    a point in the desired direction, and the path is not looked at.
 
     Args:
         robot: The robot, with its joint limits and homes.

@@ -38,12 +38,14 @@ def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.
     """Return the compiled model, and the chain of joints that moves its flange or its camera.
 
     Args:
-        spec: The model; unnamed bodies and joints get names, and infinite limits are removed.
+        spec: The model, which is changed: unnamed bodies and joints get names, infinite limits are
+            removed or, if the other limit is finite, cut to `FARTHEST`, and static bodies are kept.
         flange: Name of a body or site; an empty text selects the end of the longest chain.
         camera: Name of a camera of the model to use instead of the flange, or an empty text.
 
     Raises:
-        ValueError: The flange or camera is missing, or joints other than hinges and slides move it.
+        ValueError: The flange or camera is missing, no joint moves it, a ball joint does, or the
+            model has a free joint.
     """
     name_all(spec)
     spec.compiler.fusestatic = False  # the flange may be any body
@@ -71,12 +73,17 @@ def make_robot(
     names of the chain's joints.
 
     Args:
-        spec: The model, which is changed: all other joints, and all drives but velocity servos, are
-            deleted.
+        spec: The model, which is changed: all other joints, lights and floors are deleted, and
+            contacts and gravity are switched off. The drives of the chain stay if each of its
+            joints has exactly one drive, a velocity servo; else all drives are deleted.
         model: The same model, compiled.
         carried: The chain of joints that moves the camera.
-        camera: Name of the model's camera; an empty text adds one.
+        camera: Name of the model's camera, which is renamed to `eye`; an empty text adds one.
         mount: T_flange_camera of an added camera (x right, y down, z forward).
+
+    Raises:
+        ValueError: The camera does not move with its body, or a constraint acts on joints of the
+            chain.
     """
     names = tuple(model.joint(j).name for j in carried.joints)
     carrier = model.body(carried.body).name
@@ -144,7 +151,11 @@ def _end_limits(joint: mujoco.MjsJoint) -> None:
 
 
 def _check_loops(spec: mujoco.MjSpec, model: mujoco.MjModel, carried: Chain) -> None:
-    """Refuse constraints on the joints that carry the camera; those of a gripper do not matter."""
+    """Refuse constraints on the joints that carry the camera; those of a gripper do not matter.
+
+    Raises:
+        ValueError: A connection, weld or coupling acts on one of these joints.
+    """
     for constraint in (each for each in spec.equalities if each.type in WORDS):
         ends = [name for name in (constraint.name1, constraint.name2) if name]
         held = chain.from_iterable(_joints_held(model, constraint, end) for end in ends)

@@ -205,7 +205,8 @@ class Robot:
         """Read the joints and their drives from a model.
 
         Raises:
-            ValueError: The model cannot be used as a robot; the message says what is wrong in it.
+            ValueError: The model cannot be used as a robot, or `robot.acceleration` has a wrong
+                number of values; the message says what is wrong.
         """
         _check_drives(model, design)
         self.model = model
@@ -263,7 +264,8 @@ class Robot:
         Args:
             data: MuJoCo's state, with the joint positions.
             twist: Mean camera twist (6,) since the last frame, in the camera frame [m/s, rad/s].
-            accepted: Mean camera twist (6,) that the drives were set to.
+            accepted: Mean camera twist (6,) that the drives were set to, in the camera frame
+                [m/s, rad/s].
         """
         return Posture(
             self.eye(data),
@@ -476,7 +478,7 @@ class Robot:
         dv_j/dq_i = w_i x v_j and dw_j/dq_i = w_i x w_j where i moves j, else w_j x v_i and zero.
 
         Args:
-            J: The Jacobian (6, n).
+            J: The Jacobian (6, n), as `jacobian` returns it.
             inverse: Its damped inverse (n, 6).
         """
         # Of the hand: a target that it holds moves against the camera.

@@ -26,7 +26,8 @@ class Rollout:
     """
 
     room: float
-    """Smallest distance of a joint from a limit on the path, as a share of its range."""
+    """Smallest distance of a joint from a limit on the path, as a share of its range; inf if no
+    joint has limits, or one is reached at the first step."""
     joint: str = ""
     """Name of the joint that reaches a limit first; empty if no joint does."""
     time: float = np.inf

@@ -38,7 +38,7 @@ class Workspace:
     """Largest height of the camera above the base's origin where it looks down [m]; else nan."""
     base: tuple[float, float, float, float]
     """x, y, z [m] and yaw [deg] of a base in the room, behind the table's middle as seen from the
-    comfortable postures in which the camera looks down."""
+    comfortable postures in which the camera looks down; zeros if it never looks down."""
 
 
 def sample_workspace(robot: Robot, height: float) -> Workspace:

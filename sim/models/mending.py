@@ -50,7 +50,7 @@ def mend(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> muj
 
     Args:
         spec: The model, which is changed.
-        path: Its file.
+        path: The model's file.
         mended: Record to which the repairs are added.
         whole: Leave nothing out.
 

@@ -170,7 +170,8 @@ def read_mesh(
         materials: Read the materials of an OBJ file too, from the .mtl file that it names.
 
     Raises:
-        ValueError: It cannot be read, or has no triangle.
+        ValueError: The file has another suffix, cannot be read, has no triangle, or has a vertex
+            that is not finite.
     """
     suffix = path.suffix.lower()
     if suffix not in suffixes:

@@ -22,6 +22,9 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Return the compiled model; warnings of MuJoCo are ignored.
 
     It warns where the options of an attached model differ from those of the room, which hold.
+
+    Raises:
+        ValueError: MuJoCo refuses the model.
     """
     keep_no_log()
     with warnings.catch_warnings(action="ignore"):

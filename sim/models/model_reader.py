@@ -43,12 +43,12 @@ def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
     """Return the model in an MJCF or URDF file; it is known to compile.
 
     Args:
-        path: Its file.
+        path: The model's file.
         what: The kind of model, for messages: "robot".
         whole: Refuse a model of which a shape cannot be drawn; otherwise a notice says so.
 
     Raises:
-        ValueError: It cannot be read or compiled; the sentence begins with the file's name.
+        ValueError: The file cannot be read or compiled; the sentence begins with its path.
     """
     reading.opened(path, what).close()
     keep_no_log()
@@ -80,8 +80,9 @@ def spec_of_urdf(path: Path, mended: Mended) -> mujoco.MjSpec:
     left out is added to `mended`.
 
     Raises:
-        ParseError: It is not XML.
-        ValueError: It is not expanded xacro, or MuJoCo cannot read it.
+        ParseError: The file is not XML.
+        ValueError: The file has xacro elements, a joint's lower limit is above its upper one, or
+            MuJoCo cannot read the file.
     """
     tree = ElementTree.parse(path).getroot()
     _leave_out_namespaces(tree)
@@ -107,6 +108,9 @@ def spec_of_urdf(path: Path, mended: Mended) -> mujoco.MjSpec:
 def _leave_out_namespaces(tree: Element) -> None:
     """Delete the elements of a URDF file that belong to other programs, such as a simulator's
     sensors, by their XML namespace; refuse those of xacro.
+
+    Raises:
+        ValueError: The file has xacro elements.
     """
     for parent in list(tree.iter()):
         for element in list(parent):

@@ -38,7 +38,8 @@ class Outlined:
         give, or else the one found in the model.
 
         Raises:
-            ValueError: No part of the target is seen from above.
+            ValueError: The model's site `outline` is not aligned with its axes, or no part of the
+                target is seen from above.
         """
         target = target_of(spec)
         if self.outline is None:
@@ -80,7 +81,8 @@ def picture_named(name: str, setting: str) -> Image:
 def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -> mujoco.MjSpec:
     """Return the model of a box with this length, width and height [m] that stands on z = 0.
 
-    A picture lies on each of its sides: on the upper one its right is at the nose.
+    A picture (H, W, 3) lies on each of its sides: on the upper one its right is at the nose.
+    Without one the box has the colour: red, green, blue and opacity, 0 to 1.
     """
     spec = mujoco.MjSpec()
     look: dict[str, object] = {"rgba": colour}

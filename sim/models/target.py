@@ -46,7 +46,8 @@ def target_of(spec: mujoco.MjSpec) -> Target:
     `outline`, or else the one that `seen_from_above` finds.
 
     Raises:
-        ValueError: No part of the target is seen from above.
+        ValueError: The site is not aligned with the model's axes, or no part of the target is seen
+            from above.
     """
     own = outline_site(spec)
     return Target(spec, seen_from_above(spec) if own is None else own, found=own is None)
@@ -67,8 +68,8 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
 
 
 def outline_site(spec: mujoco.MjSpec) -> Array | None:
-    """Return the corners (4, 3) [m] of the rectangle that a model's site `outline` gives; None if
-    the model has no such site.
+    """Return the corners (4, 3) [m], in the model's frame and in the order of `rectangle`, of the
+    rectangle that a model's site `outline` gives; None if the model has no such site.
 
     Raises:
         ValueError: The site is not aligned with the model's axes.
@@ -86,11 +87,12 @@ def outline_site(spec: mujoco.MjSpec) -> Array | None:
 
 
 def seen_from_above(spec: mujoco.MjSpec) -> Array:
-    """Return the corners (4, 3) [m] of the level rectangle around the surface that is visible from
-    straight above a model, at the surface's mean height.
+    """Return the corners (4, 3) [m], in the model's frame and in the order of `rectangle`, of the
+    level rectangle along x and y around the surface that is visible from straight above, at the
+    surface's mean height.
 
     Raises:
-        ValueError: Nothing of it is seen above the table, z = 0.
+        ValueError: No part of the model above z = 0, the table's top, is visible from above.
     """
     model = compiled(spec.copy())
     data = mujoco.MjData(model)
@@ -106,7 +108,9 @@ def seen_from_above(spec: mujoco.MjSpec) -> Array:
 
 
 def _bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
-    """Return the lowest and the highest corner (3,) of the box around the drawn geoms [m]."""
+    """Return the lowest and the highest corner (3,) of the box around the drawn geoms, in the
+    model's frame [m].
+    """
     drawn = [
         data.geom_xpos[g] + (box[:3] + CORNERS * box[3:]) @ data.geom_xmat[g].reshape(3, 3).T
         for g, box in enumerate(model.geom_aabb)
@@ -117,8 +121,9 @@ def _bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
 
 
 def _hits(model: mujoco.MjModel, data: mujoco.MjData, low: Array, high: Array) -> Array:
-    """Return the points (n, 3) [m] where vertical rays from above, one for each cell of a grid,
-    meet the model; rays that meet nothing have none.
+    """Return the points (n, 3) [m], in the model's frame, where vertical rays from above, one for
+    each cell of a grid from corner `low` to corner `high` (3,), meet the model above z = 0; other
+    rays have none.
     """
     middles = (np.arange(RAYS) + 0.5) / RAYS
     xs, ys = (low[i] + middles * (high[i] - low[i]) for i in (0, 1))

@@ -23,8 +23,8 @@ MIDDLE = np.array([0.0, 0.0, 0.3])
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a smooth motion in six degrees of freedom: highest frequency [Hz], amplitudes of
-    position [m] and of rotation [deg].
+    """Settings of a smooth motion of the target in six degrees of freedom: highest frequency [Hz],
+    amplitudes of position [m] and of rotation [deg].
     """
 
     frequency: Annotated[float, Ge(0), Le(100)] = 0.2
@@ -50,8 +50,8 @@ class Config:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Six:
-    """A motion above the table whose three positions and three angles are each the mean of two
-    sines of time, zero at time 0.
+    """A motion of the target above the table, whose three positions and three angles, relative to
+    the start, are each the mean of two sines of time.
     """
 
     frequencies: Array

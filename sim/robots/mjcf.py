@@ -122,8 +122,9 @@ class Config(Drives):
 
 
 def model_path(model: str) -> Path:
-    """Return the path of the model file that the setting `robot.model` names: a path, a shipped
-    model's name, or "menagerie:" and a name.
+    """Return the path of the model file that the setting `robot.model` names: a path (not checked),
+    a shipped model's name, "menagerie:NAME" or "menagerie:NAME/FILE" of the package
+    mujoco-menagerie, or "menagerie:PATH" below the folder that MENAGERIE_ROOT names.
 
     Raises:
         ValueError: There is no shipped model of this bare name; or the Menagerie is not installed,

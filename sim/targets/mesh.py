@@ -89,6 +89,9 @@ class Config(Outlined):
     def _placed(self, vertices: Array) -> Array:
         """Return the vertices (n, 3) of a mesh file in the target's frame [m]: turned, scaled,
         centred, and resting on z = 0.
+
+        Raises:
+            ValueError: All vertices lie on one vertical line.
         """
         points = vertices @ UPRIGHT[self.up].T
         length, width, _ = np.ptp(points, axis=0)
@@ -99,7 +102,10 @@ class Config(Outlined):
         points = points @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
         extent = np.ptp(points, axis=0)
         if not extent[:2].max() > 0:
-            raise ValueError("the mesh has no length and no width")
+            raise ValueError(
+                "all points of the mesh lie on one vertical line: choose another axis as up, or "
+                "correct the file"
+            )
         if isinstance(self.size, tuple):
             scale = np.divide(self.size, extent, out=np.ones(3), where=extent > 0)
         else:

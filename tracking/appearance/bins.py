@@ -138,8 +138,8 @@ class LabelledImage:
 
 
 def as_seen(image: Image, *, even: bool) -> Image:
-    """Return a picture (H, W, 3) as it is or, with `even`, each pixel divided by its largest
-    channel.
+    """Return a picture (H, W, 3) as it is or, with `even`, as if all were lit alike: each pixel
+    divided by its largest channel plus `DARK`, times 255.
 
     Raises:
         ValueError: The array is not a picture.

@@ -5,7 +5,8 @@ A neighbour counts as 1 where it is at least `threshold` brighter than the centr
 uniform if it has at most two changes around the circle, and its label is its number of ones (riu2
 of Ojala, Pietikainen, Maenpaa 2002, for any number of neighbours and any radius). Uniform patterns
 of two to six ones of eight are the texture's five bins; all other pixels (flat, spots, noise) count
-as nothing. The PFJCTH paper's equation 13 says "otherwise 0": it means discard, not bin 0.
+as nothing in the papers, and as the setting `rest` says here. The PFJCTH paper's equation 13 says
+"otherwise 0": it means discard, not bin 0.
 """
 
 import math

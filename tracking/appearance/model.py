@@ -67,12 +67,13 @@ class AppearanceSettings:
         return Sampling()
 
     def bins(self, image: Image, region: Region, state: State) -> Bins:
-        """Return the bins of the histograms: by default colours.
+        """Return the division of pixels into histogram bins: by default into equal intervals of
+        each colour channel.
 
         Args:
-            image: First picture (H, W, 3), evenly lit if `even` is set.
-            region: The template.
-            state: State of the target there.
+            image: First picture, RGB (H, W, 3), as `as_seen` returns it.
+            region: The target's rectangle [px].
+            state: State of the target in that picture.
         """
         return ColourBins(self.levels)
 
@@ -80,6 +81,9 @@ class AppearanceSettings:
         """Return the reference histograms of the target, learnt from the first picture, RGB
         (H, W, 3). There the target is the rectangle `region` [px], placed by `state` (x, y [px],
         theta [rad], scale).
+
+        Raises:
+            ValueError: `image` is not a picture.
         """
         return SampledModel(image, region, state, self)
 
@@ -87,9 +91,9 @@ class AppearanceSettings:
 class SampledModel:
     """The target's reference histograms, and the distance of any state from them.
 
-    The setting `contrast` adds a multiple of the similarity between target and surrounding ring to
-    the squared distance: the histogram alone does not change when the region shrinks into the
-    target.
+    `distances` compares histograms only. `energy` is the squared distance plus the setting
+    `contrast` times the similarity between the target and the ring around the region, which keeps
+    the region from shrinking into the target, where the histogram stays the same.
     """
 
     def __init__(
@@ -99,8 +103,8 @@ class SampledModel:
 
         Args:
             image: First picture, RGB (H, W, 3).
-            region: The template.
-            state: State of the target there.
+            region: The target's rectangle [px].
+            state: State of the target in that picture.
             settings: Settings of the histograms.
         """
         inside = region.inner(settings.inset)

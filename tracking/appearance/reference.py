@@ -46,8 +46,8 @@ class Reference:
 
         Args:
             image: First picture.
-            region: The template.
-            state: State of the target there.
+            region: The target's rectangle [px].
+            state: State of the target in that picture.
             layout: Points at which the target is read.
             learns: Weigh bins by the surroundings, and follow later pictures.
         """

@@ -36,8 +36,8 @@ class Views:
 
         Args:
             image: First frame (H, W, 3).
-            region: The template.
-            state: State of the target there.
+            region: The target's rectangle [px].
+            state: State of the target in that picture.
             count: Largest number of stored views.
         """
         self._points = lattice(SIDE, region)
@@ -65,7 +65,8 @@ class Views:
         """Store the picture of the target at a state, where it certainly is, unless its correlation
         with a stored view is above `NEW`.
 
-        When there are `count` views already, the new one replaces the oldest but the first.
+        When there are `count` views already, the new one replaces the oldest but the first; with
+        `count` = 1 nothing is stored.
         """
         self._scale = state.scale
         if self._count > 1 and float(self.likeness(blurred, state.vector[None])[0]) <= NEW:
@@ -81,7 +82,8 @@ class Views:
             most: Largest number of states.
 
         Returns:
-            States of x, y [px], theta [rad], ln scale; n = 0 for a picture too large to search.
+            States of x, y [px], theta [rad], ln scale; n = 0 for a picture too large to search, or
+            smaller than a view.
         """
         found: list[tuple[float, list[float]]] = []
         for scale in (last.scale * size for size in SIZES):

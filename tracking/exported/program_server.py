@@ -20,6 +20,9 @@ from tracking.guests.guest import GuestSettings
 from tracking.guests.report import Report
 from tracking.types import Region, State, Tracker
 
+KEYS = ("width", "height", "index", "time")
+"""Keys that each line before a picture has."""
+
 
 def run_program(
     kind: str,
@@ -29,20 +32,23 @@ def run_program(
     answers: BinaryIO | None = None,
     **settings: object,
 ) -> None:
-    """Serve a client until its input ends. The tracker is loaded before the first answer.
+    """Run a tracker for a client that speaks the protocol of `tracking.guests.program_client`:
+    lines of JSON, and pictures as raw bytes.
+
+    The tracker is loaded before the first answer, and runs until the client's input ends.
 
     Args:
         kind: Kind of the tracker; see `tracking.create`.
         preset: "paper" for the settings in the paper that describes the tracker; None for the best
             settings known.
         requests: Stream of the client's lines and pictures; None: standard input.
-        answers: Stream of our lines; None: standard output. What a tracker prints goes to standard
-            error.
+        answers: Stream of the answers (lines of JSON); None: standard output. What a tracker prints
+            goes to standard error.
         **settings: Settings of the tracker.
 
     Raises:
-        ValueError: There is no such kind or preset, a setting has a wrong value, or the client
-            sends something else than the protocol has.
+        ValueError: There is no such kind or preset, a setting has a wrong value, the client sends
+            something else than the protocol has, or the tracker refuses the target's region.
         TypeError: The tracker has no such setting.
     """
     lines = requests or sys.stdin.buffer
@@ -62,7 +68,8 @@ def _conversation(
     """Yield the answer to each line that a client sends.
 
     Raises:
-        ValueError: The client sends a picture first, or its input ends within a picture.
+        ValueError: The client sends a picture first, a line of it lacks a key, or its input ends
+            within a picture.
     """
     served: Served | None = None
     while line := requests.readline():
@@ -73,7 +80,22 @@ def _conversation(
         elif served is None:
             raise ValueError("the client sent a picture before its first line, which has the seed")
         else:
+            _check_keys(asked)
             yield _answer(served, asked, _picture(requests, asked))
+
+
+def _check_keys(asked: Mapping[str, Any]) -> None:
+    """Check that the line before a picture has all keys that it needs.
+
+    Raises:
+        ValueError: A key is missing.
+    """
+    for key in (*KEYS, *(("angle",) if "corners" in asked else ())):
+        if key not in asked:
+            raise ValueError(
+                f"the client sent a line without '{key}' before a picture; it needs "
+                f"{', '.join(KEYS)}, and for the first picture corners and angle"
+            )
 
 
 def _answer(served: Served, asked: Mapping[str, Any], image: Image) -> Mapping[str, object]:

@@ -117,6 +117,7 @@ def folder(root: Path, name: str) -> Path:
     for part in PurePosixPath(name).parts:
         path = path / part
         if path.is_symlink():
-            raise OSError(errno.ELOOP, "this folder is a link; give a folder itself", path)
+            why = "this folder is a link, and nothing is written through it: replace it by a folder"
+            raise OSError(errno.ELOOP, why, path)
         path.mkdir(exist_ok=True)
     return path

@@ -47,7 +47,8 @@ class Cv2Tracker:
             seed: Seed of OpenCV's random numbers.
 
         Raises:
-            ValueError: This OpenCV has no such tracker, or the tracker needs other model files.
+            ValueError: This OpenCV has no such tracker, the tracker needs other model files, or one
+                cannot be read.
         """
         self._name = name
         self._models = [Path(model) for model in models]
@@ -62,7 +63,7 @@ class Cv2Tracker:
             OpenCV's answer: False if it refuses the box.
 
         Raises:
-            ValueError: OpenCV fails on the box or the model files.
+            ValueError: The box is too small for MIL, or OpenCV fails on the box or the model files.
         """
         self._size = image.shape
         if self._name == "MIL" and max(box[2:]) < LEAST_MIL:
@@ -103,7 +104,8 @@ class Cv2Tracker:
         """Return a new object of OpenCV's tracker, made with its model files.
 
         Raises:
-            ValueError: The number of model files is wrong, or one cannot be read.
+            ValueError: This OpenCV has no such tracker, the number of model files is wrong, or one
+                cannot be read.
         """
         create = creator_of(self._name)
         parts = MODELS.get(self._name, ())

@@ -150,6 +150,9 @@ class GuestTracker:
     def _judge(self, frame: Frame, report: Report) -> tuple[float, Status]:
         """Return the target's distance, 0..1, and its status: one minus the confidence, or 0 for a
         target that is seen, if no histogram judges.
+
+        Raises:
+            ValueError: The tracker reports no confidence, which `least_confidence` needs.
         """
         confidence = report.confidence
         distance = float(not report.seen) if confidence is None else 1.0 - confidence

@@ -44,7 +44,7 @@ class TimedGuest:
             loading: Longest wait until the guest is made, and until it has learned the target [s].
 
         Raises:
-            ValueError: The guest was not made within the limit.
+            ValueError: The guest cannot be made, or not within the limit.
         """
         self._name = name
         self._timeout = timeout

@@ -28,10 +28,12 @@ class Placement:
     """
 
     turns = False
-    """True once an angle was reported, or corners that are not those of an upright box."""
+    """True once an angle was reported, or corners that are not those of an upright box; if the
+    tracker declares what it measures, only if "angle" is among this."""
     resizes = False
-    """True once the reported size has changed, so that it is measured; before, the scale of a state
-    stays that of the first picture."""
+    """True if the size is followed and measured: the tracker declares "size", or, if it declares
+    nothing, the reported size has changed. Before, the scale of a state stays that of the first
+    picture."""
     tilts = False
     """True once corners were reported that are not those of a rectangle."""
 
@@ -71,7 +73,9 @@ class Placement:
 
     @property
     def corners(self) -> Array:
-        """The corners (4, 2) [px] that were reported last, in the order of `Region.corners`."""
+        """The corners (4, 2) [px] that were reported last, in the order of `Region.corners`; before
+        any were reported, those of the region in the first picture.
+        """
         return self._last
 
     def _follow_box(self, box: Array, angle: float | None) -> None:

@@ -111,14 +111,17 @@ class GuestProcess:
             expected: What the answer should be, for messages.
 
         Raises:
-            ValueError: The program has ended, gave no answer within the limit, or sent an answer
-                before it was asked.
+            ValueError: The program has ended, gives no answer within the limit, or sent a second
+                answer after the previous call. The program is then ended.
         """
         if not self._close.alive:
-            raise ValueError(f"{self.name} was ended, and cannot be asked again")
+            raise ValueError(
+                f"{self.name} was ended after an error, so it cannot follow any more pictures: "
+                "start a new tracker"
+            )
         until = time.monotonic() + limit
         if self._is_asked and self._has_waiting(answer_in):
-            self.fail("sent more than one answer to a picture")
+            self.fail("sent an answer that it was not asked for: it must answer each message once")
         self._is_asked = True
         answer = None
         try:

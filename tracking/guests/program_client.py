@@ -43,8 +43,8 @@ class ProgramClient:
             loading: Longest wait for the first answer [s].
 
         Raises:
-            ValueError: The program does not start, sends no line of JSON, or declares something
-                that there is not.
+            ValueError: The program does not start, sends no line of JSON, reports an error, or
+                declares that it gives something unknown.
         """
         self._program = GuestProcess("program", command, {})
         self._timeout = timeout
@@ -69,7 +69,8 @@ class ProgramClient:
         """Send the next picture, and return the program's report.
 
         Raises:
-            ValueError: The program has ended, hangs, or its answer is not a report.
+            ValueError: The program has ended, hangs, reports an error, or its answer is not a
+                report.
         """
         answer = self._show(frame, {})
         try:

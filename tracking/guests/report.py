@@ -78,8 +78,9 @@ def report_in(answer: object, name: str) -> Report:
     box = _numbers(given, (4,))
     if box is None or not (_has_area(box) or not box.any()):
         raise ValueError(
-            f"{name} answered {shown(answer)}; expected a box of left, top, width, height with an "
-            f"area, (ok, box), or a mapping with {', '.join(KEYS)}"
+            f"{name} answered {shown(answer)}; expected a box of left, top, width, height [px] "
+            "(with an area, or all zeros: not seen), (ok, box), or a mapping with some of the keys "
+            f"{', '.join(KEYS)}"
         )
     return report_of_box(box)
 
@@ -108,7 +109,7 @@ def gives_in(declared: object, name: str) -> frozenset[Gives] | None:
         name: Name of the tracker, to begin messages.
 
     Raises:
-        ValueError: It is something else.
+        ValueError: `declared` is something else.
     """
     if declared is None:
         return None
@@ -132,7 +133,7 @@ def confidence_in(answer: object, name: str) -> float:
         name: Name of the tracker, to begin messages.
 
     Raises:
-        ValueError: It is not a number from 0 to 1.
+        ValueError: `answer` is not a number from 0 to 1.
     """
     found = _number(answer)
     if found is None or not -SLACK <= found <= 1 + SLACK:

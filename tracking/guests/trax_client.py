@@ -54,7 +54,8 @@ class TraxClient:
 
         Raises:
             ValueError: The server does not start, sends no hello, speaks another version of TraX,
-                or accepts none of our formats of regions or pictures.
+                accepts none of our formats of regions or pictures, needs other channels than
+                color, or declares that it gives something unknown.
         """
         goodbye = Message("quit").line().encode()
         self._server = GuestProcess("TraX server", command, {"TRAX": "1"}, goodbye)
@@ -80,7 +81,7 @@ class TraxClient:
         """Send the first picture, and the target's region at a state.
 
         Raises:
-            ValueError: The server has ended, hangs, or sends no answer.
+            ValueError: The server has ended, hangs, or sends another message than a state.
         """
         corners = region.corners(state)
         if "polygon" in self._regions:
@@ -100,7 +101,8 @@ class TraxClient:
         """Send the next picture, and return the server's report.
 
         Raises:
-            ValueError: The server has ended, hangs, or its answer is not a region.
+            ValueError: The server has ended, hangs, its answer is not a region with an area, or its
+                confidence is not from 0 to 1.
         """
         message = Message("frame", (self._picture(frame.image),))
         answer = self._ask("state", self._timeout, message)

@@ -71,6 +71,9 @@ class Called:
             confidence: Where its confidence is found; None: at most in its answers.
             rounds: Whether its boxes have the error of the whole numbers that `init` was given, as
                 those of OpenCV's own trackers have; the error is then taken out.
+
+        Raises:
+            ValueError: The tracker's attribute `gives` has something unknown in it.
         """
         self._tracker = tracker
         self._convention = convention
@@ -196,7 +199,8 @@ class Wrapping:
         seed: the tracker is the same in any process.
 
         Raises:
-            ValueError: The class needs arguments, or makes no tracker.
+            ValueError: The class needs arguments or makes no tracker, or the tracker's attribute
+                `gives` has something unknown in it.
         """
         made, is_opencvs = self._made(seed)
         convention = self.convention or convention_of(made)
@@ -204,7 +208,11 @@ class Wrapping:
         return Called(made, convention, self.name, self.confidence, rounds=rounds)
 
     def _made(self, seed: int) -> tuple[Foreign, bool]:
-        """Return a tracker, and whether its class is one of OpenCV's own."""
+        """Return a tracker, and whether its class is one of OpenCV's own.
+
+        Raises:
+            ValueError: The class or function needs arguments, or what it makes is no tracker.
+        """
         factory = made = self.factory
         is_opencvs = False
         if isinstance(factory, type) or not is_foreign(factory):
@@ -221,7 +229,11 @@ class Wrapping:
         return made, is_opencvs
 
     def _arguments(self, factory: Callable[..., Any], seed: int) -> dict[str, Any]:
-        """Return the random arguments that a class or function takes: `rng`, `seed` or none."""
+        """Return the random arguments that a class or function takes: `rng`, `seed` or none.
+
+        Raises:
+            ValueError: The class or function needs other arguments.
+        """
         try:
             taken = inspect.signature(factory).parameters.values()
         except (TypeError, ValueError):  # compiled, such as OpenCV's own
@@ -249,7 +261,11 @@ class WrapSettings(GuestSettings):
     wrapping: ClassVar[Wrapping]
 
     def guest(self, seed: int) -> TimedGuest:
-        """Return a new tracker, ready for the first picture."""
+        """Return a new tracker, ready for the first picture.
+
+        Raises:
+            ValueError: The tracker cannot be made, or not within `loading`.
+        """
         return self.wrapping.timed(seed, self)
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -295,8 +311,8 @@ def wrap(
     kind = name or ":".join(filter(None, (of.__module__, of.__qualname__)))
     if not callable(factory) and not is_foreign(factory):
         raise ValueError(
-            f"{factory!r} is not a tracker: expected methods init and update, or a function that "
-            "returns a tracker"
+            f"{factory!r} is not a tracker: expected a class or object with methods init and "
+            "update, or a function that returns one"
         )
     if convention not in (None, *get_args(Convention)):
         there = ", ".join(get_args(Convention))

@@ -27,7 +27,7 @@ LEAST_KEPT = 1e-9
 
 @compiled()
 def _read(window: Window, state: Array, template: Points, bins: int, scratch: Scratch) -> int:
-    """Add the weights of the points under a state to the histogram in `scratch`.
+    """Add the weights of the points at a state to the histogram in `scratch`.
 
     The index of each point's bin, or -1, is written to the second array of `scratch`, and the
     indices of the bins that are not zero to the third.

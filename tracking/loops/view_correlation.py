@@ -1,4 +1,4 @@
-"""Compiled loops: correlation of a picture under a state with stored views of the target."""
+"""Compiled loops: correlation of a picture at a state of the target with stored views."""
 
 import numpy as np
 

@@ -239,7 +239,13 @@ def _is_sequence(path: Path) -> bool:
     pictures = images_in(pictures_in(path))
     truth = truths_in(path)
     if pictures and not truth:
-        raise ValueError(f"{path}: there are pictures in this folder, but no truth file")
+        raise ValueError(
+            f"{path}: there are pictures in this folder, but no truth file: add one, such as "
+            "groundtruth.txt or truth.csv, or leave this folder out"
+        )
     if truth and not pictures:
-        raise ValueError(f"{path}: there is a truth file in this folder, but no picture")
+        raise ValueError(
+            f"{path}: there is a truth file in this folder, but no picture: add the pictures, or "
+            "leave this folder out"
+        )
     return bool(truth)

@@ -268,10 +268,13 @@ def _captured(capture: cv2.VideoCapture) -> Iterator[Picture]:
     """Yield the pictures of an open camera until it is lost, with the times of their arrival.
 
     Raises:
-        SourceLost: The camera gives no more pictures.
+        SourceLost: The camera sends no picture, or no more of them.
     """
     while True:
         more, image = capture.read()
         if not more:
-            raise SourceLost("the camera gives no more pictures")
+            raise SourceLost(
+                "no picture came from the camera: check its cable, and that no other program uses "
+                "it"
+            )
         yield Picture("", 0.0, rgb(image), stamp=time.monotonic_ns())

@@ -229,7 +229,8 @@ def _corners(row: Array, form: Format, place: str) -> Array:
         if (row[2:] <= row[:2]).any():
             given = ",".join(f"{number:g}" for number in row)
             raise ValueError(
-                f"{place}: {given} is not x1,y1,x2,y2: x2 > x1 and y2 > y1 do not hold"
+                f"{place}: {given} is not x1,y1,x2,y2 with x2 > x1 and y2 > y1: correct that line, "
+                f"or {REMEDY}"
             )
         return corners_of(np.concatenate([row[:2], row[2:] - row[:2]]))
     width, height = row[2:]

@@ -287,8 +287,9 @@ def _rate(stream: VideoStream) -> float:
     """
     rate = rate_of(stream)
     if not SLOWEST <= rate <= FASTEST:
+        stated = f"{rate:g} frames a second" if rate else "no rate"
         raise ValueError(
-            f"this video states {rate:g} frames a second; accepted are {SLOWEST:g} to "
+            f"this video states {stated}; accepted are {SLOWEST:g} to "
             f"{FASTEST:g}: convert it to a folder of pictures and give --rate"
         )
     return rate

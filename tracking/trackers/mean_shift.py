@@ -114,13 +114,16 @@ class MeanShift:
         self._velocity = Velocity(state, self._settings.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the best end of the climbs from the predicted state, and, where its confidence is
-        too low, of climbs from eight places around it.
+        """Climb from the predicted state and, if the best confidence is below `Climb.confidence`,
+        also from eight places around the state; return the best end as the estimate.
+
+        If the size is followed, the estimate's size goes only a tenth of the way from the predicted
+        size to that of the best end.
 
         Args:
             frame: The next frame.
-            ego: Change (4,) of x, y [px], theta [rad] and ln scale that the camera's own motion
-                makes; None if it is unknown.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale since the last frame that the
+                camera's own motion causes; None if it is unknown.
         """
         image = self._model.label(frame.image)
         begin = self._state.vector + self._velocity.step(ego)

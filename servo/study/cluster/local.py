@@ -41,7 +41,7 @@ def check_workers(workers: int) -> None:
     """Check that this machine can run a number of worker processes.
 
     Raises:
-        Mistake: It has too little memory or too few processor cores for them.
+        Mistake: The machine has too little memory or too few processor cores for the processes.
         Refused: The limit of open files is too low.
     """
     by_memory = max(1, int(MEMORY_LIMIT / WORKER_BYTES))

@@ -54,9 +54,9 @@ def dot(a: Array, b: Array) -> float:
 
 @compiled(error_model="numpy")
 def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) -> None:
-    """Compute the colour of a triangle's corner and write it into the corner: the reflected light,
-    at most 1 in each channel, by the lighting of OpenGL's fixed pipeline (Blinn-Phong), as MuJoCo
-    uses it.
+    """Compute the colour of a triangle's corner and write it into the corner: the emitted and
+    reflected light, at most 1 in each channel, by the lighting of OpenGL's fixed pipeline
+    (Blinn-Phong), as MuJoCo uses it.
 
     Args:
         corner: Position [m], colour, texture coordinates, pixel and 1 / z of the corner (11,); the
@@ -64,7 +64,8 @@ def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) 
         normal: Unit normal of the surface (3,) in the camera's frame.
         rgba: Colour of the body (4,), 0 to 1.
         shine: The body's emission, specular reflection and specular exponent (3,).
-        lights: The lights (n, 21) in the camera's frame.
+        lights: The lights (n, 21) in the camera's frame; for their columns see `NEAR` to
+            `EXPONENT`.
     """
     for k in range(3):
         corner[COLOUR + k] = shine[0] * rgba[k]
@@ -446,7 +447,7 @@ def draw(
         rgba: Colour of each body (n, 4).
         shine: Emission, specular reflection and specular exponent of each body (n, 3).
         textures: Number of each body's texture (n,).
-        lights: Lights in the camera's frame (k, 21).
+        lights: Lights in the camera's frame (k, 21); for their columns see `NEAR` to `EXPONENT`.
         near: Distance of the near plane [m].
         view: Focal lengths and principal point (4,) [px].
         texels: Pixels of all textures: red, green and blue in one number, 21 bits apart.
