@@ -88,6 +88,8 @@ REFUSED = (
     "would be behind the camera",
     "need depth = true",
     "needs a depth picture",
+    "needs a table [recording]",
+    "the first should be smaller",
 )
 """What a scenario within all limits may be refused for."""
 
