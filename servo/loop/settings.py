@@ -150,8 +150,8 @@ class RegionConfig:
 
 @dataclass(frozen=True, slots=True)
 class MeasureConfig:
-    """Settings of a run's measures: the time from which errors count [s], and the servo error above
-    which the camera is off the target [px].
+    """Settings of a run's measures: when errors begin to count, and which servo error is too
+    large.
     """
 
     after: Time = 0.0
