@@ -150,9 +150,7 @@ class RegionConfig:
 
 @dataclass(frozen=True, slots=True)
 class MeasureConfig:
-    """Settings of a run's measures: when errors begin to count, and which servo error is too
-    large.
-    """
+    """Settings of measures: when errors begin to count, and which servo error is too large."""
 
     after: Time = 0.0
     """Time from which errors count [s]."""

@@ -109,6 +109,8 @@ class Server:
         An invalid twist stops the robot; each reason is printed once.
         """
         for message in self._twists.take(1):
+            if not isinstance(message, TwistStamped):
+                continue  # a sample without data: a sender has left
             parts = message.twist.linear, message.twist.angular
             twist = np.array([[part.x, part.y, part.z] for part in parts]).ravel()
             wrong = _wrong(twist, message.header.frame_id)
