@@ -345,6 +345,17 @@ def test_a_served_robot_takes_the_newest_twist_and_stops_without_one(monkeypatch
     assert asked() is None
 
 
+def test_a_sender_that_leaves_sends_no_twist():
+    served = server.Server()
+    writer = Node().writer(server.TOPIC, messages.TwistStamped)
+    message = messages.stamped(np.arange(6.0), AT)
+    given(lambda: served.command(None, None, 0.0).twist.any() or None, writer.write, message)
+    writer.dispose(message)  # readers get a sample without data
+    for _ in range(20):
+        assert served.command(None, None, 0.0).twist.shape == (6,)
+        time.sleep(0.01)
+
+
 CONTROLLER = """
 import sys
 import servo
