@@ -226,7 +226,7 @@ INVERTS = "this feature set computes the twist from the error by an inverse of i
 DRAWN = "the pictures are those of a recording, in which nothing is drawn"
 NEEDS = (
     Need(
-        ("ground", "clutter", "light"),
+        ("camera.renderer", "ground", "clutter", "light"),
         _of_scenario(lambda s: s.camera.renderer != "recording"),
         DRAWN,
     ),

@@ -207,19 +207,16 @@ def _camera(given: Table, recorded: Recorded) -> Table:
     `LEAST` pixels.
 
     Raises:
-        Mistake: The camera has depth pictures, stands in the room, or is drawn.
+        Mistake: The camera has depth pictures, or stands in the room.
     """
     if given.get("depth"):
         raise Mistake("camera.depth: a recording has no depth pictures: leave camera.depth out")
     if given.get("mounted", "robot") != "robot":
         raise Mistake("camera.mounted: in a recording the robot carries the camera: leave it out")
-    if given.get("renderer", SECTION) not in (SECTION, "exact"):
-        raise Mistake("camera.renderer: the pictures are recorded: leave camera.renderer out")
     rate = 1 / float(np.median(np.diff(recorded.times))) if len(recorded.times) > 1 else RATE
     usual: Table = {"rate": round(rate, 6)}
     if not any(name in given for name in VIEW):
         usual["fx"] = recorded.camera.focal * scale_of(recorded.camera)
-    # A recording's pictures are the same on every machine already, as "exact" asks for.
     return usual | given | {"renderer": SECTION}
 
 
