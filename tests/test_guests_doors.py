@@ -86,6 +86,18 @@ def test_a_guest_gives_the_same_by_every_door(door):
     assert followed(DOORS[door]()) == expected
 
 
+def test_opencvs_own_tracker_is_the_same_in_a_process_of_its_own():
+    """Begun on a turned region: the box around it must be the same to the last digit."""
+    turned = Region(30.453123457, 20.637987653), State(55.310000451, 40.240000813, 0.1)
+
+    def seen(config):
+        tracker = config.build(np.random.default_rng(3))
+        tracker.start(frame(0), *turned)
+        return [numbers(tracker.update(frame(k))) for k in range(1, 6)]
+
+    assert seen(by_class("cv2:TrackerMIL")) == seen(by_process("cv2:TrackerMIL"))
+
+
 def run(config, condition):
     scenario = load(condition, ["run.duration=0.5"])
     with Episode(dataclasses.replace(scenario, tracker=config)) as episode:

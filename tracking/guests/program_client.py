@@ -22,7 +22,7 @@ from typing import cast, final
 from sim.types import Frame
 from tracking.guests.boxes import exact_box
 from tracking.guests.process import GuestProcess
-from tracking.guests.report import DIGITS, Gives, Report, gives_in, report_in
+from tracking.guests.report import Gives, Report, gives_in, report_in
 from tracking.types import Region, State
 
 Answer = Mapping[str, object]
@@ -61,7 +61,7 @@ class ProgramClient:
         target = {
             "box": exact_box(region, state, frame.image).tolist(),
             "angle": state.theta,
-            "corners": region.corners(state).round(DIGITS).tolist(),
+            "corners": region.corners(state).tolist(),
         }
         self._show(frame, target)
 
