@@ -14,7 +14,7 @@ from sim.camera.camera import CameraConfig
 from sim.kinematics.inverse_kinematics import reach
 from sim.kinematics.robot import Robot
 from sim.models.assembly import build_model
-from sim.robots import arm, gantry
+from sim.robots import arm, gantry, head
 from sim.targets import car
 
 HEAD = """
@@ -100,6 +100,15 @@ def test_a_gantry_at_the_end_of_its_rail_loses_this_direction_only():
     assert names == ("x (range)",)
     _, _, back = robot.rates(data, -asked)
     assert back == ()
+
+
+def test_a_head_whose_joints_are_all_at_their_ends_stands():
+    robot, data = placed(head, np.radians([85.0, 85.0]))
+    asked = robot.jacobian(data) @ [0.2, 0.1]
+    rates, made, names = robot.rates(data, asked)
+    np.testing.assert_array_equal(rates, [0.0, 0.0])
+    np.testing.assert_array_equal(made, np.zeros(6))
+    assert names == ("pan (range)", "tilt (range)")
 
 
 def test_an_arm_with_a_joint_at_its_end_makes_the_nearest_twist():

@@ -196,7 +196,9 @@ def with_recording(table: Table, place: str) -> Table:
 
 
 def _section(table: Table, name: str) -> Table:
-    """Return a table inside a scenario's table; an empty one where there is none, or no table."""
+    """Return the table with a name inside a scenario's table; an empty table if it is missing, or
+    if something other than a table has this name.
+    """
     found = table.get(name)
     return found if is_table(found) else {}
 
@@ -300,8 +302,7 @@ def _path(pictures: str) -> Path:
 
 def _calibration(config: RecordingConfig, path: Path) -> Path | None:
     """Return the calibration file of a recording's camera: the one that the settings name, else
-    camera.yaml in its folder, or the one beside a video with the video's name. None if there is
-    none, or the settings have a field of view.
+    camera.yaml in its folder, or the one beside a video with the video's name. None X.
     """
     if config.calibration:
         return Path(config.calibration)
@@ -310,7 +311,9 @@ def _calibration(config: RecordingConfig, path: Path) -> Path | None:
 
 
 def _truth_beside(path: Path) -> Path | None:
-    """Return the truth file of a recording with a usual name; None if there is none."""
+    """Return the truth file in a recording's folder or beside a video, if it has a usual name;
+    else None.
+    """
     if path.is_dir():
         return sequence.truth_beside(str(path))
     beside = (path.with_suffix(suffix) for suffix in (".csv", ".txt"))

@@ -569,7 +569,7 @@ def _slowed(wanted: Array, box: list[tuple[float, float]]) -> float:
     """
     pairs = zip(wanted.tolist(), box, strict=True)
     factors = ((high if rate > 0 else low) / rate for rate, (low, high) in pairs if rate)
-    return min(1.0, *factors)
+    return min((1.0, *factors))
 
 
 def _programme(J: Array, wanted: Array, liked: Array, box: list[tuple[float, float]]) -> Array:
