@@ -233,13 +233,20 @@ SENTENCES = {
         "give the format of this truth: otb, vot or tld (--truth-format, or truth_format in a suite "
         "or in [recording])",
     ),
-    "a broken video": (["recording.pictures={broken}"], "{broken}: "),
+    "a broken video": (
+        ["recording.pictures={broken}.mp4"],
+        "{broken}.mp4: this is not a video that can be read (FFmpeg: moov atom not found)",
+    ),
+    "a video that breaks off": (
+        ["recording.pictures={broken}.avi"],
+        "{broken}.avi: this recording breaks off after 1 of 12 pictures: leave out the rest of the",
+    ),
 }
 
 
 @pytest.mark.parametrize("case", SENTENCES)
 def test_what_cannot_be_is_refused_in_a_sentence(small, tmp_path, case):
-    places = {name: tmp_path / name for name in ("alone", "short", "absent", "doubt", "broken.mp4")}
+    places = {name: tmp_path / name for name in ("alone", "short", "absent", "doubt", "broken")}
     places["alone"].mkdir()
     for picture in small.glob("*.png"):
         (places["alone"] / picture.name).symlink_to(picture)
@@ -247,12 +254,12 @@ def test_what_cannot_be_is_refused_in_a_sentence(small, tmp_path, case):
     places["short"].write_text("\n".join(lines[:3]))
     places["absent"].write_text("\n".join(["nan,nan,nan,nan", *lines[1:]]))
     places["doubt"].write_text("\n".join(["10,10,30,20"] * 12))
-    if case == "a broken video":
-        as_video(tmp_path / "whole.mp4", wide(320, FOCAL / 2, 0.4, *MOVES))
-        whole = (tmp_path / "whole.mp4").read_bytes()
-        places["broken.mp4"].write_bytes(whole[: len(whole) // 2])
-        (tmp_path / "broken.txt").write_text("\n".join(lines))
-    names = {name.removesuffix(".mp4"): str(path) for name, path in places.items()}
+    if "video" in case:
+        for path in (tmp_path / "broken.mp4", tmp_path / "broken.avi"):
+            as_video(path, wide(320, FOCAL / 2, 0.4, *MOVES))
+            whole = path.read_bytes()
+            path.write_bytes(whole[: len(whole) * 2 // 3])
+    names = {name: str(path) for name, path in places.items()}
     changes, sentence = SENTENCES[case]
     given = [f"recording.pictures={small}", *(change.format(**names) for change in changes)]
     with pytest.raises(Mistake) as refused:
