@@ -170,6 +170,23 @@ def test_the_truth_of_the_recording_is_that_of_the_run(small):
         assert step.truth.visible == 1.0
 
 
+def test_a_target_that_turns_and_grows_has_its_outline_in_each_picture(small, tmp_path):
+    sides = np.array([[-30, -20], [30, -20], [30, 20], [-30, 20]]) / 2
+    angles = 0.3 + 0.2 * np.arange(12)
+    turns = [[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in angles]
+    growth = 1.06 ** np.arange(12)
+    outlines = (300, 220) + growth[:, None, None] * (sides @ np.array(turns))
+    truth = tmp_path / "truth.txt"
+    np.savetxt(truth, outlines.reshape(12, 8), "%.6f", ",")
+    recording = Camera(FOCAL, FOCAL, 320.0, 240.0, 640, 480)
+    for step, outline in zip(
+        recorded(small, f"recording.truth={truth}", *TRUTH), outlines, strict=True
+    ):
+        turn = EYE.rotation.T @ step.truth.T_world_camera.rotation
+        seen = seen_from(recording, turn, step.scene.camera.normalise(step.truth.corners))
+        np.testing.assert_allclose(seen, outline, atol=1e-4)
+
+
 def test_it_is_blind_where_the_target_is_absent(small, tmp_path):
     lines = (small / "groundtruth.txt").read_text().splitlines()
     lines[4] = lines[5] = "nan,nan,nan,nan,nan,nan,nan,nan"
