@@ -6,9 +6,8 @@ own tests call components through it, so that all of them accept and refuse the 
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import astuple, dataclass, replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from numbers import Real
 from typing import Any, TypeVar, cast, final
 
@@ -129,7 +128,8 @@ def _is_number(value: object, least: float = -LARGEST, most: float = LARGEST) ->
 
 
 def _is_state(state: State) -> bool:
-    return all(map(_is_number, astuple(state))) and state.scale * LARGEST >= 1
+    numbers = (state.x, state.y, state.theta, state.scale)
+    return all(map(_is_number, numbers)) and state.scale * LARGEST >= 1
 
 
 def _is_sample_size(ess: object) -> bool:
@@ -362,23 +362,42 @@ def check_prediction(method: str, prediction: object, given: Array | OwnMotion, 
     """
     p = require_type(prediction, Prediction, method)
     k = len(given.past if isinstance(given, OwnMotion) else given)
-    rules = [
+    require_fields(p, _prediction_rules(k), f"{method}: ")
+    require(
+        method == "update" or np.isnan(p.innovation).all(),
+        "skip: Prediction.innovation has numbers, but nothing was measured; return nan there, as "
+        "Prediction.unmeasured does",
+    )
+
+
+@cache
+def _prediction_rules(k: int) -> tuple[Rule, ...]:
+    """Return the rules of a `Prediction` of k features."""
+    finite = (
         Rule(name, partial(is_array, shape=(k,)), f"it should be {k} finite numbers")
         for name in ("error", "motion")
-    ]
-    rules += [
+    )
+    measured = (
         Rule(
             name,
             partial(is_array, shape=(k,), finite=False),
             f"it should be {k} numbers, nan for features that were not measured",
         )
         for name in ("innovation", "nis")
-    ]
-    require_fields(p, rules, f"{method}: ")
-    require(
-        method == "update" or np.isnan(p.innovation).all(),
-        "skip: Prediction.innovation has numbers, but nothing was measured; return nan there, as "
-        "Prediction.unmeasured does",
+    )
+    return (*finite, *measured)
+
+
+@cache
+def _trace_rules(k: int) -> tuple[Rule, ...]:
+    """Return the rules of a command's `Trace` of k features."""
+    return tuple(
+        Rule(
+            name,
+            partial(is_array, shape=(k,), finite=False),
+            f"it should be {k} numbers, nan for unknown ones",
+        )
+        for name in ("features", "error", "scales", "own")
     )
 
 
@@ -391,16 +410,7 @@ def check_command(command: object, *_: object) -> None:
     c = require_type(command, Command, "command")
     require_fields(c, COMMAND)
     if c.trace is not None:
-        k = np.size(c.trace.features)
-        rules = (
-            Rule(
-                name,
-                partial(is_array, shape=(k,), finite=False),
-                f"it should be {k} numbers, nan for unknown ones",
-            )
-            for name in ("features", "error", "scales", "own")
-        )
-        require_fields(c.trace, rules)
+        require_fields(c.trace, _trace_rules(np.size(c.trace.features)))
 
 
 def check_same_features(command: Command, names: tuple[str, ...]) -> None:
@@ -570,11 +580,11 @@ class _Guarded:
         self,
         part: object,
         checks: Mapping[str, Check | None],
-        naming: Callable[[str], AbstractContextManager[object]],
+        blame: Callable[[BaseException, str], None],
     ) -> None:
         self._part = part
         self._checks = checks
-        self._naming = naming
+        self._blame = blame
         # From Python 3.12 on `isinstance` with a protocol does not ask `__getattr__`.
         for name in dir(type(part)):
             if not name.startswith("_") and callable(getattr(type(part), name)):
@@ -585,23 +595,30 @@ class _Guarded:
         if not callable(found):
             return found
         check = self._checks.get(name)
-        naming = self._naming  # a call that held `self` would make a cycle, and keep the part alive
+        blame = self._blame  # a call that held `self` would make a cycle, and keep the part alive
 
         def call(*arguments: Any, **named: Any) -> Any:
-            with naming(name):
+            try:
                 result = found(*arguments, **named)
                 if check is not None:
                     check(result, *arguments)
-                return result
+            except BaseException as error:
+                blame(error, name)
+                raise
+            return result
 
         setattr(self, name, call)  # later calls find it without `__getattr__`
         return call
 
 
+def _blame_nobody(error: BaseException, method: str) -> None:
+    """Let the exception of a component's method pass unchanged."""
+
+
 def guarded(
     part: Built,
     place: str,
-    naming: Callable[[str], AbstractContextManager[object]] = nullcontext,
+    blame: Callable[[BaseException, str], None] = _blame_nobody,
     *,
     checked: bool = True,
 ) -> Built:
@@ -611,8 +628,8 @@ def guarded(
     Args:
         part: The component that a `Config` built.
         place: Its place in a scenario, such as "tracker".
-        naming: Returns a context manager for a call of the method of this name, which may turn an
-            exception into one that names the component.
-        checked: False: nothing is checked; calls only run within `naming`.
+        blame: Called with an exception from the component and the name of the method; it may raise
+            another one that names the component, otherwise the exception passes unchanged.
+        checked: False: returned values are not checked.
     """
-    return cast(Built, _Guarded(part, _checks_of(place, part) if checked else {}, naming))
+    return cast(Built, _Guarded(part, _checks_of(place, part) if checked else {}, blame))

@@ -58,6 +58,7 @@ class LossJudge:
     def __init__(self, limits: LossLimits) -> None:
         self._limits = limits
         self._good: deque[float] = deque(maxlen=HISTORY)
+        self._usual: tuple[float, float] | None = None
         self._unseen_since: float | None = None
         self._risen_since: float | None = None
 
@@ -69,7 +70,7 @@ class LossJudge:
         """
         if len(self._good) < FEW:
             return self._limits.cap
-        middle, sigma = self._usual()
+        middle, sigma = self._usual_distance()
         return min(max(middle + SIGMAS * sigma, self._limits.floor), self._limits.cap)
 
     @property
@@ -95,6 +96,7 @@ class LossJudge:
             self._risen_since = None
         elif not self._begins_to_hide(distance, time, jump):
             self._good.append(distance)
+            self._usual = None
             self._unseen_since = None
             return Status.LOCKED
         if self._unseen_since is None:
@@ -106,7 +108,7 @@ class LossJudge:
         sudden = self._limits.sudden
         risen = False
         if sudden > 0 and len(self._good) >= FEW:
-            middle, sigma = self._usual()
+            middle, sigma = self._usual_distance()
             risen = distance > max(CLEAR, sudden * middle, middle + SURE * sigma)
         if not risen:
             self._risen_since = None
@@ -114,7 +116,10 @@ class LossJudge:
             self._risen_since = time
         return self._risen_since is not None and time - self._risen_since < DOUBT
 
-    def _usual(self) -> tuple[float, float]:
+    def _usual_distance(self) -> tuple[float, float]:
         """Return median and robust standard deviation of the distances of recent good frames."""
-        middle = median(self._good)
-        return middle, MAD_TO_SIGMA * median(abs(good - middle) for good in self._good)
+        if self._usual is None:
+            middle = median(self._good)
+            deviations = [abs(good - middle) for good in self._good]
+            self._usual = middle, MAD_TO_SIGMA * median(deviations)
+        return self._usual

@@ -42,7 +42,7 @@ class GoalConfig:
 
     def depth_at(self, time: float) -> float:
         """Return the desired distance of the target [m] at a time of the run [s]."""
-        done = float(np.clip((time - self.change_start) / self.change_duration, 0.0, 1.0))
+        done = min(max((time - self.change_start) / self.change_duration, 0.0), 1.0)
         return self.depth + done * ((self.depth_to or self.depth) - self.depth)
 
 

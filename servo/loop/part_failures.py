@@ -73,34 +73,45 @@ class Part:
             built: The component.
             checked: Whether returned values are checked against the contract, too.
         """
-        return guarded(built, self.kind_of_place, self.naming, checked=checked)
+        return guarded(built, self.kind_of_place, self.blame, checked=checked)
 
     @contextmanager
-    def naming(self, method: str = "") -> Generator[None]:
-        """Turn an exception in the block, which calls a method of the component, into a
-        `PartFailed` that names the component.
-
-        Args:
-            method: Name of the method. A ValueError of "start" passes unchanged, since it refuses
-                the user's settings or first picture.
+    def naming(self) -> Generator[None]:
+        """Turn an exception in the block, which calls the component's code, into a `PartFailed`
+        that names the component.
 
         Raises:
-            PartFailed: The block raised an exception, which is its cause; a broken contract is
-                named in the message instead.
+            PartFailed: The block raised an exception.
         """
         try:
             yield
-        except (Mistake, *ENDS):
+        except BaseException as error:
+            self.blame(error)
             raise
-        except BrokenContract as error:
+
+    def blame(self, error: BaseException, method: str = "") -> None:
+        """Raise a `PartFailed` that names this component for an exception that it raised; return
+        for an exception that should pass unchanged.
+
+        Args:
+            error: The exception.
+            method: Name of the method that raised it. A ValueError of "start" passes unchanged,
+                since it refuses the user's settings or first picture.
+
+        Raises:
+            PartFailed: The exception is its cause; a broken contract is named in the message
+                instead.
+        """
+        if isinstance(error, (Mistake, *ENDS)):
+            return
+        if isinstance(error, BrokenContract):
             raise self.failed(str(error)) from None
-        except BaseException as error:  # also SystemExit: a component must not end the program
-            if isinstance(error, ValueError) and method == "start":
-                raise
-            text = str(error)
-            if not isinstance(error, ValueError) or not text:
-                text = f"{type(error).__name__}: {text}".removesuffix(": ")
-            raise self.failed(text) from error
+        if isinstance(error, ValueError) and method == "start":
+            return
+        text = str(error)
+        if not isinstance(error, ValueError) or not text:  # also SystemExit: it must not end us
+            text = f"{type(error).__name__}: {text}".removesuffix(": ")
+        raise self.failed(text) from error
 
     def failed(self, what: str) -> PartFailed:
         """Return an error whose message names this component, and then says `what` it did."""

@@ -28,6 +28,8 @@ STOP_GAIN = 8.0
 """Largest rate towards a joint limit, per unit of room left [1/s]."""
 STOP_MARGIN = 0.01
 """Room that is kept before a joint limit [m or rad]."""
+SLACK = 1.0 + 1e-9
+"""Factor on a braking distance, against rounding errors."""
 AT_END = 1e-3
 """A joint that is nearer to an end of its range than this stands there [m or rad]."""
 NEAR_LIMIT = 0.1
@@ -228,7 +230,7 @@ class Robot:
         rates = np.where(bounded, model.actuator_ctrlrange, [-np.inf, np.inf])
         self.slowest, self.fastest = rates.T
         self._stops = (self.lower + STOP_MARGIN).tolist(), (self.upper - STOP_MARGIN).tolist()
-        self._speeds = self.slowest.tolist(), self.fastest.tolist()
+        self._speeds = list(zip(self.slowest.tolist(), self.fastest.tolist(), strict=True))
         self._limited = limited
         self._freedom = len(joints) > ALL_WAYS and not design.inversion.exact
         self._middles = np.where(limited, model.jnt_range[joints].mean(axis=1), 0.0)
@@ -236,6 +238,17 @@ class Robot:
         most = design.drives.acceleration
         self._accelerates = most is not None
         self._most = each_joint("robot.acceleration", inf if most is None else most, self.names)
+        braking = [
+            (_braking(-slow, a), _braking(fast, a))
+            for (slow, fast), a in zip(self._speeds, self._most.tolist(), strict=True)
+        ]
+        first, last = (model.jnt_range[joints] + (STOP_MARGIN, -STOP_MARGIN)).T
+        to_lower, to_upper = np.transpose(braking)
+        self._free = (
+            np.where(limited, first + to_lower, -np.inf),
+            np.where(limited, last - to_upper, np.inf),
+        )
+        """Joint positions (n,) between which a joint's range does not limit its rate."""
         self._carries = (joints[:, None] <= joints).astype(np.float64)
         """1 where a joint (rows) moves another, or is the same: a chain's are numbered from its
         base on."""
@@ -421,8 +434,11 @@ class Robot:
         """Return the least and the largest rate of each joint [m/s or rad/s], by its range, its
         speed and, after the rates `before`, its acceleration.
         """
-        joints = zip(self._ends(data), *self._speeds, strict=True)
-        box = [(max(slow, low), min(fast, high)) for (low, high), slow, fast in joints]
+        q = data.qpos[self.qpos]
+        box = self._speeds
+        if not ((q > self._free[0]) & (q < self._free[1])).all():
+            joints = zip(self._ends(data), self._speeds, strict=True)
+            box = [(max(slow, low), min(fast, high)) for (low, high), (slow, fast) in joints]
         if before is None or not self._accelerates:
             return box
         change = self._most * hold
@@ -561,6 +577,15 @@ def _stopping(room: float, acceleration: float) -> float:
         return STOP_GAIN * room
     # v(room) of constant braking; it meets the exponential with the same value and slope.
     return sqrt(acceleration * (room - acceleration / (4 * STOP_GAIN**2)))
+
+
+def _braking(rate: float, acceleration: float) -> float:
+    """Return the distance [m or rad] from its limit from which on a joint may have a rate [m/s or
+    rad/s] towards it: the inverse of `_stopping`.
+    """
+    if rate <= acceleration / (2 * STOP_GAIN):
+        return SLACK * rate / STOP_GAIN
+    return SLACK * (rate**2 / acceleration + acceleration / (4 * STOP_GAIN**2))
 
 
 def _slowed(wanted: Array, box: list[tuple[float, float]]) -> float:
