@@ -145,7 +145,7 @@ class World:
         )
         self._visibility = config.visibility
         self._lens = Lens(self.camera)
-        make = _supersampled(renderer or renderer_of(camera.renderer), camera.supersample)
+        make = _supersampled(renderer or renderer_of(camera), camera.supersample)
         self._renderer = make(self.model, CAMERA, self._lens.view)
         bands = exposures(camera, steps)
         self._sensor = Sensor(camera, self._lens, rng, bands)

@@ -84,7 +84,7 @@ def test_the_truth_lies_on_the_rendered_car(world):
 def test_the_silhouette_has_the_size_of_the_reference_rectangle(world):
     see(world)
     target = world.model.geom_bodyid == world.model.body("target").id
-    renderer = renderer_of("opengl")(world.model, CAMERA, world.camera)
+    renderer = renderer_of(CameraConfig())(world.model, CAMERA, world.camera)
     pixels = renderer.silhouette(world.data, target, alone=True).sum()
     renderer.close()
     rectangle = 0.2 * 0.1 * (world.camera.fx / 1.0) ** 2

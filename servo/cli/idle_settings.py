@@ -14,6 +14,7 @@ from servo.scenario.draws import flat
 from servo.scenario.load import Scenario
 from servo.scenario.tables import TABLES
 from servo.types import DOF, Sight
+from sim.camera import gl
 from sim.channels import Channel, needs_of
 from sim.kinds import kind_of
 from sim.types import Effect
@@ -226,9 +227,14 @@ INVERTS = "this feature set computes the twist from the error by an inverse of i
 DRAWN = "the pictures are those of a recording, in which nothing is drawn"
 NEEDS = (
     Need(
-        ("camera.renderer", "ground", "clutter", "light"),
+        ("camera.renderer", "camera.textures", "ground", "clutter", "light"),
         _of_scenario(lambda s: s.camera.renderer != "recording"),
         DRAWN,
+    ),
+    Need(
+        ("camera.textures",),
+        _of_scenario(lambda s: s.camera.renderer == "exact" or not gl.is_there()),
+        'OpenGL draws the pictures: camera.renderer = "exact" is for this setting',
     ),
     Need(
         ("recording",),

@@ -196,6 +196,10 @@ GROUPS = {
 """The commands by what they are for, in the order of the help."""
 
 
+EXACT = "camera.renderer=exact"
+FINE = "camera.textures=fine"
+
+
 class Command(click.Command):
     """A command whose work is the function `run` of the module `servo.cli.NAME_command`. The module
     is imported only when the command runs, since most modules take a while to import.
@@ -206,7 +210,7 @@ class Command(click.Command):
         module = import_module(f"servo.cli.{self.name}_command")
         given = dict(ctx.params)
         if given.pop("exact", False):
-            given["changes"] = (*given["changes"], "camera.renderer=exact")
+            given["changes"] = (FINE, *given["changes"], EXACT)
         sys.exit(module.run(**given) or 0)
 
 

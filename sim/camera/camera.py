@@ -91,6 +91,10 @@ class CameraConfig:
     "exact", which needs none, gives the same pictures on every machine, and draws no shadows,
     reflections or translucence. Without OpenGL "exact" is used, and a line says so. A table
     [recording] sets it to "recording"."""
+    textures: Literal["fast", "fine"] = "fast"
+    """Filter of textures in the renderer "exact". "fast": the nearest level of detail, at places
+    that are exact every 32 px; "fine": the mean of two levels, as OpenGL always takes, at places
+    that are exact every 8 px. `--exact` sets "fine"."""
     auto_gain: Interval | None = None
     """Time constant with which a gain, 1/8 to 8, brings the picture's mean back to that of the
     first [s]; by default the gain is fixed."""

@@ -2,22 +2,24 @@
 software renderer `exact`.
 """
 
+from functools import partial
+
 from sim.camera import gl
-from sim.camera.camera import Kind
+from sim.camera.camera import CameraConfig
 from sim.camera.renderer import MakeRenderer, OpenGLRenderer
 
 
-def renderer_of(kind: Kind) -> MakeRenderer:
-    """Return the class of the renderer that the setting `camera.renderer` names; on a machine
-    without OpenGL, that of the software renderer "exact".
+def renderer_of(config: CameraConfig) -> MakeRenderer:
+    """Return the maker of the renderer that a camera's settings name; on a machine without OpenGL,
+    that of the software renderer "exact".
 
     Raises:
         ValueError: The pictures are those of a recording, and none is given.
     """
-    if kind == "recording":
+    if config.renderer == "recording":
         raise ValueError('camera.renderer = "recording" needs a table [recording]')
-    if kind == "opengl" and gl.is_there():
+    if config.renderer == "opengl" and gl.is_there():
         return OpenGLRenderer
     from sim.camera.exact.renderer import ExactRenderer  # loads compiled code
 
-    return ExactRenderer
+    return partial(ExactRenderer, fine=config.textures == "fine")

@@ -5,6 +5,7 @@ import struct
 import numpy as np
 import pytest
 
+from sim.camera.camera import CameraConfig
 from sim.camera.choice import renderer_of
 from sim.motions import still
 from sim.robots import gantry
@@ -49,7 +50,7 @@ def show_target(request):
             disturbances,
             config=WorldConfig(visibility=True),
         )
-        world = World(parts, np.random.default_rng(1), renderer_of(renderer))
+        world = World(parts, np.random.default_rng(1), renderer_of(CameraConfig(renderer=renderer)))
         request.addfinalizer(world.close)
         assert world.start(MIDDLE, theta, 1.0)
         return world.look().image, world.truth(), world

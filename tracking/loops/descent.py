@@ -263,9 +263,11 @@ def ssd_normal_equations(
                 for r in range(p + 1):
                     curvature[p, r] += row[p] * row[r]
     for p in range(4):
-        for r in range(p):
+        gradient[p] /= n_kernels
+        for r in range(p + 1):
+            curvature[p, r] /= n_kernels
             curvature[r, p] = curvature[p, r]
-    return cost / n_kernels, gradient / n_kernels, curvature / n_kernels
+    return cost / n_kernels, gradient, curvature
 
 
 @compiled(error_model="numpy", fastmath={"contract"})
@@ -320,7 +322,10 @@ def damped_step(gradient: Array, curvature: Array, damping: float, units: Array)
         trace += H[p, p]
     for p in range(4):
         H[p, p] += damping * trace / 4.0 + TINY  # regular also where the picture has one colour
-    return -units * solved(H, g)
+    step = solved(H, g)
+    for p in range(4):
+        step[p] *= -units[p]
+    return step
 
 
 @compiled(error_model="numpy")

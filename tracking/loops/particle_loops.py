@@ -36,7 +36,10 @@ def normalised(log_weights: Array) -> Array:
 @compiled()
 def effective_size(weights: Array) -> float:
     """Return the effective sample size 1 / sum w^2, 1..N, of weights (N,) that sum to 1."""
-    return 1.0 / np.sum(weights * weights)
+    squares = 0.0
+    for weight in weights:
+        squares += weight * weight
+    return 1.0 / squares
 
 
 @compiled()
@@ -76,7 +79,10 @@ def systematic(weights: Array, first: float) -> NDArray[np.int64]:
         first: A uniform random number of [0, 1): the place of the first sample in its step.
     """
     count = len(weights)
-    step = np.sum(weights) / len(weights)
+    total = 0.0
+    for weight in weights:
+        total += weight
+    step = total / count
     drawn = np.empty(count, np.int64)
     i = 0
     reached = weights[0]

@@ -149,7 +149,10 @@ def squared_distances(rho: Array) -> Array:
     """
     found = np.empty(len(rho))
     for n in range(len(rho)):
-        found[n] = max(1.0 - np.mean(rho[n]), 0.0)
+        total = 0.0
+        for k in range(rho.shape[1]):
+            total += rho[n, k]
+        found[n] = max(1.0 - total / rho.shape[1], 0.0)
     return found
 
 

@@ -1,6 +1,7 @@
 """Rasterisation of triangles with lights and textures, by IEEE arithmetic in a fixed order.
 
 The same scene gives the same bits on every machine: no fast-math, no sum whose order may change.
+Numbers are assigned, not slices, with which the loops take twice as long to compile.
 Colours are interpolated between corners (Gouraud shading), with perspective-correct interpolation
 and a depth buffer of 1 / z.
 """
@@ -20,6 +21,9 @@ Singles = NDArray[np.float32]
 SEGMENT = 32
 """Pixels of a row along which texture coordinates are interpolated linearly; a division for each
 pixel costs twice as much, and the difference cannot be seen."""
+FINE_SEGMENT = 8
+"""The same where textures are drawn finely: a tilted tag's corners are then found as well as in
+OpenGL's pictures."""
 NO_AREA = 1e-9
 """Smallest area of a triangle that is drawn [px^2]; a smaller one covers the middle of a pixel only
 by rounding."""
@@ -83,11 +87,15 @@ def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) 
             strength *= along ** light[EXPONENT]
         facing = max((x * normal[0] + y * normal[1] + z * normal[2]) / far, 0.0)
         gloss = 0.0
-        if shine[1] > 0.0 and facing > 0.0 and light[SPECULAR : SPECULAR + 3].any():
+        shines = light[SPECULAR] != 0.0 or light[SPECULAR + 1] != 0.0 or light[SPECULAR + 2] != 0.0
+        if shine[1] > 0.0 and facing > 0.0 and shines:
             # Blinn's half-way vector between the light and the eye.
             away = sqrt(corner[0] ** 2 + corner[1] ** 2 + corner[2] ** 2)
-            half = np.array([x, y, z]) / far - corner[:3] / away
-            gloss = shine[1] * (max(dot(half, normal), 0.0) / sqrt(dot(half, half))) ** shine[2]
+            a = x / far - corner[0] / away
+            b = y / far - corner[1] / away
+            c = z / far - corner[2] / away
+            towards = max(a * normal[0] + b * normal[1] + c * normal[2], 0.0)
+            gloss = shine[1] * (towards / sqrt(a * a + b * b + c * c)) ** shine[2]
         for k in range(3):
             given = light[AMBIENT + k] + facing * light[DIFFUSE + k]
             corner[COLOUR + k] += strength * (rgba[k] * given + gloss * light[SPECULAR + k])
@@ -215,12 +223,13 @@ def fill(
     body: int,
     texels: Indices,
     levels: Indices,
+    fine: bool,
     image: Image,
     nearness: Singles,
     shown: Numbers,
 ) -> None:
     """Draw a triangle with its texture, bilinearly interpolated in the nearest level of detail
-    (mipmap).
+    (mipmap), or in the two nearest ones.
 
     A body without a picture has a texture of one pixel.
 
@@ -232,6 +241,7 @@ def fill(
         texels: Pixels of all textures: red, green and blue in one number, 21 bits apart; each level
             has a border of one pixel, copied from its opposite side.
         levels: Levels of this texture (n, 4): offset in `texels`, width, height, number of levels.
+        fine: Whether two levels are mixed, and places in the texture are computed more often.
         image: The picture (H, W, 3), written.
         nearness: Depth buffer: 1 / z of the nearest surface (H, W) [1/m], written.
         shown: Number of the body that each pixel shows (H, W), written.
@@ -241,6 +251,7 @@ def fill(
     for k in range(COLOUR, TEXTURE):
         flat &= corners[0, k] == corners[1, k] and corners[0, k] == corners[2, k]
     plain = levels[0, 3] == 1
+    segment = FINE_SEGMENT if fine and not plain else SEGMENT
     edges_of(corners, edges)
     gradients(corners, 1 if flat and plain else 4 if plain else 6, even)
     # Colours count in 1 / 4096, weights between pixels in 1 / 64, texture coordinates in 1 / 65536.
@@ -248,8 +259,9 @@ def fill(
     low = min(ceil(max(corners[0, V], corners[1, V], corners[2, V]) - 0.5), height)
     step = even[0, 1]
     mixed = texels[levels[0, 0]] * 4096
-    x = y = dx = dy = start = wide = tall = 0
-    turns = False
+    x = y = dx = dy = start = wide = tall = share = 0
+    coarse_x = coarse_y = coarse_dx = coarse_dy = coarse_start = coarse_wide = coarse_tall = 0
+    turns = coarse_turns = False
     red = int(4096.0 * corners[0, COLOUR] + 0.5)
     green = int(4096.0 * corners[0, COLOUR + 1] + 0.5)
     blue = int(4096.0 * corners[0, COLOUR + 2] + 0.5)
@@ -259,8 +271,8 @@ def fill(
         row_near = even[0, 0] + dv * even[0, 2]
         row_s = even[4, 0] + dv * even[4, 2]
         row_t = even[5, 0] + dv * even[5, 2]
-        for begin in range(first, end, SEGMENT):
-            count = min(SEGMENT, end - begin)
+        for begin in range(first, end, segment):
+            count = min(segment, end - begin)
             near_row = nearness[v, begin : begin + count]
             du = begin + 0.5 - corners[0, U]
             near = row_near + du * step
@@ -279,34 +291,39 @@ def fill(
                 dt = ((row_t + (du + count) * even[5, 1]) / ending - t) / count
                 s_down = (even[4, 2] - s * even[0, 2]) / near
                 t_down = (even[5, 2] - t * even[0, 2]) / near
-                level = level_of(ds, dt, s_down, t_down, levels)
+                level, share = level_of(ds, dt, s_down, t_down, levels, fine)
                 start = levels[level, 0]
                 wide = levels[level, 1]
                 tall = levels[level, 2]
-                # The border puts pixel 0 into column 1: half a pixel is added, not taken away.
-                x = int((s * wide + 0.5) * 65536.0)
-                y = int((t * tall + 0.5) * 65536.0)
-                dx = int(ds * wide * 65536.0)
-                dy = int(dt * tall * 65536.0)
+                x, dx = texel_steps(s, ds, wide)
+                y, dy = texel_steps(t, dt, tall)
                 turns = is_beyond(x, x + count * dx, wide) or is_beyond(y, y + count * dy, tall)
-            pitch = wide + 2
+                if share > 0:
+                    coarse_start = levels[level + 1, 0]
+                    coarse_wide = levels[level + 1, 1]
+                    coarse_tall = levels[level + 1, 2]
+                    coarse_x, coarse_dx = texel_steps(s, ds, coarse_wide)
+                    coarse_y, coarse_dy = texel_steps(t, dt, coarse_tall)
+                    coarse_turns = is_beyond(
+                        coarse_x, coarse_x + count * coarse_dx, coarse_wide
+                    ) or is_beyond(coarse_y, coarse_y + count * coarse_dy, coarse_tall)
             shown_row = shown[v, begin : begin + count]
             image_row = image[v, begin : begin + count]
             for c in range(count):
                 if near > near_row[c]:
                     if not plain:
-                        column = x >> 16
-                        row = y >> 16
-                        if turns:
-                            column %= wide
-                            row %= tall
-                        p = (x >> 10) & 63
-                        q = (y >> 10) & 63
-                        upper = start + row * pitch + column
-                        lower = upper + pitch
-                        over_it = texels[upper] * (64 - p) + texels[upper + 1] * p
-                        under = texels[lower] * (64 - p) + texels[lower + 1] * p
-                        mixed = over_it * (64 - q) + under * q
+                        mixed = texel(texels, start, wide, tall, x, y, turns)
+                        if share > 0:
+                            coarse = texel(
+                                texels,
+                                coarse_start,
+                                coarse_wide,
+                                coarse_tall,
+                                coarse_x,
+                                coarse_y,
+                                coarse_turns,
+                            )
+                            mixed = between(mixed, coarse, share)
                     if not flat:
                         over = 4096.0 / near
                         red = int((even[1, 0] + dv * even[1, 2] + (du + c) * even[1, 1]) * over)
@@ -320,6 +337,55 @@ def fill(
                 near += step
                 x += dx
                 y += dy
+                coarse_x += coarse_dx
+                coarse_y += coarse_dy
+
+
+@compiled(error_model="numpy")
+def texel_steps(at: float, change: float, size: int) -> tuple[int, int]:
+    """Return a texture coordinate in a level of `size` texels, and its change from a pixel to the
+    next [1/65536 texel].
+    """
+    # The border puts pixel 0 into column 1: half a pixel is added, not taken away.
+    return int((at * size + 0.5) * 65536.0), int(change * size * 65536.0)
+
+
+@compiled(error_model="numpy")
+def texel(texels: Indices, start: int, wide: int, tall: int, x: int, y: int, turns: bool) -> int:
+    """Return the bilinearly interpolated colour at a place in a texture's level, in units of
+    1/4096: red, green and blue in one number, 21 bits apart.
+
+    Args:
+        texels: Pixels of all textures.
+        start: Offset of the level in `texels`.
+        wide: Width of the level [texel].
+        tall: Height of the level [texel].
+        x: Place from the left [1/65536 texel].
+        y: Place from the top [1/65536 texel].
+        turns: Whether the place may be beyond the level, which then repeats.
+    """
+    column = x >> 16
+    row = y >> 16
+    if turns:
+        column %= wide
+        row %= tall
+    p = (x >> 10) & 63
+    q = (y >> 10) & 63
+    pitch = wide + 2
+    upper = start + row * pitch + column
+    lower = upper + pitch
+    over_it = texels[upper] * (64 - p) + texels[upper + 1] * p
+    under = texels[lower] * (64 - p) + texels[lower + 1] * p
+    return over_it * (64 - q) + under * q
+
+
+@compiled(error_model="numpy")
+def between(near: int, coarse: int, share: int) -> int:
+    """Return the mean of two colours from `texel`; the second one's weight is `share` / 64."""
+    red = ((near & 0x1FFFFF) * (64 - share) + (coarse & 0x1FFFFF) * share) >> 6
+    green = ((near >> 21 & 0x1FFFFF) * (64 - share) + (coarse >> 21 & 0x1FFFFF) * share) >> 6
+    blue = ((near >> 42) * (64 - share) + (coarse >> 42) * share) >> 6
+    return red | green << 21 | blue << 42
 
 
 @compiled(error_model="numpy")
@@ -331,9 +397,12 @@ def is_beyond(first: int, last: int, size: int) -> bool:
 
 
 @compiled(error_model="numpy")
-def level_of(s_right: float, t_right: float, s_down: float, t_down: float, levels: Indices) -> int:
+def level_of(
+    s_right: float, t_right: float, s_down: float, t_down: float, levels: Indices, fine: bool
+) -> tuple[int, int]:
     """Return the number of the texture's mipmap level whose texels are nearest in size to the
-    picture's pixels.
+    picture's pixels, and 0; or, if two levels are mixed, the number of the finer one, and the
+    weight of the next one [1/64].
 
     Args:
         s_right: Change of the first texture coordinate from a pixel to the next.
@@ -342,6 +411,7 @@ def level_of(s_right: float, t_right: float, s_down: float, t_down: float, level
         t_down: Change of the second one from a row to the next.
         levels: Levels of the texture (n, 4): offset in the array of all texels, width, height,
             number of levels.
+        fine: Whether two levels are mixed, and places in the texture are computed more often.
     """
     wide, tall = levels[0, 1], levels[0, 2]
     right = (s_right * wide) ** 2 + (t_right * tall) ** 2
@@ -349,10 +419,14 @@ def level_of(s_right: float, t_right: float, s_down: float, t_down: float, level
     spread = max(right, down)
     level = 0
     # The middle between two levels is a factor of the square root of 2.
-    while spread > 2.0 and level < levels[0, 3] - 1:
+    most = 4.0 if fine else 2.0
+    while spread > most and level < levels[0, 3] - 1:
         spread /= 4.0
         level += 1
-    return level
+    if not fine or spread <= 1.0 or level == levels[0, 3] - 1:
+        return level, 0
+    # Linear instead of a logarithm, whose last bit differs between machines.
+    return level, int((sqrt(spread) - 1.0) * 64.0)
 
 
 @compiled(error_model="numpy")
@@ -379,10 +453,21 @@ def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found:
             count += 1
         if is_inside != (seen[b, 2] > near):
             part = (near - seen[a, 2]) / (seen[b, 2] - seen[a, 2])
-            found[count] = seen[a] + part * (seen[b] - seen[a])
+            for i in range(CORNER):
+                found[count, i] = seen[a, i] + part * (seen[b, i] - seen[a, i])
             project(found[count], view)
             count += 1
     return count
+
+
+@compiled(error_model="numpy")
+def turn_to_second(part: Array) -> None:
+    """Replace the first triangle of a quadrangle's corners (4, 11) by the second one, which has the
+    corners 0, 2 and 3.
+    """
+    for i in range(CORNER):
+        part[1, i] = part[2, i]
+        part[2, i] = part[3, i]
 
 
 @compiled(error_model="numpy")
@@ -428,6 +513,7 @@ def draw(
     view: Array,
     texels: Indices,
     levels: Indices,
+    fine: bool,
     image: Image,
     nearness: Singles,
     shown: Numbers,
@@ -453,6 +539,7 @@ def draw(
         texels: Pixels of all textures: red, green and blue in one number, 21 bits apart.
         levels: Levels of each texture (t, n, 4): offset in `texels`, width, height, number of
             levels.
+        fine: Whether textures are drawn finely: see `fill`.
         image: The picture (H, W, 3), written.
         nearness: Depth buffer of 1 / z (H, W) [1/m], written.
         shown: Number of the body that each pixel shows (H, W), written.
@@ -488,7 +575,7 @@ def draw(
             for k in range(cut(seen, faces, face, near, view, part) - 2):
                 # Four corners make two triangles with the first corner in common.
                 if k > 0:
-                    part[1:3] = part[2:4]
+                    turn_to_second(part)
                 if may_cover(part, height, width):
                     table = levels[textures[body]]
-                    fill(part, edges, even, body, texels, table, image, nearness, shown)
+                    fill(part, edges, even, body, texels, table, fine, image, nearness, shown)

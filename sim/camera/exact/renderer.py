@@ -41,8 +41,20 @@ class ExactRenderer:
         ValueError: The model has bodies that it cannot draw.
     """
 
-    def __init__(self, model: mujoco.MjModel, camera: str, view: Camera) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, camera: str, view: Camera, *, fine: bool = False
+    ) -> None:
+        """Read the model's shapes and textures.
+
+        Args:
+            model: The scene.
+            camera: Name of its camera.
+            view: Intrinsics of the pictures.
+            fine: Whether two levels of a texture are mixed (trilinear filtering), as in OpenGL, and
+                places in a texture are computed more often.
+        """
         _check(model)
+        self._fine = fine
         self._model = model
         self._camera = int(model.camera(camera).id)
         self._view = np.array([view.fx, view.fy, view.cx, view.cy])
@@ -165,6 +177,7 @@ class ExactRenderer:
             self._view,
             self._texels,
             self._levels,
+            self._fine,
             image,
             self._nearness,
             self._shown,
