@@ -216,6 +216,10 @@ class RerunLog:
 
     def _send_numbers(self, steps: list[Step], index: list[rr.TimeColumn]) -> None:
         numbers = {p.path: np.array([p.values(s) for s in steps], float) for p in self._plots}
+        motions = np.array(
+            [(s.motion_measured, s.prediction.motion, s.target_motion_true) for s in steps]
+        )
+        numbers |= {f"motion/{f}": motions[:, :, i] for i, f in enumerate(self._features)}
         for path, table in numbers.items():
             columns = rr.Scalars.columns(scalars=table.ravel())
             per_frame = [table.shape[1]] * len(table)
@@ -257,10 +261,12 @@ class RerunLog:
         self._rec.send_columns(path, index, columns)
 
     def _name_series(self) -> None:
-        for plot in self._plots:
-            colours = list(plot.colours[: len(plot.names)])
-            lines = rr.SeriesLines(names=list(plot.names), colors=colours)
-            self._rec.log(f"plots/{plot.path}", lines, static=True)
+        series = {p.path: (list(p.names), list(p.colours[: len(p.names)])) for p in self._plots}
+        motion = ["measured", "estimated", "true"], [GREY, ESTIMATE, VIOLET]
+        series |= {f"motion/{feature}": motion for feature in self._features}
+        for path, (names, colours) in series.items():
+            lines = rr.SeriesLines(names=names, colors=colours)
+            self._rec.log(f"plots/{path}", lines, static=True)
 
 
 def _times(steps: list[Step]) -> list[rr.TimeColumn]:
@@ -291,16 +297,7 @@ def _plots(robot: Robot, features: Sequence[str]) -> list[Lines]:
             lambda s: np.concatenate([s.command.twist[part], s.twist_measured[part]]),
         )
 
-    def motion(i: int, name: str) -> Lines:
-        return Lines(
-            f"motion/{name}",
-            ("measured", "estimated", "true"),
-            (GREY, ESTIMATE, VIOLET),
-            lambda s: [s.motion_measured[i], s.prediction.motion[i], s.target_motion_true[i]],
-        )
-
     return [
-        *(motion(i, name) for i, name in enumerate(features)),
         Lines(
             "error",
             ("servo", "tracking"),
