@@ -192,7 +192,7 @@ def _drawn(config: mjcf.Config) -> tuple[Image, str]:
     model = world.model
     size = PICTURE.width, PICTURE.height
     room = RoomView(model, *size)
-    eye = renderer_of("opengl")(model, CAMERA, pinhole(model, CAMERA, *size))
+    eye = renderer_of(CameraConfig())(model, CAMERA, pinhole(model, CAMERA, *size))
     try:
         reach = world.start(np.array(size) / 2, 0.0, DEPTH)
         own = np.array([_belongs(model, i) for i in range(model.ngeom)])

@@ -5,6 +5,7 @@ from math import radians, tan
 import mujoco
 import numpy as np
 
+from sim.camera.camera import CameraConfig
 from sim.camera.choice import renderer_of
 from sim.geometry import VISION_FROM_MUJOCO
 from sim.models.assembly import with_stands
@@ -42,7 +43,7 @@ class RoomView:
         self._id = model.camera(CAMERA).id
         before = model.vis.quality.offsamples
         model.vis.quality.offsamples = SMOOTH
-        self._renderer = renderer_of("opengl")(model, CAMERA, view)
+        self._renderer = renderer_of(CameraConfig())(model, CAMERA, view)
         model.vis.quality.offsamples = before
         mujoco.mj_forward(model, self._data)
         self._eye: Array = np.array(EYE)
