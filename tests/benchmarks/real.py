@@ -45,6 +45,7 @@ from tracking.drawing.contact_sheet import page, tile
 from tracking.evaluation.track_measures import turned_overlaps
 from tracking.sequences.quadrilateral import placement
 from tracking.sequences.sources import Picture
+from tracking.statistics.comparisons import mean_of
 
 OWN = [
     "annealed",
@@ -68,6 +69,7 @@ CONTRIBUTED = {"mil": "MIL", "csrt": "CSRT", "kcf": "KCF"}
 """OpenCV's trackers, by the names of their rows in `loop-v1`; most need opencv-contrib-python."""
 DRAW = ["annealed", "hybrid", "kams", "pf_ssd", "texture_pf", "condensation", "kernel_pf", "mk_pf"]
 """The trackers that draw random numbers: the others have one seed."""
+RATE = 30.0
 FARTHEST = 10.0
 AGAIN = 0.2
 GONE = 10
@@ -197,15 +199,21 @@ def table(file):
     scores = means(rows, "score")
     names = sorted(scores, key=lambda name: -np.mean([*scores[name]["loop"].values()]))
     entries = {entry: means(rows, entry) for entry in ("score", "held", "rms", "lost", "recovered")}
-    sys.stdout.write(
-        "| tracker | IoU | held | rms | lost | recovered |\n|---|---|---|---|---|---|\n"
-    )
+    sys.stdout.write("| tracker | IoU, 95 % | IoU, open loop | held | rms | lost | recovered |\n")
+    sys.stdout.write("|---|---|---|---|---|---|---|\n")
     for name in names:
-        cells = [
-            ", ".join(f"{np.mean([*by_mode[name][mode].values()]):.2g}" for mode in MODES)
-            for by_mode in entries.values()
+        cells = {
+            entry: [np.array([*by_mode[name][mode].values()]) for mode in MODES]
+            for entry, by_mode in entries.items()
+        }
+        both = [
+            ", ".join(f"{each.mean():.2f}" for each in cells[entry])
+            for entry in ("held", "rms", "lost", "recovered")
         ]
-        sys.stdout.write(f"| `{name}` | {' | '.join(cells)} |\n")
+        score = mean_of(cells["score"][0], 0.0, 1.0)
+        words = f"{score.value:.2f}, {score.low:.2f} to {score.high:.2f}"
+        opened = f"{cells['score'][1].mean():.2f}"
+        sys.stdout.write(f"| `{name}` | {' | '.join([words, opened, *both])} |\n")
     recordings = sorted(scores[names[0]]["loop"])
     columns = {
         mode: np.array([[scores[name][mode][each] for each in recordings] for name in names])
@@ -263,9 +271,8 @@ def sheets(file, out, names):
             overlaps[shown] = turned_overlaps(found[shown], true[shown])
             at = lost_at(overlaps)
             image = rgb(cv2.imdecode(pictures[at], cv2.IMREAD_COLOR))
-            tiles.append(
-                tile(Picture(image, at / 30, f"{recording} {at + 1}"), true[at], found[at])
-            )
+            seen = Picture(f"{recording} {at + 1}", at / RATE, image)
+            tiles.append(tile(seen, true[at], found[at]))
         cv2.imwrite(str(out / f"{name}.jpg"), page(tiles)[..., ::-1])
         parts.append(f'<h2>{name}</h2><img src="{name}.jpg">')
         sys.stdout.write(f"{out / name}.jpg\n")
@@ -281,7 +288,10 @@ def lost_at(overlaps):
 def folders_given(words):
     """Return the folders of recordings among the arguments, or those of the environment."""
     given = [word for word in words if "=" not in word]
-    return given or os.environ["SERVOBENCH_SEQUENCES"].split(os.pathsep)
+    given = given or os.environ.get("SERVOBENCH_SEQUENCES", "").split(os.pathsep)
+    if not all(map(os.path.isdir, given)):
+        sys.exit("name folders of recordings, or set SERVOBENCH_SEQUENCES to them")
+    return given
 
 
 def main():
