@@ -24,9 +24,11 @@ target shall be, to the right of the tag; chosen by hand."""
 
 @dataclass(frozen=True, slots=True)
 class LeaderConfig:
-    """Settings of the leader, a moving tag, and the desired pose of the held target relative to it.
+    """Settings of the leader, a moving AprilTag, beside which the robot is to keep the held target:
+    number of the tag in the family 36h11 (None: no leader) and side of its black square [m].
 
-    Poses are x, y, z [m] and roll, pitch, yaw [deg].
+    `on` is the tag's pose in the frame that the scenario's motion moves, `beside` the desired pose
+    of the held target relative to the tag; both are x, y, z [m] and roll, pitch, yaw [deg].
     """
 
     id: Annotated[int, Ge(0), Le(586)] | None = None
@@ -55,8 +57,8 @@ class LeaderConfig:
 
 @dataclass(frozen=True, slots=True)
 class Leader:
-    """A moving tag, and its pose and the desired pose of the held target in the frame that
-    moves.
+    """A moving tag, its pose, and the desired pose of the held target; both poses are in the frame
+    that the scenario's motion moves.
     """
 
     tag: Target

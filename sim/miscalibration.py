@@ -139,6 +139,12 @@ class BelievedRobot:
         that the robot believes them to make, and the joints whose limits changed it, such as "elbow
         (range)". All is computed by the robot's wrong model; joints that really stand at an end of
         their range are added.
+
+        Args:
+            data: MuJoCo's state, with the true joint positions.
+            twist: The commanded twist (6,) in the camera frame [m/s, rad/s].
+            hold: Time for which the rates hold [s].
+            before: The rates (n,) before these [m/s or rad/s], for acceleration limits.
         """
         self._read(data)
         rates, made, limits = self._robot.rates(self._data, twist, hold, before)
@@ -157,6 +163,11 @@ class BelievedRobot:
     def posture(self, data: mujoco.MjData, accepted: Array | None) -> Posture:
         """Return the posture that the robot computes from its encoders; its twist is the mean since
         the last call.
+
+        Args:
+            data: MuJoCo's state, with the true joint positions.
+            accepted: Mean camera twist (6,) that the drives were set to since the last frame, in
+                the camera frame [m/s, rad/s]; None: unknown.
         """
         self._read(data)
         eye = self._robot.eye(self._data)
@@ -184,8 +195,8 @@ class BelievedRobot:
 def as_believed(
     robot: Robot, design: Design, believed: BelievedConfig, rng: np.random.Generator | None
 ) -> Robot | BelievedRobot:
-    """Return the robot with its calibration and drive errors; the given robot itself if it has
-    none.
+    """Return a robot with the errors of calibration, encoders and backlash that its settings give;
+    the given robot itself if they are all zero. `rng` draws the noise of the encoders.
     """
     d = design.drives
     errors = [np.ravel(each) for each in (d.encoder_noise, d.encoder_step, d.backlash)]

@@ -69,7 +69,8 @@ class GroundConfig:
 
 @dataclass(frozen=True, slots=True)
 class ClutterConfig:
-    """Settings of the flat objects and toys on the table.
+    """Settings of the clutter on the table: number and shape of flat objects, the share of them
+    that have colours of the target (`alike`), and whether the twelve toys stay.
 
     Positions and colours of the flat objects are random, by the seed of the run.
     """

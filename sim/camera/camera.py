@@ -32,9 +32,13 @@ Principal = Annotated[float, Ge(-10_000), Le(10_000)]
 
 @dataclass(frozen=True, slots=True)
 class CameraConfig:
-    """Settings of the camera: mounting, intrinsics [px], distortion, shutter, noise, depth.
+    """Settings of the simulated camera: mounting, intrinsics [px], distortion, shutter, noise and
+    depth.
 
-    Poses are x, y, z [m] and roll, pitch, yaw [deg], depths in m; `noise` is in grey levels of 255.
+    Poses are x, y, z [m] and roll, pitch, yaw [deg]: with `mounted` = "world", `pose` is that of
+    the camera in the world, and `held` that of the target in the frame that the robot's camera
+    would have. `noise` is in grey levels of 255, `exposure` a fraction of the frame interval,
+    `auto_gain` a time constant [s], and depths are in m.
     """
 
     mounted: Literal["robot", "world"] = "robot"
@@ -197,7 +201,9 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
     replace those of the model.
 
     Raises:
-        ValueError: The distortion or the field of view cannot be rendered; or the model's camera is
+        ValueError: The distortion or the field of view cannot be rendered, the model's camera is
+            not perspective, or the settings still name a calibration file, which only loading a
+            scenario reads.
         not perspective.
     """
     if config.calibration is not None:
@@ -226,7 +232,9 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
 
 
 def border(camera: Camera) -> Array:
-    """Return points (n, 2) along the four borders of a camera's image, one per pixel [px]."""
+    """Return the image coordinates (n, 2), u, v [px], of points 1 px apart along the four borders
+    of a camera's image.
+    """
     u = np.arange(camera.width + 1.0)
     v = np.arange(camera.height + 1.0)
     sides = [(u, 0 * u), (u, 0 * u + camera.height), (0 * v, v), (0 * v + camera.width, v)]

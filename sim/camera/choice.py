@@ -12,7 +12,8 @@ def renderer_of(kind: Kind) -> MakeRenderer:
     without OpenGL, that of the software renderer "exact".
 
     Raises:
-        ValueError: The pictures are those of a recording, and none is given.
+        ValueError: `kind` is "recording", whose renderer only a scenario with a table [recording]
+            has.
     """
     if kind == "recording":
         raise ValueError('camera.renderer = "recording" needs a table [recording]')

@@ -213,8 +213,9 @@ class OpenGLRenderer:
 
 
 class Supersampled:
-    """A renderer that has another one render larger pictures, and averages blocks of their
-    pixels.
+    """A renderer that has another renderer draw pictures which are a whole number of times as wide
+    and high, and averages blocks of their pixels; masks and depths take the middle pixel of a
+    block.
     """
 
     def __init__(
@@ -254,8 +255,8 @@ class Supersampled:
 
 
 class Unseen:
-    """A renderer whose pictures are all black and take no time, for runs in which no part uses
-    pictures.
+    """A renderer whose pictures are black, masks false and depths infinite, at no cost, for runs in
+    which no part uses pictures.
     """
 
     def __init__(self, _model: mujoco.MjModel, _camera: str, view: Camera) -> None:

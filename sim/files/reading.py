@@ -19,11 +19,11 @@ def opened(path: Path, what: str) -> BinaryIO:
     """Open a regular file to read its bytes; a pipe or a device is refused before it is opened.
 
     Args:
-        path: Its path; links are followed.
+        path: Path of the file; links are followed.
         what: Kind of the file in messages, such as "truth".
 
     Raises:
-        ValueError: It cannot be read, or is not a regular file.
+        ValueError: The file cannot be read, or is not a regular file.
     """
     try:
         mode = path.stat().st_mode
@@ -40,11 +40,11 @@ def content(path: Path, what: str, most: int) -> bytes:
 
     Args:
         path: Its path.
-        what: Kind of the file in messages.
+        what: Kind of the file in messages, such as "truth".
         most: Largest size [bytes].
 
     Raises:
-        ValueError: It cannot be read, is not a regular file, or is larger.
+        ValueError: The file cannot be read, is not a regular file, or is larger than `most`.
     """
     with opened(path, what) as file:
         try:
@@ -63,11 +63,12 @@ def text(path: Path, what: str, most: int) -> str:
 
     Args:
         path: Its path.
-        what: Kind of the file in messages.
+        what: Kind of the file in messages, such as "truth".
         most: Largest size [bytes].
 
     Raises:
-        ValueError: It cannot be read, is not a regular file, is larger, or is not UTF-8 text.
+        ValueError: The file cannot be read, is not a regular file, is larger than `most`, or is not
+            UTF-8 text.
     """
     try:
         return content(path, what, most).decode("utf-8-sig")

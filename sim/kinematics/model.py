@@ -122,8 +122,8 @@ def drive(
         spec: The robot's model after `make_robot`; it is changed.
         model: The original model, compiled.
         joints: Ids of the robot's joints in the original model.
-        speeds: Largest rate of each [m/s or rad/s]; None: that of the model's servo unchanged; for
-            an added servo the model's own, or else a usual one.
+        speeds: Largest rate of each joint [m/s or rad/s]; None: the rate of the model's velocity
+            servo, or else, if it has none, 2 rad/s or 0.5 m/s.
     """
     names = [model.joint(j).name for j in joints]
     if spec.actuators:

@@ -80,8 +80,12 @@ class Drives:
 
 @dataclass(frozen=True, slots=True)
 class Inversion:
-    """Settings of the inverse kinematics from camera twist to joint rates: damping near singular
-    poses, and the free motion of more than six joints.
+    """Settings of the inverse kinematics from camera twist to joint rates.
+
+    The inverse is damped (factor `damping`) where the smallest singular value of the Jacobian is
+    below `weakest`. Robots of more than six joints use their freedom to move towards mid-range
+    (gain `centring` [1/s]) and away from singular poses (gain `manipulability`). With `exact` the
+    rates bring the camera exactly to where the twist leads within the time for which they hold.
     """
 
     weakest: float = 0.02
@@ -199,8 +203,8 @@ class Robot:
     """The joints of a robot between its base and its hand, read from a MuJoCo model, and their
     kinematics.
 
-    Camera poses and twists are in the frame of `Mounting.eye`: the world, or the target if the
-    robot holds it.
+    Camera poses are T_world_camera, or T_target_camera if the robot holds the target. Camera twists
+    are those relative to the same frame (world or target), in the camera frame.
     """
 
     def __init__(self, model: mujoco.MjModel, design: Design) -> None:
@@ -277,8 +281,8 @@ class Robot:
         Args:
             data: MuJoCo's state, with the joint positions.
             twist: Mean camera twist (6,) since the last frame, in the camera frame [m/s, rad/s].
-            accepted: Mean camera twist (6,) that the drives were set to, in the camera frame
-                [m/s, rad/s].
+            accepted: Mean camera twist (6,) that the drives were set to since the last frame, in
+                the camera frame [m/s, rad/s]; None: unknown.
         """
         return Posture(
             self.eye(data),

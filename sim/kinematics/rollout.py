@@ -35,9 +35,9 @@ class Rollout:
 
 
 def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
-    """Return the prediction whether a joint reaches a limit when the camera follows a path: joint
-    rates for the path are integrated from the present positions in steps of `STEP` s, up to the
-    first joint that is at an end of its range.
+    """Predict whether a joint reaches a limit when the camera follows a path: joint rates for the
+    path are integrated from the present positions in steps of `STEP` s, up to the first joint that
+    is at an end of its range.
 
     Args:
         robot: The robot.

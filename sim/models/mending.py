@@ -52,7 +52,8 @@ def mend(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> muj
         spec: The model, which is changed.
         path: The model's file.
         mended: Record to which the repairs are added.
-        whole: Leave nothing out.
+        whole: True: leave no part out, so that MuJoCo refuses a model with a part that cannot be
+            repaired.
 
     Raises:
         ValueError: MuJoCo refuses the repaired model.

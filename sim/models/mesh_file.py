@@ -128,8 +128,8 @@ def trimesh() -> ModuleType:
 
 
 def listed(lost: Iterable[Lost]) -> str:
-    """Return the names of parts that were left out, grouped by reason, such as "a.stl, b.stl (no
-    such file)".
+    """Return the names of files and shapes that were left out, grouped by reason, such as "a.stl,
+    b.stl (no such file)"; `lost` has pairs of a name and a reason.
     """
     names = defaultdict[str, list[str]](list)
     for name, why in lost:
@@ -138,7 +138,9 @@ def listed(lost: Iterable[Lost]) -> str:
 
 
 def first_of(names: Iterable[str]) -> str:
-    """Return the first `SHOWN` different names as a text, and the number of the others."""
+    """Return the first four different names as a text, and the number of the others, such as "a, b,
+    c, d and 3 more".
+    """
     each = list(dict.fromkeys(names))
     more = f" and {len(each) - SHOWN} more" if len(each) > SHOWN else ""
     return ", ".join(each[:SHOWN]) + more
@@ -166,7 +168,7 @@ def read_mesh(
 
     Args:
         path: The file.
-        suffixes: The kinds of files that are read.
+        suffixes: Suffixes of the accepted files, such as ".stl".
         materials: Read the materials of an OBJ file too, from the .mtl file that it names.
 
     Raises:

@@ -44,8 +44,8 @@ def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
 
     Args:
         path: The model's file.
-        what: The kind of model, for messages: "robot".
-        whole: Refuse a model of which a shape cannot be drawn; otherwise a notice says so.
+        what: The kind of model in messages, such as "robot".
+        whole: True: raise an error if a shape cannot be drawn; False: leave it out and warn.
 
     Raises:
         ValueError: The file cannot be read or compiled; the sentence begins with its path.
@@ -76,8 +76,8 @@ def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
 def spec_of_urdf(path: Path, mended: Mended) -> mujoco.MjSpec:
     """Return the model in a URDF file, with absolute paths of meshes.
 
-    Links show their visual shapes, or those for collisions where no visual one can be read; what is
-    left out is added to `mended`.
+    Links show their visual shapes, or their collision shapes if no visual one can be read; `mended`
+    records the shapes that are left out.
 
     Raises:
         ParseError: The file is not XML.
