@@ -57,7 +57,9 @@ class State:
         return np.array([self.x, self.y, self.theta, math.log(self.scale)])
 
     def moved(self, change: Array | None) -> State:
-        """Return this state plus a change (4,) of x, y [px], theta [rad], ln scale; None: none."""
+        """Return this state plus a change (4,) of x, y [px], theta [rad] and ln scale; None: no
+        change.
+        """
         return self if change is None else State.of(self.vector + change)
 
     @staticmethod
@@ -98,7 +100,9 @@ class Region:
         return self.corners(state) if self.quad is None else self.quad
 
     def inner(self, inset: float) -> Region:
-        """Return a region with the same centre whose sides are shorter by a share of 0..1."""
+        """Return a region with the same centre whose width and height are shorter by a share, 0..1,
+        half of it on each side.
+        """
         return Region(self.width * (1 - inset), self.height * (1 - inset))
 
     def area(self, state: State) -> float:
@@ -137,8 +141,9 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Result of a tracker for one frame: state, covariance, distance from the target's appearance,
-    status, and corners if the tracker finds them.
+    """Result of a tracker for one frame: state in the image; its covariance (4, 4) in x, y [px],
+    theta [rad] and ln scale; distance from the target's appearance, 0..1; status; whether angle and
+    size are followed; and corners (4, 2) [px] if the tracker finds them.
     """
 
     state: State
@@ -254,8 +259,8 @@ def traits_of(config: object) -> Traits | None:
 
 
 def follows_any_target(config: object) -> bool:
-    """Return True if the tracker of a `Config` needs no marker, and no input but the camera's
-    pictures and motion (a tracker that is given the true pose does).
+    """Return True if the tracker of a `Config` needs no marker on its target, and no input besides
+    the camera's pictures and motion, such as the true pose.
     """
     marked = Trait.MARKER in (traits_of(config) or ())
     return not marked and needs_of(config, SEES_PICTURES) <= SEES_PICTURES
@@ -272,8 +277,8 @@ class SeesOutline(Protocol):
 
         Args:
             frame: The first frame.
-            region: The region that the user gave [px].
-            state: Its position [px] and angle [rad] in that frame.
+            region: Size of the target's rectangle that the user gave [px].
+            state: Position [px] and angle [rad] of this rectangle in the first frame.
 
         Returns:
             The given region and state where no target is found, or where they fit the target that

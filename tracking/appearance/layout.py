@@ -29,8 +29,9 @@ LEAST_RING = 8
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Points of a template [px]; each belongs to a part (a cell, an ellipse or a ring), and has a
-    kernel weight and a weight in a mean-shift step.
+    """The P points (x, y) at which a template is read, in px from the target's centre at scale 1.
+    Each point belongs to one of `count` parts (cells, one ellipse or a ring), and has a kernel
+    weight (`weights`, sum 1 in each part) and a weight in a mean-shift step (`pulls`).
     """
 
     points: Array
@@ -53,8 +54,8 @@ class Layout:
         """Return a layout of points (P, 2) whose kernel values (P,) are normalised over each part.
 
         Args:
-            points: Template points (P, 2) [px].
-            parts: Part of each point (P,).
+            points: Template points (P, 2) from the target's centre, at scale 1 [px].
+            parts: Number of each point's part (P,), from 0 on.
             kernel: Values of the kernel (P,), above 0.
             pulls: Weights in a mean-shift step (P,); None: all 1, as of Epanechnikov's kernel.
         """
@@ -67,8 +68,9 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Settings of the points at which a template is read: in equal cells or in one ellipse, how
-    densely, under which kernel, and how the cells' distances are combined.
+    """Settings of the points at which a template is read: `density` points along each side of one
+    of `cells` x `cells` equal cells, or, with `cells` = None, of one ellipse under the kernel
+    `kernel`; and whether the cells' squared distances are combined by their mean or sum.
     """
 
     density: int = 16
@@ -89,7 +91,9 @@ class Sampling:
 
 
 def lattice(count: int, region: Region) -> Array:
-    """Return the centres (count^2, 2) [px] of count x count equal cells of a region, row by row."""
+    """Return the centres (count^2, 2), row by row, of count x count equal cells of a region, in px
+    from the region's centre.
+    """
     at = (np.arange(count) + 0.5) / count - 0.5
     u, v = np.meshgrid(at * region.width, at * region.height)
     return np.stack([u.ravel(), v.ravel()], axis=1)

@@ -63,7 +63,9 @@ class AppearanceSettings:
 
     @property
     def sampling(self) -> Sampling:
-        """Points at which states are read; by default of one part under Epanechnikov's kernel."""
+        """Settings of the points at which the target is read; by default those of one ellipse under
+        Epanechnikov's kernel.
+        """
         return Sampling()
 
     def bins(self, image: Image, region: Region, state: State) -> Bins:
@@ -168,10 +170,10 @@ class SampledModel:
 
         Args:
             image: The picture.
-            states: First states (N, 4).
-            most: Largest number of histograms read for a state.
-            tolerance: A shorter shift ends a search [px].
-            reach: Largest length of a search [px].
+            states: First states (N, 4): x, y [px], theta [rad], ln scale.
+            most: Largest number of histograms that are computed for a state.
+            tolerance: A mean-shift step shorter than this ends a search [px].
+            reach: Largest distance of a search from its first state [px].
 
         Returns:
             The states (N, 4) at the modes, their distances d_m (N,), and the number of histograms

@@ -27,8 +27,8 @@ APART = SIDE // 2
 
 
 class Views:
-    """Stored pictures of the target, of `SIDE` x `SIDE` points: the first one, and the newest ones
-    that were learnt.
+    """Stored views of the target, which are pictures of 8 x 8 points: the first one, and the newest
+    ones that were learnt.
     """
 
     def __init__(self, image: Image, region: Region, state: State, count: int) -> None:
@@ -47,7 +47,9 @@ class Views:
         self._stored = self._view(self.blurred(image), state)
 
     def blurred(self, image: Image) -> Image:
-        """Return a picture (H, W, 3) blurred: a pixel is the mean over a view point's area."""
+        """Return a picture (H, W, 3) blurred for the comparison with views: each pixel is the mean
+        over the area between two points of a view.
+        """
         sides = (self._region.width, self._region.height)
         width, height = (
             min(max(round(side * self._scale / SIDE), 1), most)

@@ -42,10 +42,14 @@ class Guest(Protocol):
 
     @property
     def gives(self) -> frozenset[Gives] | None:
-        """What the tracker declares that it measures; None: what its reports show."""
+        """Which of "size", "angle" and "corners" the tracker declares that it measures; None: it
+        declares nothing, and its reports show it.
+        """
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Show the tracker the first picture, and the target's region in it."""
+        """Show the tracker the first picture, in which the target is the rectangle `region` [px] at
+        `state`.
+        """
 
     def update(self, frame: Frame) -> Report:
         """Return where the tracker finds the target in the next picture."""
@@ -94,7 +98,8 @@ class GuestSettings:
 class GuestTracker:
     """A `tracking.types.Tracker` around a tracker of another author.
 
-    Its boxes give centre and size, its angles and corners the rest; the camera's motion is ignored.
+    The reported box gives centre and size of the state, a reported angle or corners its rotation;
+    the motion of the camera (`ego`) is not used.
     """
 
     _guest: Guest = SET_BY_START
@@ -129,7 +134,7 @@ class GuestTracker:
             ego: Not used.
 
         Raises:
-            ValueError: The other tracker fails, or its answer is not possible.
+            ValueError: The other tracker fails, or its answer has an invalid form or value.
         """
         report = self._guest.update(frame)
         place = self._placement

@@ -54,7 +54,9 @@ class ProcessSettings(GuestSettings):
 
 
 class GuestProcess:
-    """A running program that answers what it is sent; it is ended with this object."""
+    """A running program of another author, which gets bytes at its standard input and answers in
+    lines; it is ended when this object is deleted.
+    """
 
     def __init__(
         self, name: str, command: str, environment: Mapping[str, str], goodbye: bytes = b""
@@ -189,11 +191,13 @@ class GuestProcess:
         return line
 
     def end(self) -> None:
-        """End the program, with all that it has started."""
+        """End the program and all processes that it has started."""
         self._close()
 
     def fail_ended(self, expected: str) -> NoReturn:
-        """Raise a ValueError that says that the program has ended instead of answering."""
+        """Raise a ValueError that says that the program has ended instead of sending its answer;
+        `expected` names the answer, such as "a line of JSON".
+        """
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(GRACE)
         code = self._process.poll()
@@ -201,8 +205,8 @@ class GuestProcess:
         self.fail(f"{ended} instead of sending {expected}")
 
     def fail(self, fault: str) -> NoReturn:
-        """End the program, and raise a ValueError with its name, a fault and the last lines of its
-        stderr.
+        """End the program, and raise a ValueError with its name, a fault such as "sent no answer",
+        and the last lines of its stderr.
         """
         with self._log.open("rb") as log:
             lines = deque((line for line in log if line.strip(MARKS)), LAST_LINES)

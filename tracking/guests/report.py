@@ -30,8 +30,11 @@ UPRIGHT = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Report:
-    """Where a tracker of another author finds the target in a picture, rounded to a millionth of a
-    pixel. Pixels are counted from the image's top left corner.
+    """Where a tracker of another author finds the target in a picture: an upright box (4,) of left,
+    top, width, height [px], or one turned by an angle [rad], or four corners (4, 2) [px]; whether
+    it sees the target; and its confidence, 0..1. None: not reported.
+
+    Pixels are counted from the image's top left corner, and rounded to a millionth.
     """
 
     box: Array | None = None
@@ -159,8 +162,8 @@ def box_around(points: Array) -> Array:
 
 
 def outline_of(report: Report) -> Array:
-    """Return the corners (4, 2) [px] of what a report of a seen target describes: its own, or those
-    of its box, clockwise in the image.
+    """Return the corners (4, 2) [px] that the report of a seen target describes: the reported
+    corners, or those of the reported box, clockwise in the image.
     """
     if report.corners is not None:
         return report.corners

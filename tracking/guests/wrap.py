@@ -51,7 +51,7 @@ class Foreign(Protocol):
 
 @final
 class Called:
-    """A tracker of another author in this process, which is called in its own convention."""
+    """A tracker of another author in this process, called in OpenCV's or GOT-10k's convention."""
 
     def __init__(
         self,
@@ -169,7 +169,10 @@ def convention_of(tracker: Foreign) -> Convention:
 
 @dataclass(frozen=True, slots=True)
 class Wrapping:
-    """A class or function that makes trackers of another author, and how to call them."""
+    """A class or function that makes trackers of another author, the convention of their methods
+    (None: found from the class), where their confidence is found (None: at most in their answers),
+    and their name in messages.
+    """
 
     factory: Any
     """The class, the function, or a tracker that is made already."""

@@ -32,7 +32,10 @@ THERE = "folder, video file, bag, camera:NUMBER, or address such as rtsp://HOST/
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """Pictures with the target's true outline in each of them."""
+    """n pictures with the target's true corners (n, 4, 2) [px], nan where it is absent, its size
+    and state in the first picture, and, if they are known exactly, its true states x, y [px], theta
+    [rad], scale (n, 4).
+    """
 
     name: str
     source: Source
@@ -53,7 +56,7 @@ class Sequence:
 
         Args:
             name: Name of the sequence.
-            paint: Returns the picture RGB (H, W, 3) with a number; the first is 0.
+            paint: Function that returns the picture with a number, RGB (H, W, 3); the first is 0.
             region: Size of the target at scale 1 [px].
             states: Exact x, y [px], theta [rad], scale of the target in each picture (n, 4).
         """

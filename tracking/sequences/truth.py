@@ -59,7 +59,7 @@ class Format(Enum):
 
     @staticmethod
     def named(name: str) -> "Format":
-        """Return the format of a name in lower case, such as "otb".
+        """Return the format with a name in lower case, such as "otb".
 
         Raises:
             ValueError: There is no such format.

@@ -226,7 +226,9 @@ Printed = list[tuple[int, str, str]]
 
 @contextmanager
 def printed_by_ffmpeg() -> Generator[Printed]:
-    """Collect the errors that FFmpeg prints during the block; the list is filled as they come."""
+    """Context manager: collect the errors that FFmpeg prints during the block, in a list that is
+    filled as they come.
+    """
     level = av.logging.get_level()
     skips = av.logging.get_skip_repeated()
     av.logging.set_level(av.logging.ERROR)
@@ -240,7 +242,9 @@ def printed_by_ffmpeg() -> Generator[Printed]:
 
 
 def quoted(printed: Printed) -> str:
-    """Return FFmpeg's first message in brackets, to end a sentence; "" for an empty list."""
+    """Return the first of FFmpeg's messages in brackets, with a space before them, to end a
+    sentence; "" for an empty list.
+    """
     return f" (FFmpeg: {' '.join(printed[0][2].split()).rstrip('.')})" if printed else ""
 
 

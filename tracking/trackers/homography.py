@@ -103,7 +103,8 @@ class Homography:
         self._rng = rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the template; a template without texture is reported as not seen from then on.
+        """Learn the template, the target's brightness in the first picture; a target without
+        texture is reported as not seen in all later pictures.
 
         Raises:
             ValueError: The region is empty, or most of it is outside the picture.

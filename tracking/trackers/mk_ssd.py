@@ -35,7 +35,10 @@ PRESETS = {"paper": {"span": 1.0, "inset": 0.0, "velocity_memory": 1.0}}
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the histograms and kernels, and of the prediction of constant velocity."""
+    """Settings of the tracker `mk_ssd`: colour bins of each channel, correction of uneven light,
+    half axis of the kernels in cells (`span`), share of the region that they leave out (`inset`),
+    and share of the old velocity in the new one.
+    """
 
     levels: Levels = 8
     """Colour bins a channel."""
@@ -57,8 +60,8 @@ class Config:
 
 @final
 class MkSsd:
-    """Tracker with one Newton descent in each frame; a hidden target is expected at its last
-    state.
+    """Tracker that finds the target by one Newton descent from the predicted state in each frame; a
+    hidden target is expected at its last state.
     """
 
     _velocity: Velocity = SET_BY_START

@@ -41,8 +41,11 @@ PRESETS: dict[str, dict[str, object]] = {
 
 @dataclass(frozen=True, slots=True)
 class Config(SimilaritySettings):
-    """Settings of particles, kernels and descent; the defaults were tuned for the 60 x 30 px car at
-    5 to 30 Hz.
+    """Settings of the particles and of Newton's descent from their mean: the largest distance d_m
+    of the mean, 0..1, with which a descent begins (`occluded`), and the largest length of a descent
+    as a share of the target's size (`trust`).
+
+    The defaults were tuned for the 60 x 30 px car at 5 to 30 Hz.
     """
 
     particles: Count = 75
