@@ -183,8 +183,8 @@ class Kinds(Generic[Config]):
             return found
         if (adapted := self._adapt(found)) is not None:
             return adapted
-        what = f"'{name}' is no Config: that is a dataclass with a method build(rng)"
-        raise UnknownKind(f"{what}; nor has it {self._plain}" if self._plain else what)
+        what = f"'{name}' is no Config: a Config is a dataclass with a method build(rng)"
+        raise UnknownKind(f"{what}; it also lacks {self._plain}" if self._plain else what)
 
     def preset(self, kind: str, name: str) -> Settings:
         """Return the values that a preset gives to settings of a kind, by the settings' names;

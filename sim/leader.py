@@ -24,11 +24,12 @@ target shall be, to the right of the tag; chosen by hand."""
 
 @dataclass(frozen=True, slots=True)
 class LeaderConfig:
-    """Settings of the leader, a moving AprilTag, beside which the robot is to keep the held target:
-    number of the tag in the family 36h11 (None: no leader) and side of its black square [m].
+    """Settings of the leader, a moving tag, and the desired pose of the held target relative to it.
 
-    `on` is the tag's pose in the frame that the scenario's motion moves, `beside` the desired pose
-    of the held target relative to the tag; both are x, y, z [m] and roll, pitch, yaw [deg].
+    The tag is an AprilTag 36h11 with the number `id` (None: no leader) and a black square of the
+    side `size` [m]. `on` is its pose in the frame that the scenario's motion moves, `beside` the
+    desired pose of the target that the robot holds, relative to the tag. Poses are x, y, z [m] and
+    roll, pitch, yaw [deg].
     """
 
     id: Annotated[int, Ge(0), Le(586)] | None = None

@@ -69,10 +69,11 @@ class GroundConfig:
 
 @dataclass(frozen=True, slots=True)
 class ClutterConfig:
-    """Settings of the clutter on the table: number and shape of flat objects, the share of them
-    that have colours of the target (`alike`), and whether the twelve toys stay.
+    """Settings of the flat objects and toys on the table.
 
-    Positions and colours of the flat objects are random, by the seed of the run.
+    `number` objects of a shape lie flat, at random places and in random colours, by the seed of the
+    run; the share `alike` of them has colours of the target. `toys` keeps the twelve objects that
+    stand on the table.
     """
 
     number: Annotated[int, Ge(0), Le(500)] = 0

@@ -282,7 +282,7 @@ def test_a_model_that_no_file_can_be_is_a_sentence(model):
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
-        ('xyz="0 0.09 0"', 'xyz="nan 0 0"', "the place of a body is not finite"),
+        ('xyz="0 0.09 0"', 'xyz="nan 0 0"', "the position of a body is not finite: correct it"),
         (
             'lower="-6.28" upper="6.28"',
             'lower="6.28" upper="-6.28"',

@@ -32,8 +32,7 @@ Principal = Annotated[float, Ge(-10_000), Le(10_000)]
 
 @dataclass(frozen=True, slots=True)
 class CameraConfig:
-    """Settings of the simulated camera: mounting, intrinsics [px], distortion, shutter, noise and
-    depth.
+    """Settings of the camera: mounting, intrinsics [px], distortion, shutter, noise, depth.
 
     Poses are x, y, z [m] and roll, pitch, yaw [deg]: with `mounted` = "world", `pose` is that of
     the camera in the world, and `held` that of the target in the frame that the robot's camera

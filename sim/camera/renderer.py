@@ -117,7 +117,8 @@ class OpenGLRenderer:
             self._context = gl.call(mujoco.MjrContext, model, fonts).result()
         except mujoco.FatalError as error:
             raise gl.NoRenderer(
-                f"MuJoCo cannot render with the OpenGL of this machine ({gl.describe()}): {error}."
+                f"MuJoCo cannot render with the OpenGL of this machine ({gl.describe()}): {error}; "
+                'set camera.renderer = "exact".'
             ) from None
         self._rect = mujoco.MjrRect(0, 0, view.width, view.height)
         self._camera = mujoco.MjvCamera()

@@ -204,16 +204,17 @@ def read_mesh(
             content.decode("ascii")  # where it is no text, trimesh may take it for one
     except Exception:  # trimesh's readers raise what they meet in a broken file
         raise ValueError(
-            f"{path}: this mesh is damaged, or not of the format that its suffix says"
+            f"{path}: this mesh is damaged, or not of the format that its suffix says: "
+            "export it again"
         ) from None
     broken = ~np.isfinite(vertices).all(axis=1)
     if broken.any():
         vertex = " ".join(f"{number:g}" for number in vertices[broken][0])
-        raise ValueError(f"{path}: the vertex {vertex} is not finite")
+        raise ValueError(f"{path}: the vertex {vertex} is not finite: correct it")
     # Corners that fell together leave triangles without an area, which MuJoCo refuses.
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     if not whole.any():
-        raise ValueError(f"{path}: there is no triangle in this mesh")
+        raise ValueError(f"{path}: there is no triangle in this mesh: give another file")
     return Triangles(
         vertices,
         faces[whole],

@@ -59,13 +59,13 @@ def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
         try:
             model = compiled(spec.copy())
             if not np.isfinite(np.hstack([model.body_mass, *model.body_inertia])).all():
-                raise ValueError("the mass or the inertia of a body is not finite")
+                raise ValueError("the mass or the inertia of a body is not finite: correct it")
         except ValueError:
             model = mend(spec, path, mended, whole=whole)
         if mended.lost and not spec.geoms:
             draw_sticks(spec)
         if not np.isfinite(np.hstack([model.body_pos, model.body_ipos])).all():
-            raise ValueError("the place of a body is not finite")
+            raise ValueError("the position of a body is not finite: correct it")
     except (ValueError, RecursionError, ElementTree.ParseError, mujoco.FatalError) as error:
         raise ValueError(f"{path}: cannot read this {what}: {said_by_mujoco(error)}") from None
     if str(mended):

@@ -164,7 +164,8 @@ class GuestTracker:
         least = self._settings.least_confidence
         if confidence is None and least > 0 and report.seen:
             raise ValueError(
-                f"the tracker reports no confidence, but least_confidence = {least:g} needs one"
+                f"the tracker reports no confidence, but least_confidence = {least:g} needs one: "
+                "set least_confidence to 0"
             )
         if not report.seen or (confidence is not None and confidence < least):
             return distance, self._loss.judge(math.inf, frame.time)

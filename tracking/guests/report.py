@@ -123,7 +123,7 @@ def gives_in(declared: object, name: str) -> frozenset[Gives] | None:
     found: list[object] = list(cast("Iterable[object]", words))
     if unknown := [word for word in found if word not in known]:
         raise ValueError(
-            f"{name} declares that it gives {shown(unknown[0])}; there is {', '.join(known)}"
+            f"{name} declares that it gives {shown(unknown[0])}; it may give {', '.join(known)}"
         )
     return frozenset(cast("list[Gives]", found))
 

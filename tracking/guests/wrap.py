@@ -95,7 +95,10 @@ class Called:
         given = whole_box(exact) if self._convention == "opencv" else exact + FROM_ONE
         if self._tracker.init(self._picture(frame.image), given) is False:
             box = whole_box(exact)
-            raise ValueError(f"{self._name}: init refused the region x, y, width, height = {box}")
+            raise ValueError(
+                f"{self._name}: init refused the region x, y, width, height = {box}: give another "
+                "region"
+            )
 
     def update(self, frame: Frame) -> Report:
         """Return the tracker's report for the next picture.
@@ -319,7 +322,7 @@ def wrap(
         )
     if convention not in (None, *get_args(Convention)):
         there = ", ".join(get_args(Convention))
-        raise ValueError(f"{kind}: there is no convention '{convention}'; there is {there}")
+        raise ValueError(f"{kind}: there is no convention '{convention}'; known are {there}")
     return _config_of(Wrapping(factory, convention, confidence, kind))
 
 

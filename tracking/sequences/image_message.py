@@ -136,6 +136,8 @@ def _raw(message: Any, depth: BitDepth) -> Image:
     try:
         image = pixels if code is None else cv2.cvtColor(pixels, code).astype(np.uint8, copy=False)
     except cv2.error:
-        raise ValueError(f"a picture of {width} x {height} px cannot be in {encoding}") from None
+        raise ValueError(
+            f"a picture of {width} x {height} px cannot have the pixel format {encoding}"
+        ) from None
     image.setflags(write=False)
     return image

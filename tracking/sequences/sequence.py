@@ -236,7 +236,7 @@ def _is_sequence(path: Path) -> bool:
             link.
     """
     if path.is_symlink() and not path.exists():
-        raise ValueError(f"{path}: this link is broken")
+        raise ValueError(f"{path}: this link is broken: remove it")
     if not is_folder(path):
         return False
     pictures = images_in(pictures_in(path))

@@ -271,9 +271,11 @@ def only_video(container: InputContainer) -> VideoStream:
         raise ValueError(f"{there} in this file; give a file with one video")
     stream = streams[0]
     if getattr(stream, "codec_context", None) is None:  # FFmpeg has no decoder of this kind
-        raise ValueError("FFmpeg here has no decoder for the compression of this video")
+        raise ValueError(
+            "FFmpeg here has no decoder for the compression of this video: convert it to H.264"
+        )
     if not stream.width or not stream.height:
-        raise ValueError("no frame of this video can be decoded")
+        raise ValueError("no frame of this video can be decoded: give another file")
     check_size(stream.width, stream.height, "first frame: the picture")
     return stream
 

@@ -43,6 +43,6 @@ class Config(GuestSettings):
         if confidence is None and self.least_confidence > 0:
             raise ValueError(
                 f"{place} reports no confidence, but least_confidence = {self.least_confidence:g} "
-                "needs one"
+                "needs one: set least_confidence to 0"
             )
         return Wrapping(make, "opencv", confidence, place, rounds=True).timed(seed, self)
