@@ -279,9 +279,9 @@ _REGISTERED: dict[str, Kinds[object]] = {}
 
 
 def kind_of(config: object) -> str:
-    """Return the kind of settings (a `Config`): the name of its file in a folder of kinds, or that
-    of its entry point, or "module:Class". A class that stands for another object gives its kind by
-    a class attribute `kind` that is no field.
+    """Return the kind that settings (a `Config`) belong to: the name of their class's file in a
+    folder of kinds, or that of its entry point, or "module:Class". A class that stands for another
+    object gives its kind by a class attribute `kind` that is no field.
     """
     of = type(config)
     package, _, name = of.__module__.rpartition(".")

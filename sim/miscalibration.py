@@ -23,7 +23,9 @@ class BelievedConfig:
 
     Factors are believed over true values; shifts and offsets are believed minus true ones. The
     principal point is in px, the hand-eye rotation a rotation vector [deg] and its translation [mm]
-    in the true camera's frame, joint offsets in m or rad, the clock in ms.
+    in the true camera's frame, joint offsets in m or rad, the clock in ms. `goal` tells how the
+    robot knows the goal: "computed" with the believed camera, "shown" as corners by the true camera
+    at the true goal, or as the target's "pose" there.
     """
 
     fx_factor: Annotated[float, Ge(0.1), Le(10)] = 1.0
@@ -84,7 +86,7 @@ class BelievedConfig:
 
     @property
     def hand_eye(self) -> Pose:
-        """Return T_camera_believed: the believed camera's pose in the true camera's frame."""
+        """T_camera_believed: the believed camera's pose in the true camera's frame."""
         turn = exp_so3(np.radians(self.hand_eye_rotation_deg))
         return Pose(turn, np.array(self.hand_eye_mm) / 1e3)
 

@@ -42,7 +42,11 @@ UNSTABLE = tuple(
 
 @dataclass(frozen=True, slots=True)
 class WorldConfig:
-    """Settings of the simulation: physics and drive rates [Hz], and measuring of visibility."""
+    """Settings of the simulation: physics and drive rates [Hz], and measuring of visibility.
+
+    With `visibility`, each frame measures which fraction of the target's silhouette in the picture
+    is not hidden by other bodies, by two more renderings.
+    """
 
     physics_rate: Annotated[float, Ge(240), Le(100_000)] = 480.0
     """Physics steps a second [Hz]; a few more where the camera's rate does not divide it."""

@@ -38,7 +38,8 @@ SET_BY_START: Any = _SetByStart()
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Position, orientation and size of the target in the image (Teuliere, Marchand, Eck, section
+    """Position x (to the right) and y (down) [px], orientation theta, from +x towards +y [rad], and
+    size relative to the first frame of the target in the image (Teuliere, Marchand, Eck, section
     II). Pixels count from the image's top left corner.
     """
 

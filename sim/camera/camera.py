@@ -201,9 +201,8 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
 
     Raises:
         ValueError: The distortion or the field of view cannot be rendered, the model's camera is
-            not perspective, or the settings still name a calibration file, which only loading a
-            scenario reads.
-        not perspective.
+            not perspective, or the settings name a calibration file, which is read only when a
+            scenario is loaded.
     """
     if config.calibration is not None:
         raise ValueError(

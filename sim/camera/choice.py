@@ -12,8 +12,8 @@ def renderer_of(kind: Kind) -> MakeRenderer:
     without OpenGL, that of the software renderer "exact".
 
     Raises:
-        ValueError: `kind` is "recording", whose renderer only a scenario with a table [recording]
-            has.
+        ValueError: `kind` is "recording": only a scenario with a table [recording] has such a
+            renderer.
     """
     if kind == "recording":
         raise ValueError('camera.renderer = "recording" needs a table [recording]')

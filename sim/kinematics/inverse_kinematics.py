@@ -296,9 +296,8 @@ def _least_squares(
 
 def comfort(robot: Robot, data: mujoco.MjData) -> float:
     """Return a score of the joint positions in `data`, higher for better ones: the smallest
-    distance of a joint from a limit [rad or m], at most `COMFORT`, times the smallest singular
-    value of the Jacobian. The score is divided by 100 if a link is in front of the camera or below
-    the table.
+    distance of a joint from a limit, at most 1 [rad or m], times the smallest singular value of the
+    Jacobian. The score is divided by 100 if a link is in front of the camera or below the table.
     """
     q = data.qpos[robot.qpos]
     room = np.minimum(q - robot.lower, robot.upper - q).min()

@@ -30,7 +30,10 @@ SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 @dataclass(frozen=True, slots=True)
 class Mended:
-    """A record of what was left out or corrected in a model, compared with its file."""
+    """A record of the repairs of a model: shapes and textures that are not drawn, each with the
+    reason (`lost`), and names of bodies whose impossible mass or inertia was replaced
+    (`corrected`).
+    """
 
     lost: list[Lost] = field(default_factory=list)
     """Shapes and textures that are not drawn, with the reason."""

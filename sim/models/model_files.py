@@ -21,7 +21,8 @@ is gone."""
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Return the compiled model; warnings of MuJoCo are ignored.
 
-    It warns where the options of an attached model differ from those of the room, which hold.
+    MuJoCo warns where the options of an attached model differ from those of the room, which are
+    used.
 
     Raises:
         ValueError: MuJoCo refuses the model.

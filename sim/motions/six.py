@@ -51,8 +51,9 @@ class Config:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Six:
-    """A motion of the target above the table, whose three positions and three angles, relative to
-    the start, are each the mean of two sines of time.
+    """A motion of the target above the table: its position x, y, z [m] and its rotations about x,
+    y, z [rad], relative to the start, are each the mean of two sines of time, with the amplitudes
+    `largest` (6,) and the frequencies (2, 6) [Hz].
     """
 
     frequencies: Array

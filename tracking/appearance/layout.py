@@ -100,8 +100,8 @@ def lattice(count: int, region: Region) -> Array:
 
 
 def grid(region: Region, per_side: int, density: int) -> Layout:
-    """Return a layout whose parts are per_side x per_side equal cells of the region, each with
-    density x density points of equal weight.
+    """Return a layout whose parts are per_side x per_side equal cells of the region, numbered row
+    by row, each with density x density points of equal weight.
     """
     steps = per_side * density
     column, row = np.meshgrid(np.arange(steps) // density, np.arange(steps) // density)
@@ -113,8 +113,9 @@ def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout
     """Return a layout of one part, the ellipse inscribed in the region. Its points have the weight
     1 - r^2 ("epanechnikov") or 1 - r ("linear"), with r from 0 in the middle to 1 on the ellipse.
 
-    The KAMS paper steps under its linear kernel as if all points pulled alike, which does not climb
-    the linear kernel's coefficient; with 1 / r the step does.
+    The points lie on a lattice of density x density points over the region. Their weights in a
+    mean-shift step are equal, or 1 / r for "linear": with equal ones, as in the KAMS paper, a step
+    does not climb the coefficient of the linear kernel.
     """
     at = (2 * np.arange(density) + 1) / density - 1
     u, v = np.meshgrid(at, at)
@@ -130,7 +131,8 @@ def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout
 
 def ring(region: Region, width: float, density: int) -> Layout:
     """Return a layout of one part: the frame between the region and a rectangle (1 + width) times
-    as wide and as high. All points have the same weight.
+    as wide and as high. All points have the same weight; they lie on a lattice of density x density
+    points, at least 8 x 8, over this rectangle.
     """
     density = max(density, LEAST_RING)
     outer = 1.0 + width

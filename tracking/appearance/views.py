@@ -64,8 +64,8 @@ class Views:
         return loops.correlations(blurred, states, self._points, self._stored)
 
     def learn(self, blurred: Image, state: State) -> None:
-        """Store the picture of the target at a state, where it certainly is, unless its correlation
-        with a stored view is above `NEW`.
+        """Store the picture of the target at a state, where it certainly is, as a view, unless its
+        correlation with a stored view is above 0.9.
 
         When there are `count` views already, the new one replaces the oldest but the first; with
         `count` = 1 nothing is stored.
@@ -80,7 +80,8 @@ class Views:
 
         Args:
             blurred: The picture, blurred (H, W, 3).
-            last: The last state; the angle is its angle, the sizes are about its size.
+            last: The last state: its angle is kept, and sizes of 0.8, 1 and 1.25 times its size are
+                searched.
             most: Largest number of states.
 
         Returns:

@@ -110,8 +110,8 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class TrackMeasure:
-    """A measure of a track: its name, unit, better direction, meaning, function and largest
-    value.
+    """A measure of a track: its name, its unit, whether higher or lower is better, its meaning, the
+    function that returns its value (nan where it does not apply), and its largest value.
     """
 
     name: str

@@ -58,8 +58,10 @@ class Guest(Protocol):
 
 @dataclass(frozen=True)
 class GuestSettings:
-    """Settings of a tracker of another author: who decides whether the target is seen, whether its
-    size is used, and how long its answers may take.
+    """Settings of a tracker of another author: whether its own report or also a colour histogram
+    decides that the target is seen (`judge`), the least confidence of a seen target, whether the
+    size of its boxes is used, and the longest waits for the answer to a picture (`timeout`) and for
+    the first answer (`loading`) [s].
     """
 
     needs = frozenset({Channel.PICTURE})

@@ -43,7 +43,9 @@ reads a line or the end of its input, which ends also when our own process is ki
 
 @dataclass(frozen=True)
 class ProcessSettings(GuestSettings):
-    """Settings of a tracker in a process of its own: its command."""
+    """Settings of a tracker in a process of its own: the command that starts it, without a shell,
+    which a file may not give.
+    """
 
     traits = frozenset({Trait.FOREIGN})
     not_from_file = ("command",)
@@ -108,7 +110,8 @@ class GuestProcess:
 
         Args:
             parts: The bytes, in pieces.
-            answer_in: Returns the answer in a line of output; None if the line has no answer.
+            answer_in: Function that returns the answer in a line of output; None if the line has no
+                answer.
             limit: Longest wait [s].
             expected: What the answer should be, for messages.
 

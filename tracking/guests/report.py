@@ -105,7 +105,8 @@ def report_of_corners(corners: Array) -> Report:
 
 
 def gives_in(declared: object, name: str) -> frozenset[Gives] | None:
-    """Return what a tracker declares that it measures; None where it declares nothing.
+    """Return which of "size", "angle" and "corners" a tracker declares that it measures; None if it
+    declares nothing.
 
     Args:
         declared: A collection of "size", "angle", "corners", or None.

@@ -84,7 +84,8 @@ class Called:
         """What the tracker's attribute `gives` declares that it measures; None: it has none."""
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Start the tracker on the first picture with the upright box around a region.
+        """Start the tracker on the first picture with the upright box around the rectangle `region`
+        [px] at `state`.
 
         Raises:
             ValueError: The tracker's `init` returned False.

@@ -70,8 +70,8 @@ def sample(image: NDArray[np.float32], H: Array, points: Array) -> Array:
 
 @compiled(error_model="numpy")
 def partition(values: Array, rank: int) -> None:
-    """Reorder values (n,) so that the one at index `rank` is the one of a sorted array, with none
-    larger before it and none smaller after it (Hoare's quickselect).
+    """Reorder values (n,) so that the value at index `rank` is the one of the sorted array, with no
+    larger value before it and no smaller one after it (Hoare's quickselect).
 
     NumPy's `quantile` and `partition` take five times as long to compile.
     """
@@ -171,7 +171,7 @@ def correlation(seen: Array, template: Array, weights: Array) -> float:
     """Return the weighted correlation, -1..1, of the brightness seen (n,) and that of the template
     (n,).
 
-    It is reduced in proportion where the mean weight is below `USUAL`: only a small part fits.
+    It is reduced in proportion where the mean weight is below 0.8: only a small part fits.
     """
     total = 1e-12
     mean = 0.0

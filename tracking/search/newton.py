@@ -173,7 +173,7 @@ class KernelModel:
 
     def covariance(self, image: Image, state: State) -> Array:
         """Return the covariance (4, 4) of x, y [px], theta [rad] and ln scale at the end of a
-        descent: one standard deviation away, the objective is larger by 2 `USUAL`^2.
+        descent: one standard deviation away, the objective is larger by 2 * 0.025^2.
 
         It is large where the template slips inside something of one colour, and nan for an angle
         that is not searched. The histograms computed here are not counted as evaluations.

@@ -90,7 +90,7 @@ def is_bag(path: Path) -> bool:
 
 
 class Bag:
-    """Source of the pictures of one topic of a bag, with the stamps of their headers."""
+    """Source of the pictures of one topic of a bag, with the time stamps of their headers."""
 
     end: End | None = None
 

@@ -107,8 +107,8 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
 
 
 def pictures_in(folder: Path) -> Path:
-    """Return the folder with the pictures of a sequence: the sequence's own, or one in it as in the
-    layouts of OTB and VOT.
+    """Return the folder with the pictures of a sequence: the sequence's folder itself, or a folder
+    in it such as "img", as in the layouts of OTB and VOT.
 
     Raises:
         ValueError: The folder cannot be read.

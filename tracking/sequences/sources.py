@@ -171,7 +171,9 @@ def images_in(folder: Path) -> list[Path]:
 
 @dataclass(frozen=True, slots=True)
 class Folder:
-    """Source of the image files of a folder, sorted by name, numbers in names by value."""
+    """Source of the image files of a folder, sorted by name, numbers in names by value, at a rate
+    [1/s]; `notes` has sentences for the user.
+    """
 
     files: tuple[Path, ...]
     rate: float = RATE

@@ -53,7 +53,9 @@ UNTURNED: Matrix = (1, 0, 0, 1)
 
 @dataclass(slots=True)
 class Video:
-    """Source of the pictures of a video file."""
+    """Source of the pictures of a video file, with their rate [1/s], the number of frames, and a
+    report on missing or damaged pictures of the last reading (None: all were read).
+    """
 
     path: Path
     rate: float

@@ -38,9 +38,9 @@ PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
 
 @dataclass(frozen=True, slots=True)
 class Climb:
-    """Choices in which the searches by mean shift differ: largest number of histograms read in one
-    climb (`steps`), whether the size is followed, and the confidence, 0..1, below which eight more
-    climbs begin around the target.
+    """Choices in which the searches by mean shift (climbs) differ: largest number of histograms
+    read in one climb (`steps`), whether the size is followed, and the confidence, 0..1, below which
+    eight more climbs begin around the target.
     """
 
     steps: int = 20

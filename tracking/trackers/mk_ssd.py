@@ -91,8 +91,8 @@ class MkSsd:
 
         Args:
             frame: The next frame.
-            ego: Change (4,) of x, y [px], theta [rad] and ln scale that the camera's own motion
-                makes; None if it is unknown.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale since the last frame that the
+                camera's own motion causes; None if it is unknown.
         """
         # Called in every frame, because the velocity takes in the camera's motion here.
         expected = self._velocity.step(ego)

@@ -14,8 +14,8 @@ from tracking.types import Trait
 
 @dataclass(frozen=True, slots=True)
 class Config(GuestSettings):
-    """OpenCV's name of the tracker, its model files, and settings of any tracker of another
-    author.
+    """OpenCV's name of the tracker without "Tracker", such as "MIL", the ONNX files of its networks
+    if it has any, and settings of any tracker of another author.
     """
 
     traits = frozenset({Trait.FOREIGN})
