@@ -119,7 +119,8 @@ class Stage:
         return None if self._leader is None else self._at(time) @ self._leader.T_moved_goal
 
     def place(self, data: mujoco.MjData, time: float, eye: Pose) -> None:
-        """Move target, leader, board and lamp to where they are at a time of the run.
+        """Move target, leader, board and second target, and set the lights, as they are at a time
+        of the run.
 
         Args:
             data: MuJoCo's state, whose mocap bodies and lights are set.

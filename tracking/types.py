@@ -65,7 +65,9 @@ class State:
 
     @staticmethod
     def of(vector: Array) -> State:
-        """Return the state of a vector (4,) of x, y [px], theta [rad] and ln scale."""
+        """Return the state of a vector (4,) of x, y [px], theta [rad] and ln scale, which is
+        clipped to -5..5.
+        """
         x, y, theta, log_scale = vector.tolist()
         return State(x, y, theta, math.exp(min(max(log_scale, -LARGEST_LOG), LARGEST_LOG)))
 

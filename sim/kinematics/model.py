@@ -73,9 +73,10 @@ def make_robot(
     names of the chain's joints.
 
     Args:
-        spec: The model, which is changed: all other joints, lights and floors are deleted, and
-            contacts and gravity are switched off. The drives of the chain stay if each of its
-            joints has exactly one drive, a velocity servo; else all drives are deleted.
+        spec: The model, which is changed: all other joints, lights, floors, sensors, tendons and
+            constraints are deleted, and contacts and gravity are switched off. The drives of the
+            chain stay if each of its joints has exactly one drive, a velocity servo; else all
+            drives are deleted.
         model: The same model, compiled.
         carried: The chain of joints that moves the camera.
         camera: Name of the model's camera, which is renamed to `eye`; an empty text adds one.

@@ -154,7 +154,7 @@ def is_readable(file: Path) -> bool:
 
 
 def why_not(file: Path) -> str:
-    """Return the reason why a mesh file could not be read, for a message, such as "no such file"."""
+    """Return the reason why a mesh file could not be read, such as "no such file"."""
     if not file.is_file():
         return "no such file"
     needs = file.suffix.lower() == COLLADA and not is_readable(file)

@@ -150,7 +150,7 @@ def _check_limit(joint: Element) -> None:
 
 def joint_speeds(path: Path) -> dict[str, float]:
     """Return the largest rates of a URDF file's joints by name [rad/s or m/s], which MuJoCo does
-    not read; {} for an MJCF file.
+    not read, without those outside 0.001 to 1000; {} for an MJCF file.
     """
     if path.suffix.lower() != ".urdf":
         return {}

@@ -81,7 +81,9 @@ def paint(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, material: Material, name: s
 
 
 def add_picture(spec: mujoco.MjSpec, picture: Image, name: str = PICTURE) -> str:
-    """Add a picture (H, W, 3) to a model as a material called `name`; return this name."""
+    """Add a picture (H, W, 3), reduced to at most 2048 px a side, to a model as a material called
+    `name`; return this name.
+    """
     side = max(picture.shape[:2])
     if side > LARGEST_SIDE:
         scale = LARGEST_SIDE / side

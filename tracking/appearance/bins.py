@@ -27,7 +27,7 @@ class Window:
 
     @staticmethod
     def around(states: Array, radius: float, image: Image, more: float = 0.0) -> "Window":
-        """Return the smallest window of an image that holds the template in all of several states.
+        """Return a window of an image, cut to it, that holds the template in all of several states.
 
         Args:
             states: States (N, 4): x, y [px], theta [rad], ln scale.

@@ -147,7 +147,7 @@ def histograms(image: LabelledImage, layout: Layout, state: State) -> Array:
     """Return the histograms (K, B) of the K parts of a layout over B bins, each with the sum 1,
     where the target has the given state in an image.
 
-    Points off the image are left out; a part without points in it has zeros.
+    Points off the image or in no bin are left out; a part without any other points has zeros.
     """
     vector = state.vector
     window = image.around(vector[None], layout.radius)

@@ -97,7 +97,8 @@ class SampledModel:
 
     `distances` compares histograms only. `energy` is the squared distance plus the setting
     `contrast` times the similarity between the target and the ring around the region, which keeps
-    the region from shrinking into the target, where the histogram stays the same.
+    the region from shrinking into the target, where the histogram stays the same; after `recognise`
+    it also compares stored views.
     """
 
     def __init__(

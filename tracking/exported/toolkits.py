@@ -255,7 +255,7 @@ def run_vot(
     Raises:
         ValueError: There is no such kind or preset, or a setting has a wrong value; a picture
             cannot be read or decoded, or is too large; or the region is neither a rectangle nor a
-            polygon of four points.
+            polygon of four points, is empty, or is mostly outside the first picture.
         TypeError: The tracker has no such setting.
     """
     given = handle.region()

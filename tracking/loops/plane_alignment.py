@@ -140,8 +140,9 @@ def agreed(weights: Array, cells: NDArray[np.intp]) -> Array:
 def normal_equations(
     error: Array, weights: Array, rows: Array, template: Array, gain: float
 ) -> tuple[Array, Array]:
-    """Return the curvature (10, 10) and gradient (10,) of weighted squares of errors (n,), for the
-    eight parameters of the homography, gain and bias; rows (n, 8) are the template's derivatives.
+    """Return the curvature (10, 10) and gradient (10,) of weighted squares of errors (n,) at n
+    points, for the eight parameters of the homography, gain and bias; rows (n, 8) are the
+    derivatives of the template's brightness `template` (n,).
     """
     A = np.zeros((10, 10))
     g = np.zeros(10)

@@ -1,7 +1,8 @@
 """Live sources: cameras of this machine (camera:0), and streams by address (rtsp, http, tcp, udp).
 
 A thread reads the source into a queue for one picture. A new picture replaces the one in the queue,
-so that a slow tracker gets the newest picture; replaced pictures are counted as dropped.
+so that a slow tracker gets the newest picture; replaced pictures are counted as dropped. Only the
+reader of a recording on a web server waits for the tracker instead.
 """
 
 import re

@@ -91,9 +91,9 @@ def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Inte
     Scores between the bounds 0 and 1 that are all 0 or 1, or equal, are a share: Wilson's interval.
     Others: Student's t with its skewness removed by the cubic transformation of Hall (On the
     removal of skewness by transformation, 1992, with a = 1/3, b = 1/6). One score, or one that is
-    not finite, has no interval; other equal scores have one without width. The interval covers 93 to 97 %
-    from n = 10 on (tests/test_statistics.py), but of a lognormal of sigma 1 only 89 %, and a
-    single share 90 to 98 %, because counts jump.
+    not finite, has no interval; other equal scores have one without width. The interval covers 93
+    to 97 % from n = 10 on (tests/test_statistics.py), but of a lognormal of sigma 1 only 89 %, and
+    a single share 90 to 98 %, because counts jump.
 
     Args:
         scores: One score for each repetition; several measurements in one must be averaged before.
@@ -136,10 +136,8 @@ def in_percent(share: Interval) -> Interval:
 
 
 def difference_of_shares(first: Array, second: Array) -> Interval:
-    """Return the share of successes of the first minus that of the second, with its 95 % interval.
-
-    Bonett and Price, Adjusted Wald confidence interval for a difference of binomial proportions
-    based on paired data, 2012.
+    """Return the share of successes of the first minus that of the second, with its 95 % interval,
+    whose ends are nan for a single repetition.
 
     Args:
         first: Successes (n,) of the first on n repetitions, 0 or 1.

@@ -74,9 +74,9 @@ class TruthTracker:
         self._state = state
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the true state with drawn errors, as LOCKED. In a dropout (UNSURE), or with the
-        target outside the picture (LOST), return the last state, moved by the camera's motion if
-        that is given.
+        """Return the true state with drawn errors, as LOCKED. In a dropout, or if the noise leaves
+        no outline of the corners (UNSURE), or with the target outside the picture (LOST), return
+        the last state, moved by the camera's motion if that is given.
 
         Raises:
             ValueError: The true state is not given, as outside a simulation.
