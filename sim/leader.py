@@ -37,12 +37,14 @@ class LeaderConfig:
     size: Length = 0.12
     """Side of the tag's black square [m]."""
     on: Pose6 = UPRIGHT
-    """The tag on what `[motion]` moves: x, y, z [m], roll, pitch, yaw [deg] about fixed axes; with
-    zeros it lies on the table, its nose ahead."""
+    """Pose of the tag in the frame that `[motion]` moves: x, y, z [m], roll, pitch, yaw [deg] about
+    fixed axes; with zeros it lies on the table, its nose ahead.
+    """
     beside: Pose6 = BESIDE
-    """Where the held target shall be, seen from the tag: x along the tag's nose, y to the right of
-    it as its viewer sees it, z away from the viewer [m], roll, pitch, yaw [deg]; zeros for the
-    angles: as the tag is turned."""
+    """Desired pose of the held target relative to the tag: x along the tag's nose, y to the right
+    of it as its viewer sees it, z away from the viewer [m], roll, pitch, yaw [deg]; zeros for the
+    angles: turned as the tag is.
+    """
 
     def leads(self, outline: Array) -> "Leader | None":
         """Return the leader for a held target whose reference rectangle has the corners (4, 3) [m]

@@ -48,14 +48,17 @@ class BelievedConfig:
     joint_offsets: EachJoint = 0.0
     """Believed minus true joint positions, one for all or one each [m or rad]."""
     clock_offset_ms: Annotated[float, Ge(-60_000), Le(60_000)] = 0.0
-    """A picture's time stamp minus its true time [ms]: the robot pairs the picture with where it
-    was at the stamp, or with its newest posture."""
+    """A picture's time stamp minus its true time [ms]: the robot pairs the picture with its posture
+    at the time of the stamp, or with its newest posture.
+    """
     depth_factor: Annotated[float, Ge(0.01), Le(100)] = 1.0
-    """The depth that the matrix of moments, points and segments is computed with, over the right
-    one: the gain of translations is wrong by the same factor."""
+    """Depth in the interaction matrix of moments, points and segments, over the true depth: the
+    gain of translations is wrong by the same factor.
+    """
     size_factor: Annotated[float, Ge(0.01), Le(100)] = 1.0
     """Believed over true length of the target's sides: the camera then ends too near or too far,
-    but with sight.depth = "picture"."""
+    except with sight.depth = "picture".
+    """
 
     def __post_init__(self) -> None:
         if self.size_factor != 1.0 and self.goal == "shown":

@@ -47,8 +47,9 @@ class CameraConfig:
     """Pose of a camera in the world: x, y, z [m], roll, pitch, yaw [deg] about fixed axes;
     with zeros for the angles it looks up, x to the right. By default it looks across the table."""
     held: Pose6 = HELD
-    """The target in the hand, which is where the robot's camera would be: x, y, z [m], roll, pitch,
-    yaw [deg]; by default 5 cm before it, facing away from it."""
+    """Pose of the target in the frame that the robot's camera would have in the hand: x, y, z [m],
+    roll, pitch, yaw [deg]; by default 5 cm before the hand, facing away from it.
+    """
     width: Annotated[int, Ge(16), Le(2560)] = 320
     """Image width [px]."""
     height: Annotated[int, Ge(16), Le(1920)] = 240
@@ -77,8 +78,9 @@ class CameraConfig:
     """File (ROS camera_info, or OpenCV's YAML or XML) that gives fx, fy, cx, cy, distortion and
     image size; beside the scenario's file, or in the working directory where --set names it."""
     supersample: Annotated[int, Ge(1), Le(4)] = 1
-    """Each pixel is the mean of this many times as many in both directions: edges then move
-    smoothly, and not from pixel to pixel. Rendering takes three times as long with 2."""
+    """Each pixel is the mean of a block of this many by this many rendered pixels: edges then move
+    smoothly, and not from pixel to pixel. Rendering takes three times as long with 2.
+    """
     noise: Annotated[float, Ge(0), Le(100)] = 0.0
     """Standard deviation of the sensor noise [grey levels of 255]."""
     exposure: Share = 0.0

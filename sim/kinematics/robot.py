@@ -67,15 +67,17 @@ class Drives:
     encoder_noise: EachPlay = 0.0
     """Standard deviation of each reading of a joint, one for all or one each [m or rad]."""
     encoder_step: EachPlay = 0.0
-    """Joints are read in whole steps of this, one for all or one each [m or rad]."""
+    """Joint positions are read in whole multiples of this step, one for all or one each [m or rad].
+    """
     backlash: EachPlay = 0.0
     """Play between motor and joint, one for all or one each [m or rad]: a motor that reverses turns
     so far, and its encoder with it, until the joint follows."""
     lag_ms: Annotated[float, Ge(0), Le(1000)] = 0.0
     """Time constant with which a drive takes over a new rate, before its own servo [ms]."""
     acceleration: EachAcceleration | None = None
-    """Largest change of the rate that a drive is given, one for all or one each [m/s^2 or rad/s^2];
-    by default any."""
+    """Largest change per second of the rate that a drive is given, one for all or one each [m/s^2
+    or rad/s^2]; by default unlimited.
+    """
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,8 +52,9 @@ class AppearanceSettings:
     levels: Levels = 8
     """Colour bins a channel; the KAMS paper has 10."""
     even: bool = False
-    """See colours as if all were lit alike: each pixel over its largest channel. Holds where the
-    light changes, at the price of telling bright things from dark ones less well."""
+    """Divide each pixel by its largest channel, as if all pixels were lit alike: the histograms
+    then bear changes of light, but distinguish bright things from dark ones less well.
+    """
     inset: Inset = 0.0
     """Share of the region's width and height that is left out, half on each side: there the
     background shows, whose change would be taken for the target's."""

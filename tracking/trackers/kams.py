@@ -40,7 +40,7 @@ class Config(CloudSettings):
     kernel: Kernel = "epanechnikov"
     """1 - r^2, or "linear": 1 - r, as the paper has it."""
     estimate: Literal["mean", "best"] = "best"
-    """The weighted mean of the particles, or the best of them."""
+    """The reported state: the weighted mean of the particles, or the best of them."""
     layers: Annotated[int, Ge(1), Le(50)] = annealed.LAYERS
     """Number of annealing layers."""
     schedule: Schedule = Schedule.SURVIVAL

@@ -43,7 +43,7 @@ class Config:
     levels: Levels = 8
     """Colour bins a channel."""
     even: bool = False
-    """See colours as if all were lit alike: each pixel over its largest channel."""
+    """Divide each pixel by its largest channel, as if all pixels were lit alike."""
     span: Annotated[float, Ge(0.5), Le(10)] = 1.5
     """Half axis of an Epanechnikov kernel, in cells; 1.5 has the widest basin."""
     inset: Inset = 0.03

@@ -66,12 +66,14 @@ class Config(SimilaritySettings):
     """The paper's tau: no descent where the filter's mean is farther from the target than this
     distance d_m."""
     trust: Annotated[float, Ge(0), Le(1000)] = 0.6
-    """The descent is believed up to this distance from the filter's mean, over the target's
-    size."""
+    """Largest distance of the descent's end from the filter's mean at which the end is used, over
+    the target's size.
+    """
     sudden: Annotated[float, Ge(0), Le(1000)] = 1.5
-    """A distance this many times the median of recent good frames is not believed at first if the
-    target seems to jump as well: so it is where something begins to hide it and draws the estimate
-    along. 0: it is believed."""
+    """If the distance exceeds this many times the median of recent good frames, and the estimate
+    jumps, the target counts as not seen at first: something begins to hide it and pulls the
+    estimate along. 0: no such check.
+    """
 
     @property
     def sampling(self) -> Sampling:
