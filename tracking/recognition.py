@@ -94,7 +94,8 @@ class Recogniser:
         return 1 / (1 + math.exp(self._logit))
 
     def learn(self, image: LabelledImage, state: State, doubt: float) -> None:
-        """Store the view at a state if the smoothed confidence and that of this frame are high.
+        """Store the view at a state if the smoothed confidence is at least 0.8, and that of this
+        frame above 0.5.
 
         Args:
             image: Current picture.

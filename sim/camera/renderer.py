@@ -36,8 +36,8 @@ PIXEL = 1e-5
 
 
 def camera_pose(data: mujoco.MjData, camera: int) -> Pose:
-    """Return T_world_camera (x right, y down, z forward) of a camera, by its id, as of the last
-    kinematics of `data`.
+    """Return T_world_camera (x right, y down, z forward) of a camera, by its id, as MuJoCo computed
+    it last in `data`.
     """
     return Pose(
         data.cam_xmat[camera].reshape(3, 3) @ VISION_FROM_MUJOCO, data.cam_xpos[camera].copy()

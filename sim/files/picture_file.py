@@ -74,8 +74,8 @@ def _read(data: bytes, flags: int) -> np.ndarray:
 
 
 def check_size(width: int, height: int, what: str = "the picture") -> None:
-    """Check that the sides of a picture [px] are at least 1 and at most `LARGEST_PICTURE`; `what`
-    names the picture in the message.
+    """Check that the sides of a picture [px] are at least 1 and at most 16,384; `what` names the
+    picture in the message.
 
     Raises:
         ValueError: A side is too long, or not positive.

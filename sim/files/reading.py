@@ -39,7 +39,7 @@ def content(path: Path, what: str, most: int) -> bytes:
     """Return the bytes of a regular file.
 
     Args:
-        path: Its path.
+        path: Path of the file.
         what: Kind of the file in messages, such as "truth".
         most: Largest size [bytes].
 
@@ -62,7 +62,7 @@ def text(path: Path, what: str, most: int) -> str:
     """Return the text of a regular UTF-8 file, without a byte order mark.
 
     Args:
-        path: Its path.
+        path: Path of the file.
         what: Kind of the file in messages, such as "truth".
         most: Largest size [bytes].
 

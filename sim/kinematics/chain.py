@@ -1,4 +1,6 @@
-"""The chain of joints from a robot's base to its flange, found in a model of any shape."""
+"""The chain of joints from a robot's base to its flange (the body or site that carries the camera),
+found in a model of any shape.
+"""
 
 import itertools
 import re

@@ -39,7 +39,8 @@ def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.
 
     Args:
         spec: The model, which is changed: unnamed bodies and joints get names, infinite limits are
-            removed or, if the other limit is finite, cut to `FARTHEST`, and static bodies are kept.
+            removed or, if the other limit is finite, cut to 10,000 [m, rad or deg], and static
+            bodies are kept.
         flange: Name of a body or site; an empty text selects the end of the longest chain.
         camera: Name of a camera of the model to use instead of the flange, or an empty text.
 

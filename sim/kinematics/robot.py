@@ -148,8 +148,8 @@ def own_name(name: str) -> str:
 
 
 def damped_inverse(J: Array, inversion: Inversion) -> Array:
-    """Return the inverse (n, 6) of a Jacobian (6, n), damped near singular poses: there the rates
-    stay finite, and the twist is not made exactly.
+    """Return the (pseudo-)inverse (n, 6) of a Jacobian (6, n), damped near singular poses: there
+    the rates stay finite, and the twist is not made exactly.
 
     After Nakamura and Hanafusa 1986: with s the smallest singular value and e = `weakest`, lambda^2
     = damping^2 (1 - (s / e)^2) where s < e, else zero; s_i becomes s_i / (s_i^2 + lambda^2).
@@ -277,8 +277,8 @@ class Robot:
         return step / np.log1p(step * strength / model.dof_M0[at])
 
     def posture(self, data: mujoco.MjData, twist: Array, accepted: Array | None = None) -> Posture:
-        """Return the robot's posture: camera pose, joint positions, limits and Jacobian, as of the
-        last kinematics.
+        """Return the robot's posture: camera pose, joint positions, limits and Jacobian, with the
+        poses that MuJoCo computed last in `data`.
 
         Args:
             data: MuJoCo's state, with the joint positions.
@@ -325,7 +325,7 @@ class Robot:
 
     def jacobian(self, data: mujoco.MjData) -> Array:
         """Return the Jacobian (6, n): the camera's twist per joint rate, in the camera frame (x
-        right, y down, z forward), as of the last kinematics.
+        right, y down, z forward), for the poses that MuJoCo computed last in `data`.
         """
         linear, angular = self._jacobians
         mujoco.mj_jacSite(self.model, data, linear, angular, self._site)
@@ -519,7 +519,7 @@ class Robot:
         Args:
             data: MuJoCo's state; its joint positions are set, even on failure.
             begin: Joint positions to begin from (n,) [m or rad].
-            T_world_camera: The desired camera pose, in the frame of `eye`.
+            T_world_camera: The desired camera pose; T_target_camera if the robot holds the target.
         """
         data.qpos[self.qpos] = begin
         for _ in range(STEPS):
@@ -545,19 +545,19 @@ class Robot:
         mujoco.mj_comPos(self.model, data)
 
     def eye(self, data: mujoco.MjData) -> Pose:
-        """Return the camera's pose as of the last kinematics: T_world_camera, or T_target_camera if
-        the robot holds the target.
+        """Return the camera's pose as computed last in `data`: T_world_camera, or T_target_camera
+        if the robot holds the target.
         """
         return self.mounting.eye(self.hand(data))
 
     def camera(self, data: mujoco.MjData) -> Pose:
-        """Return the camera's pose T_world_camera, as of the last kinematics of `data`."""
+        """Return the camera's pose T_world_camera, as computed last in `data`."""
         standing = self.mounting.standing
         return self.hand(data) if standing is None else standing
 
     def hand(self, data: mujoco.MjData) -> Pose:
-        """Return T_world_hand, the pose of the site `eye` (x right, y down, z forward), as of the
-        last kinematics.
+        """Return T_world_hand, the pose of the site `eye` (x right, y down, z forward), as computed
+        last in `data`.
         """
         rotation = data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO
         return Pose(rotation, data.site_xpos[self._site].copy())

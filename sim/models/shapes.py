@@ -20,7 +20,8 @@ def fill(shape: mujoco.MjsMesh, mesh: Triangles, material: Material | None) -> N
     Args:
         shape: The mesh of the model, which is changed.
         mesh: The triangles.
-        material: Their material; texture coordinates are added only if it has a picture.
+        material: Material of the triangles; texture coordinates are added only if it has a picture.
+            None: no material.
     """
     shape.file = ""
     shape.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # it may be flat

@@ -58,9 +58,9 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
     left, front right, rear right, with the front at +x and the left at +y.
 
     Args:
-        centre: Its middle (3,) [m].
-        length: Along the target's x [m].
-        width: Along the target's y [m].
+        centre: Centre of the rectangle (3,) [m].
+        length: Side along the target's x [m].
+        width: Side along the target's y [m].
     """
     a = length / 2
     b = width / 2

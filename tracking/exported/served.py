@@ -1,4 +1,6 @@
-"""Any tracker, ours or of another author, as a server shows it to a client: by reports."""
+"""Trackers, ours or of other authors, in the form in which a server shows them to a client: a
+report for each picture.
+"""
 
 from typing import final
 

@@ -1,7 +1,7 @@
 """A tracker of another author, a guest, as a `tracking.types.Tracker`.
 
-What a guest reports (`tracking.guests.report`) is the same whichever way it is connected: as a
-class, as a program, over TraX, as a network. Its own word decides whether the target is seen.
+A guest's reports (`tracking.guests.report`) have the same form for a class, a program, a server of
+TraX and a network. The guest itself reports whether it sees the target.
 """
 
 import math

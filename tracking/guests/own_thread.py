@@ -1,5 +1,5 @@
-"""A tracker of another author in a thread of its own, so that a tracker that never answers ends in
-one sentence; what it blocks is its thread.
+"""A tracker of another author in a thread of its own, so that a tracker that never answers gives an
+error after a time limit; only its thread stays blocked.
 """
 
 import contextvars

@@ -1,5 +1,6 @@
-"""A program of another author: its settings, and the connection to it. It is started and asked with
-time limits, and ended with its children when the connection is closed or our own process is killed.
+"""A program of another author: its settings, and the connection to it. The program is started and
+asked with time limits, and ended with its children when the connection is closed or our own process
+is killed.
 """
 
 import fcntl

@@ -60,12 +60,12 @@ def report_in(answer: object, name: str) -> Report:
 
     Args:
         answer: A box of left, top, width, height [px]; (ok, box), as OpenCV's trackers return; or a
-            mapping with some of `KEYS`. A box of zeros, or ok = False, means that the target is not
-            seen.
+            mapping with some of the keys box, angle, corners, seen and confidence. A box of zeros,
+            or ok = False, means that the target is not seen.
         name: Name of the tracker, to begin messages.
 
     Raises:
-        ValueError: The answer has another form, or one of its numbers is not possible.
+        ValueError: The answer has another form, or a number that is out of range.
     """
     if isinstance(answer, Mapping):
         return _of_mapping(cast("Mapping[object, object]", answer), name)

@@ -159,8 +159,8 @@ def _unrounded(box: Array, exact: Array, whole: Array) -> Array:
 
 
 def convention_of(tracker: Foreign) -> Convention:
-    """Return the convention of a tracker: GOT-10k's for a subclass of that toolkit's `Tracker`, and
-    where the second argument of `init` is named box or bbox; else OpenCV's.
+    """Return the convention of a tracker: "got10k" for a subclass of that toolkit's `Tracker`, and
+    where the second argument of `init` is named box or bbox; else "opencv".
     """
     if any(base.__module__.startswith("got10k.") for base in type(tracker).__mro__):
         return "got10k"

@@ -110,6 +110,10 @@ class Times:
     def since_first(self, stamp: int | None) -> float:
         """Return the time of the next picture since the first one [s], by its stamp [ns]; None: it
         has no stamp.
+
+        A picture without a stamp, or with the stamp of the last one, comes one period of the rate
+        after the last one. Stamps that go back a little are replaced by times that follow closely
+        after each other. If the source's clock was set, times continue one period after the last.
         """
         time = self._last + self._gap
         if stamp is not None:

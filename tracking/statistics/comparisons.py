@@ -139,6 +139,9 @@ def difference_of_shares(first: Array, second: Array) -> Interval:
     """Return the share of successes of the first minus that of the second, with its 95 % interval,
     whose ends are nan for a single repetition.
 
+    Bonett and Price, Adjusted Wald confidence interval for a difference of binomial proportions
+    based on paired data, 2012.
+
     Args:
         first: Successes (n,) of the first on n repetitions, 0 or 1.
         second: Successes (n,) of the second on the same repetitions, 0 or 1.

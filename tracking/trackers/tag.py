@@ -50,7 +50,8 @@ class Tag:
         self._detector = TagDetector()
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Find the tag nearest to the region, and record the region's corners in the tag's plane.
+        """Find the tag nearest to the region, and record the region's corners in the tag's plane;
+        those of the black square if the region is this square up to noise.
 
         Raises:
             ValueError: The region is not valid, or no tag is seen.

@@ -389,8 +389,8 @@ def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found:
 
 @compiled(error_model="numpy")
 def is_outside(middle: Array, radius: float, view: Array, height: int, width: int) -> bool:
-    """Return whether a ball lies completely outside the camera's view, beside the picture or behind
-    the camera.
+    """Return True if a ball lies completely outside the camera's view, behind the camera or beyond
+    one of the four planes through the camera and the sides of the picture.
 
     Args:
         middle: Centre of the ball (3,) in the camera's frame [m].
