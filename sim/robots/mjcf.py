@@ -108,14 +108,17 @@ class Config(Drives):
         for home in self.home:
             if len(home) != len(names):
                 raise ValueError(
-                    f"a home has {len(home)} values; it should have {len(names)}, for "
+                    f"home has {len(home)} joint positions; it should have {len(names)}, for "
                     f"{', '.join(names)}"
                 )
             for name, joint, at in zip(names, chain.joints, home, strict=True):
                 low, high = model.jnt_range[joint]
                 if model.jnt_limited[joint] and not low - AT_LIMIT <= at <= high + AT_LIMIT:
                     limits = f"{low:.3g} .. {high:.3g}"
-                    raise ValueError(f"a home has {name} at {at:g}, outside of its limits {limits}")
+                    raise ValueError(
+                        f"home has the joint {name} at {at:g}, outside of its limits {limits}: "
+                        "correct home"
+                    )
 
     def _speeds(self, names: tuple[str, ...], own: dict[str, float]) -> list[float | None]:
         if self.speed:
