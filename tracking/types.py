@@ -74,8 +74,9 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """Size of the rectangle around the target in the first frame [px]. A `State` gives the
-    rectangle's centre, angle and scale in any frame.
+    """Size of the rectangle around the target in the first frame [px], and, if they are known, the
+    target's corners (4, 2) there (`quad`). A `State` gives the rectangle's centre, angle and scale
+    in any frame.
     """
 
     width: float

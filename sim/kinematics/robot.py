@@ -492,8 +492,8 @@ class Robot:
         return free - np.linalg.pinv(J) @ (J @ free)
 
     def manipulability_gradient(self, J: Array, inverse: Array) -> Array:
-        """Return the gradient (n,) of log sqrt(det(J J^T)) (Yoshikawa 1985) by the joints, finite
-        in singular poses.
+        """Return the gradient (n,) of log sqrt(det(J J^T)) (Yoshikawa 1985) by the joint positions
+        [1/rad or 1/m], finite in singular poses.
 
         It is the trace of J+ dJ/dq_i. With v_j and w_j the columns of J (Haviland and Corke 2023,
         Manipulator Differential Kinematics, part 2, in the axes of the camera):
@@ -501,7 +501,7 @@ class Robot:
 
         Args:
             J: The Jacobian (6, n), as `jacobian` returns it.
-            inverse: Its damped inverse (n, 6).
+            inverse: Damped inverse (n, 6) of the Jacobian.
         """
         # Of the hand: a target that it holds moves against the camera.
         v, w = np.hsplit(self.mounting.sign * J.T, 2)

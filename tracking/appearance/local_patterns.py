@@ -164,8 +164,8 @@ class TextureBins:
 class TextureSettings(AppearanceSettings):
     """Settings of histograms over joint bins of colour and texture (uniform local binary patterns):
     colour bins of each channel, number of a pixel's neighbours and radius of their circle [px],
-    bins of pixels without texture (`rest`, as for `TextureBins`), and the share of textured pixels
-    below which colour alone is counted.
+    bins of pixels without texture (`rest`, as for `TextureBins`), and, for `rest` = "discard", the
+    share of textured pixels below which colour alone is counted.
     """
 
     traits = frozenset({Trait.COLOUR, Trait.TEXTURE})
@@ -185,9 +185,9 @@ class TextureSettings(AppearanceSettings):
     "discard" only, which would leave next to nothing."""
 
     def bins(self, image: Image, region: Region, state: State) -> Bins:
-        """Return the joint bins of colour and texture; or bins of colour alone if the share of
-        textured pixels of the target in the first picture `image` is below `least_texture`, because
-        few pixels in so many bins make a new histogram in each picture.
+        """Return the joint bins of colour and texture; or, for `rest` = "discard", bins of colour
+        alone if the share of textured pixels of the target in the first picture `image` is below
+        `least_texture`, because few pixels in so many bins make a new histogram in each picture.
         """
         joint = TextureBins(self.levels, self.neighbours, self.radius, self.rest)
         # The square in the middle: the corners of the region may show the ground.

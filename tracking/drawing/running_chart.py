@@ -32,7 +32,7 @@ POINTS = 72
 class Chart:
     """Settings of a chart over time: the colours of its curves by the names in the legend, the
     label of their common vertical axis, which begins at 0, and the ends of the time axis [s] and of
-    the vertical axis (None: the axis grows with the frames).
+    the vertical axis (None: the axis grows with the times or values).
     """
 
     curves: Mapping[str, str]

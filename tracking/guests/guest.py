@@ -100,8 +100,8 @@ class GuestSettings:
 class GuestTracker:
     """A `tracking.types.Tracker` around a tracker of another author.
 
-    The reported box gives centre and size of the state, a reported angle or corners its rotation;
-    the motion of the camera (`ego`) is not used.
+    Reported boxes or corners give centre and size of the state, reported angles or corners its
+    rotation; the motion of the camera (`ego`) is not used.
     """
 
     _guest: Guest = SET_BY_START

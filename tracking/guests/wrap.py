@@ -46,7 +46,9 @@ class Foreign(Protocol):
         """Learn the target in a box of the first picture; return False to refuse the box."""
 
     def update(self, image: Any, /) -> object:
-        """Return the target's box [px] in the next picture, (ok, box), or a mapping."""
+        """Return the target's box [px] in the next picture, (ok, box), or a mapping with some of
+        the keys box, angle, corners, seen and confidence.
+        """
 
 
 @final
@@ -202,8 +204,8 @@ class Wrapping:
         return TimedGuest(lambda: self.called(seed), self.name, **limits)
 
     def called(self, seed: int) -> Called:
-        """Return a new tracker, ready for the first picture. All its random numbers follow from the
-        seed: the tracker is the same in any process.
+        """Return a tracker, ready for the first picture: a new one of the class or function, whose
+        random numbers all follow from the seed, in any process; or the tracker that `factory` is.
 
         Raises:
             ValueError: The class needs arguments or makes no tracker, or the tracker's attribute

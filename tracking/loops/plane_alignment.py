@@ -221,13 +221,16 @@ def align(
     most: int,
     tolerance: float,
 ) -> tuple[Array, Array, float, float]:
-    """Return the homography H (3, 3) with I(H x) = gain T(x) + bias, by Gauss-Newton steps.
+    """Return the homography H (3, 3) with I(H x) = gain T(x) + bias for the points x of a template,
+    by Gauss-Newton steps.
 
     Args:
         image: Brightness (height, width).
         begin: H at first.
         light: Gain and bias at first.
-        level: The template, with brightness T.
+        level: The template: points x (m, 2) in a unit square, their brightness T (m,), its
+            derivatives by the eight parameters of H (m, 8), and the numbers of the points' cells
+            (m,).
         most: Largest number of steps.
         tolerance: Length of a step that ends the descent [sides of the template].
 

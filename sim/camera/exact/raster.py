@@ -188,9 +188,9 @@ def edges_of(corners: Array, found: Array) -> None:
 
 @compiled(error_model="numpy")
 def row_of(edges: Array, middle: float, width: int) -> tuple[int, int]:
-    """Return the first column of a triangle in a row of pixels, and the column after its last [px];
-    twice 0 if it covers no pixel of the row. Triangles that share an edge neither overlap nor leave
-    a gap.
+    """Return the first column of a triangle in a row of pixels, and the column after its last [px],
+    which are equal if it covers no pixel of the row. Triangles that share an edge neither overlap
+    nor leave a gap.
 
     Args:
         edges: The triangle's edges (3, 4), from `edges_of`.
