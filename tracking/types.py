@@ -148,6 +148,10 @@ class Estimate:
     """Result of a tracker for one frame: state in the image; its covariance (4, 4) in x, y [px],
     theta [rad] and ln scale; distance from the target's appearance, 0..1; status; whether angle and
     size are followed; and corners (4, 2) [px] if the tracker finds them.
+
+    `evaluations` is the number of histograms computed. A particle filter adds its particles (N, 5),
+    x, y [px], theta [rad], scale and weight, and their effective sample size `ess`. `likely_scale`
+    is the scale that a control loop uses if it rejects that of `state`.
     """
 
     state: State
