@@ -29,10 +29,13 @@ Channels = frozenset[Channel]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """Data of one picture that a component (tracker, estimator, controller) is given: the RGB
-    picture (H, W, 3), depths (H, W) [m], truth, the target's own motion as the mean rate (k,) of k
-    scaled features, and whether it is seen. None stands for a channel that the component has not
-    declared, or whose data are unknown.
+    """Data of one picture for a component (tracker, estimator, controller); None stands for data
+    that the component's settings do not declare in `needs`, or that are unknown.
+
+    Besides the RGB picture (H, W, 3) and depths along the optical axis (H, W) [m] these are the
+    target's exact state in the picture (`truth`), the rate (k,) [1/s] at which its own motion
+    changes the k scaled features of the control law (`true_motion`, a mean over the time in which
+    the next command acts), and whether the target is seen.
     """
 
     picture: Image | None = None

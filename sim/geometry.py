@@ -86,8 +86,8 @@ def exp_se3(xi: Array) -> Pose:
 
 
 def adjoint(T_a_b: Pose) -> Array:
-    """Return the matrix (6, 6) that converts a rigid body's twist in frame b to its twist in frame
-    a.
+    """Return the matrix (6, 6) that converts a rigid body's twist (v, w) in frame b to its twist in
+    frame a.
     """
     R = T_a_b.rotation
     return np.block([[R, skew(T_a_b.translation) @ R], [np.zeros((3, 3)), R]])
@@ -119,8 +119,8 @@ def tilt(rotation: Array) -> float:
 
 
 def is_rotation(R: Array, tolerance: float) -> bool:
-    """Return whether a matrix (3, 3) of finite numbers is a rotation: no entry of R R^T may differ
-    from the identity by more than the tolerance.
+    """Return whether a matrix (3, 3) of finite numbers is a rotation: its determinant is positive,
+    and no entry of R R^T differs from the identity by more than the tolerance.
     """
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
     volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
@@ -140,8 +140,9 @@ def inverse(A: Array) -> Array:
 
 
 def inverse_if_strong(A: Array, weakest: float) -> Array | None:
-    """Return the inverse of a square matrix if its norm proves that no singular value s is below
-    `weakest`, by 1 / s <= |A^-1|; else None. This is faster than a singular value decomposition.
+    """Return the inverse of a square matrix if the inverse's norm proves that no singular value is
+    below `weakest` (each is at least 1 / |A^-1|); None if it does not prove this, or if the matrix
+    is singular. This is faster than a singular value decomposition.
     """
     try:
         plain = inverse(A)

@@ -32,7 +32,9 @@ class BrokenPart(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Installed:
-    """A kind of component, such as a tracker, that an installed package adds."""
+    """A kind of component that an installed package adds, such as a tracker: its entry point's
+    group and name (`kind`), the package's name and version, and the path to import, "module:Class".
+    """
 
     group: str
     """Group of its entry point, such as "servobench.trackers"."""
@@ -50,10 +52,10 @@ GROUPS = "servobench."
 
 @functools.cache  # looking through 130 packages takes 3 ms
 def entries() -> tuple[Installed, ...]:
-    """Return the kinds that all installed packages add.
+    """Return the kinds of component (trackers, controllers, ...) that all installed packages add.
 
-    A package whose metadata are damaged adds no kind, and hides no other package, as it would in
-    `importlib.metadata.entry_points`. Of two packages with the same name, the first one counts.
+    A package with damaged metadata is skipped, while `importlib.metadata.entry_points` would fail
+    for all. Of two packages with the same name, the first one found counts.
     """
     found = dict[str, list[Installed]]()
     for package in metadata.distributions():
@@ -77,15 +79,17 @@ def _kinds_of(package: metadata.Distribution) -> list[Installed]:
 
 
 def installed(group: str) -> tuple[Installed, ...]:
-    """Return the kinds that packages add to a group of entry points such as "servobench.trackers",
-    sorted.
+    """Return the kinds of component that packages add to a group of entry points such as
+    "servobench.trackers", sorted by kind and package.
     """
     added = (kind for kind in entries() if kind.group == group)
     return tuple(sorted(added, key=lambda k: (k.kind, k.package)))
 
 
 def packages() -> dict[str, str]:
-    """Return the version of each installed package that adds kinds, by the package's name."""
+    """Return the version of each installed package that adds kinds of component, by the package's
+    name.
+    """
     return {kind.package: kind.version for kind in entries()}
 
 

@@ -74,7 +74,9 @@ class KeptOutOfFiles(Protocol):
 
 
 def not_from_file(config: object) -> tuple[str, ...]:
-    """Return the names of the settings of a `Config`, or of its class, that a file may not give."""
+    """Return the names of the settings of a `Config`, or of its class, that a file may not give,
+    only the command line or Python; () if a file may give all.
+    """
     return config.not_from_file if isinstance(config, KeptOutOfFiles) else ()
 
 
@@ -137,14 +139,15 @@ class Kinds(Generic[Config]):
         return sorted([*self._own(), *self._added()])
 
     def package_of(self, kind: str) -> str:
-        """Return the package and version that a kind comes from; an empty text for a kind of
-        servobench.
+        """Return the name and version of the package that adds a kind, such as "my-package 1.2"; an
+        empty text for a kind of servobench.
         """
         found = self._added().get(kind)
         return "" if found is None else f"{found.package} {found.version}"
 
     def config(self, kind: str, preset: str | None = None, /, **settings: object) -> Config:
-        """Return the settings of a kind: those given, then those of the preset, then its defaults.
+        """Return the settings of a kind of component: its defaults, of which a preset's values
+        replace some, and the given settings replace these.
 
         Raises:
             UnknownKind: There is no such kind or preset.
@@ -180,8 +183,8 @@ class Kinds(Generic[Config]):
             return found
         if (adapted := self._adapt(found)) is not None:
             return adapted
-        what = f"'{name}' is no Config: that is a dataclass with a method build(rng)"
-        raise UnknownKind(f"{what}; nor has it {self._plain}" if self._plain else what)
+        what = f"'{name}' is no Config: a Config is a dataclass with a method build(rng)"
+        raise UnknownKind(f"{what}; it also lacks {self._plain}" if self._plain else what)
 
     def preset(self, kind: str, name: str) -> Settings:
         """Return the values that a preset gives to settings of a kind, by the settings' names;
@@ -208,8 +211,9 @@ class Kinds(Generic[Config]):
         return getattr(importlib.import_module(config.__module__) if own else config, "PRESETS", {})
 
     def named(self, text: str) -> dict[str, str]:
-        """Return the scenario's table {"kind": ..., "preset": ...} for "kind" or "kind:preset"; the
-        kind may be "package:kind" for another package's, or "module:Name" for a class to import.
+        """Return the table {"kind": ..., "preset": ...} of a scenario for the text "kind" or
+        "kind:preset"; the kind may be "package:kind" for an installed package's, or "module:Name"
+        for a class to import.
         """
         kind, *rest = text.split(":")
         if kind and rest and kind not in self.names():
@@ -217,8 +221,8 @@ class Kinds(Generic[Config]):
         return {"kind": Trusted(kind)} | ({"preset": ":".join(rest)} if rest else {})
 
     def summary(self, kind: str) -> str:
-        """Return the first sentence of the kind's file, read without importing what it needs; of
-        another package's kind, that of its class.
+        """Return the first paragraph of the docstring of the kind's file, on one line, read without
+        importing the file; for another package's kind, that of its class, or else of the module.
 
         Raises:
             UnknownKind: There is no such kind.
@@ -231,8 +235,8 @@ class Kinds(Generic[Config]):
         return next(filter(None, map(_first_sentence, [*classes, tree])), "")
 
     def kind_at(self, path: str) -> str | None:
-        """Return the kind whose entry point in this folder leads to the class at `path`,
-        "module:Class"; None without one.
+        """Return the name of the kind that an installed package adds to this folder with the path
+        `path`, "module:Class"; None if no entry point has this path.
         """
         return next((name for name, found in self._added().items() if found.path == path), None)
 
@@ -275,9 +279,9 @@ _REGISTERED: dict[str, Kinds[object]] = {}
 
 
 def kind_of(config: object) -> str:
-    """Return the kind of settings (a `Config`): the name of its file in a folder of kinds, or that
-    of its entry point, or "module:Class". A class that stands for another object gives its kind by
-    a class attribute `kind` that is no field.
+    """Return the kind that settings (a `Config`) belong to: the name of their class's file in a
+    folder of kinds, or that of its entry point, or "module:Class". A class that stands for another
+    object gives its kind by a class attribute `kind` that is no field.
     """
     of = type(config)
     package, _, name = of.__module__.rpartition(".")
@@ -290,13 +294,12 @@ def kind_of(config: object) -> str:
 
 
 def checked(config: Config, place: str) -> Config:
-    """Return settings that were made in Python after a check of their types and ranges by their
-    annotations, on which the compiled loops rely; settings with types of their own are returned
-    unchecked.
+    """Return settings that were made in Python after a check of their types and ranges, as their
+    annotations give them; settings whose annotations cannot be checked are returned unchecked.
 
     Args:
         config: The settings, a dataclass.
-        place: Name of their table, for the message.
+        place: Name of the settings' table in the message, such as "tracker".
 
     Raises:
         ValueError: A setting has a wrong type, or is out of range.

@@ -26,7 +26,10 @@ target shall be, to the right of the tag; chosen by hand."""
 class LeaderConfig:
     """Settings of the leader, a moving tag, and the desired pose of the held target relative to it.
 
-    Poses are x, y, z [m] and roll, pitch, yaw [deg].
+    The tag is an AprilTag 36h11 with the number `id` (None: no leader) and a black square of the
+    side `size` [m]. `on` is its pose in the frame that the scenario's motion moves, `beside` the
+    desired pose of the target that the robot holds, relative to the tag. Poses are x, y, z [m] and
+    roll, pitch, yaw [deg].
     """
 
     id: Annotated[int, Ge(0), Le(586)] | None = None
@@ -34,12 +37,14 @@ class LeaderConfig:
     size: Length = 0.12
     """Side of the tag's black square [m]."""
     on: Pose6 = UPRIGHT
-    """The tag on what `[motion]` moves: x, y, z [m], roll, pitch, yaw [deg] about fixed axes; with
-    zeros it lies on the table, its nose ahead."""
+    """Pose of the tag in the frame that `[motion]` moves: x, y, z [m], roll, pitch, yaw [deg] about
+    fixed axes; with zeros it lies on the table, its nose ahead.
+    """
     beside: Pose6 = BESIDE
-    """Where the held target shall be, seen from the tag: x along the tag's nose, y to the right of
-    it as its viewer sees it, z away from the viewer [m], roll, pitch, yaw [deg]; zeros for the
-    angles: as the tag is turned."""
+    """Desired pose of the held target relative to the tag: x along the tag's nose, y to the right
+    of it as its viewer sees it, z away from the viewer [m], roll, pitch, yaw [deg]; zeros for the
+    angles: turned as the tag is.
+    """
 
     def leads(self, outline: Array) -> "Leader | None":
         """Return the leader for a held target whose reference rectangle has the corners (4, 3) [m]
@@ -55,8 +60,8 @@ class LeaderConfig:
 
 @dataclass(frozen=True, slots=True)
 class Leader:
-    """A moving tag, and its pose and the desired pose of the held target in the frame that
-    moves.
+    """A moving tag, its pose, and the desired pose of the held target; both poses are in the frame
+    that the scenario's motion moves.
     """
 
     tag: Target

@@ -23,7 +23,9 @@ class BelievedConfig:
 
     Factors are believed over true values; shifts and offsets are believed minus true ones. The
     principal point is in px, the hand-eye rotation a rotation vector [deg] and its translation [mm]
-    in the true camera's frame, joint offsets in m or rad, the clock in ms.
+    in the true camera's frame, joint offsets in m or rad, the clock in ms. `goal` tells how the
+    robot knows the goal: "computed" with the believed camera, "shown" as corners by the true camera
+    at the true goal, or as the target's "pose" there.
     """
 
     fx_factor: Annotated[float, Ge(0.1), Le(10)] = 1.0
@@ -46,14 +48,17 @@ class BelievedConfig:
     joint_offsets: EachJoint = 0.0
     """Believed minus true joint positions, one for all or one each [m or rad]."""
     clock_offset_ms: Annotated[float, Ge(-60_000), Le(60_000)] = 0.0
-    """A picture's time stamp minus its true time [ms]: the robot pairs the picture with where it
-    was at the stamp, or with its newest posture."""
+    """A picture's time stamp minus its true time [ms]: the robot pairs the picture with its posture
+    at the time of the stamp, or with its newest posture.
+    """
     depth_factor: Annotated[float, Ge(0.01), Le(100)] = 1.0
-    """The depth that the matrix of moments, points and segments is computed with, over the right
-    one: the gain of translations is wrong by the same factor."""
+    """Depth in the interaction matrix of moments, points and segments, over the true depth: the
+    gain of translations is wrong by the same factor.
+    """
     size_factor: Annotated[float, Ge(0.01), Le(100)] = 1.0
     """Believed over true length of the target's sides: the camera then ends too near or too far,
-    but with sight.depth = "picture"."""
+    except with sight.depth = "picture".
+    """
 
     def __post_init__(self) -> None:
         if self.size_factor != 1.0 and self.goal == "shown":
@@ -84,7 +89,7 @@ class BelievedConfig:
 
     @property
     def hand_eye(self) -> Pose:
-        """Return T_camera_believed: the believed camera's pose in the true camera's frame."""
+        """T_camera_believed: the believed camera's pose in the true camera's frame."""
         turn = exp_so3(np.radians(self.hand_eye_rotation_deg))
         return Pose(turn, np.array(self.hand_eye_mm) / 1e3)
 
@@ -139,6 +144,12 @@ class BelievedRobot:
         that the robot believes them to make, and the joints whose limits changed it, such as "elbow
         (range)". All is computed by the robot's wrong model; joints that really stand at an end of
         their range are added.
+
+        Args:
+            data: MuJoCo's state, with the true joint positions.
+            twist: The commanded twist (6,) in the camera frame [m/s, rad/s].
+            hold: Time for which the rates hold [s].
+            before: The rates (n,) before these [m/s or rad/s], for acceleration limits.
         """
         self._read(data)
         rates, made, limits = self._robot.rates(self._data, twist, hold, before)
@@ -157,6 +168,11 @@ class BelievedRobot:
     def posture(self, data: mujoco.MjData, accepted: Array | None) -> Posture:
         """Return the posture that the robot computes from its encoders; its twist is the mean since
         the last call.
+
+        Args:
+            data: MuJoCo's state, with the true joint positions.
+            accepted: Mean camera twist (6,) that the drives were set to since the last frame, in
+                the camera frame [m/s, rad/s]; None: unknown.
         """
         self._read(data)
         eye = self._robot.eye(self._data)
@@ -184,8 +200,8 @@ class BelievedRobot:
 def as_believed(
     robot: Robot, design: Design, believed: BelievedConfig, rng: np.random.Generator | None
 ) -> Robot | BelievedRobot:
-    """Return the robot with its calibration and drive errors; the given robot itself if it has
-    none.
+    """Return a robot with the errors of calibration, encoders and backlash that its settings give;
+    the given robot itself if they are all zero. `rng` draws the noise of the encoders.
     """
     d = design.drives
     errors = [np.ravel(each) for each in (d.encoder_noise, d.encoder_step, d.backlash)]

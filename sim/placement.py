@@ -142,8 +142,8 @@ def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> N
 
 
 def truth_above(camera: Camera, outline: Array, pixel: Array, theta: float, depth: float) -> Truth:
-    """Return the truth of a target at the world's origin, seen by a camera that looks straight
-    down.
+    """Return the truth of a target at the world's origin, with its nose along world x, seen by a
+    camera that looks straight down.
 
     Args:
         camera: Intrinsics.

@@ -27,8 +27,8 @@ def config_for(part: object, make: Callable[..., object], **attributes: object) 
     """Return a `Config` class for a component given as a class, a function, or an object.
 
     Args:
-        part: Its arguments with a hashable default are the settings, except those named in
-            `RESERVED` and `DRAWN`; an object has no settings.
+        part: The component. The settings are the arguments of a class or function with a hashable
+            default, except kind, preset, build, self, rng and seed; an object has no settings.
         make: Function that returns the part; it gets the settings by name, and `rng` or `seed` if
             `part` has an argument of that name.
         **attributes: Further attributes of the class.

@@ -66,7 +66,9 @@ class Disturbance(Protocol):
     """Props that it needs in the scene: "second_target", or "spot" for a finely lit table."""
 
     def at(self, time: float) -> Effect:
-        """Return the effect at a time since the start of the run [s]."""
+        """Return what the disturbance changes at a time since the start of the run [s]; `Effect()`
+        if it changes nothing.
+        """
         ...
 
 
@@ -105,7 +107,9 @@ class Stage:
         return reduce(or_, (d.at(time) for d in self._disturbances), Effect())
 
     def target(self, time: float) -> Pose:
-        """Return T_world_target at a time [s]; if the robot holds the target, its present pose."""
+        """Return T_world_target at a time of the run [s]; if the robot holds the target, its
+        present pose.
+        """
         return self._mounting.target(self._at(time), self._hand)
 
     def goal(self, time: float) -> Pose | None:
@@ -115,7 +119,8 @@ class Stage:
         return None if self._leader is None else self._at(time) @ self._leader.T_moved_goal
 
     def place(self, data: mujoco.MjData, time: float, eye: Pose) -> None:
-        """Move target, leader, board and lamp to where they are at a time of the run.
+        """Move target, leader, board and second target, and set the lights, as they are at a time
+        of the run.
 
         Args:
             data: MuJoCo's state, whose mocap bodies and lights are set.

@@ -44,7 +44,11 @@ LAMP_STRENGTH = 0.5
 
 @dataclass(frozen=True, slots=True)
 class GroundConfig:
-    """Settings of the picture on the table's top, which is repeated every `tile` metres."""
+    """Settings of the picture on the table's top, which is repeated every `tile` metres.
+
+    `kind` is a shipped picture, or "picture" for that in `file`; "wood" covers the whole table
+    once.
+    """
 
     kind: Literal["wood", "concrete", "carpet", "checker", "noise", "picture"] = WOOD
     """A shipped picture, or "picture": that of `file`."""
@@ -62,7 +66,7 @@ class GroundConfig:
         """Return the picture of the ground as RGB (H, W, 3).
 
         Raises:
-            ValueError: It cannot be read.
+            ValueError: The picture is missing or cannot be read.
         """
         return read_image(file_of(self.file or self.kind, "grounds", ".png", "ground.kind"))
 
@@ -71,7 +75,9 @@ class GroundConfig:
 class ClutterConfig:
     """Settings of the flat objects and toys on the table.
 
-    Positions and colours of the flat objects are random, by the seed of the run.
+    `number` objects of a shape lie flat, at random places and in random colours, by the seed of the
+    run; the share `alike` of them has colours of the target. `toys` keeps the twelve objects that
+    stand on the table.
     """
 
     number: Annotated[int, Ge(0), Le(500)] = 0
@@ -86,7 +92,11 @@ class ClutterConfig:
 
 @dataclass(frozen=True, slots=True)
 class LightConfig:
-    """Settings of the lamp over the table: direction [deg], factor on its brightness, colour."""
+    """Settings of the lamp over the table: direction [deg], factor on its brightness, colour.
+
+    The direction to the lamp is given by its azimuth, from world x towards y, and its elevation
+    over the horizon.
+    """
 
     azimuth_deg: Degrees = 50.2
     """Direction to the lamp, from world x towards y [deg]."""

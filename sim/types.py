@@ -104,8 +104,8 @@ class Pose:
 
     @staticmethod
     def planar(x: float, y: float, heading: float) -> Pose:
-        """Return the pose T_world_object of an object on the table: position x, y [m] and heading
-        about world z [rad].
+        """Return the pose T_world_object of an object on the table: position x, y [m] at z = 0, and
+        heading, from world x towards y [rad].
         """
         c = np.cos(heading)
         s = np.sin(heading)
@@ -123,19 +123,25 @@ class Pose:
         return Pose(self.rotation @ other.rotation, self.apply(other.translation))
 
     def inverse(self) -> Pose:
-        """Return the inverse transform T_b_a of T_a_b."""
+        """Return the inverse transform T_b_a of a pose T_a_b."""
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 
     def apply(self, points: Array) -> Array:
-        """Return points (..., 3) [m], given in frame b, in frame a."""
+        """Return the coordinates in frame a of points (..., 3) [m] given in frame b, for a pose
+        T_a_b.
+        """
         return points @ self.rotation.T + self.translation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posture:
     """A robot's own knowledge at one moment: its camera's pose in the room, joint positions and
-    limits [m or rad], joint rates [m/s or rad/s], and camera twists (6,) in the camera frame [m/s,
-    rad/s].
+    limits [m or rad], limits of joint rates [m/s or rad/s], and camera twists (6,) in the camera
+    frame [m/s, rad/s].
+
+    Of the twists, `twist` is the measured one, `asked` the commanded one and `accepted` the part of
+    it that the joint limits allow, all means since the last frame; `under_way` has commands that
+    have not acted yet, each with its duration [s].
     """
 
     T_base_camera: Pose
@@ -172,8 +178,8 @@ class Posture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """One picture of the camera, RGB (H, W, 3), with its time [s] and perhaps depths (H, W) [m]; it
-    holds nothing of the truth.
+    """One picture of the camera, RGB (H, W, 3), with its time [s], its number, and perhaps depths
+    (H, W) [m]; the camera's last picture again, with `fresh` = False, if it delivered no new one.
     """
 
     image: Image
@@ -236,8 +242,9 @@ class Spot:
 @dataclass(frozen=True, slots=True)
 class Effect:
     """The combined effect of all disturbances at one time: factors on image and lamp brightness, a
-    spot light, the board's distance from the line of sight [m], a second target, and a dropped
-    frame.
+    spot light (None: off), the board's sideways distance from the line of sight [m] (None: no
+    board), the pose T_world_target of a second target (None: absent), and whether the camera drops
+    the frame.
     """
 
     gain: float = 1.0

@@ -42,7 +42,11 @@ UNSTABLE = tuple(
 
 @dataclass(frozen=True, slots=True)
 class WorldConfig:
-    """Settings of the simulation: physics and drive rates [Hz], and measuring of visibility."""
+    """Settings of the simulation: physics and drive rates [Hz], and measuring of visibility.
+
+    With `visibility`, each frame measures which fraction of the target's silhouette in the picture
+    is not hidden by other bodies, by two more renderings.
+    """
 
     physics_rate: Annotated[float, Ge(240), Le(100_000)] = 480.0
     """Physics steps a second [Hz]; a few more where the camera's rate does not divide it."""
@@ -75,8 +79,10 @@ class Unstable(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """The state of the world at the time of one frame: picture, truth, postures, body poses (n, 3,
-    4) in the world, and joint rates (n,) [m/s or rad/s].
+    """The state of the world at the time of one frame: a function that waits for the picture; the
+    target's exact pose and projection, now and at its goal (None without a leader); T_world_target
+    one frame interval ago; the robot's exact and believed postures; body poses (n, 3, 4) in the
+    world; and joint rates (n,) [m/s or rad/s].
     """
 
     picture: Callable[[], Frame]
@@ -187,10 +193,12 @@ class World:
             depth: Desired distance along the optical axis, before the tilt [m].
             tilt: Angle by which the camera is then moved around the target's centre [rad].
             towards: Direction in the picture to which it is moved, from +u towards +v [rad].
-            way: Returns the camera poses that follow, on which no joint should reach a limit.
+            way: Function that returns the camera poses that follow, on which no joint should reach
+                a limit; None: no path follows.
 
         Raises:
-            ValueError: No camera sees the target there.
+            ValueError: At the desired pose the camera would be below the table's top, or would not
+                see the target's front.
         """
         target = self._target_seen()
         heading = float(np.arctan2(target.rotation[1, 0], target.rotation[0, 0]))
@@ -207,10 +215,12 @@ class World:
         Args:
             T_camera_object: Pose of the rectangle's own frame: its origin in the centre, x along
                 the target's nose, z away from a viewer of its front.
-            way: Returns the camera poses that follow, on which no joint should reach a limit.
+            way: Function that returns the camera poses that follow, on which no joint should reach
+                a limit; None: no path follows.
 
         Raises:
-            ValueError: No camera sees the target there.
+            ValueError: At the desired pose the camera would be below the table's top, or would not
+                see the target's front.
         """
         target = self._target_seen()
         return self._go(placement.camera_facing(self.outline, target, T_camera_object), way)
@@ -223,7 +233,8 @@ class World:
             time: Time since the start of the run [s].
             T_camera_object: Desired pose of the target's rectangle in the camera frame; not used
                 with a leader.
-            turns: True if the camera turns with the target.
+            turns: True: the camera turns with the target; False: its orientation stays that at the
+                start of the run.
         """
         led = self._stage.goal(time)
         if led is not None:
@@ -262,6 +273,9 @@ class World:
         Args:
             twists: Commanded camera twist (6,) in the camera frame [m/s, rad/s], or one for each of
                 the `ticks` (n, 6).
+
+        Raises:
+            Unstable: The simulated physics diverged.
         """
         before = self.robot.eye(self.data)
         each = np.broadcast_to(twists, (len(self.ticks), 6))
@@ -370,10 +384,10 @@ class World:
         return placement.truth(self.camera, self.outline, self._eye_at, goal)
 
     def target_at(self, time: float) -> Pose:
-        """Return T_world_target at a time [s].
+        """Return T_world_target at a time of the run [s].
 
-        If the robot holds the target, only the motion of its goal counts: the returned pose has the
-        same error to the present goal as the target has to the goal at that time.
+        If the robot holds the target, only the motion of the goal counts: the returned pose has the
+        same error to the present goal as the held target has to the goal at that time.
         """
         target = self._stage.target(time)
         now = self._stage.goal(self.data.time)

@@ -149,7 +149,7 @@ def test_a_broken_tracker_gets_its_sentence(sentence):
     [
         ("nothing", "there is no kind 'nothing'; there is annealed"),
         ("no.such:Name", "'no.such:Name' cannot be imported: No module named 'no'"),
-        (3, "'3' is no Config: that is a dataclass with a method build(rng)"),
+        (3, "'3' is no Config: a Config is a dataclass with a method build(rng)"),
     ],
 )
 def test_what_is_no_part_is_a_sentence(part, sentence):

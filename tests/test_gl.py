@@ -204,7 +204,8 @@ def test_an_opengl_that_is_too_old_is_a_sentence():
     assert done.returncode == 2
     assert re.fullmatch(
         r"servobench: MuJoCo cannot render with the OpenGL of this machine \(.*, 1\.4 Mesa.*\): "
-        r"OpenGL version 1\.5 or higher required\.\n",
+        r"OpenGL version 1\.5 or higher required; "
+        r'set camera\.renderer = "exact"\.\n',
         done.stderr,
     )
 

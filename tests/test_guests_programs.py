@@ -102,8 +102,8 @@ LIES = {
     "say('{nothing}')": "answered {nothing}, which is no JSON: Expecting property name enclosed in "
     "double quotes: line 1 column 2 (char 1)",
     "say('{\"a\":' * 200_000)": "which is no JSON: too deep",
-    "say({'gives': 3})": "declares that it gives 3; there is size, angle, corners",
-    "say({'gives': ['depth']})": "declares that it gives 'depth'; there is size, angle, corners",
+    "say({'gives': 3})": "declares that it gives 3; it may give size, angle, corners",
+    "say({'gives': ['depth']})": "declares that it gives 'depth'; it may give size, angle, corners",
     "say({'error': 'out\\nof memory'})": "refused: out of memory",
     "time.sleep(60)": "did not send a line of JSON within 0.4 s",
     "while True: say('noise')": "did not send a line of JSON within 0.4 s",

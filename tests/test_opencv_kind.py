@@ -114,7 +114,8 @@ def test_a_model_of_another_tracker_is_named(vit, tmp_path):
         ({"model": "a.onnx"}, "OpenCV's MIL has no model file; the number given is 1"),
         (
             {"least_confidence": 0.3},
-            "OpenCV's MIL reports no confidence, but least_confidence = 0.3 needs one",
+            "OpenCV's MIL reports no confidence, but least_confidence = 0.3 needs one: "
+            "set least_confidence to 0",
         ),
     ],
 )

@@ -157,7 +157,7 @@ def test_names_that_two_packages_use_are_written_with_the_package(package):
         ("Plain", "'x' has a method build(rng), but is no dataclass of settings: make it one"),
         (
             "VALUE",
-            "'x' is no Config: that is a dataclass with a method build(rng); nor has it the two "
+            "'x' is no Config: a Config is a dataclass with a method build(rng); it also lacks the two "
             "methods init(image, box) and update(image)",
         ),
         (

@@ -35,7 +35,7 @@ def test_values_that_are_equal_count_as_the_same(values, twice):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('x,y,w,h\n"1"2,3,4,5\n', "this is not CSV: "),
+        ('x,y,w,h\n"1"2,3,4,5\n', "this is not a valid CSV file: "),
         ("x,y,w,h\n", ": this truth file is empty"),
     ],
 )

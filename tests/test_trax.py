@@ -147,7 +147,7 @@ UNKNOWN = "which is neither a rectangle nor a polygon nor a mask"
         ),
         (
             "good 4 rectangle path colour",
-            "declares that it gives 'colour'; there is size, angle, corners",
+            "declares that it gives 'colour'; it may give size, angle, corners",
         ),
         (
             "good 4 rectangle url",

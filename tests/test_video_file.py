@@ -138,7 +138,7 @@ def test_a_video_too_large_for_memory_is_refused_by_its_header(tmp_path, monkeyp
 def test_a_video_whose_frames_have_no_size_is_refused(tmp_path):
     path = tmp_path / "film.gif"
     path.write_bytes(b"GIF89a" + struct.pack("<HH", 30_000, 30_000) + film("gif")[10:])
-    assert refusal(path) == "no frame of this video can be decoded"
+    assert refusal(path) == "no frame of this video can be decoded: give another file"
 
 
 def test_a_rate_that_is_none_is_refused(tmp_path):
@@ -259,7 +259,10 @@ def test_damage_that_ffmpeg_prints_and_hides_is_said(tmp_path, form, codec, leas
 def test_a_codec_that_ffmpeg_lacks_is_one_sentence(tmp_path):
     path = tmp_path / "film.mkv"
     path.write_bytes(film("matroska").replace(b"V_MPEG4/ISO/ASP", b"V_MPEG4/ISO/XXX"))
-    assert refusal(path) == "FFmpeg here has no decoder for the compression of this video"
+    assert (
+        refusal(path)
+        == "FFmpeg here has no decoder for the compression of this video: convert it to H.264"
+    )
 
 
 @pytest.mark.newest

@@ -129,7 +129,7 @@ def test_what_is_declared_counts_from_the_first_picture_on_and_nothing_else_does
     with pytest.raises(ValueError) as refused:
         follow(wrap(Wrong, name="theirs")())
     assert str(refused.value) == (
-        "theirs declares that it gives 'depth'; there is size, angle, corners"
+        "theirs declares that it gives 'depth'; it may give size, angle, corners"
     )
 
 

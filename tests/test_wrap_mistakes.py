@@ -143,7 +143,10 @@ class Refusing(Moving):
         ),
         (NoUpdate, "theirs: NoUpdate lacks init(image, box) or update(image)"),
         (dict, "theirs: dict lacks init(image, box) or update(image)"),
-        (Refusing, "theirs: init refused the region x, y, width, height = (40, 30, 30, 20)"),
+        (
+            Refusing,
+            "theirs: init refused the region x, y, width, height = (40, 30, 30, 20): give another region",
+        ),
     ],
 )
 def test_what_is_no_tracker_is_refused(kind, message):
@@ -156,14 +159,14 @@ def test_a_confidence_that_is_to_judge_must_be_there():
     with pytest.raises(ValueError) as refused:
         follow(wrap(Moving, name="theirs")(least_confidence=0.5))
     assert str(refused.value) == (
-        "the tracker reports no confidence, but least_confidence = 0.5 needs one"
+        "the tracker reports no confidence, but least_confidence = 0.5 needs one: set least_confidence to 0"
     )
 
 
 def test_a_convention_or_a_confidence_that_is_not_there_is_refused():
     with pytest.raises(ValueError) as refused:
         wrap(Moving, convention="vot", name="theirs")
-    assert str(refused.value) == "theirs: there is no convention 'vot'; there is opencv, got10k"
+    assert str(refused.value) == "theirs: there is no convention 'vot'; known are opencv, got10k"
     with pytest.raises(ValueError) as refused:
         follow(wrap(Moving, confidence="sure", name="theirs")())
     assert (

@@ -62,10 +62,10 @@ WRONG = {
     'camera = "eye"\nflange = "tool"': "camera is given together with flange or mount: give either "
     "camera, or flange and mount",
     "home = [[0, 0, 0, 0, 0, 0, 0]]": (
-        "a home has 7 values; it should have 6, for pan, lift, elbow, wrist_1, wrist_2, wrist_3"
+        "home has 7 joint positions; it should have 6, for pan, lift, elbow, wrist_1, wrist_2, wrist_3"
     ),
     "home = [[0, 0, 0, 0, 0, 0], [0, -90, 90, 0, 0, 0]]": (
-        "a home has lift at -90, outside of its limits -6.28 .. 6.28"
+        "home has the joint lift at -90, outside of its limits -6.28 .. 6.28: correct home"
     ),
     "speed = [1.0, 2.0]": (
         "speed has 2 values; it should have one, or 6 for pan, lift, elbow, wrist_1, wrist_2, "
@@ -282,7 +282,7 @@ def test_a_model_that_no_file_can_be_is_a_sentence(model):
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
-        ('xyz="0 0.09 0"', 'xyz="nan 0 0"', "the place of a body is not finite"),
+        ('xyz="0 0.09 0"', 'xyz="nan 0 0"', "the position of a body is not finite: correct it"),
         (
             'lower="-6.28" upper="6.28"',
             'lower="6.28" upper="-6.28"',

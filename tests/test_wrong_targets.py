@@ -46,26 +46,26 @@ WRONG = [
         "file = 'duk': no file of this name is shipped; give duck, or a path",
     ),
     ("mesh", {"file": "a.ply"}, "a.ply: this is not a mesh of a target: give an .obj or .stl file"),
-    ("mesh", {"file": "a.obj"}, "a.obj: there is no triangle in this mesh"),
+    ("mesh", {"file": "a.obj"}, "a.obj: there is no triangle in this mesh: give another file"),
     (
         "mesh",
         {"file": "b.obj"},
-        "b.obj: this mesh is damaged, or not of the format that its suffix says",
+        "b.obj: this mesh is damaged, or not of the format that its suffix says: export it again",
     ),
-    ("mesh", {"file": "c.obj"}, "c.obj: there is no triangle in this mesh"),
+    ("mesh", {"file": "c.obj"}, "c.obj: there is no triangle in this mesh: give another file"),
     (
         "mesh",
         {"file": "d.obj"},
-        "d.obj: this mesh is damaged, or not of the format that its suffix says",
+        "d.obj: this mesh is damaged, or not of the format that its suffix says: export it again",
     ),
     (
         "mesh",
         {"file": "e.obj"},
-        "e.obj: this mesh is damaged, or not of the format that its suffix says",
+        "e.obj: this mesh is damaged, or not of the format that its suffix says: export it again",
     ),
-    ("mesh", {"file": "f.obj"}, "f.obj: the vertex nan 1 0 is not finite"),
+    ("mesh", {"file": "f.obj"}, "f.obj: the vertex nan 1 0 is not finite: correct it"),
     pytest.param(  # before version 5, trimesh could not read it
-        *("mesh", {"file": "g.obj"}, "g.obj: there is no triangle in this mesh"),
+        *("mesh", {"file": "g.obj"}, "g.obj: there is no triangle in this mesh: give another file"),
         marks=pytest.mark.newest,
     ),
     (
@@ -81,19 +81,19 @@ WRONG = [
         "j.obj: the mesh has no texture coordinates (vt) for the texture: add them to the file, or "
         "leave texture out",
     ),
-    ("mesh", {"file": "l.obj"}, "l.obj: there is no triangle in this mesh"),
+    ("mesh", {"file": "l.obj"}, "l.obj: there is no triangle in this mesh: give another file"),
     (
         "mesh",
         {"file": "a.stl"},
-        "a.stl: this mesh is damaged, or not of the format that its suffix says",
+        "a.stl: this mesh is damaged, or not of the format that its suffix says: export it again",
     ),
-    ("mesh", {"file": "b.stl"}, "b.stl: there is no triangle in this mesh"),
+    ("mesh", {"file": "b.stl"}, "b.stl: there is no triangle in this mesh: give another file"),
     (
         "mesh",
         {"file": "c.stl"},
-        "c.stl: there is no triangle in this mesh",
+        "c.stl: there is no triangle in this mesh: give another file",
     ),
-    ("mesh", {"file": "d.stl"}, "d.stl: there is no triangle in this mesh"),
+    ("mesh", {"file": "d.stl"}, "d.stl: there is no triangle in this mesh: give another file"),
     (
         "mesh",
         {"colour": "blue"},
@@ -126,17 +126,17 @@ WRONG = [
     (
         "mjcf",
         {"model": "d.xml"},
-        "d.xml: no visible part of the target lies above the table's top, z = 0",
+        "d.xml: no visible part of the target lies above the table's top, z = 0: move the model up",
     ),
     (
         "mjcf",
         {"model": "e.xml"},
-        "e.xml: no visible part of the target lies above the table's top, z = 0",
+        "e.xml: no visible part of the target lies above the table's top, z = 0: move the model up",
     ),
     (
         "mjcf",
         {"model": "f.xml"},
-        "f.xml: no visible part of the target lies above the table's top, z = 0",
+        "f.xml: no visible part of the target lies above the table's top, z = 0: move the model up",
     ),
     ("mjcf", {"model": "g.xml"}, "g.xml: cannot read this target: "),
 ]

@@ -1,7 +1,8 @@
 """Trackers: each estimates where one target is in the frames of a camera.
 
-A tracker sees frames only, never the simulated world. `create` returns one of our trackers by its
-kind; `wrap` turns a class written for OpenCV or GOT-10k into a `Config` of a tracker of ours.
+A tracker sees frames only, never the simulated world, except the tracker `truth`. `create` returns
+one of our trackers by its kind; `wrap` turns a class written for OpenCV or GOT-10k into a `Config`
+of a tracker of ours.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ class Recogniser:
         self, image: LabelledImage, state: State, cloud: ParticleFilter, time: float
     ) -> float:
         """Return 1 - the confidence that a state shows the target, from 0 (certain) to 1 (lost),
-        smoothed over `MEMORY` s.
+        smoothed over 0.15 s.
 
         Args:
             image: Current picture.
@@ -94,7 +94,8 @@ class Recogniser:
         return 1 / (1 + math.exp(self._logit))
 
     def learn(self, image: LabelledImage, state: State, doubt: float) -> None:
-        """Store the view at a state if the smoothed confidence and that of this frame are high.
+        """Store the view at a state if the smoothed confidence is at least 0.8, and that of this
+        frame above 0.5.
 
         Args:
             image: Current picture.
@@ -106,7 +107,8 @@ class Recogniser:
             self._views.learn(image.blurred, state)
 
     def send(self, cloud: ParticleFilter, image: LabelledImage, last: State) -> None:
-        """Move a share `SENT` of the particles to the places most similar to a stored view.
+        """Move a quarter of the particles to the places in the picture that are most similar to a
+        stored view.
 
         Args:
             cloud: The particles, of which the last ones in the array are moved.

@@ -24,8 +24,10 @@ Turn = Annotated[float, Ge(0), Le(4)]
 
 @dataclass(frozen=True)
 class ParticleSettings:
-    """Settings that all particle filters share: number of particles, noise of their motion,
-    sharpness of their weights, memory of the velocity, and how a lost target is found again.
+    """Settings that all particle filters share: number of particles; standard deviations of their
+    motion per frame (`noise` of position as a share of the target's size, `turn_noise` [rad],
+    `scale_noise` of ln scale); sharpness `gamma` of the likelihood exp(-gamma d^2); share of the
+    old velocity in the new one; and how a lost target is found again.
     """
 
     particles: Count = 200

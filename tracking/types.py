@@ -38,7 +38,8 @@ SET_BY_START: Any = _SetByStart()
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Position, orientation and size of the target in the image (Teuliere, Marchand, Eck, section
+    """Position x (to the right) and y (down) [px], orientation theta, from +x towards +y [rad], and
+    size relative to the first frame of the target in the image (Teuliere, Marchand, Eck, section
     II). Pixels count from the image's top left corner.
     """
 
@@ -57,20 +58,25 @@ class State:
         return np.array([self.x, self.y, self.theta, math.log(self.scale)])
 
     def moved(self, change: Array | None) -> State:
-        """Return this state plus a change (4,) of x, y [px], theta [rad], ln scale; None: none."""
+        """Return this state plus a change (4,) of x, y [px], theta [rad] and ln scale; None: no
+        change.
+        """
         return self if change is None else State.of(self.vector + change)
 
     @staticmethod
     def of(vector: Array) -> State:
-        """Return the state of a vector (4,) of x, y [px], theta [rad] and ln scale."""
+        """Return the state of a vector (4,) of x, y [px], theta [rad] and ln scale, which is
+        clipped to -5..5.
+        """
         x, y, theta, log_scale = vector.tolist()
         return State(x, y, theta, math.exp(min(max(log_scale, -LARGEST_LOG), LARGEST_LOG)))
 
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """Size of the rectangle around the target in the first frame [px]. A `State` gives the
-    rectangle's centre, angle and scale in any frame.
+    """Size of the rectangle around the target in the first frame [px], and, if they are known, the
+    target's corners (4, 2) there (`quad`). A `State` gives the rectangle's centre, angle and scale
+    in any frame.
     """
 
     width: float
@@ -98,7 +104,9 @@ class Region:
         return self.corners(state) if self.quad is None else self.quad
 
     def inner(self, inset: float) -> Region:
-        """Return a region with the same centre whose sides are shorter by a share of 0..1."""
+        """Return a region with the same centre whose width and height are shorter by a share, 0..1,
+        half of it on each side.
+        """
         return Region(self.width * (1 - inset), self.height * (1 - inset))
 
     def area(self, state: State) -> float:
@@ -137,8 +145,13 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Result of a tracker for one frame: state, covariance, distance from the target's appearance,
-    status, and corners if the tracker finds them.
+    """Result of a tracker for one frame: state in the image; its covariance (4, 4) in x, y [px],
+    theta [rad] and ln scale; distance from the target's appearance, 0..1; status; whether angle and
+    size are followed; and corners (4, 2) [px] if the tracker finds them.
+
+    `evaluations` is the number of histograms computed. A particle filter adds its particles (N, 5),
+    x, y [px], theta [rad], scale and weight, and their effective sample size `ess`. `likely_scale`
+    is the scale that a control loop uses if it rejects that of `state`.
     """
 
     state: State
@@ -254,8 +267,8 @@ def traits_of(config: object) -> Traits | None:
 
 
 def follows_any_target(config: object) -> bool:
-    """Return True if the tracker of a `Config` needs no marker, and no input but the camera's
-    pictures and motion (a tracker that is given the true pose does).
+    """Return True if the tracker of a `Config` needs no marker on its target, and no input besides
+    the camera's pictures and motion, such as the true pose.
     """
     marked = Trait.MARKER in (traits_of(config) or ())
     return not marked and needs_of(config, SEES_PICTURES) <= SEES_PICTURES
@@ -272,8 +285,8 @@ class SeesOutline(Protocol):
 
         Args:
             frame: The first frame.
-            region: The region that the user gave [px].
-            state: Its position [px] and angle [rad] in that frame.
+            region: Size of the target's rectangle that the user gave [px].
+            state: Position [px] and angle [rad] of this rectangle in the first frame.
 
         Returns:
             The given region and state where no target is found, or where they fit the target that

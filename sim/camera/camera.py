@@ -34,7 +34,10 @@ Principal = Annotated[float, Ge(-10_000), Le(10_000)]
 class CameraConfig:
     """Settings of the camera: mounting, intrinsics [px], distortion, shutter, noise, depth.
 
-    Poses are x, y, z [m] and roll, pitch, yaw [deg], depths in m; `noise` is in grey levels of 255.
+    Poses are x, y, z [m] and roll, pitch, yaw [deg]: with `mounted` = "world", `pose` is that of
+    the camera in the world, and `held` that of the target in the frame that the robot's camera
+    would have. `noise` is in grey levels of 255, `exposure` a fraction of the frame interval,
+    `auto_gain` a time constant [s], and depths are in m.
     """
 
     mounted: Literal["robot", "world"] = "robot"
@@ -44,8 +47,9 @@ class CameraConfig:
     """Pose of a camera in the world: x, y, z [m], roll, pitch, yaw [deg] about fixed axes;
     with zeros for the angles it looks up, x to the right. By default it looks across the table."""
     held: Pose6 = HELD
-    """The target in the hand, which is where the robot's camera would be: x, y, z [m], roll, pitch,
-    yaw [deg]; by default 5 cm before it, facing away from it."""
+    """Pose of the target in the frame that the robot's camera would have in the hand: x, y, z [m],
+    roll, pitch, yaw [deg]; by default 5 cm before the hand, facing away from it.
+    """
     width: Annotated[int, Ge(16), Le(2560)] = 320
     """Image width [px]."""
     height: Annotated[int, Ge(16), Le(1920)] = 240
@@ -74,8 +78,9 @@ class CameraConfig:
     """File (ROS camera_info, or OpenCV's YAML or XML) that gives fx, fy, cx, cy, distortion and
     image size; beside the scenario's file, or in the working directory where --set names it."""
     supersample: Annotated[int, Ge(1), Le(4)] = 1
-    """Each pixel is the mean of this many times as many in both directions: edges then move
-    smoothly, and not from pixel to pixel. Rendering takes three times as long with 2."""
+    """Each pixel is the mean of a block of this many by this many rendered pixels: edges then move
+    smoothly, and not from pixel to pixel. Rendering takes three times as long with 2.
+    """
     noise: Annotated[float, Ge(0), Le(100)] = 0.0
     """Standard deviation of the sensor noise [grey levels of 255]."""
     exposure: Share = 0.0
@@ -201,8 +206,9 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
     replace those of the model.
 
     Raises:
-        ValueError: The distortion or the field of view cannot be rendered; or the model's camera is
-        not perspective.
+        ValueError: The distortion or the field of view cannot be rendered, the model's camera is
+            not perspective, or the settings name a calibration file, which is read only when a
+            scenario is loaded.
     """
     if config.calibration is not None:
         raise ValueError(
@@ -230,7 +236,9 @@ def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
 
 
 def border(camera: Camera) -> Array:
-    """Return points (n, 2) along the four borders of a camera's image, one per pixel [px]."""
+    """Return the image coordinates (n, 2), u, v [px], of points 1 px apart along the four borders
+    of a camera's image.
+    """
     u = np.arange(camera.width + 1.0)
     v = np.arange(camera.height + 1.0)
     sides = [(u, 0 * u), (u, 0 * u + camera.height), (0 * v, v), (0 * v + camera.width, v)]

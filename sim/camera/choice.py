@@ -14,7 +14,8 @@ def renderer_of(config: CameraConfig) -> MakeRenderer:
     that of the software renderer "exact".
 
     Raises:
-        ValueError: The pictures are those of a recording, and none is given.
+        ValueError: `kind` is "recording": only a scenario with a table [recording] has such a
+            renderer.
     """
     if config.renderer == "recording":
         raise ValueError('camera.renderer = "recording" needs a table [recording]')

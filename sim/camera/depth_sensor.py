@@ -31,9 +31,9 @@ class DepthSensor:
         """Return the sensor's read-only depth picture (H, W) [m] for exact depths (H, W) [m]; nan
         where the sensor measures no depth.
 
-        The noise of a depth z is `depth_noise` z^2: that of a triangulation whose disparity has a
-        constant noise (Khoshelham and Elberink 2012, Accuracy and resolution of Kinect depth data
-        for indoor mapping applications, Sensors 12(2)).
+        The noise of a depth z has the standard deviation `depth_noise` z^2: that of a triangulation
+        whose disparity has a constant noise (Khoshelham and Elberink 2012, Accuracy and resolution
+        of Kinect depth data for indoor mapping applications, Sensors 12(2)).
         """
         c = self._config
         depth = np.where(np.isfinite(exact), exact, np.float32(np.nan))

@@ -48,10 +48,12 @@ EXACT = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Distortion:
-    """A distortion model of a lens, and its coefficients.
+    """The distortion model of a lens: the name of its formula, and the coefficients in OpenCV's
+    order.
 
-    A polynomial folds back where its radius is largest. Beyond `reach` the model goes on in
-    proportion to the radius, so that what is far outside the picture stays outside.
+    At a large radius a polynomial may fold back: two rays would meet in one pixel. Rays beyond the
+    radius `reach` are therefore bent by the factor that holds at `reach`, so that points far
+    outside the picture stay outside.
     """
 
     model: Model
@@ -80,7 +82,8 @@ class Distortion:
     @property
     def reach(self) -> float:
         """Largest radius sqrt(x^2 + y^2) of undistorted normalised coordinates for which the
-        model's formula is used.
+        model's formula is used: a little less than where it folds back, and at most the tangent of
+        85 deg.
         """
         return float(_radii(self)[0][-1])
 

@@ -64,7 +64,7 @@ them for ever, so by default there are none; pictures of 320 x 240 px lose no ti
 
 
 class NoRenderer(RuntimeError):
-    """Error: this machine cannot render off screen; the message says what to install."""
+    """Error: this process cannot render off screen; the message gives the reason and the remedy."""
 
 
 def backend() -> str:
@@ -72,7 +72,7 @@ def backend() -> str:
     'glfw' elsewhere.
 
     Raises:
-        NoRenderer: A library is missing, or the user switched rendering off.
+        NoRenderer: A library or a driver is missing, or MUJOCO_GL switches rendering off.
     """
     os.environ.setdefault(MESA_THREADS, "0")  # Mesa reads it when libEGL is first asked
     asked = _asked()
@@ -195,7 +195,11 @@ def _make_context(name: str) -> None:
 
 
 def describe() -> str:
-    """Return the name and version of the OpenGL driver, as the driver reports them."""
+    """Return the name and version of the OpenGL driver, as the driver reports them.
+
+    Raises:
+        NoRenderer: This machine has no OpenGL, or rendering is switched off.
+    """
     return call(_names).result()
 
 
@@ -215,8 +219,8 @@ def _names() -> str:
 
 
 def finish() -> None:
-    """Wait until OpenGL has drawn everything; other Python threads run meanwhile, which they cannot
-    while MuJoCo reads pixels.
+    """On Linux, wait until OpenGL has drawn everything, while other Python threads run; they would
+    have to wait while MuJoCo reads pixels. On other systems, do nothing.
     """
     if sys.platform == "linux":
         _opengl().glFinish()

@@ -47,8 +47,8 @@ class Lens:
             self._maps = np.ascontiguousarray(np.moveaxis(places, -1, 0), np.float32)
 
     def bend(self, picture: np.ndarray, rows: slice = ALL) -> np.ndarray:
-        """Return the camera's distorted picture (H, W, 3) of a rendered pinhole picture; `rows`
-        selects some of its rows.
+        """Return the camera's distorted picture (H, W, 3) of a rendered pinhole picture (h, w, 3);
+        `rows` selects rows of the distorted picture, by default all.
         """
         if self._maps is None:
             return picture if rows is ALL else picture[rows]
@@ -60,8 +60,8 @@ class Lens:
 
     def nearest(self, depth: DepthPicture) -> DepthPicture:
         """Return the camera's distorted depth picture (H, W) [m] of a rendered pinhole depth
-        picture [m], by the nearest neighbour: a mean of depths across an edge would be the distance
-        of nothing.
+        picture [m]. Each pixel has the depth of the nearest rendered pixel: a mean across an edge
+        would be the distance of no surface.
         """
         if self._maps is None:
             return depth

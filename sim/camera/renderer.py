@@ -36,8 +36,8 @@ PIXEL = 1e-5
 
 
 def camera_pose(data: mujoco.MjData, camera: int) -> Pose:
-    """Return T_world_camera (x right, y down, z forward) of a camera, by its id, as of the last
-    kinematics of `data`.
+    """Return T_world_camera (x right, y down, z forward) of a camera, by its id, as MuJoCo computed
+    it last in `data`.
     """
     return Pose(
         data.cam_xmat[camera].reshape(3, 3) @ VISION_FROM_MUJOCO, data.cam_xpos[camera].copy()
@@ -117,7 +117,8 @@ class OpenGLRenderer:
             self._context = gl.call(mujoco.MjrContext, model, fonts).result()
         except mujoco.FatalError as error:
             raise gl.NoRenderer(
-                f"MuJoCo cannot render with the OpenGL of this machine ({gl.describe()}): {error}."
+                f"MuJoCo cannot render with the OpenGL of this machine ({gl.describe()}): {error}; "
+                'set camera.renderer = "exact".'
             ) from None
         self._rect = mujoco.MjrRect(0, 0, view.width, view.height)
         self._camera = mujoco.MjvCamera()
@@ -213,8 +214,9 @@ class OpenGLRenderer:
 
 
 class Supersampled:
-    """A renderer that has another one render larger pictures, and averages blocks of their
-    pixels.
+    """A renderer that has another renderer draw pictures which are a whole number of times as wide
+    and high, and averages blocks of their pixels; masks and depths take the middle pixel of a
+    block.
     """
 
     def __init__(
@@ -254,8 +256,8 @@ class Supersampled:
 
 
 class Unseen:
-    """A renderer whose pictures are all black and take no time, for runs in which no part uses
-    pictures.
+    """A renderer whose pictures are black, masks false and depths infinite, at no cost, for runs in
+    which no part uses pictures.
     """
 
     def __init__(self, _model: mujoco.MjModel, _camera: str, view: Camera) -> None:

@@ -29,8 +29,9 @@ class Config(BuildsItself):
     duration: Time = 0.5
     """Time for which the board stays [s]."""
     offset: Annotated[float, Ge(0), Le(5)] = 0.0
-    """Where it stops: sideways from the line of sight [m]. Other than at 0 it goes back where
-    it came from; from 0.12 to 0.26 it hides a part of the target only."""
+    """Sideways distance from the line of sight at which the board stops [m]. With another value
+    than 0 it slides out where it came in; from 0.12 to 0.26 it hides a part of the target only.
+    """
 
     def at(self, time: float) -> Effect:
         # Fully hidden means within the board's own rim, which its slide has passed a moment before

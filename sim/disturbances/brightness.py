@@ -15,8 +15,8 @@ from sim.types import Effect
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the change of brightness: when it begins, how long it and its ramps last [s], and
-    the factor.
+    """Settings of the change of brightness: when it begins [s], the factor, how long the factor
+    holds [s], and how long the change to the factor and the change back (`ramp`) take [s].
     """
 
     props = ()

@@ -32,8 +32,8 @@ class Config:
 @final
 @dataclass(frozen=True, slots=True)
 class DroppedFrames:
-    """Disturbance that drops all frames in randomly chosen time slots of 0.03 s; each slot is
-    chosen independently of all others.
+    """Disturbance that drops all frames in randomly chosen time slots of 0.03 s, from 0.5 s on;
+    each slot is chosen independently of all others, with the probability `share`.
     """
 
     share: float

@@ -16,8 +16,9 @@ is lost."""
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the spot light: when the light changes, for how long and how fast [s], and the
-    spot's position on the table's x axis [m].
+    """Settings of the spot light: when the light begins to change, how long the spot stays at full
+    strength, how long each change (`ramp`) takes [s], and the spot's position on the table's x axis
+    [m].
     """
 
     props = ("spot",)

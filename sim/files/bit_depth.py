@@ -12,10 +12,11 @@ WHITE = 255
 
 
 class BitDepth:
-    """The number of bits that the 16-bit pictures of one source, such as a camera, use.
+    """The number of bits that the 16-bit pictures of one source, such as a camera, use: 8, 10, 12,
+    14 or 16.
 
-    It is the smallest of `USED` that holds the largest value of the first picture that is not
-    black, and the same for all later pictures, so that a brightness keeps its value.
+    It is the smallest of these that holds the largest value of the first picture that is not black,
+    and the same for all later pictures, so that a brightness keeps its value.
     """
 
     used: int | None = None

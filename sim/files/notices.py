@@ -10,5 +10,7 @@ class Notice(UserWarning):
 
 @functools.cache  # a part is built several times, but warns once
 def notice(sentence: str, kind: type[Notice] = Notice) -> None:
-    """Warn the user with a sentence; each sentence is printed once in a process."""
+    """Warn the user with a sentence, as a warning of class `kind`; each sentence is printed once in
+    a process.
+    """
     warnings.warn(sentence, kind, stacklevel=3)

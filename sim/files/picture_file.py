@@ -17,14 +17,16 @@ LARGEST_FILE = 1_000_000_000
 
 
 def read_image(file: Path, depth: BitDepth | None = None) -> Image:
-    """Return a picture of any depth and number of channels as RGB (H, W, 3), read-only.
+    """Return the picture in a file, of any bit depth and number of channels, as RGB (H, W, 3),
+    uint8 and read-only.
 
     Args:
-        file: The picture.
-        depth: Bits in use in its source; None: decided by this picture alone.
+        file: Path of the picture file.
+        depth: Number of bits that 16-bit pictures of the same source use, which the first picture
+            determines; None: this picture alone determines it.
 
     Raises:
-        ValueError: It cannot be read or decoded, or is too large.
+        ValueError: The file cannot be read or decoded, or the picture is too large.
     """
     data = reading.content(file, "picture", LARGEST_FILE)
     try:
@@ -34,14 +36,15 @@ def read_image(file: Path, depth: BitDepth | None = None) -> Image:
 
 
 def decoded(data: bytes, depth: BitDepth | None = None) -> Image:
-    """Return the picture in the bytes of a picture file as RGB (H, W, 3), read-only.
+    """Return the picture in the bytes of a picture file as RGB (H, W, 3), uint8 and read-only.
 
     Args:
-        data: The bytes.
-        depth: Bits in use in its source; None: decided by this picture alone.
+        data: Content of the file.
+        depth: Number of bits that 16-bit pictures of the same source use, which the first picture
+            determines; None: this picture alone determines it.
 
     Raises:
-        ValueError: It cannot be decoded, or is too large.
+        ValueError: The picture cannot be decoded, or is too large.
     """
     depth = depth or BitDepth()
     as_eight = cv2.IMREAD_COLOR
@@ -71,7 +74,7 @@ def _read(data: bytes, flags: int) -> np.ndarray:
 
 
 def check_size(width: int, height: int, what: str = "the picture") -> None:
-    """Check that the sides of a picture [px] are positive and within the limit; `what` names the
+    """Check that the sides of a picture [px] are at least 1 and at most 16,384; `what` names the
     picture in the message.
 
     Raises:

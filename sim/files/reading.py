@@ -19,11 +19,11 @@ def opened(path: Path, what: str) -> BinaryIO:
     """Open a regular file to read its bytes; a pipe or a device is refused before it is opened.
 
     Args:
-        path: Its path; links are followed.
+        path: Path of the file; links are followed.
         what: Kind of the file in messages, such as "truth".
 
     Raises:
-        ValueError: It cannot be read, or is not a regular file.
+        ValueError: The file cannot be read, or is not a regular file.
     """
     try:
         mode = path.stat().st_mode
@@ -39,12 +39,12 @@ def content(path: Path, what: str, most: int) -> bytes:
     """Return the bytes of a regular file.
 
     Args:
-        path: Its path.
-        what: Kind of the file in messages.
+        path: Path of the file.
+        what: Kind of the file in messages, such as "truth".
         most: Largest size [bytes].
 
     Raises:
-        ValueError: It cannot be read, is not a regular file, or is larger.
+        ValueError: The file cannot be read, is not a regular file, or is larger than `most`.
     """
     with opened(path, what) as file:
         try:
@@ -62,12 +62,13 @@ def text(path: Path, what: str, most: int) -> str:
     """Return the text of a regular UTF-8 file, without a byte order mark.
 
     Args:
-        path: Its path.
-        what: Kind of the file in messages.
+        path: Path of the file.
+        what: Kind of the file in messages, such as "truth".
         most: Largest size [bytes].
 
     Raises:
-        ValueError: It cannot be read, is not a regular file, is larger, or is not UTF-8 text.
+        ValueError: The file cannot be read, is not a regular file, is larger than `most`, or is not
+            UTF-8 text.
     """
     try:
         return content(path, what, most).decode("utf-8-sig")

@@ -50,7 +50,9 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
 
 
 def warn_of_shipped(name: str) -> None:
-    """Warn that the user's own file is used, if a shipped model, mesh or picture has its name."""
+    """Warn that the user's own file is used, if the name has no slash and a shipped robot or target
+    has a file of this name.
+    """
     if "/" not in name and any(
         (resources.files("scenes") / folder / name).is_file() for folder in FOLDERS
     ):

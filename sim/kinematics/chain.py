@@ -1,4 +1,6 @@
-"""The chain of joints from a robot's base to its flange, found in a model of any shape."""
+"""The chain of joints from a robot's base to its flange (the body or site that carries the camera),
+found in a model of any shape.
+"""
 
 import itertools
 import re
@@ -30,7 +32,10 @@ OUTWARD = re.compile("tool|tcp", re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """The joints between a robot's base and its flange, the body that carries the camera."""
+    """The joints between a robot's base and its flange, the body or site that carries the camera:
+    ids of the joints, base first, and of the flange's body in the compiled model, and the pose
+    T_body_flange.
+    """
 
     flange: str
     """Name of the body or site."""
@@ -94,9 +99,9 @@ def flanges(spec: mujoco.MjSpec) -> list[tuple[str, str, int]]:
     """Return the candidates for a robot's flange, those with the most joints first: "site" or
     "body", its name, and the number of joints that move it.
 
-    Left out are unnamed ones, those with fewer joints than the hand (but six are always enough),
-    and the parts that a gripper moves, except for a single part whose name does not say that it is
-    a jaw: it may be a link.
+    Bodies and sites are left out if they have no name, if a gripper moves them, or if fewer joints
+    move them than the hand (or than six, if more move the hand). A single moving part beyond the
+    hand whose name is not that of a jaw stays: it may be a link.
     """
     hand = _hand(spec)
     most = len(_joints(hand))

@@ -51,9 +51,13 @@ VIEW = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Result of a search for joint positions: the distance [m] and the angle [rad] left to the
-    desired camera pose, and the joint nearest to a limit. As a condition it is true if the camera
-    is at the pose, with all joints inside their limits.
+    """Result of a search for joint positions: distance [m] and angle [rad] from the camera pose
+    reached to the desired one; name of the joint nearest to a limit, with its distance from it as a
+    share of its range (`room`); and the prediction along the path that follows, None if no path was
+    given.
+
+    As a condition it is true if the camera is at the pose, or a robot of fewer than six joints sees
+    the desired point in the desired direction, with all joints inside their limits.
     """
 
     there: bool
@@ -100,9 +104,11 @@ def reach(
     Args:
         robot: The robot, with its joint limits and homes.
         data: MuJoCo's state; its joint positions are set.
-        T_world_camera: The desired pose, in the frame of `Robot.eye`.
-        point: Point (3,) in the world at which the camera looks [m]; None: a point on its axis.
-        way: Returns the path that follows, for `roll_out`.
+        T_world_camera: The desired pose; T_target_camera if the robot holds the target.
+        point: Point (3,) at which the camera looks, in the same frame [m]; None: the point 1 m
+            ahead on the desired optical axis.
+        way: Function that returns the camera poses that follow, as `roll_out` takes them; None: no
+            path follows.
     """
     # Lazily: a later home is tried only when a joint of an earlier solution leaves its range.
     homes = (home for home in robot.homes if robot.converge(data, home, T_world_camera))
@@ -290,9 +296,8 @@ def _least_squares(
 
 def comfort(robot: Robot, data: mujoco.MjData) -> float:
     """Return a score of the joint positions in `data`, higher for better ones: the smallest
-    distance of a joint from a limit [rad or m], at most `COMFORT`, times the smallest singular
-    value of the Jacobian. The score is divided by 100 if a link is in front of the camera or below
-    the table.
+    distance of a joint from a limit, at most 1 [rad or m], times the smallest singular value of the
+    Jacobian. The score is divided by 100 if a link is in front of the camera or below the table.
     """
     q = data.qpos[robot.qpos]
     room = np.minimum(q - robot.lower, robot.upper - q).min()

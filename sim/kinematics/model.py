@@ -39,7 +39,8 @@ def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.
 
     Args:
         spec: The model, which is changed: unnamed bodies and joints get names, infinite limits are
-            removed or, if the other limit is finite, cut to `FARTHEST`, and static bodies are kept.
+            removed or, if the other limit is finite, cut to 10,000 [m, rad or deg], and static
+            bodies are kept.
         flange: Name of a body or site; an empty text selects the end of the longest chain.
         camera: Name of a camera of the model to use instead of the flange, or an empty text.
 
@@ -73,9 +74,10 @@ def make_robot(
     names of the chain's joints.
 
     Args:
-        spec: The model, which is changed: all other joints, lights and floors are deleted, and
-            contacts and gravity are switched off. The drives of the chain stay if each of its
-            joints has exactly one drive, a velocity servo; else all drives are deleted.
+        spec: The model, which is changed: all other joints, lights, floors, sensors, tendons and
+            constraints are deleted, and contacts and gravity are switched off. The drives of the
+            chain stay if each of its joints has exactly one drive, a velocity servo; else all
+            drives are deleted.
         model: The same model, compiled.
         carried: The chain of joints that moves the camera.
         camera: Name of the model's camera, which is renamed to `eye`; an empty text adds one.
@@ -122,8 +124,8 @@ def drive(
         spec: The robot's model after `make_robot`; it is changed.
         model: The original model, compiled.
         joints: Ids of the robot's joints in the original model.
-        speeds: Largest rate of each [m/s or rad/s]; None: that of the model's servo unchanged; for
-            an added servo the model's own, or else a usual one.
+        speeds: Largest rate of each joint [m/s or rad/s]; None: the rate of the model's velocity
+            servo, or else, if it has none, 2 rad/s or 0.5 m/s.
     """
     names = [model.joint(j).name for j in joints]
     if spec.actuators:

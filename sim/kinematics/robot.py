@@ -67,21 +67,27 @@ class Drives:
     encoder_noise: EachPlay = 0.0
     """Standard deviation of each reading of a joint, one for all or one each [m or rad]."""
     encoder_step: EachPlay = 0.0
-    """Joints are read in whole steps of this, one for all or one each [m or rad]."""
+    """Joint positions are read in whole multiples of this step, one for all or one each [m or rad].
+    """
     backlash: EachPlay = 0.0
     """Play between motor and joint, one for all or one each [m or rad]: a motor that reverses turns
     so far, and its encoder with it, until the joint follows."""
     lag_ms: Annotated[float, Ge(0), Le(1000)] = 0.0
     """Time constant with which a drive takes over a new rate, before its own servo [ms]."""
     acceleration: EachAcceleration | None = None
-    """Largest change of the rate that a drive is given, one for all or one each [m/s^2 or rad/s^2];
-    by default any."""
+    """Largest change per second of the rate that a drive is given, one for all or one each [m/s^2
+    or rad/s^2]; by default unlimited.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class Inversion:
-    """Settings of the inverse kinematics from camera twist to joint rates: damping near singular
-    poses, and the free motion of more than six joints.
+    """Settings of the inverse kinematics from camera twist to joint rates.
+
+    The inverse is damped (factor `damping`) where the smallest singular value of the Jacobian is
+    below `weakest`. Robots of more than six joints use their freedom to move towards mid-range
+    (gain `centring` [1/s]) and away from singular poses (gain `manipulability`). With `exact` the
+    rates bring the camera exactly to where the twist leads within the time for which they hold.
     """
 
     weakest: float = 0.02
@@ -142,8 +148,8 @@ def own_name(name: str) -> str:
 
 
 def damped_inverse(J: Array, inversion: Inversion) -> Array:
-    """Return the inverse (n, 6) of a Jacobian (6, n), damped near singular poses: there the rates
-    stay finite, and the twist is not made exactly.
+    """Return the (pseudo-)inverse (n, 6) of a Jacobian (6, n), damped near singular poses: there
+    the rates stay finite, and the twist is not made exactly.
 
     After Nakamura and Hanafusa 1986: with s the smallest singular value and e = `weakest`, lambda^2
     = damping^2 (1 - (s / e)^2) where s < e, else zero; s_i becomes s_i / (s_i^2 + lambda^2).
@@ -199,8 +205,8 @@ class Robot:
     """The joints of a robot between its base and its hand, read from a MuJoCo model, and their
     kinematics.
 
-    Camera poses and twists are in the frame of `Mounting.eye`: the world, or the target if the
-    robot holds it.
+    Camera poses are T_world_camera, or T_target_camera if the robot holds the target. Camera twists
+    are those relative to the same frame (world or target), in the camera frame.
     """
 
     def __init__(self, model: mujoco.MjModel, design: Design) -> None:
@@ -271,14 +277,14 @@ class Robot:
         return step / np.log1p(step * strength / model.dof_M0[at])
 
     def posture(self, data: mujoco.MjData, twist: Array, accepted: Array | None = None) -> Posture:
-        """Return the robot's posture: camera pose, joint positions, limits and Jacobian, as of the
-        last kinematics.
+        """Return the robot's posture: camera pose, joint positions, limits and Jacobian, with the
+        poses that MuJoCo computed last in `data`.
 
         Args:
             data: MuJoCo's state, with the joint positions.
             twist: Mean camera twist (6,) since the last frame, in the camera frame [m/s, rad/s].
-            accepted: Mean camera twist (6,) that the drives were set to, in the camera frame
-                [m/s, rad/s].
+            accepted: Mean camera twist (6,) that the drives were set to since the last frame, in
+                the camera frame [m/s, rad/s]; None: unknown.
         """
         return Posture(
             self.eye(data),
@@ -319,7 +325,7 @@ class Robot:
 
     def jacobian(self, data: mujoco.MjData) -> Array:
         """Return the Jacobian (6, n): the camera's twist per joint rate, in the camera frame (x
-        right, y down, z forward), as of the last kinematics.
+        right, y down, z forward), for the poses that MuJoCo computed last in `data`.
         """
         linear, angular = self._jacobians
         mujoco.mj_jacSite(self.model, data, linear, angular, self._site)
@@ -486,8 +492,8 @@ class Robot:
         return free - np.linalg.pinv(J) @ (J @ free)
 
     def manipulability_gradient(self, J: Array, inverse: Array) -> Array:
-        """Return the gradient (n,) of log sqrt(det(J J^T)) (Yoshikawa 1985) by the joints, finite
-        in singular poses.
+        """Return the gradient (n,) of log sqrt(det(J J^T)) (Yoshikawa 1985) by the joint positions
+        [1/rad or 1/m], finite in singular poses.
 
         It is the trace of J+ dJ/dq_i. With v_j and w_j the columns of J (Haviland and Corke 2023,
         Manipulator Differential Kinematics, part 2, in the axes of the camera):
@@ -495,7 +501,7 @@ class Robot:
 
         Args:
             J: The Jacobian (6, n), as `jacobian` returns it.
-            inverse: Its damped inverse (n, 6).
+            inverse: Damped inverse (n, 6) of the Jacobian.
         """
         # Of the hand: a target that it holds moves against the camera.
         v, w = np.hsplit(self.mounting.sign * J.T, 2)
@@ -513,7 +519,7 @@ class Robot:
         Args:
             data: MuJoCo's state; its joint positions are set, even on failure.
             begin: Joint positions to begin from (n,) [m or rad].
-            T_world_camera: The desired camera pose, in the frame of `eye`.
+            T_world_camera: The desired camera pose; T_target_camera if the robot holds the target.
         """
         data.qpos[self.qpos] = begin
         for _ in range(STEPS):
@@ -539,19 +545,19 @@ class Robot:
         mujoco.mj_comPos(self.model, data)
 
     def eye(self, data: mujoco.MjData) -> Pose:
-        """Return the camera's pose as of the last kinematics: T_world_camera, or T_target_camera if
-        the robot holds the target.
+        """Return the camera's pose as computed last in `data`: T_world_camera, or T_target_camera
+        if the robot holds the target.
         """
         return self.mounting.eye(self.hand(data))
 
     def camera(self, data: mujoco.MjData) -> Pose:
-        """Return the camera's pose T_world_camera, as of the last kinematics of `data`."""
+        """Return the camera's pose T_world_camera, as computed last in `data`."""
         standing = self.mounting.standing
         return self.hand(data) if standing is None else standing
 
     def hand(self, data: mujoco.MjData) -> Pose:
-        """Return T_world_hand, the pose of the site `eye` (x right, y down, z forward), as of the
-        last kinematics.
+        """Return T_world_hand, the pose of the site `eye` (x right, y down, z forward), as computed
+        last in `data`.
         """
         rotation = data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO
         return Pose(rotation, data.site_xpos[self._site].copy())

@@ -35,18 +35,18 @@ class Rollout:
 
 
 def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
-    """Return the prediction whether a joint reaches a limit when the camera follows a path: joint
-    rates for the path are integrated from the present positions in steps of `STEP` s, up to the
-    first joint that is at an end of its range.
+    """Predict whether a joint reaches a limit when the camera follows a path: joint rates for the
+    path are integrated from the present positions in steps of 0.2 s, up to the first joint that is
+    at an end of its range.
 
     Args:
         robot: The robot.
         data: MuJoCo's state; its joint positions are the start, and are restored afterwards.
-        way: Desired camera poses every `STEP` seconds, in the world frame, or in the frame of the
-            target if the robot holds it.
+        way: Desired camera poses every 0.2 s: T_world_camera, or T_target_camera if the robot holds
+            the target.
 
     Returns:
-        The smallest distance of a joint from a limit on the way, as a share of its range, and the
+        The smallest distance of a joint from a limit on the path, as a share of its range, and the
         joint that reaches a limit with the time [s], if one does.
     """
     begin = robot.joints(data)

@@ -45,8 +45,9 @@ def sample_workspace(robot: Robot, height: float) -> Workspace:
     """Return the workspace of a robot's camera, estimated from random joint positions.
 
     Args:
-        robot: The robot; its base is the world's origin.
-        height: Height of the camera above the table from the proposed base [m].
+        robot: The robot, with its base at the world's origin.
+        height: Height above the table [m] at which the camera shall look down from the proposed
+            base.
     """
     data = mujoco.MjData(robot.model)
     rows: list[list[float]] = []

@@ -62,9 +62,9 @@ def build_model(
         camera: Settings of the camera; its field of view is used.
         robot: The robot that carries the camera or the target.
         target: The target.
-        props: What the disturbances need: "second_target", "spot".
+        props: Names of the models that disturbances need: "second_target", "spot".
         surroundings: Ground, clutter and light; by default as they are in the room's model.
-        leader: The moving tag beside which the robot is to keep the target.
+        leader: The moving tag beside which the robot is to keep the target; None: there is none.
     """
     wanted = set(props)
     with resources.as_file(resources.files("scenes")) as folder:

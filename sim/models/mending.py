@@ -30,7 +30,10 @@ SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 @dataclass(frozen=True, slots=True)
 class Mended:
-    """A record of what was left out or corrected in a model, compared with its file."""
+    """A record of the repairs of a model: shapes and textures that are not drawn, each with the
+    reason (`lost`), and names of bodies whose impossible mass or inertia was replaced
+    (`corrected`).
+    """
 
     lost: list[Lost] = field(default_factory=list)
     """Shapes and textures that are not drawn, with the reason."""
@@ -52,7 +55,8 @@ def mend(spec: mujoco.MjSpec, path: Path, mended: Mended, *, whole: bool) -> muj
         spec: The model, which is changed.
         path: The model's file.
         mended: Record to which the repairs are added.
-        whole: Leave nothing out.
+        whole: True: leave no part out, so that MuJoCo refuses a model with a part that cannot be
+            repaired.
 
     Raises:
         ValueError: MuJoCo refuses the repaired model.

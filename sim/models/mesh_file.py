@@ -128,8 +128,8 @@ def trimesh() -> ModuleType:
 
 
 def listed(lost: Iterable[Lost]) -> str:
-    """Return the names of parts that were left out, grouped by reason, such as "a.stl, b.stl (no
-    such file)".
+    """Return the names of files and shapes that were left out, grouped by reason, such as "a.stl,
+    b.stl (no such file)"; `lost` has pairs of a name and a reason.
     """
     names = defaultdict[str, list[str]](list)
     for name, why in lost:
@@ -138,7 +138,9 @@ def listed(lost: Iterable[Lost]) -> str:
 
 
 def first_of(names: Iterable[str]) -> str:
-    """Return the first `SHOWN` different names as a text, and the number of the others."""
+    """Return the first four different names as a text, and the number of the others, such as "a, b,
+    c, d and 3 more".
+    """
     each = list(dict.fromkeys(names))
     more = f" and {len(each) - SHOWN} more" if len(each) > SHOWN else ""
     return ", ".join(each[:SHOWN]) + more
@@ -152,7 +154,7 @@ def is_readable(file: Path) -> bool:
 
 
 def why_not(file: Path) -> str:
-    """Return the reason, for a message, why a mesh file could not be read."""
+    """Return the reason why a mesh file could not be read, such as "no such file"."""
     if not file.is_file():
         return "no such file"
     needs = file.suffix.lower() == COLLADA and not is_readable(file)
@@ -166,7 +168,7 @@ def read_mesh(
 
     Args:
         path: The file.
-        suffixes: The kinds of files that are read.
+        suffixes: Suffixes of the accepted files, such as ".stl".
         materials: Read the materials of an OBJ file too, from the .mtl file that it names.
 
     Raises:
@@ -202,16 +204,17 @@ def read_mesh(
             content.decode("ascii")  # where it is no text, trimesh may take it for one
     except Exception:  # trimesh's readers raise what they meet in a broken file
         raise ValueError(
-            f"{path}: this mesh is damaged, or not of the format that its suffix says"
+            f"{path}: this mesh is damaged, or not of the format that its suffix says: "
+            "export it again"
         ) from None
     broken = ~np.isfinite(vertices).all(axis=1)
     if broken.any():
         vertex = " ".join(f"{number:g}" for number in vertices[broken][0])
-        raise ValueError(f"{path}: the vertex {vertex} is not finite")
+        raise ValueError(f"{path}: the vertex {vertex} is not finite: correct it")
     # Corners that fell together leave triangles without an area, which MuJoCo refuses.
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     if not whole.any():
-        raise ValueError(f"{path}: there is no triangle in this mesh")
+        raise ValueError(f"{path}: there is no triangle in this mesh: give another file")
     return Triangles(
         vertices,
         faces[whole],

@@ -21,7 +21,8 @@ is gone."""
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Return the compiled model; warnings of MuJoCo are ignored.
 
-    It warns where the options of an attached model differ from those of the room, which hold.
+    MuJoCo warns where the options of an attached model differ from those of the room, which are
+    used.
 
     Raises:
         ValueError: MuJoCo refuses the model.
@@ -41,7 +42,7 @@ def said_by_mujoco(error: Exception) -> str:
 
 def leave_out(spec: mujoco.MjSpec, parts: Iterable[str]) -> None:
     """Delete elements of a model: the lists that `parts` names, such as "sensors", and sky textures
-    that no material uses.
+    that no material uses; other sky textures become cube textures.
     """
     named = {name for material in spec.materials for name in material.textures}
     skies = [t for t in spec.textures if t.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX]

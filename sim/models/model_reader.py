@@ -44,8 +44,8 @@ def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
 
     Args:
         path: The model's file.
-        what: The kind of model, for messages: "robot".
-        whole: Refuse a model of which a shape cannot be drawn; otherwise a notice says so.
+        what: The kind of model in messages, such as "robot".
+        whole: True: raise an error if a shape cannot be drawn; False: leave it out and warn.
 
     Raises:
         ValueError: The file cannot be read or compiled; the sentence begins with its path.
@@ -59,13 +59,13 @@ def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
         try:
             model = compiled(spec.copy())
             if not np.isfinite(np.hstack([model.body_mass, *model.body_inertia])).all():
-                raise ValueError("the mass or the inertia of a body is not finite")
+                raise ValueError("the mass or the inertia of a body is not finite: correct it")
         except ValueError:
             model = mend(spec, path, mended, whole=whole)
         if mended.lost and not spec.geoms:
             draw_sticks(spec)
         if not np.isfinite(np.hstack([model.body_pos, model.body_ipos])).all():
-            raise ValueError("the place of a body is not finite")
+            raise ValueError("the position of a body is not finite: correct it")
     except (ValueError, RecursionError, ElementTree.ParseError, mujoco.FatalError) as error:
         raise ValueError(f"{path}: cannot read this {what}: {said_by_mujoco(error)}") from None
     if str(mended):
@@ -76,8 +76,8 @@ def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
 def spec_of_urdf(path: Path, mended: Mended) -> mujoco.MjSpec:
     """Return the model in a URDF file, with absolute paths of meshes.
 
-    Links show their visual shapes, or those for collisions where no visual one can be read; what is
-    left out is added to `mended`.
+    Links show their visual shapes, or their collision shapes if no visual one can be read; `mended`
+    records the shapes that are left out.
 
     Raises:
         ParseError: The file is not XML.
@@ -150,7 +150,7 @@ def _check_limit(joint: Element) -> None:
 
 def joint_speeds(path: Path) -> dict[str, float]:
     """Return the largest rates of a URDF file's joints by name [rad/s or m/s], which MuJoCo does
-    not read; {} for an MJCF file.
+    not read, without those outside 0.001 to 1000; {} for an MJCF file.
     """
     if path.suffix.lower() != ".urdf":
         return {}

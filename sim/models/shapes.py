@@ -20,7 +20,8 @@ def fill(shape: mujoco.MjsMesh, mesh: Triangles, material: Material | None) -> N
     Args:
         shape: The mesh of the model, which is changed.
         mesh: The triangles.
-        material: Their material; texture coordinates are added only if it has a picture.
+        material: Material of the triangles; texture coordinates are added only if it has a picture.
+            None: no material.
     """
     shape.file = ""
     shape.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # it may be flat
@@ -81,7 +82,9 @@ def paint(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, material: Material, name: s
 
 
 def add_picture(spec: mujoco.MjSpec, picture: Image, name: str = PICTURE) -> str:
-    """Add a picture (H, W, 3) to a model as a material called `name`; return this name."""
+    """Add a picture (H, W, 3), reduced to at most 2048 px a side, to a model as a material called
+    `name`; return this name.
+    """
     side = max(picture.shape[:2])
     if side > LARGEST_SIDE:
         scale = LARGEST_SIDE / side

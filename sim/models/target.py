@@ -58,9 +58,9 @@ def rectangle(centre: Array, length: float, width: float) -> Array:
     left, front right, rear right, with the front at +x and the left at +y.
 
     Args:
-        centre: Its middle (3,) [m].
-        length: Along the target's x [m].
-        width: Along the target's y [m].
+        centre: Centre of the rectangle (3,) [m].
+        length: Side along the target's x [m].
+        width: Side along the target's y [m].
     """
     a = length / 2
     b = width / 2
@@ -100,7 +100,9 @@ def seen_from_above(spec: mujoco.MjSpec) -> Array:
     bounds = _bounds(model, data)
     hits = _hits(model, data, *bounds)
     if len(hits) == 0:
-        raise ValueError("no visible part of the target lies above the table's top, z = 0")
+        raise ValueError(
+            "no visible part of the target lies above the table's top, z = 0: move the model up"
+        )
     low = hits.min(axis=0)
     high = hits.max(axis=0)
     length, width = (high - low)[:2] + (bounds[1] - bounds[0])[:2] / RAYS

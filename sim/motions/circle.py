@@ -13,7 +13,9 @@ from sim.types import Pose
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of the circle on the table: centre x, y [m], radius [m] and frequency [Hz]."""
+    """Settings of the circle on the table: centre x, y in the world [m], radius [m] and frequency
+    [Hz], which is negative for a clockwise drive as seen from above.
+    """
 
     x: Place = 0.0
     """Centre of the circle along world x [m]."""

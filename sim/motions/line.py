@@ -8,7 +8,9 @@ from sim.ranges import Place, Speed
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """Settings of a straight drive: start x, y [m], direction [deg] and speed [m/s]."""
+    """Settings of a straight drive: start x, y in the world [m], direction from world x towards y
+    [deg], and speed [m/s].
+    """
 
     x: Place = -0.5
     speed: Speed = 0.1

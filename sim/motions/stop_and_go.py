@@ -11,8 +11,8 @@ from sim.ranges import LONGEST, Place, Speed, Time
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """Settings of a straight drive with stops: start x, y [m], direction [deg], speed [m/s], and
-    durations of driving and standing [s].
+    """Settings of a straight drive with stops: start x, y in the world [m], direction from world x
+    towards y [deg], speed [m/s], and durations of driving (`go`) and standing (`stop`) [s].
     """
 
     x: Place = -0.5

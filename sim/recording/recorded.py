@@ -33,7 +33,10 @@ Shown = Iterator[tuple[float, Image | None]]
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A recording: its camera, the times of its pictures, and where the target is in them."""
+    """A recording: intrinsics of its camera, the times of its n pictures since the first [s], the
+    target's corners in them (n, 4, 2) [px], nan where it is absent, and a function that iterates
+    over times and pictures.
+    """
 
     camera: Camera
     """Intrinsics of the recording camera, with its lens."""
@@ -54,7 +57,7 @@ class Recorded:
 
     @cached_property
     def present(self) -> NDArray[np.bool_]:
-        """True (n,) for each picture in which the target is seen."""
+        """Whether the target is seen, for each picture (n,)."""
         return np.asarray(np.isfinite(self.corners).all(axis=(1, 2)))
 
     @cached_property
@@ -66,7 +69,9 @@ class Recorded:
         return self.camera.normalise(self.corners[last])
 
     def target(self) -> Target:
-        """Return a flat target with the sides of the target's outline in the first picture."""
+        """Return a flat target with the length and width that the target's outline in the first
+        picture has at a distance of 1 m.
+        """
         first = self._rays[0]
         length, width = np.linalg.norm(first[1:3] - first[:2], axis=1) * FIRST_DEPTH
         spec = mujoco.MjSpec()
@@ -76,11 +81,11 @@ class Recorded:
         return Target(spec, rectangle(np.zeros(3), float(length), float(width)))
 
     def motion(self) -> "RecordedMotion":
-        """Return the motion of that target.
+        """Return the motion T_world_target of the flat target that `target` returns.
 
-        It is parallel to the plane of the picture, on the ray of the outline's middle, and at the
-        depth at which it covers the outline's area. Its angle is the rotation of the similarity
-        that takes the first outline to the present one.
+        The target stays parallel to the plane of the picture, on the ray through the outline's
+        middle, and at the depth at which it covers the outline's area. Its angle is the rotation of
+        the similarity that takes the first outline to the present one.
         """
         middles = self._rays.mean(axis=1)
         areas = np.array([area(corners) for corners in self._rays])
@@ -115,12 +120,14 @@ class RecordedMotion:
 
 
 class RecordingSettings(Protocol):
-    """Settings of the recording of a run, if there is one."""
+    """Settings of a recording whose pictures take the place of rendered ones, if a run uses one."""
 
     def renderer(self) -> MakeRenderer | None:
-        """Return the maker of the renderer that turns inside the recording; None without one."""
+        """Return the function that makes the renderer of a camera which turns inside the recording;
+        None if the run uses no recording.
+        """
         ...
 
     def remarks(self) -> list[str]:
-        """Return remarks for the user, a sentence each."""
+        """Return remarks for the user about the recording, a sentence each."""
         ...

@@ -55,7 +55,7 @@ class RecordingRenderer:
         """Rays of pixels `CELL` apart, with one more at each side."""
 
     def close(self) -> None:
-        """End the reading."""
+        """End the thread that reads the pictures."""
         self._reader.shutdown(wait=True, cancel_futures=True)
         self._shown = iter(())
 
@@ -68,8 +68,9 @@ class RecordingRenderer:
         return begun.result
 
     def silhouette(self, data: mujoco.MjData, geoms: Array, *, alone: bool) -> NDArray[np.bool_]:
-        """Return a mask (H, W) of the whole picture: true where the target alone would be, and else
-        where the recording shows it. So the visible fraction is 1 or, where it is absent, 0.
+        """Return a mask (H, W) that is true everywhere, or false everywhere if `alone` is False and
+        the recording does not show the target at the time of `data`. The visible fraction is
+        therefore 1, or 0 where the target is absent.
         """
         is_seen = alone or bool(self._recorded.present[self._recorded.index(data.time)])
         return np.full((self._view.height, self._view.width), is_seen)
@@ -145,8 +146,9 @@ def seen_from(recording: Camera, turn: Array, rays: Array) -> Array:
 
     Args:
         recording: The recording camera.
-        turn: Rotation (3, 3) of the turned camera in its frame.
-        rays: Rays of the turned camera.
+        turn: Rotation R_recording_turned (3, 3): it takes directions in the turned camera's frame
+            to the recording camera's.
+        rays: Normalised coordinates X/Z, Y/Z (..., 2) in the turned camera's frame.
     """
     x, y, z = np.moveaxis(rays @ turn[:, :2].T + turn[:, 2], -1, 0)
     ahead = np.where(z > 0, z, np.nan)

@@ -20,15 +20,15 @@ Range = tuple[float, float]
 
 
 def turned(pan: float, tilt: float) -> Array:
-    """Return the rotation (3, 3) of the camera in the recording camera's frame after a pan to the
-    right about the picture's vertical, and then a tilt upwards [rad].
+    """Return the rotation R_recording_turned (3, 3) of a camera after a pan to the right about the
+    picture's vertical, and then a tilt upwards [rad], in the recording camera's frame.
     """
     return exp_so3(np.array([0.0, pan, 0.0])) @ exp_so3(np.array([tilt, 0.0, 0.0]))
 
 
 def room_in(recording: Camera, view: Camera) -> tuple[Range, Range] | None:
-    """Return the ranges of pan and tilt [deg] in which a view stays inside the recording, with any
-    pan and any tilt together; None if it is larger than the recording.
+    """Return the ranges (lowest, highest) of pan and of tilt [deg] in which a view stays inside the
+    recording, with any pan and any tilt together; None if the view is larger than the recording.
 
     Args:
         recording: The recording camera.

@@ -51,16 +51,18 @@ class Config(Drives):
     shipped one's name, menagerie:NAME of the package mujoco-menagerie, or menagerie:PATH below the
     folder that MENAGERIE_ROOT names."""
     base: tuple[Place, Place, Place, Degrees] = (0.0, 0.5, 0.6, -90.0)
-    """Where it stands in the room: x, y, z [m], and its turn about z [deg]; by default behind the
-    table's middle, 0.6 m above it, its x towards the middle."""
+    """Pose of the robot's base in the room: x, y, z [m], and its turn about z [deg]; by default
+    behind the table's middle, 0.6 m above it, its x towards the middle.
+    """
     flange: str = ""
     """The body or site that carries the camera; by default the end of the longest chain of joints
     (its only site, if it has one), or where that branches into fingers."""
     mount: tuple[Place, Place, Place, Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    """The camera in the flange: x, y, z [m], roll, pitch, yaw [deg] about fixed axes as in URDF;
-    with zeros it is in the flange's origin and looks along its z, with x to the right."""
+    """Pose of the camera on the flange: x, y, z [m], roll, pitch, yaw [deg] about fixed axes as in
+    URDF; with zeros it is in the flange's origin and looks along its z, with x to the right.
+    """
     camera: str = ""
-    """A camera of the model, in place of flange and mount."""
+    """Name of a camera of the model, in place of flange and mount."""
     home: tuple[Home, ...] = ()
     """Joint positions near which a start pose is sought, one after another [rad or m]; by default
     everywhere."""
@@ -106,14 +108,17 @@ class Config(Drives):
         for home in self.home:
             if len(home) != len(names):
                 raise ValueError(
-                    f"a home has {len(home)} values; it should have {len(names)}, for "
+                    f"home has {len(home)} joint positions; it should have {len(names)}, for "
                     f"{', '.join(names)}"
                 )
             for name, joint, at in zip(names, chain.joints, home, strict=True):
                 low, high = model.jnt_range[joint]
                 if model.jnt_limited[joint] and not low - AT_LIMIT <= at <= high + AT_LIMIT:
                     limits = f"{low:.3g} .. {high:.3g}"
-                    raise ValueError(f"a home has {name} at {at:g}, outside of its limits {limits}")
+                    raise ValueError(
+                        f"home has the joint {name} at {at:g}, outside of its limits {limits}: "
+                        "correct home"
+                    )
 
     def _speeds(self, names: tuple[str, ...], own: dict[str, float]) -> list[float | None]:
         if self.speed:

@@ -40,11 +40,11 @@ class Config(Outlined):
     file: File = "duck"
     """A shipped mesh's name, or an .obj or .stl file."""
     size: Length | tuple[Length, Length, Length] = 0.2
-    """Its longest horizontal side, or length along the nose, width and height [m]."""
+    """Longest horizontal side of the target, or its length along the nose, width and height [m]."""
     up: Literal["x", "y", "z"] = "z"
     """Axis of the file that points up."""
     turn_deg: Degrees = 0.0
-    """Turned about the vertical by this, after its longer side was laid along the nose [deg]."""
+    """Turn about the vertical, after the longer side is laid along the nose [deg]."""
     colour: Colour | None = None
     """As "#rrggbb", or red, green and blue from 0 to 1; by default the colours and pictures of the
     .mtl that an OBJ file names, and yellow where it names none."""

@@ -27,7 +27,7 @@ class Window:
 
     @staticmethod
     def around(states: Array, radius: float, image: Image, more: float = 0.0) -> "Window":
-        """Return the smallest window of an image that holds the template in all of several states.
+        """Return a window of an image, cut to it, that holds the template in all of several states.
 
         Args:
             states: States (N, 4): x, y [px], theta [rad], ln scale.
@@ -47,7 +47,7 @@ class Window:
         )
 
     def holds(self, other: "Window") -> bool:
-        """Return whether another window lies inside this one."""
+        """Return whether the window `other` lies inside this window."""
         return (
             self.left <= other.left
             and self.top <= other.top
@@ -139,7 +139,7 @@ class LabelledImage:
 
 def as_seen(image: Image, *, even: bool) -> Image:
     """Return a picture (H, W, 3) as it is or, with `even`, as if all were lit alike: each pixel
-    divided by its largest channel plus `DARK`, times 255.
+    divided by its largest channel plus 8 grey levels, times 255.
 
     Raises:
         ValueError: The array is not a picture.

@@ -29,8 +29,9 @@ LEAST_RING = 8
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Points of a template [px]; each belongs to a part (a cell, an ellipse or a ring), and has a
-    kernel weight and a weight in a mean-shift step.
+    """The P points (x, y) at which a template is read, in px from the target's centre at scale 1.
+    Each point belongs to one of `count` parts (cells, one ellipse or a ring), and has a kernel
+    weight (`weights`, sum 1 in each part) and a weight in a mean-shift step (`pulls`).
     """
 
     points: Array
@@ -53,8 +54,8 @@ class Layout:
         """Return a layout of points (P, 2) whose kernel values (P,) are normalised over each part.
 
         Args:
-            points: Template points (P, 2) [px].
-            parts: Part of each point (P,).
+            points: Template points (P, 2) from the target's centre, at scale 1 [px].
+            parts: Number of each point's part (P,), from 0 on.
             kernel: Values of the kernel (P,), above 0.
             pulls: Weights in a mean-shift step (P,); None: all 1, as of Epanechnikov's kernel.
         """
@@ -67,8 +68,9 @@ class Layout:
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Settings of the points at which a template is read: in equal cells or in one ellipse, how
-    densely, under which kernel, and how the cells' distances are combined.
+    """Settings of the points at which a template is read: `density` points along each side of one
+    of `cells` x `cells` equal cells, or, with `cells` = None, of one ellipse under the kernel
+    `kernel`; and whether the cells' squared distances are combined by their mean or sum.
     """
 
     density: int = 16
@@ -89,15 +91,17 @@ class Sampling:
 
 
 def lattice(count: int, region: Region) -> Array:
-    """Return the centres (count^2, 2) [px] of count x count equal cells of a region, row by row."""
+    """Return the centres (count^2, 2), row by row, of count x count equal cells of a region, in px
+    from the region's centre.
+    """
     at = (np.arange(count) + 0.5) / count - 0.5
     u, v = np.meshgrid(at * region.width, at * region.height)
     return np.stack([u.ravel(), v.ravel()], axis=1)
 
 
 def grid(region: Region, per_side: int, density: int) -> Layout:
-    """Return a layout whose parts are per_side x per_side equal cells of the region, each with
-    density x density points of equal weight.
+    """Return a layout whose parts are per_side x per_side equal cells of the region, numbered row
+    by row, each with density x density points of equal weight.
     """
     steps = per_side * density
     column, row = np.meshgrid(np.arange(steps) // density, np.arange(steps) // density)
@@ -109,8 +113,9 @@ def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout
     """Return a layout of one part, the ellipse inscribed in the region. Its points have the weight
     1 - r^2 ("epanechnikov") or 1 - r ("linear"), with r from 0 in the middle to 1 on the ellipse.
 
-    The KAMS paper steps under its linear kernel as if all points pulled alike, which does not climb
-    the linear kernel's coefficient; with 1 / r the step does.
+    The points lie on a lattice of density x density points over the region. Their weights in a
+    mean-shift step are equal, or 1 / r for "linear": with equal ones, as in the KAMS paper, a step
+    does not climb the coefficient of the linear kernel.
     """
     at = (2 * np.arange(density) + 1) / density - 1
     u, v = np.meshgrid(at, at)
@@ -126,7 +131,8 @@ def disc(region: Region, density: int, shape: Kernel = "epanechnikov") -> Layout
 
 def ring(region: Region, width: float, density: int) -> Layout:
     """Return a layout of one part: the frame between the region and a rectangle (1 + width) times
-    as wide and as high. All points have the same weight.
+    as wide and as high. All points have the same weight; they lie on a lattice of density x density
+    points, at least 8 x 8, over this rectangle.
     """
     density = max(density, LEAST_RING)
     outer = 1.0 + width
@@ -141,7 +147,7 @@ def histograms(image: LabelledImage, layout: Layout, state: State) -> Array:
     """Return the histograms (K, B) of the K parts of a layout over B bins, each with the sum 1,
     where the target has the given state in an image.
 
-    Points off the image are left out; a part without points in it has zeros.
+    Points off the image or in no bin are left out; a part without any other points has zeros.
     """
     vector = state.vector
     window = image.around(vector[None], layout.radius)

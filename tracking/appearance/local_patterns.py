@@ -114,8 +114,10 @@ def _split(distance: float) -> tuple[int, int, float]:
 
 @dataclass(frozen=True, slots=True)
 class TextureBins:
-    """Joint bins of colour and texture: each stands for one of levels^3 colours and one of the five
-    major uniform local binary patterns.
+    """Joint bins of colour and texture: one for each of levels^3 colours with each of the major
+    uniform local binary patterns, five for eight neighbours of a pixel on a circle of `radius` px.
+    All other pixels count in no bin (`rest` = "discard"), in one ("bin"), or in one for each colour
+    ("colour").
     """
 
     levels: int = 8
@@ -160,8 +162,10 @@ class TextureBins:
 
 @dataclass(frozen=True)
 class TextureSettings(AppearanceSettings):
-    """Settings of histograms over joint bins of colour and texture (uniform local binary
-    patterns).
+    """Settings of histograms over joint bins of colour and texture (uniform local binary patterns):
+    colour bins of each channel, number of a pixel's neighbours and radius of their circle [px],
+    bins of pixels without texture (`rest`, as for `TextureBins`), and, for `rest` = "discard", the
+    share of textured pixels below which colour alone is counted.
     """
 
     traits = frozenset({Trait.COLOUR, Trait.TEXTURE})
@@ -181,8 +185,9 @@ class TextureSettings(AppearanceSettings):
     "discard" only, which would leave next to nothing."""
 
     def bins(self, image: Image, region: Region, state: State) -> Bins:
-        """Return joint bins of colour and texture, or bins of colour alone if too little of the
-        target is textured: few pixels in so many bins make a new histogram in each picture.
+        """Return the joint bins of colour and texture; or, for `rest` = "discard", bins of colour
+        alone if the share of textured pixels of the target in the first picture `image` is below
+        `least_texture`, because few pixels in so many bins make a new histogram in each picture.
         """
         joint = TextureBins(self.levels, self.neighbours, self.radius, self.rest)
         # The square in the middle: the corners of the region may show the ground.

@@ -41,8 +41,10 @@ annotated recordings (tracking/RESULTS.md)."""
 
 @dataclass(frozen=True)
 class AppearanceSettings:
-    """Settings of the histograms that describe a target: bins of colour, correction of light, rim
-    that is left out, weight of the surroundings, and learning from later pictures.
+    """Settings of the histograms that describe a target: colour bins of each channel (`levels`),
+    correction of uneven light (`even`), share of the region's sides that is left out at its rim
+    (`inset`), weight of the surroundings' similarity to the target (`contrast`), and learning from
+    later pictures.
     """
 
     traits = frozenset({Trait.COLOUR})
@@ -50,8 +52,9 @@ class AppearanceSettings:
     levels: Levels = 8
     """Colour bins a channel; the KAMS paper has 10."""
     even: bool = False
-    """See colours as if all were lit alike: each pixel over its largest channel. Holds where the
-    light changes, at the price of telling bright things from dark ones less well."""
+    """Divide each pixel by its largest channel, as if all pixels were lit alike: the histograms
+    then bear changes of light, but distinguish bright things from dark ones less well.
+    """
     inset: Inset = 0.0
     """Share of the region's width and height that is left out, half on each side: there the
     background shows, whose change would be taken for the target's."""
@@ -63,7 +66,9 @@ class AppearanceSettings:
 
     @property
     def sampling(self) -> Sampling:
-        """Points at which states are read; by default of one part under Epanechnikov's kernel."""
+        """Settings of the points at which the target is read; by default those of one ellipse under
+        Epanechnikov's kernel.
+        """
         return Sampling()
 
     def bins(self, image: Image, region: Region, state: State) -> Bins:
@@ -93,7 +98,8 @@ class SampledModel:
 
     `distances` compares histograms only. `energy` is the squared distance plus the setting
     `contrast` times the similarity between the target and the ring around the region, which keeps
-    the region from shrinking into the target, where the histogram stays the same.
+    the region from shrinking into the target, where the histogram stays the same; after `recognise`
+    it also compares stored views.
     """
 
     def __init__(
@@ -123,14 +129,16 @@ class SampledModel:
         self._reference = Reference(labelled, region, state, fine, learns=settings.learn)
 
     def label(self, image: Image) -> LabelledImage:
-        """Return a picture (H, W, 3) with the bin numbers of its pixels, for the methods below."""
+        """Return a picture (H, W, 3) with the bin numbers of its pixels, as the other methods take
+        it.
+        """
         seen = as_seen(image, even=self._settings.even)
         blurred = seen if self._views is None else self._views.blurred(seen)
         return LabelledImage(seen, self._bins, self._reference.radius, blurred)
 
     def recognise(self, views: Views) -> None:
-        """Compare states with stored views from now on: `energy` then adds `UNLIKE` (1 - c), where
-        c, -1..1, is the largest correlation of the picture at a state with a view.
+        """Compare states with stored views from now on: `energy` then adds 0.3 (1 - c), where c,
+        -1..1, is the largest correlation of the picture at a state with a view.
         """
         self._views = views
 
@@ -147,9 +155,9 @@ class SampledModel:
 
         The energy is the squared distance d_m^2 from the reference, plus the setting `contrast`
         times the Bhattacharyya coefficient of the ring around the target with the target. After
-        `recognise`, `UNLIKE` (1 - c) is added, with the largest correlation c of the state's
-        picture with a stored one. With `sampling.combine = "sum"` all is multiplied by the number
-        of the template's cells.
+        `recognise`, 0.3 (1 - c) is added, with the largest correlation c of the picture at the
+        state with a stored view. With `sampling.combine = "sum"` all is multiplied by the number of
+        the template's cells.
         """
         window = self._window(image, states)
         squared = loops.squared_distances(self._coefficients(window, states))
@@ -164,14 +172,16 @@ class SampledModel:
     def climb(
         self, image: LabelledImage, states: Array, *, most: int, tolerance: float, reach: float
     ) -> tuple[Array, Array, int]:
-        """Move each state to a mode of the coefficient by mean shift, under one kernel.
+        """Move each state to a local maximum of the similarity to the reference histogram
+        (Bhattacharyya coefficient) by mean shift; the template has one part.
 
         Args:
             image: The picture.
-            states: First states (N, 4).
-            most: Largest number of histograms read for a state.
-            tolerance: A shorter shift ends a search [px].
-            reach: Largest length of a search [px].
+            states: First states (N, 4): x, y [px], theta [rad], ln scale.
+            most: Largest number of histograms that are computed for a state.
+            tolerance: A mean-shift step shorter than this ends a search [px].
+            reach: Distance around the template at the first states up to which pixels are read
+                [px].
 
         Returns:
             The states (N, 4) at the modes, their distances d_m (N,), and the number of histograms

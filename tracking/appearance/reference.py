@@ -32,7 +32,9 @@ RARE = 1e-4
 
 
 class Reference:
-    """Reference histograms of the template's cells and of the whole target."""
+    """Reference histograms of the target, each with the sum 1, as their square roots: `root_parts`
+    (K, B) for the K parts of the template and B bins, and `root_whole` (1, B) for the whole target.
+    """
 
     root_parts: Array
     """Square roots of the parts' histograms (K, B)."""
@@ -61,7 +63,7 @@ class Reference:
 
     @property
     def radius(self) -> float:
-        """Distance around the target up to which pixels are read, at scale 1 [px]."""
+        """Distance from the target's centre up to which pixels are read, at scale 1 [px]."""
         return self._around.radius if self._learns else self._layout.radius
 
     def learn(self, image: LabelledImage, state: State) -> None:

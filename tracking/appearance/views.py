@@ -27,8 +27,8 @@ APART = SIDE // 2
 
 
 class Views:
-    """Stored pictures of the target, of `SIDE` x `SIDE` points: the first one, and the newest ones
-    that were learnt.
+    """Stored views of the target, which are pictures of 8 x 8 points: the first one, and the newest
+    ones that were learnt.
     """
 
     def __init__(self, image: Image, region: Region, state: State, count: int) -> None:
@@ -47,7 +47,9 @@ class Views:
         self._stored = self._view(self.blurred(image), state)
 
     def blurred(self, image: Image) -> Image:
-        """Return a picture (H, W, 3) blurred: a pixel is the mean over a view point's area."""
+        """Return a picture (H, W, 3) blurred for the comparison with views: each pixel is the mean
+        over the area between two points of a view.
+        """
         sides = (self._region.width, self._region.height)
         width, height = (
             min(max(round(side * self._scale / SIDE), 1), most)
@@ -62,8 +64,8 @@ class Views:
         return loops.correlations(blurred, states, self._points, self._stored)
 
     def learn(self, blurred: Image, state: State) -> None:
-        """Store the picture of the target at a state, where it certainly is, unless its correlation
-        with a stored view is above `NEW`.
+        """Store the picture of the target at a state, where it certainly is, as a view, unless its
+        correlation with a stored view is above 0.9.
 
         When there are `count` views already, the new one replaces the oldest but the first; with
         `count` = 1 nothing is stored.
@@ -78,7 +80,8 @@ class Views:
 
         Args:
             blurred: The picture, blurred (H, W, 3).
-            last: The last state; the angle is its angle, the sizes are about its size.
+            last: The last state: its angle is kept, and sizes of 0.8, 1 and 1.25 times its size are
+                searched.
             most: Largest number of states.
 
         Returns:

@@ -19,7 +19,9 @@ LARGEST = (1888, 1000)
 
 
 class AnnotatedVideo:
-    """Writer of the film of a track; the film's size follows from that of the first picture."""
+    """Writer of the film of a track: its pictures with estimated and true outlines, and a chart of
+    the confidence. The size of the first picture decides that of the film.
+    """
 
     def __init__(
         self,

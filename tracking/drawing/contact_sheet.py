@@ -70,7 +70,7 @@ def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) ->
 
 
 def page(tiles: Sequence[Image]) -> Image:
-    """Return one image (H, W, 3) with small pictures (h, `TILE`, 3) in rows of four."""
+    """Return one image (H, W, 3) with small pictures (h, 240, 3) in rows of four."""
     height = max(t.shape[0] for t in tiles)
     columns = min(COLUMNS, len(tiles))
     rows = -(-len(tiles) // columns)
@@ -83,7 +83,7 @@ def page(tiles: Sequence[Image]) -> Image:
 
 
 def tile(picture: Picture, truth: Array, found: Array | None) -> Image:
-    """Return one picture of a contact sheet (h, `TILE`, 3): resized to the sheet's width, with its
+    """Return one picture of a contact sheet (h, 240, 3): resized to a width of 240 px, with its
     name and two outlines.
 
     Args:

@@ -96,7 +96,7 @@ def panel(
 
 
 class FrameReceiver(Protocol):
-    """Receiver of the frames of a film, in place of a file; a live page is one."""
+    """Receiver of the frames of a film, in place of a file, such as a live page."""
 
     def add(self, image: Image, time: float, /) -> None:
         """Receive a frame, RGB (height, width, 3), that is shown from a time [s] on."""

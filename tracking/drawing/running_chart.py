@@ -30,8 +30,9 @@ POINTS = 72
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Settings of a chart over time: names and colours of its curves, the label of their common
-    vertical axis, which begins at 0, and the ends of the axes.
+    """Settings of a chart over time: the colours of its curves by the names in the legend, the
+    label of their common vertical axis, which begins at 0, and the ends of the time axis [s] and of
+    the vertical axis (None: the axis grows with the times or values).
     """
 
     curves: Mapping[str, str]

@@ -14,8 +14,8 @@ from tracking.types import Estimate, Region, State, Status, Tracker, unknown_cov
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A picture of a source with the tracker's estimate for it, and the time that the tracker
-    took.
+    """A picture of a source and its number, the tracker's estimate for it, the time that the
+    tracker took [s], and the picture's width and height [px], None if it could not be read.
     """
 
     picture: Picture
@@ -87,7 +87,10 @@ def follow(
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A tracker's estimates for n pictures of a source, as arrays with one row for each picture."""
+    """A tracker's estimates for n pictures of a source: states x, y [px], theta [rad], scale (n,
+    4); corners of the outlines (n, 4, 2) [px]; confidence (n,), 0..1; computing times (n,) [ms];
+    and numbers of computed histograms (n,).
+    """
 
     states: Array
     """x, y [px], theta [rad], scale (n, 4) in the image."""
@@ -102,7 +105,9 @@ class Track:
 
     @staticmethod
     def of(shots: list[Shot], region: Region) -> "Track":
-        """Return the track of pictures with estimates, whose target has a region [px]."""
+        """Return the track of pictures with their estimates; `region` is the size of the target in
+        the first picture [px].
+        """
         found = [shot.estimate for shot in shots]
         return Track(
             np.array([(e.state.x, e.state.y, e.state.theta, e.state.scale) for e in found]),

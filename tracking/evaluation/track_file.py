@@ -121,7 +121,9 @@ def read(path: Path) -> Track:
     try:
         header, *rows = csv.reader(io.StringIO(text, newline=""))
     except (ValueError, csv.Error):
-        raise ValueError(f"{path}: this is not a track file of servobench") from None
+        raise ValueError(
+            f"{path}: this is not a track file, such as `servobench track` writes"
+        ) from None
     if tuple(header) != HEADER:
         raise ValueError(
             f"{path}: this is not a track of format {FORMAT}, which this version reads: its "
@@ -131,7 +133,7 @@ def read(path: Path) -> Track:
         return _track(rows)
     except (ValueError, IndexError):
         raise ValueError(
-            f"{path}: this is not a track: a row has other values than numbers"
+            f"{path}: a row of this track lacks a number, or has a text in its place"
         ) from None
 
 

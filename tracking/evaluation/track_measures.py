@@ -42,8 +42,12 @@ class Better(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A track and the true outlines of its target, compared in the m of n frames in which the
-    target is present.
+    """A track and the true corners (n, 4, 2) [px] of its target, nan where it is absent, compared
+    in the m of n frames in which it is present.
+
+    Each of these frames has the offset of the estimated from the true centre (m, 2), width and
+    height of the true upright box (m, 2) [px], and the intersection over union of the upright boxes
+    and of the rotated rectangles (m,).
     """
 
     track: Track
@@ -106,8 +110,8 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class TrackMeasure:
-    """A measure of a track: its name, unit, better direction, meaning, function and largest
-    value.
+    """A measure of a track: its name, its unit, whether higher or lower is better, its meaning, the
+    function that returns its value (nan where it does not apply), and its largest value.
     """
 
     name: str
@@ -151,8 +155,9 @@ def turned_overlaps(a: Array, b: Array) -> Array:
 
 
 def frames_until_loss(c: Comparison) -> float:
-    """Return the number of frames with the target before its loss: the first of `LOSS_RUN` in a row
-    whose centre error exceeds the target's size; the number of all, if there is no loss.
+    """Return the number of frames with the target before its loss: the first of five in a row whose
+    centre error exceeds the target's size (square root of its box's area); the number of all, if
+    there is no loss.
     """
     away = c.errors > np.sqrt(np.prod(c.sizes, axis=1))
     runs = np.convolve(away, np.ones(LOSS_RUN), mode="valid") == LOSS_RUN
@@ -161,7 +166,8 @@ def frames_until_loss(c: Comparison) -> float:
 
 def lost_signal(c: Comparison) -> float:
     """Return the area under the ROC curve of 1 - confidence as a detector of frames in which the
-    estimate is off the target; nan if all frames are off, or none is.
+    estimate is off the target (target absent, or overlap below 0.1); nan if all frames are off, or
+    no frame is.
     """
     off = ~c.present
     off[c.present] = c.overlaps < ON_TARGET
@@ -188,15 +194,16 @@ def expected_overlap(c: Comparison) -> float:
 
 def late_success(c: Comparison, late: int) -> float:
     """Return the area under the success curve (AUC), 0 to 1, of a tracker whose estimates come
-    `late` frames late: frame i is compared with the estimate for frame i - late, or else for the
-    first frame (Li, Wang, Ramanan, Towards streaming perception, 2020).
+    `late` frames late: frame i is compared with the estimate for frame i - late, the first `late`
+    frames with that for the first frame (Li, Wang, Ramanan, Towards streaming perception, 2020).
     """
     return _success_of(c, np.maximum(np.arange(len(c.present)) - late, 0))
 
 
 def streamed_success(c: Comparison) -> float:
-    """Return the area under the success curve (AUC) where frames come at `RATE`, and each estimate
-    arrives after the time that the tracker took for it.
+    """Return the area under the success curve (AUC), 0 to 1, where frames come at 30 Hz, and each
+    estimate arrives after the time that the tracker took for it; each frame is compared with the
+    newest estimate that has arrived.
 
     A busy tracker misses the frames that come meanwhile. Its estimate for the next frame is assumed
     to be the one that it made when it saw all frames.

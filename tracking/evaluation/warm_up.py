@@ -18,11 +18,11 @@ BLUR = (9, 9)
 
 
 def warm_up(config: PartConfig[Tracker]) -> list[Shot]:
-    """Run a new tracker on pictures of noise, in which its target moves by a pixel and is lost.
+    """Run a new tracker on pictures of noise, in which its target moves by a pixel and is lost, so
+    that its compiled loops and network files are loaded.
 
-    Its compiled loops and network files are then in memory; a tracker in another process has stored
-    its compiled loops on the disk. An error of the tracker is ignored here: the tracker raises it
-    again on the user's pictures.
+    Of a tracker in another process the compiled loops are then on the disk. An error of the tracker
+    is ignored here: the tracker raises it again on the user's pictures.
 
     Args:
         config: Settings of the tracker.

@@ -14,7 +14,8 @@ def serve(name: str, run: Callable[..., None], *, seeded: bool = False) -> None:
 
     Args:
         name: The server's module in this package.
-        run: Serves a tracker, given by its kind, `preset`, `seed` and settings by name.
+        run: Function that serves a tracker; it gets the tracker's kind, and `preset`, `seed` and
+            the settings by name.
         seeded: Whether the command line has an option --seed.
     """
     parser = argparse.ArgumentParser(prog=f"python -m tracking.exported.{name}")

@@ -120,7 +120,10 @@ def _picture(requests: BinaryIO, asked: Mapping[str, Any]) -> Image:
     count = int(np.prod(shape))
     data = requests.read(count)
     if len(data) < count:
-        raise ValueError(f"the client sent {len(data)} of the {count} bytes of a picture")
+        raise ValueError(
+            f"the client sent only {len(data)} of the {count} bytes of a picture, then its input "
+            "ended"
+        )
     return np.frombuffer(data, np.uint8).reshape(shape)
 
 

@@ -1,4 +1,6 @@
-"""Any tracker, ours or of another author, as a server shows it to a client: by reports."""
+"""Trackers, ours or of other authors, in the form in which a server shows them to a client: a
+report for each picture.
+"""
 
 from typing import final
 
@@ -13,7 +15,10 @@ from tracking.types import Region, State, Status, Tracker
 
 @final
 class Served:
-    """A tracker that reports where it finds its target; a guest's reports pass unchanged."""
+    """A tracker of ours or of another author, as a server shows it to a client: each picture gives
+    a report of where the tracker finds its target. Reports of another author's tracker pass
+    unchanged.
+    """
 
     def __init__(self, config: PartConfig[Tracker], seed: int) -> None:
         """Make the tracker, ready for the first picture.
@@ -31,7 +36,8 @@ class Served:
         """What a guest declares that it measures; None: what the reports show."""
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Start the tracker with a region [px] in the first picture.
+        """Start the tracker on the first picture, in which the target is the rectangle `region`
+        [px] at `state`.
 
         Raises:
             ValueError: The tracker refuses the region or the picture.

@@ -165,7 +165,8 @@ class Got10kTracker:
         self._follower = Follower(configured(kind, preset, **settings), seed, rate)
 
     def init(self, image: ArrayLike, box: ArrayLike) -> None:
-        """Learn the target in a box (4,), left, top, width, height [px], of the first picture, RGB.
+        """Learn the target in a box (4,), left, top, width, height [px], with pixels counted from
+        1, of the first picture, RGB.
 
         Raises:
             ValueError: The box is empty, or most of it is outside the picture.
@@ -173,8 +174,8 @@ class Got10kTracker:
         self._follower.start(_array(image), np.array(box, dtype=float) - (1, 1, 0, 0))
 
     def update(self, image: ArrayLike) -> Array:
-        """Return the target's upright box (4,), left, top, width, height [px], in the next picture,
-        RGB.
+        """Return the target's upright box (4,), left, top, width, height [px], with pixels counted
+        from 1, in the next picture, RGB.
         """
         _, (left, top, width, height) = self._follower.update(_array(image))
         return np.array([left + 1.0, top + 1.0, width, height])
@@ -189,11 +190,13 @@ class Got10kTracker:
 
         Args:
             img_files: Paths of the pictures.
-            box: Box (4,) of the target in the first picture.
+            box: Box (4,) of the target in the first picture: left, top, width, height [px], with
+                pixels counted from 1.
             visualize: Not used; `servobench track --video` writes a film.
 
         Returns:
-            Upright boxes (n, 4), and the time that the tracker took for each picture (n,) [s].
+            Upright boxes (n, 4) of the same form, and the time that the tracker took for each
+            picture (n,) [s].
 
         Raises:
             ValueError: The box is empty, or most of it is outside the first picture; or a picture
@@ -252,7 +255,7 @@ def run_vot(
     Raises:
         ValueError: There is no such kind or preset, or a setting has a wrong value; a picture
             cannot be read or decoded, or is too large; or the region is neither a rectangle nor a
-            polygon of four points.
+            polygon of four points, is empty, or is mostly outside the first picture.
         TypeError: The tracker has no such setting.
     """
     given = handle.region()

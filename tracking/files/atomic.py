@@ -41,8 +41,8 @@ def write(root: Path, name: str, content: bytes | str) -> Path:
 
 @contextmanager
 def writing(root: Path, name: str) -> Generator[BinaryIO]:
-    """Open a binary file for the block; it gets its name when the block ends without an exception,
-    and is removed otherwise.
+    """Context manager: open a binary file for the block. The file gets its name when the block ends
+    without an exception, and is removed otherwise.
 
     Args:
         root: The folder to write to; made if it does not exist.
@@ -83,7 +83,9 @@ def _check_replaceable(path: Path) -> None:
 
 @contextmanager
 def naming(path: Path) -> Generator[None]:
-    """Name a path in an OSError of the block that names no file, so that its message does."""
+    """Context manager: add the path to an OSError of the block that names no file, so that its
+    message shows the path.
+    """
     try:
         yield
     except OSError as error:

@@ -11,8 +11,8 @@ Box = tuple[int, int, int, int]
 
 
 def box_of(region: Region, state: State, image: Image) -> Box:
-    """Return the upright box of whole pixels that holds a region at a state, cut to the image
-    (H, W, 3); at least one pixel wide and high.
+    """Return the upright box of whole pixels (left, top, width, height) that holds a region at a
+    state, cut to the image (H, W, 3); at least one pixel wide and high.
     """
     corners = region.corners(state)
     height, width = image.shape[:2]
@@ -33,8 +33,8 @@ def exact_box(region: Region, state: State, image: Image) -> Array:
 
 
 def whole_box(box: Array) -> Box:
-    """Return the box of whole pixels whose edges are nearest to those of a box (4,) [px]; at least
-    one pixel wide and high.
+    """Return the box of whole pixels whose edges are nearest to those of a box (4,) of left, top,
+    width, height [px]; at least one pixel wide and high.
     """
     low = box[:2].round()
     sides = np.maximum((box[:2] + box[2:]).round() - low, 1)

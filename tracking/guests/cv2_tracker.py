@@ -57,7 +57,8 @@ class Cv2Tracker:
         self._proven = False
 
     def init(self, image: Image, box: Box) -> object:
-        """Learn the target in a box [px] of the first picture, BGR (H, W, 3).
+        """Learn the target in a box (left, top, width, height) [px] of the first picture, BGR (H,
+        W, 3).
 
         Returns:
             OpenCV's answer: False if it refuses the box.

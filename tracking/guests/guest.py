@@ -1,7 +1,7 @@
 """A tracker of another author, a guest, as a `tracking.types.Tracker`.
 
-What a guest reports (`tracking.guests.report`) is the same whichever way it is connected: as a
-class, as a program, over TraX, as a network. Its own word decides whether the target is seen.
+A guest's reports (`tracking.guests.report`) have the same form for a class, a program, a server of
+TraX and a network. The guest itself reports whether it sees the target.
 """
 
 import math
@@ -42,10 +42,14 @@ class Guest(Protocol):
 
     @property
     def gives(self) -> frozenset[Gives] | None:
-        """What the tracker declares that it measures; None: what its reports show."""
+        """Which of "size", "angle" and "corners" the tracker declares that it measures; None: it
+        declares nothing, and its reports show it.
+        """
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Show the tracker the first picture, and the target's region in it."""
+        """Show the tracker the first picture, in which the target is the rectangle `region` [px] at
+        `state`.
+        """
 
     def update(self, frame: Frame) -> Report:
         """Return where the tracker finds the target in the next picture."""
@@ -54,8 +58,10 @@ class Guest(Protocol):
 
 @dataclass(frozen=True)
 class GuestSettings:
-    """Settings of a tracker of another author: who decides whether the target is seen, whether its
-    size is used, and how long its answers may take.
+    """Settings of a tracker of another author: whether its own report or also a colour histogram
+    decides that the target is seen (`judge`), the least confidence of a seen target, whether the
+    size of its boxes is used, and the longest waits for the answer to a picture (`timeout`) and for
+    the first answer (`loading`) [s].
     """
 
     needs = frozenset({Channel.PICTURE})
@@ -94,7 +100,8 @@ class GuestSettings:
 class GuestTracker:
     """A `tracking.types.Tracker` around a tracker of another author.
 
-    Its boxes give centre and size, its angles and corners the rest; the camera's motion is ignored.
+    Reported boxes or corners give centre and size of the state, reported angles or corners its
+    rotation; the motion of the camera (`ego`) is not used.
     """
 
     _guest: Guest = SET_BY_START
@@ -129,7 +136,7 @@ class GuestTracker:
             ego: Not used.
 
         Raises:
-            ValueError: The other tracker fails, or its answer is not possible.
+            ValueError: The other tracker fails, or its answer has an invalid form or value.
         """
         report = self._guest.update(frame)
         place = self._placement
@@ -159,7 +166,8 @@ class GuestTracker:
         least = self._settings.least_confidence
         if confidence is None and least > 0 and report.seen:
             raise ValueError(
-                f"the tracker reports no confidence, but least_confidence = {least:g} needs one"
+                f"the tracker reports no confidence, but least_confidence = {least:g} needs one: "
+                "set least_confidence to 0"
             )
         if not report.seen or (confidence is not None and confidence < least):
             return distance, self._loss.judge(math.inf, frame.time)

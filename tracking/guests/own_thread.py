@@ -1,5 +1,5 @@
-"""A tracker of another author in a thread of its own, so that a tracker that never answers ends in
-one sentence; what it blocks is its thread.
+"""A tracker of another author in a thread of its own, so that a tracker that never answers gives an
+error after a time limit; only its thread stays blocked.
 """
 
 import contextvars
@@ -21,7 +21,9 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """A function to call in another thread, and where the thread puts its outcome."""
+    """A function without arguments to call in another thread, and the queue into which that thread
+    puts its outcome: the result and None, or None and the exception.
+    """
 
     function: Callable[[], Any]
     outcome: SimpleQueue[tuple[Any, BaseException | None]] = field(default_factory=SimpleQueue)
@@ -30,7 +32,9 @@ class Call:
 
 @final
 class TimedGuest:
-    """A guest that is made and asked in a thread of its own, with time limits."""
+    """A tracker of another author that is made and called in a thread of its own, with limits on
+    the time of its answers.
+    """
 
     def __init__(
         self, make: Callable[[], Guest], name: str, *, timeout: float, loading: float
@@ -58,22 +62,25 @@ class TimedGuest:
 
     @property
     def gives(self) -> frozenset[Gives] | None:
-        """What the guest declares that it measures; None: what its reports show."""
+        """Which of "size", "angle" and "corners" the tracker declares that it measures; None: it
+        declares nothing, and its reports show it.
+        """
         return self._guest.gives
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Show the guest the first picture, and the target's region in it.
+        """Show the tracker the first picture, in which the target is the rectangle `region` [px] at
+        `state`.
 
         Raises:
-            ValueError: The guest refuses the region, or does not return within the limit.
+            ValueError: The tracker refuses the region, or does not return within the limit.
         """
         self._limited(lambda: self._guest.start(frame, region, state), self._loading, "loading")
 
     def update(self, frame: Frame) -> Report:
-        """Return where the guest finds the target in the next picture.
+        """Return the report where the tracker finds the target in the next picture.
 
         Raises:
-            ValueError: The guest's answer is not possible, or late.
+            ValueError: The tracker's answer has an invalid form or value, or comes too late.
         """
         return self._limited(lambda: self._guest.update(frame), self._timeout, "timeout")
 

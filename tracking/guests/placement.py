@@ -1,4 +1,4 @@
-"""From the reports of a tracker of another author to states of our region."""
+"""Conversion of the reports of another author's tracker into states of the target's region."""
 
 import math
 
@@ -19,7 +19,7 @@ ORDERS = [np.roll(order, k) for k in range(4) for order in ((0, 1, 2, 3), (3, 2,
 
 
 class Placement:
-    """Converts boxes and corners into states of our region.
+    """Converts reported boxes and corners into states of the target's region.
 
     An upright box gives the centre, and the scale as the square root of its area over that of the
     upright box around the region in the first picture; the angle keeps its first value. A box with
@@ -65,7 +65,7 @@ class Placement:
         self.state = state
 
     def follow(self, report: Report) -> None:
-        """Set `state` by the report of a target that is seen."""
+        """Set the attribute `state` by the report of a picture in which the target is seen."""
         if report.corners is not None:
             self._follow_corners(report.corners)
         elif report.box is not None:

@@ -1,5 +1,6 @@
-"""A program of another author: its settings, and the connection to it. It is started and asked with
-time limits, and ended with its children when the connection is closed or our own process is killed.
+"""A program of another author: its settings, and the connection to it. The program is started and
+asked with time limits, and ended with its children when the connection is closed or our own process
+is killed.
 """
 
 import fcntl
@@ -43,7 +44,9 @@ reads a line or the end of its input, which ends also when our own process is ki
 
 @dataclass(frozen=True)
 class ProcessSettings(GuestSettings):
-    """Settings of a tracker in a process of its own: its command."""
+    """Settings of a tracker in a process of its own: the command that starts it, without a shell,
+    which a file may not give.
+    """
 
     traits = frozenset({Trait.FOREIGN})
     not_from_file = ("command",)
@@ -54,7 +57,9 @@ class ProcessSettings(GuestSettings):
 
 
 class GuestProcess:
-    """A running program that answers what it is sent; it is ended with this object."""
+    """A running program of another author, which gets bytes at its standard input and answers in
+    lines; it is ended when this object is deleted.
+    """
 
     def __init__(
         self, name: str, command: str, environment: Mapping[str, str], goodbye: bytes = b""
@@ -106,7 +111,8 @@ class GuestProcess:
 
         Args:
             parts: The bytes, in pieces.
-            answer_in: Returns the answer in a line of output; None if the line has no answer.
+            answer_in: Function that returns the answer in a line of output; None if the line has no
+                answer.
             limit: Longest wait [s].
             expected: What the answer should be, for messages.
 
@@ -189,11 +195,13 @@ class GuestProcess:
         return line
 
     def end(self) -> None:
-        """End the program, with all that it has started."""
+        """End the program and all processes that it has started."""
         self._close()
 
     def fail_ended(self, expected: str) -> NoReturn:
-        """Raise a ValueError that says that the program has ended instead of answering."""
+        """Raise a ValueError that says that the program has ended instead of sending its answer;
+        `expected` names the answer, such as "a line of JSON".
+        """
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(GRACE)
         code = self._process.poll()
@@ -201,8 +209,8 @@ class GuestProcess:
         self.fail(f"{ended} instead of sending {expected}")
 
     def fail(self, fault: str) -> NoReturn:
-        """End the program, and raise a ValueError with its name, a fault and the last lines of its
-        stderr.
+        """End the program, and raise a ValueError with its name, a fault such as "sent no answer",
+        and the last lines of its stderr.
         """
         with self._log.open("rb") as log:
             lines = deque((line for line in log if line.strip(MARKS)), LAST_LINES)

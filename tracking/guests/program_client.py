@@ -31,7 +31,9 @@ Answer = Mapping[str, object]
 
 @final
 class ProgramClient:
-    """Connection to a program; the program is ended with this object."""
+    """Connection to a tracker that is a program and speaks lines of JSON; the program is ended when
+    this object is deleted.
+    """
 
     def __init__(self, command: str, seed: int, timeout: float, loading: float) -> None:
         """Start a program and wait until it is ready.
@@ -53,7 +55,7 @@ class ProgramClient:
         """What the program's first line declares that it measures; None: nothing."""
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Send the first picture, and the target's region at a state.
+        """Send the first picture, in which the target is the rectangle `region` [px] at `state`.
 
         Raises:
             ValueError: The program has ended, hangs, or refuses the region.

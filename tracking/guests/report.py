@@ -30,8 +30,11 @@ UPRIGHT = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Report:
-    """Where a tracker of another author finds the target in a picture, rounded to a millionth of a
-    pixel. Pixels are counted from the image's top left corner.
+    """Where a tracker of another author finds the target in a picture: an upright box (4,) of left,
+    top, width, height [px], or one turned by an angle [rad], or four corners (4, 2) [px]; whether
+    it sees the target; and its confidence, 0..1. None: not reported.
+
+    Pixels are counted from the image's top left corner, and rounded to a millionth.
     """
 
     box: Array | None = None
@@ -57,12 +60,12 @@ def report_in(answer: object, name: str) -> Report:
 
     Args:
         answer: A box of left, top, width, height [px]; (ok, box), as OpenCV's trackers return; or a
-            mapping with some of `KEYS`. A box of zeros, or ok = False, means that the target is not
-            seen.
+            mapping with some of the keys box, angle, corners, seen and confidence. A box of zeros,
+            or ok = False, means that the target is not seen.
         name: Name of the tracker, to begin messages.
 
     Raises:
-        ValueError: The answer has another form, or one of its numbers is not possible.
+        ValueError: The answer has another form, or a number that is out of range.
     """
     if isinstance(answer, Mapping):
         return _of_mapping(cast("Mapping[object, object]", answer), name)
@@ -102,7 +105,8 @@ def report_of_corners(corners: Array) -> Report:
 
 
 def gives_in(declared: object, name: str) -> frozenset[Gives] | None:
-    """Return what a tracker declares that it measures; None where it declares nothing.
+    """Return which of "size", "angle" and "corners" a tracker declares that it measures; None if it
+    declares nothing.
 
     Args:
         declared: A collection of "size", "angle", "corners", or None.
@@ -120,7 +124,7 @@ def gives_in(declared: object, name: str) -> frozenset[Gives] | None:
     found: list[object] = list(cast("Iterable[object]", words))
     if unknown := [word for word in found if word not in known]:
         raise ValueError(
-            f"{name} declares that it gives {shown(unknown[0])}; there is {', '.join(known)}"
+            f"{name} declares that it gives {shown(unknown[0])}; it may give {', '.join(known)}"
         )
     return frozenset(cast("list[Gives]", found))
 
@@ -159,8 +163,8 @@ def box_around(points: Array) -> Array:
 
 
 def outline_of(report: Report) -> Array:
-    """Return the corners (4, 2) [px] of what a report of a seen target describes: its own, or those
-    of its box, clockwise in the image.
+    """Return the corners (4, 2) [px] that the report of a seen target describes: the reported
+    corners, or those of the reported box, clockwise in the image.
     """
     if report.corners is not None:
         return report.corners

@@ -42,7 +42,9 @@ REGIONS = frozenset({"rectangle", "polygon", "mask"})
 
 
 class TraxClient:
-    """Connection to a TraX server; the server is ended with this object."""
+    """Connection to a tracker that is a server of the TraX protocol; the server is ended when this
+    object is deleted.
+    """
 
     def __init__(self, command: str, timeout: float, loading: float) -> None:
         """Start a server and wait for its hello.
@@ -78,7 +80,7 @@ class TraxClient:
             )
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Send the first picture, and the target's region at a state.
+        """Send the first picture, in which the target is the rectangle `region` [px] at `state`.
 
         Raises:
             ValueError: The server has ended, hangs, or sends another message than a state.

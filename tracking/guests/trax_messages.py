@@ -190,7 +190,8 @@ def picture_in(text: str, depth: BitDepth | None = None) -> Image:
 
     Args:
         text: The argument of the message.
-        depth: Number of bits that the client's pictures use, found so far; None: by this picture.
+        depth: Number of bits that 16-bit pictures of the client use, which the first picture
+            determines; None: this picture alone determines it.
 
     Raises:
         ValueError: The picture cannot be read or decoded, or its data do not fit its size.

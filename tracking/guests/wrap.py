@@ -46,12 +46,14 @@ class Foreign(Protocol):
         """Learn the target in a box of the first picture; return False to refuse the box."""
 
     def update(self, image: Any, /) -> object:
-        """Return the target's box [px] in the next picture, (ok, box), or a mapping."""
+        """Return the target's box [px] in the next picture, (ok, box), or a mapping with some of
+        the keys box, angle, corners, seen and confidence.
+        """
 
 
 @final
 class Called:
-    """A tracker of another author in this process, which is called in its own convention."""
+    """A tracker of another author in this process, called in OpenCV's or GOT-10k's convention."""
 
     def __init__(
         self,
@@ -84,7 +86,8 @@ class Called:
         """What the tracker's attribute `gives` declares that it measures; None: it has none."""
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Start the tracker on the first picture with the upright box around a region.
+        """Start the tracker on the first picture with the upright box around the rectangle `region`
+        [px] at `state`.
 
         Raises:
             ValueError: The tracker's `init` returned False.
@@ -95,7 +98,10 @@ class Called:
         given = whole_box(exact) if self._convention == "opencv" else exact + FROM_ONE
         if self._tracker.init(self._picture(frame.image), given) is False:
             box = whole_box(exact)
-            raise ValueError(f"{self._name}: init refused the region x, y, width, height = {box}")
+            raise ValueError(
+                f"{self._name}: init refused the region x, y, width, height = {box}: give another "
+                "region"
+            )
 
     def update(self, frame: Frame) -> Report:
         """Return the tracker's report for the next picture.
@@ -155,8 +161,8 @@ def _unrounded(box: Array, exact: Array, whole: Array) -> Array:
 
 
 def convention_of(tracker: Foreign) -> Convention:
-    """Return the convention of a tracker: GOT-10k's for a subclass of that toolkit's `Tracker`, and
-    where the second argument of `init` is named box or bbox; else OpenCV's.
+    """Return the convention of a tracker: "got10k" for a subclass of that toolkit's `Tracker`, and
+    where the second argument of `init` is named box or bbox; else "opencv".
     """
     if any(base.__module__.startswith("got10k.") for base in type(tracker).__mro__):
         return "got10k"
@@ -169,7 +175,10 @@ def convention_of(tracker: Foreign) -> Convention:
 
 @dataclass(frozen=True, slots=True)
 class Wrapping:
-    """A class or function that makes trackers of another author, and how to call them."""
+    """A class or function that makes trackers of another author, the convention of their methods
+    (None: found from the class), where their confidence is found (None: at most in their answers),
+    and their name in messages.
+    """
 
     factory: Any
     """The class, the function, or a tracker that is made already."""
@@ -195,8 +204,8 @@ class Wrapping:
         return TimedGuest(lambda: self.called(seed), self.name, **limits)
 
     def called(self, seed: int) -> Called:
-        """Return a new tracker, ready for the first picture. All its random numbers follow from the
-        seed: the tracker is the same in any process.
+        """Return a tracker, ready for the first picture: a new one of the class or function, whose
+        random numbers all follow from the seed, in any process; or the tracker that `factory` is.
 
         Raises:
             ValueError: The class needs arguments or makes no tracker, or the tracker's attribute
@@ -316,7 +325,7 @@ def wrap(
         )
     if convention not in (None, *get_args(Convention)):
         there = ", ".join(get_args(Convention))
-        raise ValueError(f"{kind}: there is no convention '{convention}'; there is {there}")
+        raise ValueError(f"{kind}: there is no convention '{convention}'; known are {there}")
     return _config_of(Wrapping(factory, convention, confidence, kind))
 
 

@@ -214,8 +214,9 @@ def kernel_histograms(
 
 @compiled(error_model="numpy")
 def histograms(image: Image, x: Array, kernels: Kernels) -> tuple[Array, Array]:
-    """Return sums (K, B, 5) and totals (K, 5) of `kernel_histograms` at a state x (4,); of a large
-    template only every second, third, ... pixel and row is read.
+    """Return the sums (K, B, 5) and totals (K, 5) of `kernel_histograms` at a state x (4,), with
+    the template and kernels of `descend`; of a large template only every second, third, ... pixel
+    and row is read.
     """
     half, centres, span, levels, pixels = kernels
     area = 4.0 * half[0] * half[1] * np.exp(2.0 * x[3])
@@ -227,9 +228,11 @@ def histograms(image: Image, x: Array, kernels: Kernels) -> tuple[Array, Array]:
 def ssd_normal_equations(
     sums: Array, totals: Array, root_reference: Array, floor: float
 ) -> tuple[float, Array, Array]:
-    """Return cost, gradient (4,) and curvature (4, 4) of mean_k ||sqrt(q_k + floor) - q*_k||^2.
+    """Return cost, gradient (4,) and curvature (4, 4), by x, y, theta and ln scale, of mean_k
+    ||sqrt(q_k + floor) - q*_k||^2, with q_k the normalised histogram of kernel k.
 
-    The curvature is that of Gauss-Newton, J' J: second derivatives are left out.
+    The curvature is that of Gauss-Newton, J' J: second derivatives are left out. Gradient and
+    curvature lack their common factor 2.
 
     Args:
         sums: Sums of `kernel_histograms` (K, B, 5).
@@ -332,7 +335,9 @@ def damped_step(gradient: Array, curvature: Array, damping: float, units: Array)
 def linearise(
     image: Image, x: Array, kernels: Kernels, root_reference: Array
 ) -> tuple[float, Array, Array]:
-    """Return cost, gradient (4,) and curvature (4, 4) of `ssd_normal_equations` at x (4,)."""
+    """Return cost, gradient (4,) and curvature (4, 4) of `ssd_normal_equations` at the state x
+    (4,), with the arguments of `descend`.
+    """
     sums, totals = histograms(image, x, kernels)
     return ssd_normal_equations(sums, totals, root_reference, FLOOR)
 

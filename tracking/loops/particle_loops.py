@@ -97,7 +97,7 @@ def systematic(weights: Array, first: float) -> NDArray[np.int64]:
 
 @compiled()
 def exponent(log_likelihood: Array, target: float) -> float:
-    """Return the beta below `LARGEST_BETA` for which w^beta has a given effective sample size, by
+    """Return the beta, from 0 to 10,000, for which w^beta has a given effective sample size, by
     bisection.
 
     Args:

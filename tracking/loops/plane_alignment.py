@@ -70,8 +70,8 @@ def sample(image: NDArray[np.float32], H: Array, points: Array) -> Array:
 
 @compiled(error_model="numpy")
 def partition(values: Array, rank: int) -> None:
-    """Reorder values (n,) so that the one at index `rank` is the one of a sorted array, with none
-    larger before it and none smaller after it (Hoare's quickselect).
+    """Reorder values (n,) so that the value at index `rank` is the one of the sorted array, with no
+    larger value before it and no smaller one after it (Hoare's quickselect).
 
     NumPy's `quantile` and `partition` take five times as long to compile.
     """
@@ -140,8 +140,9 @@ def agreed(weights: Array, cells: NDArray[np.intp]) -> Array:
 def normal_equations(
     error: Array, weights: Array, rows: Array, template: Array, gain: float
 ) -> tuple[Array, Array]:
-    """Return the curvature (10, 10) and gradient (10,) of weighted squares of errors (n,), for the
-    eight parameters of the homography, gain and bias; rows (n, 8) are the template's derivatives.
+    """Return the curvature (10, 10) and gradient (10,) of weighted squares of errors (n,) at n
+    points, for the eight parameters of the homography, gain and bias; rows (n, 8) are the
+    derivatives of the template's brightness `template` (n,).
     """
     A = np.zeros((10, 10))
     g = np.zeros(10)
@@ -171,7 +172,7 @@ def correlation(seen: Array, template: Array, weights: Array) -> float:
     """Return the weighted correlation, -1..1, of the brightness seen (n,) and that of the template
     (n,).
 
-    It is reduced in proportion where the mean weight is below `USUAL`: only a small part fits.
+    It is reduced in proportion where the mean weight is below 0.8: only a small part fits.
     """
     total = 1e-12
     mean = 0.0
@@ -220,13 +221,16 @@ def align(
     most: int,
     tolerance: float,
 ) -> tuple[Array, Array, float, float]:
-    """Return the homography H (3, 3) with I(H x) = gain T(x) + bias, by Gauss-Newton steps.
+    """Return the homography H (3, 3) with I(H x) = gain T(x) + bias for the points x of a template,
+    by Gauss-Newton steps.
 
     Args:
         image: Brightness (height, width).
         begin: H at first.
         light: Gain and bias at first.
-        level: The template, with brightness T.
+        level: The template: points x (m, 2) in a unit square, their brightness T (m,), its
+            derivatives by the eight parameters of H (m, 8), and the numbers of the points' cells
+            (m,).
         most: Largest number of steps.
         tolerance: Length of a step that ends the descent [sides of the template].
 

@@ -211,8 +211,8 @@ def mean_shift(
         window: Labels (h, w), and left and top of their part of the image [px].
         states: First states (N, 4): x, y [px], theta [rad], ln scale.
         points: Template points (P, 2) [px].
-        weights: Their kernel weights (P,), summing to 1.
-        pulls: Their weights in a step (P,): equal under an Epanechnikov kernel.
+        weights: Kernel weights of the points (P,), summing to 1.
+        pulls: Weights of the points in a step (P,): equal under an Epanechnikov kernel.
         root_q: Square roots of the reference histogram (1, B).
         most: Largest number of evaluated histograms for a state.
         tolerance: A shorter shift ends the search [px].

@@ -60,7 +60,8 @@ def anneal(
     Args:
         cloud: The particles, which are changed.
         velocity: Expected change (4,) of x, y [px], theta [rad] and ln scale since the last frame.
-        likelihood: Returns the log-likelihood (N,) of the particles; it may move them first.
+        likelihood: Function that returns the log-likelihood (N,) of the particles; it may move them
+            first.
         settings: Number of layers, and schedule of their exponents.
         widen: Factor on the noise of all layers.
     """

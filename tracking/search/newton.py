@@ -64,8 +64,9 @@ class Descent:
 
 @dataclass(frozen=True, slots=True)
 class KernelGrid:
-    """Settings of a grid of Epanechnikov kernels over the template: their number and size, and the
-    colour bins.
+    """Settings of a grid of `per_side` x `per_side` Epanechnikov kernels over the template: their
+    half axes in cells of the grid (`span`), the number of colour bins of each channel (`levels`),
+    and the share of the template's width and height that is left out at its rim (`inset`).
     """
 
     per_side: int = 3
@@ -93,7 +94,9 @@ changes. Discs and cylinders from above have at most 0.09, a plain rectangle of 
 
 
 class KernelModel:
-    """The target under a grid of Epanechnikov kernels, and the search for it."""
+    """The target's reference histograms under a grid of Epanechnikov kernels, and the search for
+    the state with the most similar histograms by Newton's descent.
+    """
 
     def __init__(
         self,
@@ -144,11 +147,12 @@ class KernelModel:
 
         Args:
             image: RGB (H, W, 3).
-            state: First state.
+            state: State from which the descent begins.
             most: Largest number of states whose histograms are computed.
             tolerance: A step with all coordinates below this ends the descent [px, or 1/20 rad, or
                 1/20 of ln scale]; it is taken, but its end is not evaluated.
-            hopeless: Distance d_m, 0..1; a first state with a larger one is returned as it is.
+            hopeless: Distance d_m, 0..1; a first state with a larger distance is returned
+                unchanged.
 
         Returns:
             The last state, the distance of the last evaluated state that was accepted, and the
@@ -169,7 +173,7 @@ class KernelModel:
 
     def covariance(self, image: Image, state: State) -> Array:
         """Return the covariance (4, 4) of x, y [px], theta [rad] and ln scale at the end of a
-        descent: one standard deviation away, the objective is larger by 2 `USUAL`^2.
+        descent: one standard deviation away, the objective is larger by 2 * 0.025^2.
 
         It is large where the template slips inside something of one colour, and nan for an angle
         that is not searched. The histograms computed here are not counted as evaluations.
@@ -183,12 +187,13 @@ class KernelModel:
 
 
 def changes(image: Image, region: Region, state: State) -> tuple[float, float]:
-    """Return how much the target's histograms change where the template is shifted, and where it is
+    """Return how much the target's histograms change when the template is shifted, and when it is
     turned, in the first picture.
 
     Returns:
-        The distance d_m, 0..1, after a shift by `SHIFTED` of its size, the mean of eight
-        directions; and after a turn, the largest of all `TURNS`.
+        The distance d_m, 0..1, from the unchanged histograms after a shift by a quarter of the
+        target's size, as a mean over eight directions; and the largest distance after a turn, of
+        turns by 15 to 345 deg.
     """
     model = KernelModel(image, region, state, INNER)
     shift = SHIFTED * np.sqrt(region.area(state))
@@ -207,11 +212,10 @@ def changes(image: Image, region: Region, state: State) -> tuple[float, float]:
 
 def shows_angle(image: Image, region: Region, state: State) -> bool:
     """Return True if turning the template changes the target's histograms in the first picture at
-    least `LEAST_TURN` times as much as shifting it by `SHIFTED` of its size.
+    least 0.3 times as much as shifting it by a quarter of its size does.
 
     A turn of a disc, or of a mug from above, changes nothing: an estimated angle would drift, and
-    the camera would turn with it. Where not even a shift changes the histograms, the result is
-    true.
+    the camera would turn with it. If not even a shift changes the histograms, the result is True.
     """
     shifted, turned = changes(image, region, state)
     return turned >= LEAST_TURN * shifted

@@ -10,9 +10,9 @@ from tracking.types import LARGEST_LOG, Estimate, Region, State, Status
 
 
 class ParticleFilter:
-    """Samples (N, 4) of x, y [px], theta [rad] and ln scale, and their weights (N,).
-
-    In each frame `predict`, `weigh`, `mean` and `resample` are called in this order.
+    """A set of N particles: samples (N, 4) of x, y [px], theta [rad] and ln scale, and weights
+    (N,), which sum to 1. In each frame `predict`, `weigh`, `mean` and `resample` are called in this
+    order.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class ParticleFilter:
 
     @property
     def follows(self) -> tuple[bool, bool]:
-        """Return whether the samples vary in angle, and whether they vary in size."""
+        """Whether the samples vary in angle, and whether they vary in size."""
         return bool(self._noise[2] > 0), bool(self._noise[3] > 0)
 
     def best(self) -> State:

@@ -37,8 +37,8 @@ class Velocity:
         return self.value + ego
 
     def jump(self, state: State, size: float) -> float:
-        """Return the distance of a state from the expectation of `step`: that of the position over
-        the target's size, or that of ln scale, whichever is larger.
+        """Return how far a state is from the one that `step` predicted: the distance of the
+        positions over the target's size, or the difference of ln scale, whichever is larger.
 
         Args:
             state: The state that was found.
@@ -48,8 +48,8 @@ class Velocity:
         return float(max(np.hypot(x, y) / (size * state.scale), abs(scale)))
 
     def learn(self, state: State, *, seen: bool) -> None:
-        """Update the velocity by the state found in the next frame; keep it if the target is not
-        seen.
+        """Update the velocity by the state that was found in the frame after the last call; keep
+        the velocity if the target is not seen.
         """
         # A state that was not confirmed would teach the velocity the tracker's own drift.
         if seen:

@@ -45,7 +45,9 @@ LARGEST_RECORD = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """A topic of a bag: a named series of messages of one type."""
+    """A topic of a bag: a named series of messages of one type, with the type's name (`kind`), such
+    as "sensor_msgs/Image", their encoding, such as "cdr", and their number.
+    """
 
     name: str
     kind: str
@@ -65,7 +67,9 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """What an open bag holds: its topics, its duration [s], and its messages."""
+    """An open bag: its topics, the time from its first message to its last [s], and a function
+    that, for a topic's name, yields when each message was recorded [ns] and its bytes.
+    """
 
     topics: Iterable[Topic]
     span: float
@@ -86,7 +90,7 @@ def is_bag(path: Path) -> bool:
 
 
 class Bag:
-    """Source of the pictures of one topic of a bag, with the stamps of their headers."""
+    """Source of the pictures of one topic of a bag, with the time stamps of their headers."""
 
     end: End | None = None
 

@@ -83,9 +83,10 @@ def picture_of(
     """Return the stamp [ns] of a message, None if it is not set, and its picture, RGB (H, W, 3).
 
     Args:
-        decode: Decoder of the message's type.
+        decode: Function of `decoder_of` for the message's type.
         data: The bytes of the message.
-        depth: Number of bits that the topic's pictures use, found so far; None: by this picture.
+        depth: Number of bits that 16-bit pictures of the same topic use, which the first picture
+            determines; None: this picture alone determines it.
 
     Raises:
         ValueError: The message is cut off, has an unknown pixel format, or cannot be decoded.
@@ -135,6 +136,8 @@ def _raw(message: Any, depth: BitDepth) -> Image:
     try:
         image = pixels if code is None else cv2.cvtColor(pixels, code).astype(np.uint8, copy=False)
     except cv2.error:
-        raise ValueError(f"a picture of {width} x {height} px cannot be in {encoding}") from None
+        raise ValueError(
+            f"a picture of {width} x {height} px cannot have the pixel format {encoding}"
+        ) from None
     image.setflags(write=False)
     return image

@@ -32,7 +32,10 @@ THERE = "folder, video file, bag, camera:NUMBER, or address such as rtsp://HOST/
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """Pictures with the target's true outline in each of them."""
+    """n pictures with the target's true corners (n, 4, 2) [px], nan where it is absent, its size
+    and state in the first picture, and, if they are known exactly, its true states x, y [px], theta
+    [rad], scale (n, 4).
+    """
 
     name: str
     source: Source
@@ -53,7 +56,7 @@ class Sequence:
 
         Args:
             name: Name of the sequence.
-            paint: Returns the picture RGB (H, W, 3) with a number; the first is 0.
+            paint: Function that returns the picture with a number, RGB (H, W, 3); the first is 0.
             region: Size of the target at scale 1 [px].
             states: Exact x, y [px], theta [rad], scale of the target in each picture (n, 4).
         """
@@ -104,8 +107,8 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
 
 
 def pictures_in(folder: Path) -> Path:
-    """Return the folder with the pictures of a sequence: the sequence's own, or one in it as in the
-    layouts of OTB and VOT.
+    """Return the folder with the pictures of a sequence: the sequence's folder itself, or a folder
+    in it such as "img", as in the layouts of OTB and VOT.
 
     Raises:
         ValueError: The folder cannot be read.
@@ -233,7 +236,7 @@ def _is_sequence(path: Path) -> bool:
             link.
     """
     if path.is_symlink() and not path.exists():
-        raise ValueError(f"{path}: this link is broken")
+        raise ValueError(f"{path}: this link is broken: remove it")
     if not is_folder(path):
         return False
     pictures = images_in(pictures_in(path))

@@ -36,7 +36,10 @@ REPEATED = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One picture of a source, or the reason why it cannot be read."""
+    """One picture of a source, RGB (H, W, 3), with its time since the first picture [s] and, if the
+    source has them, its time stamp [ns] and the date and time at which it came. An image of None
+    cannot be decoded, for the reason `reason`.
+    """
 
     name: str
     """File name, or "frame 12"."""
@@ -59,7 +62,9 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """Report on how the reading of a source ended."""
+    """Report on how the reading of a source ended: a sentence for the user, whether pictures are
+    missing or damaged (`lost`), and the numbers of pictures that were dropped and damaged.
+    """
 
     sentence: str
     """The report for the user."""
@@ -103,7 +108,8 @@ class Times:
         self._stamp: int | None = None
 
     def since_first(self, stamp: int | None) -> float:
-        """Return the time of the next picture since the first one [s], by its stamp [ns].
+        """Return the time of the next picture since the first one [s], by its stamp [ns]; None: it
+        has no stamp.
 
         A picture without a stamp, or with the stamp of the last one, comes one period of the rate
         after the last one. Stamps that go back a little are replaced by times that follow closely
@@ -169,7 +175,9 @@ def images_in(folder: Path) -> list[Path]:
 
 @dataclass(frozen=True, slots=True)
 class Folder:
-    """Source of the image files of a folder, sorted by name, numbers in names by value."""
+    """Source of the image files of a folder, sorted by name, numbers in names by value, at a rate
+    [1/s]; `notes` has sentences for the user.
+    """
 
     files: tuple[Path, ...]
     rate: float = RATE
@@ -241,7 +249,9 @@ def _gaps(files: Sequence[Path]) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class PaintedSource:
-    """Source of pictures that a function paints."""
+    """Source of `count` pictures, RGB (H, W, 3), that a function paints by their numbers; the first
+    is 0.
+    """
 
     paint: Callable[[int], Image]
     """Returns the picture of a number, RGB (H, W, 3); the first is 0."""

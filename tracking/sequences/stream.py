@@ -1,7 +1,8 @@
 """Live sources: cameras of this machine (camera:0), and streams by address (rtsp, http, tcp, udp).
 
 A thread reads the source into a queue for one picture. A new picture replaces the one in the queue,
-so that a slow tracker gets the newest picture; replaced pictures are counted as dropped.
+so that a slow tracker gets the newest picture; replaced pictures are counted as dropped. Only the
+reader of a recording on a web server waits for the tracker instead.
 """
 
 import re
@@ -59,12 +60,15 @@ WAKE = 0.1
 
 
 class SourceLost(Exception):
-    """A camera or stream cannot be opened, or broke off; the message is the reason."""
+    """Error: a camera or stream cannot be opened, or broke off; the message is the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Feed:
-    """An open camera or stream: its pictures, and how they are read."""
+    """An open camera or stream: its pictures, without names and times, their approximate rate
+    [1/s], and whether the reader waits for the tracker instead of dropping pictures, as for a
+    recording on a server.
+    """
 
     pictures: Iterator[Picture]
     """Pictures without names and times; the iteration raises SourceLost where the source breaks
@@ -99,8 +103,8 @@ class LiveSource:
 
     @property
     def end(self) -> End | None:
-        """Report on the pictures so far: the source's end, and dropped and damaged pictures; None
-        before the end if none was dropped or damaged.
+        """Report on the pictures so far: how the source ended, and how many pictures were dropped
+        or damaged; None while the source is open and no picture was dropped or damaged.
         """
         counts = {
             "of them were dropped, because they came too fast": self._dropped,

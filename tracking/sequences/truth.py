@@ -59,7 +59,7 @@ class Format(Enum):
 
     @staticmethod
     def named(name: str) -> "Format":
-        """Return the format of a name in lower case, such as "otb".
+        """Return the format with a name in lower case, such as "otb".
 
         Raises:
             ValueError: There is no such format.
@@ -110,7 +110,7 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
         try:
             return _of_csv(lines, path)
         except csv.Error as error:
-            raise ValueError(f"{path}: this is not CSV: {error}") from None
+            raise ValueError(f"{path}: this is not a valid CSV file: {error}") from None
     places = [f"{path.name}, line {i}" for i in range(1, len(lines) + 1)]
     rows = [_numbers(line.strip(), place) for line, place in zip(lines, places, strict=True)]
     if form is Format.AUTO:

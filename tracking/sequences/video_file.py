@@ -53,7 +53,9 @@ UNTURNED: Matrix = (1, 0, 0, 1)
 
 @dataclass(slots=True)
 class Video:
-    """Source of the pictures of a video file."""
+    """Source of the pictures of a video file, with their rate [1/s], the number of frames, and a
+    report on missing or damaged pictures of the last reading (None: all were read).
+    """
 
     path: Path
     rate: float
@@ -226,7 +228,9 @@ Printed = list[tuple[int, str, str]]
 
 @contextmanager
 def printed_by_ffmpeg() -> Generator[Printed]:
-    """Collect the errors that FFmpeg prints during the block; the list is filled as they come."""
+    """Context manager: collect the errors that FFmpeg prints during the block, in a list that is
+    filled as they come.
+    """
     level = av.logging.get_level()
     skips = av.logging.get_skip_repeated()
     av.logging.set_level(av.logging.ERROR)
@@ -240,7 +244,9 @@ def printed_by_ffmpeg() -> Generator[Printed]:
 
 
 def quoted(printed: Printed) -> str:
-    """Return FFmpeg's first message in brackets, to end a sentence; "" for an empty list."""
+    """Return the first of FFmpeg's messages in brackets, with a space before them, to end a
+    sentence; "" for an empty list.
+    """
     return f" (FFmpeg: {' '.join(printed[0][2].split()).rstrip('.')})" if printed else ""
 
 
@@ -267,9 +273,11 @@ def only_video(container: InputContainer) -> VideoStream:
         raise ValueError(f"{there} in this file; give a file with one video")
     stream = streams[0]
     if getattr(stream, "codec_context", None) is None:  # FFmpeg has no decoder of this kind
-        raise ValueError("FFmpeg here has no decoder for the compression of this video")
+        raise ValueError(
+            "FFmpeg here has no decoder for the compression of this video: convert it to H.264"
+        )
     if not stream.width or not stream.height:
-        raise ValueError("no frame of this video can be decoded")
+        raise ValueError("no frame of this video can be decoded: give another file")
     check_size(stream.width, stream.height, "first frame: the picture")
     return stream
 

@@ -23,7 +23,9 @@ Count = Annotated[int, Ge(0), Le(1 << 53)]
 
 @dataclass(frozen=True, slots=True)
 class McNemar:
-    """McNemar's test of two methods on the same sequences, by how often only one succeeded."""
+    """McNemar's test of two methods on the same sequences: the numbers of sequences on which only
+    the first succeeded (`wins`), only the second (`losses`), and both or neither (`ties`).
+    """
 
     wins: Count
     """Number of sequences on which only the first succeeded."""
@@ -66,8 +68,8 @@ class McNemar:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A value with its 95 % confidence interval, and the number of independent repetitions behind
-    it.
+    """A value with the lower and the upper end of its 95 % confidence interval, nan if it is
+    unknown, and the number of independent repetitions behind it (0: unknown).
     """
 
     value: float
@@ -89,9 +91,9 @@ def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Inte
     Scores between the bounds 0 and 1 that are all 0 or 1, or equal, are a share: Wilson's interval.
     Others: Student's t with its skewness removed by the cubic transformation of Hall (On the
     removal of skewness by transformation, 1992, with a = 1/3, b = 1/6). One score, or one that is
-    not finite, has no interval; other equal scores have one without width. It covers 93 to 97 %
-    from n = 10 on (tests/test_statistics.py), but of a lognormal of sigma 1 only 89 %, and a
-    single share 90 to 98 %, because counts jump.
+    not finite, has no interval; other equal scores have one without width. The interval covers 93
+    to 97 % from n = 10 on (tests/test_statistics.py), but of a lognormal of sigma 1 only 89 %, and
+    a single share 90 to 98 %, because counts jump.
 
     Args:
         scores: One score for each repetition; several measurements in one must be averaged before.
@@ -129,12 +131,13 @@ def mean_percent(shares: Array) -> Interval:
 
 
 def in_percent(share: Interval) -> Interval:
-    """Return the interval of a share in percent."""
+    """Return the interval of a share, 0 to 1, in percent."""
     return replace(share, value=100 * share.value, low=100 * share.low, high=100 * share.high)
 
 
 def difference_of_shares(first: Array, second: Array) -> Interval:
-    """Return the share of successes of the first minus that of the second, with its 95 % interval.
+    """Return the share of successes of the first minus that of the second, with its 95 % interval,
+    whose ends are nan for a single repetition.
 
     Bonett and Price, Adjusted Wald confidence interval for a difference of binomial proportions
     based on paired data, 2012.

@@ -16,8 +16,8 @@ class Finding(Enum):
 
 
 def not_worse(difference: Interval, margin: float) -> Finding:
-    """Judge whether the first of two methods is as good as the second up to a margin: a test of
-    non-inferiority.
+    """Return the verdict whether the first of two methods is as good as the second up to a margin:
+    a test of non-inferiority.
 
     Piaggio and others, Reporting of noninferiority and equivalence randomized trials, 2012.
 
@@ -32,8 +32,8 @@ def not_worse(difference: Interval, margin: float) -> Finding:
 
 
 def greater(value: Interval, bound: float) -> Finding:
-    """Judge whether a value is above a bound, by its confidence interval: a test of superiority.
-    The bound for a difference is 0.
+    """Return the verdict whether a value is above a bound, by its confidence interval: a test of
+    superiority. The bound for a difference is 0.
 
     >>> greater(Interval(0.4, 0.1, 0.7), 0.0).name
     'HOLDS'

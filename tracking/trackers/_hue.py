@@ -113,8 +113,8 @@ class HueTracker:
 
         Args:
             frame: The next frame.
-            ego: Change (4,) of x, y [px], theta [rad] and ln scale that the camera's own motion
-                makes; None if it is unknown.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale since the last frame that the
+                camera's own motion causes; None if it is unknown.
         """
         check_picture(frame.image)
         self._state = self._found(frame, ego)

@@ -22,7 +22,10 @@ PRESETS = {"paper": FIXED | condensation.SAME, "video": VIDEO}
 
 @dataclass(frozen=True, slots=True)
 class Config(CloudSettings):
-    """Settings of the particles, of their colour histogram, and of the layers' schedule."""
+    """Settings of the annealed particle filter: number of particles, standard deviations of
+    position in the first layer (share of the target's size) and of ln scale, share of the old
+    velocity in the new one, and schedule of the layers' exponents.
+    """
 
     particles: Count = 100
     noise: Spread = 0.3

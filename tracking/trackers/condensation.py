@@ -27,7 +27,9 @@ PRESETS = {"paper": FILTER | SAME}
 
 @dataclass(frozen=True, slots=True)
 class Config(CloudSettings):
-    """Settings of the particles and of their colour histogram."""
+    """Settings of Condensation: those of its particles and of their colour histogram, which is read
+    at `density` points along the kernel's diameter.
+    """
 
     density: DiscPoints = 16
     """Points along the kernel's diameter at which the image is read."""

@@ -33,7 +33,9 @@ class Config:
 
 @final
 class Frozen:
-    """Tracker that reports the first state in every frame, with the status UNSURE."""
+    """Tracker that reports the first state in every frame, moved by the camera's motion if that is
+    given, with the status UNSURE.
+    """
 
     _state: State = SET_BY_START
 
@@ -47,7 +49,9 @@ class Frozen:
         self._state = state
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the first state, moved by the camera's motion if that is given; always UNSURE."""
+        """Return the last state, moved by the camera's motion (`ego`) if that is given; always
+        UNSURE.
+        """
         self._state = self._state.moved(ego)
         return Estimate(
             self._state, unknown_covariance(), 1.0, Status.UNSURE, follows=(False, False)

@@ -103,7 +103,8 @@ class Homography:
         self._rng = rng
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the template; a template without texture is reported as not seen from then on.
+        """Learn the template, the target's brightness in the first picture; a target without
+        texture is reported as not seen in all later pictures.
 
         Raises:
             ValueError: The region is empty, or most of it is outside the picture.
@@ -123,13 +124,14 @@ class Homography:
         self._has_texture = inside.size > 0 and bool(np.std(inside) >= LEAST_CONTRAST)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the alignment of the template with a frame, begun at the predicted corners; a
-        target that is not seen keeps its last corners, around which the next frame is searched.
+        """Return the estimate from the alignment of the template with a frame, begun at the
+        predicted corners; a target that is not seen keeps its last corners, around which the next
+        frame is searched.
 
         Args:
             frame: The next frame.
-            ego: Change (4,) of x, y [px], theta [rad] and ln scale that the camera's own motion
-                makes; None if it is unknown.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale since the last frame that the
+                camera's own motion causes; None if it is unknown.
         """
         check_picture(frame.image)
         change = self._velocity.step(ego)

@@ -13,8 +13,9 @@ PRESETS = {"paper": condensation.FILTER}
 
 @dataclass(frozen=True, slots=True)
 class Config(CloudSettings):
-    """Settings of the particles and of their colour histogram, without annealing, with a prediction
-    of constant velocity.
+    """Settings of the hybrid of Condensation and mean shift: number of particles, standard
+    deviation of their position per frame (share of the target's size), and settings of any particle
+    filter on a colour histogram.
     """
 
     particles: Count = 100

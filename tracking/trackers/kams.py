@@ -21,7 +21,11 @@ PRESETS = {"paper": annealed.FIXED | {"estimate": "mean"}}
 
 @dataclass(frozen=True, slots=True)
 class Config(CloudSettings):
-    """Settings as of the annealed filter, with fewer particles and sharper weights by default."""
+    """Settings of kernel annealed mean shift: number of particles, sharpness `gamma` of their
+    likelihood, standard deviation of position in the first layer (share of the target's size),
+    kernel, number and schedule of the layers, and whether the mean or the best particle is
+    reported.
+    """
 
     particles: Count = 40
     gamma: Sharpness = 100.0
@@ -36,7 +40,7 @@ class Config(CloudSettings):
     kernel: Kernel = "epanechnikov"
     """1 - r^2, or "linear": 1 - r, as the paper has it."""
     estimate: Literal["mean", "best"] = "best"
-    """The weighted mean of the particles, or the best of them."""
+    """The reported state: the weighted mean of the particles, or the best of them."""
     layers: Annotated[int, Ge(1), Le(50)] = annealed.LAYERS
     """Number of annealing layers."""
     schedule: Schedule = Schedule.SURVIVAL

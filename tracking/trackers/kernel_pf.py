@@ -16,7 +16,9 @@ PRESETS = {"paper": PLAIN | {"density": 48, "scatter": 0.0}}
 
 @dataclass(frozen=True, slots=True)
 class Config(SimilaritySettings):
-    """Settings as of the multiple-kernel particle filter, with a single cell."""
+    """Settings of the single-kernel particle filter: those of the multiple-kernel one, with one
+    cell, which is read at `density` points along each side.
+    """
 
     density: CellPoints = 15
     """Points along each side of the template at which a particle reads the image."""

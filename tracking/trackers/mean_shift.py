@@ -38,8 +38,9 @@ PRESETS = {"paper": PLAIN | {"tolerance": 1.0}}
 
 @dataclass(frozen=True, slots=True)
 class Climb:
-    """Choices in which the searches by mean shift differ: length of a climb, whether the size is
-    followed, and the confidence below which more climbs begin.
+    """Choices in which the searches by mean shift (climbs) differ: largest number of histograms
+    read in one climb (`steps`), whether the size is followed, and the confidence, 0..1, below which
+    eight more climbs begin around the target.
     """
 
     steps: int = 20
@@ -65,7 +66,9 @@ class ClimbSettings(AppearanceSettings):
     @property
     @abstractmethod
     def climb(self) -> Climb:
-        """Choices in which this search by mean shift differs from others."""
+        """Length of a climb, whether the size is followed, and the confidence below which more
+        climbs begin.
+        """
 
     def build(self, rng: np.random.Generator) -> "MeanShift":
         """Return the tracker; uses no random numbers."""
@@ -74,7 +77,9 @@ class ClimbSettings(AppearanceSettings):
 
 @dataclass(frozen=True, slots=True)
 class Config(ClimbSettings):
-    """Settings of the colour histogram and of the climb by mean shift."""
+    """Settings of the tracker `mean_shift`: those of the colour histogram and of the climb, the
+    kernel, and whether the target's size is followed.
+    """
 
     kernel: Kernel = "epanechnikov"
     """1 - r^2, or "linear": 1 - r, as the KAMS paper has it."""

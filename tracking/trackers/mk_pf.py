@@ -34,7 +34,10 @@ PRESETS = {"paper": PLAIN | {"density": 16, "scatter": 0.0}, "video": VIDEO}
 
 @dataclass(frozen=True)
 class SimilaritySettings(CloudSettings):
-    """Settings of the paper's particle filters, which follow position, angle and size."""
+    """Settings of the particle filters of Teuliere, Marchand, Eck, which follow position, angle and
+    size: number of particles, sharpness `gamma` of their likelihood, and standard deviations per
+    frame of position (share of the target's size), angle [rad] and ln scale.
+    """
 
     particles: Count = 500
     gamma: Sharpness = 20.0
@@ -50,7 +53,10 @@ class SimilaritySettings(CloudSettings):
 
 @dataclass(frozen=True, slots=True)
 class Config(SimilaritySettings):
-    """Settings of the particles, in x, y, theta and scale, and of the template's cells."""
+    """Settings of the multiple-kernel particle filter: those of its particles in x, y, theta and
+    scale, the number of points along each side of a cell of the template, and whether the cells'
+    squared distances are combined by their mean or sum.
+    """
 
     density: CellPoints = 5
     """Points along each side of a cell at which a particle reads the image."""

@@ -35,12 +35,15 @@ PRESETS = {"paper": {"span": 1.0, "inset": 0.0, "velocity_memory": 1.0}}
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the histograms and kernels, and of the prediction of constant velocity."""
+    """Settings of the tracker `mk_ssd`: colour bins of each channel, correction of uneven light,
+    half axis of the kernels in cells (`span`), share of the region that they leave out (`inset`),
+    and share of the old velocity in the new one.
+    """
 
     levels: Levels = 8
     """Colour bins a channel."""
     even: bool = False
-    """See colours as if all were lit alike: each pixel over its largest channel."""
+    """Divide each pixel by its largest channel, as if all pixels were lit alike."""
     span: Annotated[float, Ge(0.5), Le(10)] = 1.5
     """Half axis of an Epanechnikov kernel, in cells; 1.5 has the widest basin."""
     inset: Inset = 0.03
@@ -57,8 +60,8 @@ class Config:
 
 @final
 class MkSsd:
-    """Tracker with one Newton descent in each frame; a hidden target is expected at its last
-    state.
+    """Tracker that finds the target by one Newton descent from the predicted state in each frame; a
+    hidden target is expected at its last state.
     """
 
     _velocity: Velocity = SET_BY_START
@@ -88,8 +91,8 @@ class MkSsd:
 
         Args:
             frame: The next frame.
-            ego: Change (4,) of x, y [px], theta [rad] and ln scale that the camera's own motion
-                makes; None if it is unknown.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale since the last frame that the
+                camera's own motion causes; None if it is unknown.
         """
         # Called in every frame, because the velocity takes in the camera's motion here.
         expected = self._velocity.step(ego)

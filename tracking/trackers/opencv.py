@@ -14,8 +14,8 @@ from tracking.types import Trait
 
 @dataclass(frozen=True, slots=True)
 class Config(GuestSettings):
-    """OpenCV's name of the tracker, its model files, and settings of any tracker of another
-    author.
+    """OpenCV's name of the tracker without "Tracker", such as "MIL", the ONNX files of its networks
+    if it has any, and settings of any tracker of another author.
     """
 
     traits = frozenset({Trait.FOREIGN})
@@ -43,6 +43,6 @@ class Config(GuestSettings):
         if confidence is None and self.least_confidence > 0:
             raise ValueError(
                 f"{place} reports no confidence, but least_confidence = {self.least_confidence:g} "
-                "needs one"
+                "needs one: set least_confidence to 0"
             )
         return Wrapping(make, "opencv", confidence, place, rounds=True).timed(seed, self)

@@ -41,8 +41,11 @@ PRESETS: dict[str, dict[str, object]] = {
 
 @dataclass(frozen=True, slots=True)
 class Config(SimilaritySettings):
-    """Settings of particles, kernels and descent; the defaults were tuned for the 60 x 30 px car at
-    5 to 30 Hz.
+    """Settings of the particles and of Newton's descent from their mean: the largest distance d_m
+    of the mean, 0..1, with which a descent begins (`occluded`), and the largest length of a descent
+    as a share of the target's size (`trust`).
+
+    The defaults were tuned for the 60 x 30 px car at 5 to 30 Hz.
     """
 
     particles: Count = 75
@@ -63,12 +66,14 @@ class Config(SimilaritySettings):
     """The paper's tau: no descent where the filter's mean is farther from the target than this
     distance d_m."""
     trust: Annotated[float, Ge(0), Le(1000)] = 0.6
-    """The descent is believed up to this distance from the filter's mean, over the target's
-    size."""
+    """Largest distance of the descent's end from the filter's mean at which the end is used, over
+    the target's size.
+    """
     sudden: Annotated[float, Ge(0), Le(1000)] = 1.5
-    """A distance this many times the median of recent good frames is not believed at first if the
-    target seems to jump as well: so it is where something begins to hide it and draws the estimate
-    along. 0: it is believed."""
+    """If the distance exceeds this many times the median of recent good frames, and the estimate
+    jumps, the target counts as not seen at first: something begins to hide it and pulls the
+    estimate along. 0: no such check.
+    """
 
     @property
     def sampling(self) -> Sampling:

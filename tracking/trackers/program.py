@@ -13,5 +13,9 @@ class Config(ProcessSettings):
     """
 
     def guest(self, seed: int) -> ProgramClient:
-        """Start the program, send it the seed of its random numbers, and return the connection."""
+        """Start the program, send it the seed of its random numbers, and return the connection.
+
+        Raises:
+            ValueError: The program does not start, or its first answer is missing or not valid.
+        """
         return ProgramClient(self.command, seed, self.timeout, self.loading)

@@ -17,7 +17,9 @@ PRESETS = mean_shift.PRESETS
 
 @dataclass(frozen=True, slots=True)
 class Config(ClimbSettings):
-    """Settings of the histogram and of the climb, with the confidence below which more begin."""
+    """Settings of the structured octal kernel: those of the colour histogram and of the climb by
+    mean shift, and the confidence, 0..1, below which eight more climbs begin around the target.
+    """
 
     confidence: Share = 0.8
     """T: confidence 1 - d below which eight more climbs begin around the target."""

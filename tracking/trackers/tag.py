@@ -50,7 +50,8 @@ class Tag:
         self._detector = TagDetector()
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Find the tag nearest to the region, and record the region's corners in the tag's plane.
+        """Find the tag nearest to the region, and record the region's corners in the tag's plane;
+        those of the black square if the region is this square up to noise.
 
         Raises:
             ValueError: The region is not valid, or no tag is seen.
@@ -86,8 +87,8 @@ class Tag:
 
         Args:
             frame: The next frame.
-            ego: Change (4,) of x, y [px], theta [rad] and ln scale that the camera's own motion
-                makes; None if it is unknown.
+            ego: Change (4,) of x, y [px], theta [rad] and ln scale since the last frame that the
+                camera's own motion causes; None if it is unknown.
         """
         expected = self._state.moved(ego)
         place = np.array([expected.x, expected.y])

@@ -17,7 +17,10 @@ PRESETS = {"paper": PAPERS | {"steps": 15, "tolerance": 0.1, "scale": False}}
 
 @dataclass(frozen=True, slots=True)
 class Config(TextureSettings, ClimbSettings):
-    """Settings of the colour and texture histogram, and of the climb by mean shift."""
+    """Settings of mean shift on colour and texture: those of the joint histogram, which is read at
+    `density` points along the kernel's diameter, the largest number of histograms read in one climb
+    (`steps`), and whether the target's size is followed (`scale`).
+    """
 
     density: DiscPoints = DENSITY
     """Points along the kernel's diameter at which the image is read."""

@@ -19,7 +19,9 @@ PRESETS = {"paper": PAPERS | {"scatter": 0.0}}
 
 @dataclass(frozen=True, slots=True)
 class Config(TextureSettings, CloudSettings):
-    """Settings of the particle filter, and of its colour and texture histogram."""
+    """Settings of the particle filter on colour and texture: those of its particles, such as the
+    standard deviation of ln scale per frame (`scale_noise`), and those of the joint histogram.
+    """
 
     scale_noise: Share = 0.03
 

@@ -13,5 +13,10 @@ class Config(ProcessSettings):
     """
 
     def guest(self, seed: int) -> TraxClient:
-        """Start the server and return the connection; TraX has no message for a seed."""
+        """Start the server and return the connection; TraX has no message for a seed, which is not
+        used.
+
+        Raises:
+            ValueError: The server does not start, sends no hello, or does not accept our messages.
+        """
         return TraxClient(self.command, self.timeout, self.loading)

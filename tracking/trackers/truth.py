@@ -20,8 +20,10 @@ NO_TRUTH = "the tracker 'truth' needs the true pose of the target, which only a 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of an ideal tracker: the errors of its states, normally distributed and independent
-    from picture to picture, and its dropouts.
+    """Settings of an ideal tracker: standard deviations of the centre and of corners [px], the
+    angle [deg] and the size [%], all normally distributed and independent from picture to picture;
+    the share of pictures in which the target is reported as not seen; and whether corners are
+    reported.
     """
 
     noise: Annotated[float, Ge(0), Le(100)] = 0.0
@@ -56,7 +58,7 @@ class TruthTracker:
         self._truth: Truth | None = None
 
     def see(self, view: View) -> None:
-        """Store the true state of the next frame, which the simulation provides."""
+        """Store the true state of the target in the next frame, which the simulation provides."""
         self._truth = view.truth
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
@@ -72,9 +74,12 @@ class TruthTracker:
         self._state = state
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the true state with drawn errors, as LOCKED. In a dropout (UNSURE), or with the
-        target outside the picture (LOST), return the last state, moved by the camera's motion if
-        that is given.
+        """Return the true state with drawn errors, as LOCKED. In a dropout, or if the noise leaves
+        no outline of the corners (UNSURE), or with the target outside the picture (LOST), return
+        the last state, moved by the camera's motion if that is given.
+
+        Raises:
+            ValueError: The true state is not given, as outside a simulation.
         """
         if self._truth is None:
             raise ValueError(NO_TRUTH)

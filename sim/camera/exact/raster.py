@@ -123,7 +123,7 @@ def may_cover(corners: Array, height: int, width: int) -> bool:
     """Return False if a triangle certainly covers no pixel centre of the picture.
 
     Args:
-        corners: The triangle's corners (3, 11), in front of the camera.
+        corners: The triangle's corners (3, 11), in front of the camera and projected by `project`.
         height: Height of the picture [px].
         width: Width of the picture [px].
     """
@@ -148,10 +148,11 @@ def gradients(corners: Array, count: int, found: Array) -> None:
     pixel in a triangle; all are linear in the picture (perspective-correct interpolation).
 
     Args:
-        corners: The triangle's corners (3, 11).
+        corners: The triangle's corners (3, 11), projected by `project`.
         count: Number of gradients: 1 for 1 / z alone, 4 with the colour, 6 with the texture.
-        found: For each, the value at the first corner and its change by u and by v (count, 3);
-            written.
+        found: For 1 / z, red / z, green / z, blue / z and the two texture coordinates / z, as many
+            as `count`: the value at the first corner and its change per pixel along u and along v
+            (count, 3); written.
     """
     ax = corners[1, U] - corners[0, U]
     ay = corners[1, V] - corners[0, V]
@@ -177,9 +178,9 @@ def edges_of(corners: Array, found: Array) -> None:
     `found`; triangles that share an edge get the same numbers.
 
     Args:
-        corners: The triangle's corners (3, 11).
-        found: For each edge its first row, its last row, its first column [px], and the change of
-            the column by row (3, 4); written.
+        corners: The triangle's corners (3, 11), projected by `project`.
+        found: For each edge v of its upper and of its lower end [px], u of its upper end [px], and
+            the change of u by v (3, 4); written.
     """
     for i in range(3):
         a = i
@@ -195,8 +196,9 @@ def edges_of(corners: Array, found: Array) -> None:
 
 @compiled(error_model="numpy")
 def row_of(edges: Array, middle: float, width: int) -> tuple[int, int]:
-    """Return the first column of a triangle in a row of pixels, and the column after its last [px];
-    triangles that share an edge neither overlap nor leave a gap.
+    """Return the first column of a triangle in a row of pixels, and the column after its last [px],
+    which are equal if it covers no pixel of the row. Triangles that share an edge neither overlap
+    nor leave a gap.
 
     Args:
         edges: The triangle's edges (3, 4), from `edges_of`.
@@ -234,9 +236,9 @@ def fill(
     A body without a picture has a texture of one pixel.
 
     Args:
-        corners: The triangle's corners (3, 11).
-        edges: Buffer for its edges (3, 4).
-        even: Buffer for its gradients (6, 3).
+        corners: The triangle's corners (3, 11), in front of the camera and projected by `project`.
+        edges: Buffer (3, 4) for `edges_of`.
+        even: Buffer (6, 3) for `gradients`.
         body: Number of the body.
         texels: Pixels of all textures: red, green and blue in one number, 21 bits apart; each level
             has a border of one pixel, copied from its opposite side.
@@ -406,9 +408,9 @@ def level_of(
 
     Args:
         s_right: Change of the first texture coordinate from a pixel to the next.
-        t_right: Change of the second one from a pixel to the next.
+        t_right: Change of the second texture coordinate from a pixel to the next.
         s_down: Change of the first texture coordinate from a row to the next.
-        t_down: Change of the second one from a row to the next.
+        t_down: Change of the second texture coordinate from a row to the next.
         levels: Levels of the texture (n, 4): offset in the array of all texels, width, height,
             number of levels.
         fine: Whether two levels are mixed, and places in the texture are computed more often.
@@ -435,7 +437,7 @@ def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found:
     return their number, 0, 3 or 4.
 
     Args:
-        seen: All corners of the body (n, 11).
+        seen: All corners of the body (n, 11), with the columns of `lit`.
         faces: Numbers of the corners of each triangle (m, 3).
         face: Number of the triangle.
         near: Distance of the near plane [m].
@@ -472,12 +474,12 @@ def turn_to_second(part: Array) -> None:
 
 @compiled(error_model="numpy")
 def is_outside(middle: Array, radius: float, view: Array, height: int, width: int) -> bool:
-    """Return whether a ball lies completely outside the camera's view, beside the picture or behind
-    the camera.
+    """Return True if a ball lies completely outside the camera's view, behind the camera or beyond
+    one of the four planes through the camera and the sides of the picture.
 
     Args:
-        middle: Its centre (3,) in the camera's frame [m].
-        radius: Its radius [m].
+        middle: Centre of the ball (3,) in the camera's frame [m].
+        radius: Radius of the ball [m].
         view: Focal lengths and principal point (4,) [px].
         height: Height of the picture [px].
         width: Width of the picture [px].
@@ -521,7 +523,7 @@ def draw(
     """Draw bodies (a scene's geoms, and its sky) into a picture, in a given order.
 
     Args:
-        order: Numbers of the bodies to draw, best the nearest first.
+        order: Numbers of the bodies to draw; the nearest first is fastest.
         first_row: First row of each body in `rows`, and the number of rows (n + 1,).
         rows: Corners: position [m], normal and texture coordinates in the body's frame (r, 8).
         first_face: First triangle of each body in `faces`, and the number of triangles (n + 1,).

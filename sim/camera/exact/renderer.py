@@ -38,7 +38,7 @@ class ExactRenderer:
     The sky is drawn as one more body after all geoms, which emits light and moves with the camera.
 
     Raises:
-        ValueError: The model has bodies that it cannot draw.
+        ValueError: The model has height fields, soft bodies (flex) or skins, which are not drawn.
     """
 
     def __init__(

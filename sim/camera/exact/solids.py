@@ -40,8 +40,9 @@ position [m], unit normal, and texture coordinates, 0 to 1 over the picture (3 n
 
 
 def solids_of(model: mujoco.MjModel) -> list[Solid]:
-    """Return the triangles of each geom in a model, in the geom's own frame; a geom whose type
-    cannot be drawn has none.
+    """Return the triangles of each geom in a model as an array (3 n, 8), with a row for each
+    corner: position [m] and unit normal in the geom's own frame, and texture coordinates. A geom
+    whose type cannot be drawn has no rows.
     """
     return [
         _mesh(model, geom) if kind == SHAPE.mjGEOM_MESH else _primitive(model, geom)
@@ -50,8 +51,9 @@ def solids_of(model: mujoco.MjModel) -> list[Solid]:
 
 
 def sky_of(side: int, far: float) -> Solid:
-    """Return the triangles of the sky: the inside of a cube around the camera, along the world's
-    axes.
+    """Return the triangles of the sky, the inside of a cube around the camera along the world's
+    axes, as an array with a row for each corner: position [m] relative to the camera, unit normal
+    and texture coordinates (36, 8).
 
     Args:
         side: Side of each of its six pictures, which lie one below the other in the texture [px].

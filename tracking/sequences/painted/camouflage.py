@@ -35,8 +35,9 @@ SMOOTH = 8.0
 
 @dataclass(frozen=True, slots=True)
 class Config(texture.Config):
-    """Settings of a painted sequence: those of `texture`, and the colours of car, ground and
-    gravel.
+    """Settings of a painted sequence of a car in the colours of the ground: those of `texture`;
+    whether the shades are of "one" colour bin or "spread" over several; and the number of patches
+    of gravel.
     """
 
     colours: Literal["one", "spread"] = "one"

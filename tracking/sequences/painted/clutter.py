@@ -51,8 +51,8 @@ SWING = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a painted sequence: level of difficulty, number of pictures, and colours of the
-    background.
+    """Settings of a painted sequence: level of noise and clutter, of which h is the hardest; number
+    of pictures; and whether each disc in the background has all colours of the target.
     """
 
     level: Literal["a", "b", "c", "d", "e", "f", "g", "h"] = "a"
@@ -63,7 +63,7 @@ class Config:
     """The background's discs have all four colours of the target, in another order."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """Return a random sequence of these settings."""
+        """Return a painted sequence with these settings, drawn from the generator."""
         sigma, count, shared = LEVELS[self.level]
         colours = _apart(rng)
         ground = _ground(rng, colours, count, SECTORS if self.share_all else shared)

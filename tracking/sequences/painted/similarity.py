@@ -42,7 +42,11 @@ GOING = 6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a painted sequence: number of pictures, motion, occlusion and noise."""
+    """Settings of a painted sequence: numbers of all pictures, of those in which the target is
+    fully hidden, and of those in which it is out of the picture (`away`); its largest rotation from
+    the start [deg] and scale (`zoom`); and the standard deviation of the pictures' noise [grey
+    levels].
+    """
 
     frames: Annotated[int, Ge(20), Le(100_000)] = 200
     """Number of pictures."""
@@ -58,7 +62,7 @@ class Config:
     """Standard deviation of the noise of the pictures [grey levels]."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """Return a random sequence of these settings."""
+        """Return a painted sequence with these settings, drawn from the generator."""
         ground = _ground(rng)
         patch = _target(rng)
         fine = self._states(rng)

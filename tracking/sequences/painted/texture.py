@@ -32,7 +32,10 @@ fine, strong texture."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a painted sequence: number of pictures, and the car's size and speed."""
+    """Settings of a painted sequence: number of pictures, largest scale of the car (`zoom`; its
+    smallest scale is the inverse), its largest speed [px per frame], and the standard deviation of
+    the pictures' noise [grey levels].
+    """
 
     frames: Annotated[int, Ge(20), Le(100_000)] = 160
     """Number of pictures."""
@@ -44,7 +47,7 @@ class Config:
     """Standard deviation of the noise of the pictures [grey levels]."""
 
     def build(self, rng: np.random.Generator) -> Sequence:
-        """Return a random sequence of these settings."""
+        """Return a painted sequence with these settings, drawn from the generator."""
         ground, patch = self._paint(rng)
         states = self._states(rng)
         noise_seed = int(rng.integers(1 << 31))
