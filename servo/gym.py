@@ -236,7 +236,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         law's twist plus the action; return what is observed then.
 
         Args:
-            action: Components `dof` of the camera twist (n,) over `reach`, clipped to -1..1.
+            action: Components `dof` (n,) of the camera's twist, each divided by the speed that
+                `reach` gives; values are clipped to -1..1.
 
         Returns:
             Observation, reward, terminated, truncated and info.

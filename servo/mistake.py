@@ -144,8 +144,8 @@ def printable(text: str, keep: str = "\n") -> str:
 
 
 def one_line(sentence: str) -> str:
-    """Return a sentence with escape sequences in place of line breaks and control characters; the
-    middle of a very long one is left out.
+    """Return a sentence with escape sequences in place of line breaks and control characters; of a
+    sentence with over 2000 characters the middle is left out.
     """
     line = printable(sentence, keep="")
     if len(line) > LONGEST:

@@ -101,8 +101,9 @@ class OwnInverse(Protocol):
         L#.
 
         Args:
-            L: The interaction matrix (k, 6) that the law has chosen.
-            values: The features (k,) as they were last seen.
+            L: The interaction matrix (k, 6): that of the present view, of the goal or their mean,
+                as the law's settings choose.
+            values: The features (k,), in their units, as they were last measured.
             camera: Intrinsics and image size.
         """
         ...
@@ -237,7 +238,8 @@ class ChoosesMoves(Protocol):
         """Return True (6,) for each degree of freedom of the camera that may move.
 
         Args:
-            six: Whether the features control all six, or four (vx, vy, vz, wz).
+            six: Whether the features control all six degrees of freedom; False: only vx, vy, vz
+                and wz.
         """
         ...
 

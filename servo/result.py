@@ -191,7 +191,12 @@ class Run(Sequence[Step]):
         return plots.figure(RunCurves.of(self._table, self._episode.loop.features), self.title)
 
     def frame(self, time: float) -> Pillow.Image:
-        """Return the picture nearest to a time [s], with truth (white), goal (red) and estimate."""
+        """Return the picture nearest to a time of the run [s], with the outlines of the target's
+        truth (white), goal (red) and estimate drawn in.
+
+        Raises:
+            Mistake: The time is not in the run.
+        """
         times = np.array([s.frame.time for s in self._light])
         (time,) = arguments.numbers((time,), "frame(time)", 1).tolist()
         if not times[0] <= time <= times[-1]:
@@ -335,7 +340,9 @@ class Sweep:
 
     @cached_property
     def runs(self) -> Any:
-        """A row for each run: a DataFrame, or, without pandas, an Arrow table."""
+        """A row for each run, with its axis values and measures: a DataFrame, or, without pandas,
+        an Arrow table.
+        """
         return notebook.frame_of(self.table)
 
     @cached_property

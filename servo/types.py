@@ -19,8 +19,8 @@ DOF = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 @dataclass(frozen=True, slots=True)
 class Moments:
-    """Area, centroid and central moments of a filled silhouette (not of a set of points), in
-    normalised image coordinates.
+    """Area, centroid (xg, yg) and central moments mu_pq of a filled silhouette (not of a set of
+    points), in normalised image coordinates.
     """
 
     area: float
@@ -113,8 +113,9 @@ class Sight:
 
 
 def pose_in_plane(points: Array, normal: Array) -> Pose:
-    """Return the pose of a rectangle whose corners (4, 3) [m] lie in a plane with this normal (3,):
-    origin in its centre, x towards the second and third corner, z along the normal.
+    """Return the pose of a rectangle in the frame in which its corners (4, 3) [m], and the normal
+    (3,) of its plane, are given: origin in its centre, x towards the second and third corner, z
+    along the normal.
     """
     z = normal / np.linalg.norm(normal)
     ahead = points[1] + points[2] - points[0] - points[3]

@@ -51,7 +51,9 @@ class TrueMotion(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """A picture, the tracker's estimate from it, and the time for which the tracker computed."""
+    """A picture, the tracker's estimate from it, the time since the previous picture [s], and the
+    wall-clock time of the tracker [s].
+    """
 
     frame: Frame
     estimate: Estimate
@@ -66,7 +68,9 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What the law computes from an observation: the view of the target, and the command."""
+    """Result of the law for a picture: the view of the target, the command, the target's measured
+    motion, and the law's wall-clock time [s].
+    """
 
     estimate: Estimate
     """The tracker's estimate."""
@@ -139,10 +143,10 @@ class Loop:
 
         Args:
             frame: The first picture.
-            region: The target's rectangle in it.
+            region: Width and height of the target's rectangle in that picture [px].
             state: Position [px], angle [rad] and scale of the target in that picture. If the target
                 is a tag, its outline the black square, and the tracker "tag", a square that is
-                detected near the region replaces both.
+                detected near the given one replaces region and state.
             goal: The camera's picture (H, W, 3) at the goal, for features made of pixels and for
                 policies; None if neither is used.
             true_motion: Function that returns the target's true motion, for an estimator that needs

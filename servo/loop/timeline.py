@@ -25,7 +25,9 @@ SAME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Frame interval, update interval of the drives, and delays of a run."""
+    """Delays of a run, its frame interval [s], the times in a frame interval at which the drives
+    update their command [s], and the error of the pictures' stamps [s].
+    """
 
     run: RunConfig
     """The delays of tracker, pictures and commands."""
