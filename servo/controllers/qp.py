@@ -69,7 +69,9 @@ class Config(LawSettings):
 
 @final
 class Programme:
-    """Guard that limits the twist of `ibvs` by one quadratic programme per picture."""
+    """Limits the twist of `ibvs` by speed, joints and view, with one quadratic programme per
+    picture.
+    """
 
     def __init__(self, config: Config) -> None:
         self._margin = config.margin
@@ -93,9 +95,9 @@ class Programme:
 
     def limited(self, desired: DesiredTwist) -> LimitedTwist:
         """Return the twist within the limits that changes the features most nearly as the desired
-        one does, after the desired one was scaled down to the speed limits. The limits of speed and
-        joints are always kept, those of the view as far as possible. The result has the names of
-        the active limits and of those of the view that are violated.
+        twist does, after the desired twist was scaled down to the speed limits. The limits of speed
+        and joints are always kept, those of the view as far as possible. The result also has the
+        names of the active limits, and of the limits of the view that are violated.
         """
         fast = max(1.0, excess(desired.twist, self._fastest, self._fastest_turn))
         law = desired.twist / fast

@@ -41,8 +41,8 @@ class Config:
 
 
 def motion(dt: float, jump: float = 0.0) -> TargetModel:
-    """Return the model of how the target's motion, a velocity and an acceleration, changes the
-    error.
+    """Return the model of how the target's motion, with a velocity and an acceleration, changes a
+    feature's error from frame to frame.
 
     Args:
         dt: Frame interval [s].

@@ -60,7 +60,9 @@ class PartitionedFeatures(OfCorners):
         return np.array([*corners.ravel(), np.log(_area(corners)) / 2, np.arctan2(dy, dx)])
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (10, 6)."""
+        """Return the interaction matrix L (10, 6), with ds/dt = L v for a camera twist v (6,) in
+        the camera frame [m/s, rad/s].
+        """
         corners = corners_of(sight)
         Lx, Ly = corner_rows(sight)
         # The area changes with each corner by half the vector between its neighbours, turned.

@@ -21,7 +21,9 @@ class Config:
     """Settings of the feature set `points`: it has none."""
 
     def build(self, outline: Array) -> "PointFeatures":
-        """Return the feature set, which is the same for any outline (4, 3)."""
+        """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not
+        used.
+        """
         return PointFeatures()
 
 

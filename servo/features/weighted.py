@@ -35,8 +35,9 @@ class Config:
 
 @final
 class WeightedFeatures(PointsAndPose):
-    """Feature set of corners and pose, each with a weight: 1 for the pose; for a coordinate of a
-    corner 0 in the inner part of the picture, and the more the nearer it is to the border.
+    """Feature set s = (x0, y0, ..., x3, y3, t, theta u) (14,) of corners and pose with weights: 1
+    for the pose; for a coordinate of a corner 0 in the inner part of the picture, and larger the
+    nearer the corner is to a side of the picture.
 
     Kermorgant and Chaumette 2011 (Combining IBVS and PBVS to ensure the visibility constraint,
     IROS) and 2014 (Dealing with constraints in sensor-based robot control, IEEE Transactions on
@@ -51,7 +52,7 @@ class WeightedFeatures(PointsAndPose):
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
         """Return the matrix (6, 14) that maps the error of the features to the camera twist, with
-        the weights of the corners where they are now.
+        weights by the present position of each corner in the picture.
 
         Args:
             L: Interaction matrix (14, 6).

@@ -86,12 +86,12 @@ class Faced:
         self._to_sight = EstimateToSight(SightConfig(), seen, region, outline, depth_factor)
 
     def truth(self, time: float, T_world_camera: Pose) -> Truth:
-        """Return the true poses and picture of the target at its goal, at a time of the run [s].
+        """Return the poses in the world frame, and the centre, angle, size and corners in the
+        picture, of a target at its goal in front of a given camera.
 
         Args:
-            time: Time of the run [s].
-            T_world_camera: Pose of the camera in the world frame, where the target would be at its
-                goal.
+            time: Time of the run [s], by which the goal's depth may change.
+            T_world_camera: Pose of the camera in the world frame.
         """
         faced = self._at(self._config.depth_at(time))
         T_camera_target = faced.T_world_camera.inverse() @ faced.T_world_target
@@ -104,7 +104,7 @@ class Faced:
 
         Args:
             frame: The frame; only its time is used.
-            by_corners: As `sight_at` describes.
+            by_corners: Whether the tracker reports the target's corners, as for `sight_at`.
         """
         return self.sight_at(frame.time, by_corners=by_corners)
 
@@ -113,7 +113,7 @@ class Faced:
         time of the run [s].
 
         Args:
-            time: Of the run [s].
+            time: Time of the run [s].
             by_corners: Whether the tracker reports the target's corners. Through a lens that
                 distorts, or with pixels that are not square, these are no rectangle of the target's
                 shape, so that the desired ones are not either; trackers that report a rectangle are

@@ -25,7 +25,9 @@ from tracking.types import Estimate, Region, State, Status
 
 @dataclass(frozen=True, slots=True)
 class SightConfig:
-    """Sources of the target's plane and depth: its size, the table's height, depth pictures."""
+    """Settings of where the target's plane and depth come from: its size, the robot's posture with
+    the height of the table [m], or depth pictures.
+    """
 
     plane: Literal["parallel", "known", "estimated", "picture"] = "parallel"
     """Normal of the target's plane: "parallel" to the image, "known" from the robot's posture (the
@@ -184,7 +186,8 @@ class EstimateToSight:
 
     def ego(self, state: State, twist: Array, dt: float) -> Array:
         """Return the apparent motion (4,) in the picture of a target at rest, caused by a camera
-        twist (6,) that lasts dt [s]: changes of x, y [px], theta [rad] and ln scale.
+        twist (6,) in the camera frame [m/s, rad/s] that lasts dt [s]: changes of x, y [px], theta
+        [rad] and ln scale.
 
         It is computed from two points of the target's plane, the centre and the middle of the
         rectangle's front side; without a view of the target so far it is zero.
