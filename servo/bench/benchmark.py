@@ -49,8 +49,9 @@ OF_CONTESTANTS = {"tracker": ("tracker",), "law": ("features", "controller")}
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A condition of a benchmark, such as "rain": its settings, and the ranges from which other
-    settings are drawn for each world.
+    """A condition of a benchmark, such as "rain": its settings, the ranges from which other
+    settings are drawn uniformly for each world (random scenario), and factors, of which each world
+    has one level with its settings.
     """
 
     name: str
@@ -111,8 +112,8 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Slow:
-    """Further runs of all contestants in one condition's worlds, in which the tracker takes longer
-    and longer for a picture.
+    """Further runs of all contestants in one condition's worlds (random scenarios): a setting that
+    slows the tracker, and its values [ms a picture].
     """
 
     condition: str
@@ -124,7 +125,9 @@ class Slow:
 
 @dataclass(frozen=True)  # without slots, in which no digest could be kept
 class Benchmark:
-    """A frozen version of a public benchmark, as its TOML and JSON files describe it."""
+    """A frozen version of a public benchmark of trackers or control laws, as its TOML and JSON
+    files describe it: conditions, number of random scenarios (worlds), seeds, scores and settings.
+    """
 
     name: str
     title: str

@@ -151,8 +151,9 @@ def score_errors(errors: Array) -> WorldScore:
 
 
 def curve_of(errors: Sequence[Array]) -> list[float]:
-    """Return for each distance in `TAUS` [target sizes] the share, from 0 to 1, of the pictures of
-    all runs whose error is at most this distance.
+    """Return the share, from 0 to 1, of the pictures of all runs whose error is at most tau, for 41
+    evenly spaced tau from 0 to 2 target sizes. `errors` has the errors (frames,) [target sizes] of
+    each run.
     """
     every = np.concatenate([np.asarray(each, float) for each in errors])
     return [round(float(np.mean(every <= tau)), 4) for tau in TAUS]
@@ -204,7 +205,8 @@ def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> 
 
     Args:
         benchmark: The benchmark, whose `slow` names the condition that counts, if any.
-        errors: Error in each picture [target sizes], by world and time of the tracker [ms].
+        errors: Errors in the pictures (frames,) [target sizes] of each run, by the world's name and
+            the time of the tracker [ms].
     """
     if benchmark.slow is None:
         return {}

@@ -71,7 +71,7 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
     `perfect` or, without it, 1. Means are over the worlds in which all of them have a result.
 
     Raises:
-        Mistake: There is no such world.
+        Mistake: There is no world in which all of them have a result.
     """
     rows = [of for of in (row, null, perfect) if of is not None]
     worlds = sorted(set(row.worlds).intersection(*(of.worlds for of in rows)))
@@ -212,8 +212,8 @@ def _levels(worlds: Sequence[World]) -> dict[tuple[str, str], list[str]]:
 
 @dataclass(frozen=True, slots=True)
 class Difficulty:
-    """Numbers of worlds in which no contestant, or every one, holds the target: they do not
-    distinguish contestants.
+    """Numbers of worlds (random scenarios) in which no contestant, or every one, holds the target,
+    so that the world does not distinguish contestants, and the number of all compared worlds.
     """
 
     nobody: int

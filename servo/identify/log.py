@@ -107,7 +107,9 @@ class LogChannel:
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """The contents of a robot's log, by channel: a joint, or a component of the camera's twist."""
+    """The contents of a robot's log: commands and motion of each channel (joint, or component of
+    the camera's twist), and the arrival times of its pictures [s].
+    """
 
     channels: list[LogChannel]
     """Channels with a command that varies and a position that varies."""

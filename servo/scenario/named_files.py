@@ -149,8 +149,8 @@ def digests(names: Iterable[str]) -> dict[str, str]:
 
 
 def digest_of(name: str) -> str:
-    """Return the SHA-256 digest of a file and of the files that it refers to, such as a model's
-    meshes, or `MISSING` if one of them cannot be read.
+    """Return a digest (12 hex digits of SHA-256) of a file and the files that it refers to, such as
+    a model's meshes; "missing" if one of them cannot be read.
     """
     try:
         files = sorted(_files(name))

@@ -64,10 +64,10 @@ def settings_of(section: str, what: str) -> Settings:
 
 def changes_of(tracker: str | None, controller: str | None) -> list[str]:
     """Return the changes KEY=VALUE, as --set takes them, that put a tracker and a controller into a
-    scenario; none for None.
+    scenario. Both are given as for `settings_of`; None: the scenario's own stays.
 
     Raises:
-        Mistake: As `settings_of`.
+        Mistake: A command or a file is missing, or there are too many files.
     """
     given = {"tracker": tracker, "controller": controller}
     return [
@@ -94,6 +94,9 @@ def _table(section: str, what: str) -> Settings:
         return {"kind": "onnx", "file": given}
     files = given.split(",")
     if len(files) not in NETWORKS:
-        raise Mistake(f"'{what}': OpenCV has no tracker with {len(files)} network files")
+        raise Mistake(
+            f"'{what}': OpenCV has no tracker with {len(files)} network files: give one, "
+            "two or three"
+        )
     model = files[0] if len(files) == 1 else files
     return {"kind": "opencv", "name": NETWORKS[len(files)], "model": model}

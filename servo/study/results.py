@@ -64,7 +64,8 @@ class Units:
             rows: Rows of runs.
             keys: Names of the study's axes.
             drawn: Whether the study has drawn settings.
-            apart: Axis whose values are compared; if it is "scenario", scenarios are no units.
+            apart: Axis whose values are compared; if it is "scenario", the runs are grouped by
+                seed, or all together.
         """
         if apart != SCENARIO and len({row.get(SCENARIO) for row in rows}) > 1:
             return Units("scenario", _by(rows, [SCENARIO]))
@@ -192,11 +193,11 @@ def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
 
 
 def moved(cells: Sequence[Cell]) -> list[str]:
-    """Return the names of up to `MOST_MOVED` measures whose means differ most between combinations
-    of axis values.
+    """Return the names of up to five measures whose means differ most between combinations of axis
+    values; if no measure differs, those of four common ones, such as "servo_rms_px".
 
-    Differences are relative to the intervals of the means; small ones do not count. Of measures
-    that are strongly correlated, such as rms and peak of one error, only the first is returned.
+    Differences are relative to the intervals of the means; differences below 5 % do not count. Of
+    strongly correlated measures, such as rms and peak of one error, only the first is returned.
     """
     scores: dict[str, float] = {}
     values: dict[str, Array] = {}

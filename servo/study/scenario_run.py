@@ -209,7 +209,7 @@ def record_of(
 
 
 class Sheet:
-    """A contact sheet of a run: one image with `TILES` evenly spaced pictures of it."""
+    """A contact sheet of a run: one image with eight pictures, evenly spaced in time."""
 
     def __init__(self, frames: int) -> None:
         self._shown = set(np.linspace(0, frames - 1, TILES).astype(int))
