@@ -63,7 +63,9 @@ SECTIONS = {
 
 
 def run(part: str, name: str, out: Path | None, door: str | None) -> None:
-    """Write a package with a new part, or a repository of scenarios, and print its files."""
+    """Write a package with a new part, or a repository of scenarios, and print the paths of its
+    files; the arguments are those of `new`.
+    """
     for path in new(part, name, out, door):
         click.echo(path)
 

@@ -28,7 +28,7 @@ class CentreAndSize:
     sole_dof = {"ln a": "vz"}
 
     def values(self, sight):
-        """Return the features s (3,) of the target as it is seen."""
+        """Return the features s (3,) of the target in a picture: x, y and ln a."""
         m = sight.moments
         return np.array([m.xg, m.yg, np.log(m.area) / 2])
 

@@ -72,7 +72,8 @@ class Document:
             raise OtherFormat(path, None, cls.FORMAT)
         if head.get("kind") != cls.KIND:
             raise Mistake(
-                f"{path}: this is a file of `{head.get('kind')}`, not of `{cls.KIND}`: name another"
+                f"{path}: this is a file of `{head.get('kind')}`, not of `{cls.KIND}`: name "
+                "another file"
             )
         check_format(path, head["format"], cls.FORMAT)
         return _parsed(path, encoded, cls)

@@ -151,7 +151,7 @@ class RunFolder:
         """Finish steps.parquet, the recording and the other sinks.
 
         Raises:
-            Refused: The table cannot be written; the rows are in the stream.
+            Refused: The table cannot be written; the rows are in steps.arrows.
         """
         with closing(self._sinks.close):
             try:

@@ -46,7 +46,7 @@ class Effort:
             first: First seed, unless these options have another one.
 
         Returns:
-            Consecutive seeds; only `QUICK` in a quick run.
+            Consecutive seeds; in a quick run only the seed 100000.
         """
         if self.quick:
             return range(QUICK, QUICK + 1)

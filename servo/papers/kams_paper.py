@@ -224,11 +224,12 @@ def _jobs_particles(effort: Effort) -> Sequence[Job]:
 
 
 def needed(shares: Array) -> Array:
-    """Return the number of particles with which a share `ENOUGH` of the sequences is completed,
-    interpolated in the logarithm of the number.
+    """Return the number of particles with which 90 % of the sequences are completed, interpolated
+    in the logarithm of the number.
 
     Args:
-        shares: Share of completed sequences for each of `COUNTS`, in n samples (counts, n).
+        shares: Share of completed sequences, 0 to 1, for each number of particles in `COUNTS` and
+            each of n samples of the sequences (counts, n).
 
     Returns:
         Numbers of particles (n,); twice the largest of `COUNTS` if no share is large enough.

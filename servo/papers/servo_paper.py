@@ -95,12 +95,12 @@ def loop_jobs(
     drawn settings.
 
     Args:
-        scenario: Its name.
-        laws: Each estimator with its settings.
-        changes: Changes of the scenario for all of them.
+        scenario: Name of the scenario.
+        laws: Kind of each estimator, and changes of the scenario for its runs.
+        changes: Changes of the scenario for all runs.
         rate: Label that distinguishes these runs from others of the same estimators.
         first: First seed.
-        effort: The number of seeds.
+        effort: Options such as a quick run, which decide the seeds.
     """
     return [
         loop_job(
@@ -195,8 +195,8 @@ def _agreement(runs: list[Record]) -> Array:
 
 
 def agreement(estimated: Array, true: Array) -> float:
-    """Return the share, from 0 to 1, of the frames with a fast target in which estimated and true
-    velocity have the same sign.
+    """Return the share, from 0 to 1, of the frames with a true velocity above 0.02 m/s in which
+    estimated and true velocity have the same sign.
 
     Args:
         estimated: Velocities (frames,) [m/s].
@@ -232,8 +232,8 @@ def _away(runs: list[Record]) -> Array:
 
 
 def longest_away(time: Array, error: Array) -> float:
-    """Return the longest uninterrupted time [s] in which the error is not below `BACK_PX`, after it
-    has been below once.
+    """Return the longest uninterrupted time [s] in which the error is not below 4 px, counted from
+    the first frame in which it is.
 
     Args:
         time: Times of the frames (n,) [s].

@@ -31,8 +31,8 @@ CONSTANT_VELOCITY = {"velocity_memory": 0.5}
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """Painted (synthetic) sequences on which trackers are tuned, and the measure that is
-    optimised.
+    """Painted (synthetic) sequences on which trackers are tuned: their kinds, the number of seeds
+    of each kind, and the measure that is optimised (`sign` 1: maximised, -1: minimised).
     """
 
     entries: tuple[Generated, ...]
@@ -145,7 +145,9 @@ def stored() -> TuningFile:
 
 
 def published(name: str) -> Contender:
-    """Return a tracker of `TUNED` with the settings of its paper, labelled NAME-published."""
+    """Return the tracker with a name in `TUNED`, with the settings of its paper and the label
+    NAME-published.
+    """
     return contender(TUNED[name].kind, "paper", f"{name}-published", **AS_PUBLISHED.get(name, {}))
 
 
@@ -161,7 +163,9 @@ AS_PUBLISHED: dict[str, Settings] = {
 
 
 def tuned(name: str) -> Contender:
-    """Return a tracker of `TUNED` with its best settings in tuning.json, labelled NAME-tuned."""
+    """Return the tracker with a name in `TUNED`, with its best settings in tuning.json and the
+    label NAME-tuned.
+    """
     return TUNED[name].contender(name, stored().best(name), "tuned")
 
 

@@ -192,7 +192,9 @@ def rows_of(
 
 
 def template(name: str, **filters: Callable[[str], str]) -> Template:
-    """Return the Jinja template of this name in this folder, which may use these filters."""
+    """Return the Jinja template of this name in the folder servo/report; it can use the filters
+    that are given by name.
+    """
     environment = Environment(
         autoescape=".html" in name, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
