@@ -78,7 +78,9 @@ def require_type(value: object, kind: type[Value], method: str) -> Value:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """The condition for one field of a value that a component returned."""
+    """The condition for one field of a value that a component returned: the field's name, a
+    function that tests its value, and the end of the error's sentence, which says what is right.
+    """
 
     field: str
     """Name of the field."""

@@ -154,13 +154,13 @@ def one_line(sentence: str) -> str:
 
 
 def unknown(key: str, known: Iterable[str], what: str = "key") -> str:
-    """Return the sentence for a name that does not exist, with the most similar name that does, or
-    all that do.
+    """Return the sentence for a name that does not exist, with the most similar known name, or with
+    all known names if none is similar.
 
     Args:
         key: The name that was given.
         known: All names that exist.
-        what: Their kind, such as "key" or "feature".
+        what: The noun for such a name, such as "key" or "feature".
     """
     names = list(known)
     if not names:
@@ -182,7 +182,7 @@ def check_known(
         what: Their kind, such as "claim".
 
     Raises:
-        Mistake: A name does not exist; the sentence has the most similar one that does.
+        Mistake: A name does not exist; the sentence has the most similar known name, or all.
     """
     for name in names:
         if name not in known:

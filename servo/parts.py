@@ -97,8 +97,8 @@ class OwnInverse(Protocol):
     """
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, k) that maps the error to the twist, in place of the pseudo-inverse
-        L#.
+        """Return the matrix (6, k) that replaces the pseudo-inverse L# in the law v = -lambda L# e,
+        with the feature error e (k,) and the camera twist v (6,).
 
         Args:
             L: The interaction matrix (k, 6): that of the present view, of the goal or their mean,
@@ -165,8 +165,8 @@ class Estimator(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a controller is given at the start of a run: goal, features, estimator, camera and
-    target.
+    """What a controller is given at the start of a run: goal, features, estimator, camera, the
+    target's corners, and the latency of commands [frame intervals].
     """
 
     goal: Sight

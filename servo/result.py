@@ -328,7 +328,9 @@ def sweep(
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Sweep:
-    """The results of a study whose runs are done: tables of its runs and of its cells."""
+    """The results of a finished study: a table of its runs, a table of its cells (combinations of
+    axis values), and a sentence for each run that failed.
+    """
 
     study: Study
     records: Sequence[Record]

@@ -56,8 +56,8 @@ def errors_parquet(records: Sequence[Record]) -> bytes:
 
 
 def read_errors(path: Path) -> Errors:
-    """Read the error in each picture [target sizes] from the Parquet file that `errors_parquet`
-    made.
+    """Read the errors in the pictures (frames,) [target sizes] of each run, by name of the world
+    and time of the tracker [ms], from the Parquet file that `errors_parquet` made.
 
     Raises:
         Mistake: The file cannot be read, or lacks a column of errors, worlds or times.

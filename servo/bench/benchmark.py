@@ -82,8 +82,8 @@ class World:
 
     @property
     def key(self) -> str:
-        """Name of the world from its condition and number, such as "rain-03"; unique among worlds
-        of equal seeds (a band).
+        """Name of the world from its condition and number, such as "rain-03"; the worlds of a band
+        ("dev", "v1" or "sealed") have different names, and those of two bands the same.
         """
         return f"{self.condition}-{self.number:02}"
 
@@ -161,7 +161,7 @@ class Benchmark:
     @cached_property
     def hash(self) -> str:
         """Return the digest (16 hex digits) of the benchmark's file, the frozen settings, the
-        models and pictures of its scenes, and the worlds of the public band.
+        models and pictures of its scenes, and the published worlds ("v1").
         """
         found = hashlib.sha256(self.text.encode())
         found.update(json.dumps(self.frozen, sort_keys=True).encode())
@@ -277,9 +277,9 @@ def parsed(
         name: The benchmark's name.
         text: Contents of the benchmark's file.
         settings: Value of each setting when the benchmark was frozen.
-        rendering: Digest of the first pictures of the public band.
-        measures: Constants of the measures, for the first versions only: later versions have them
-            among the settings, so that the hash covers them.
+        rendering: Digest of the first pictures of the published runs ("v1").
+        measures: Constants of the measures, for the first versions only; later versions have these
+            constants in `settings`, so that the hash covers them.
     """
     # The file is ours, so its values have the types that a benchmark needs.
     table: dict[str, Any] = toml.decode(text, name)

@@ -57,8 +57,8 @@ Milliseconds = Annotated[str, StringConstraints(pattern=r"^\d{1,6}(\.\d{1,6})?$"
 
 @dataclass(frozen=True, slots=True)
 class WorldScore:
-    """The result of a contestant in one world (random scenario) of a benchmark: its score, success,
-    and digests of two pictures.
+    """The result of a contestant in one world (random scenario) of a benchmark: its score (`area`,
+    0 to 1), success (`held`), and digests of the run's first and last picture.
     """
 
     area: Share

@@ -30,7 +30,9 @@ LIGHT = ("light.azimuth_deg", "light.elevation_deg")
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """A contestant's place in the table of a benchmark: its results, score, ranks and points."""
+    """A contestant's place in the table of a benchmark: its results, score and share of successes
+    with 95 % intervals, best and worst possible rank, and points in each world.
+    """
 
     row: Row
     score: Interval
@@ -56,8 +58,8 @@ class Standing:
         return self.row.contestant
 
     def mean_in(self, condition: str) -> float:
-        """Return the contestant's mean points, from 0 to 100, in the worlds of a condition; nan if
-        it has no result there.
+        """Return the contestant's mean points in the worlds of a condition (about 0 for a camera
+        that stands still, 100 for the best reference); nan if it has no result there.
         """
         of = [p for key, p in self.points.items() if condition_of(key) == condition]
         return float(np.mean(of)) if of else float("nan")

@@ -28,7 +28,7 @@ class FiniteRange(click.FloatRange):
     def convert(
         self, value: float, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """Return the number, or fail with a usage error of click if it is out of range."""
+        """Return the number, or fail with a usage error of click if it is nan or out of range."""
         number = super().convert(value, param, ctx)
         if math.isnan(number):
             self.fail(f"{value!r} is not in the range {self._describe_range()}.", param, ctx)

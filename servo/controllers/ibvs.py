@@ -153,7 +153,8 @@ class Ibvs:
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return the command after a picture. While the target is not seen (`seen` is None), the
-        camera follows the estimated motion for `coast` seconds, then stands, then searches.
+        camera follows the estimated motion for `coast` seconds, then stands, and after another
+        `search_after` seconds searches, if that is set.
         """
         self._see(seen)
         error = self._features.error(self._measured.values, self._goal.values)

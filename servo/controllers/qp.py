@@ -55,8 +55,8 @@ LEAVING = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Config(LawSettings):
-    """Settings of the controller `qp`: those of `ibvs`, and the distance that the target's corners
-    keep from the sides of the picture.
+    """Settings of the controller `qp`: those of the controller `ibvs`, and the distance that the
+    target's corners keep from the sides of the picture [px].
     """
 
     margin: Annotated[float, Ge(0), Le(10_000)] = 10.0

@@ -17,8 +17,8 @@ from sim.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the estimator `integral`: its gain. With a law of gain g, twist = -L^+ (g e +
-    gain * integral of e).
+    """Settings of the estimator `integral`: its gain [1/s^2]. With a law of gain g [1/s] and the
+    feature error e, the camera twist is -L# (g e + gain * integral of e).
     """
 
     gain: Annotated[float, Ge(0), Le(1000)] = 2.0

@@ -36,7 +36,8 @@ class DecoupledFeatures(PointsAndPose):
     """
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, 14) that maps the error of the features to the camera twist.
+        """Return the matrix (6, 14) that stands for L# in the law v = -lambda L# e, with the error
+        e of the features and the camera twist v.
 
         Args:
             L: Interaction matrix (14, 6).

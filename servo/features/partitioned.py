@@ -74,7 +74,8 @@ class PartitionedFeatures(OfCorners):
         return np.vstack([points, wider / (2 * _area(corners)), turned])
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, 10) that maps the error of the features to the camera twist.
+        """Return the matrix (6, 10) that stands for L# in the law v = -lambda L# e, with the error
+        e of the features and the camera twist v.
 
         Args:
             L: Interaction matrix (10, 6).

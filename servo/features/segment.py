@@ -66,8 +66,8 @@ class SegmentFeatures(OfCorners):
         return np.column_stack([middle, length, alpha]).ravel()
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (8, 6), computed from the rows of the corners at which
-        the segments end.
+        """Return the interaction matrix L (8, 6) with ds/dt = L v, for the camera twist v in the
+        camera frame [m/s, rad/s].
         """
         middle, back, length = self._segments(sight)
         Lx, Ly = corner_rows(sight)

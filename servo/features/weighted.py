@@ -19,7 +19,7 @@ do not swamp the pose."""
 @dataclass(frozen=True, slots=True)
 class Config:
     """Settings of the feature set `weighted`: the width of the border of the picture in which
-    corners count.
+    corners count, as a share of half the picture's width or height.
     """
 
     border: Annotated[float, Gt(0), Lt(1)] = 0.3
@@ -51,12 +51,13 @@ class WeightedFeatures(PointsAndPose):
         self._border = border
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, 14) that maps the error of the features to the camera twist, with
-        weights by the present position of each corner in the picture.
+        """Return the matrix L# (6, 14) of the law v = -lambda L# e, which maps the error e of the
+        features to the camera twist v: a weighted pseudo-inverse of L, whose weights depend on the
+        corners' positions in the picture.
 
         Args:
             L: Interaction matrix (14, 6).
-            values: Features (14,), which have the corners.
+            values: Features (14,); the first eight are the corners' coordinates.
             camera: Intrinsics, and size of the picture.
         """
         h = np.ones(len(L))

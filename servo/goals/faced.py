@@ -23,7 +23,9 @@ Depth = Annotated[float, Ge(0.01), Le(100)]
 
 @dataclass(frozen=True, slots=True)
 class GoalConfig:
-    """Settings of the goal: pixel, angle and distance at which the camera should see the target."""
+    """Settings of the goal: position [px from the image's centre], angle [deg] and distance [m] at
+    which the camera should see the target, and a change of the distance during the run.
+    """
 
     x: Pixels = 0.0
     """Distance to the right of the image's centre [px]."""
@@ -104,7 +106,8 @@ class Faced:
 
         Args:
             frame: The frame; only its time is used.
-            by_corners: Whether the tracker reports the target's corners, as for `sight_at`.
+            by_corners: Whether the tracker reports the target's four corners, and not only a
+                rectangle in the picture.
         """
         return self.sight_at(frame.time, by_corners=by_corners)
 
@@ -114,10 +117,10 @@ class Faced:
 
         Args:
             time: Time of the run [s].
-            by_corners: Whether the tracker reports the target's corners. Through a lens that
-                distorts, or with pixels that are not square, these are no rectangle of the target's
-                shape, so that the desired ones are not either; trackers that report a rectangle are
-                given one as goal.
+            by_corners: True for a tracker that reports the target's four corners: through a lens
+                that distorts, or with pixels that are not square, the desired corners are then
+                those of the rectangle's distorted picture. False: they are those of a rectangle in
+                the picture, which is all that the tracker can report.
         """
         depth = self._config.depth_at(time)
         if (depth, by_corners) not in self._sights:

@@ -74,7 +74,7 @@ COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """A series of numbers with their times, in order of time."""
+    """Numbers (n,) with their times (n,) [s], in order of time."""
 
     times: Array
     """Stamps (n,) [s]."""
@@ -90,7 +90,9 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class LogChannel:
-    """The logged motion of a joint, or of a component of the camera's twist."""
+    """The log of a joint, or of a component of the camera's twist: commanded rates [m/s, rad/s],
+    positions and encoder readings [m, rad] over time.
+    """
 
     name: str
     unit: str

@@ -239,7 +239,9 @@ class Running:
 
     @property
     def by_corners(self) -> bool:
-        """Whether the tracker has reported the target's corners in this run."""
+        """Whether the tracker's first LOCKED estimate of this run had the target's corners; False
+        before that estimate.
+        """
         return self._perception.by_corners
 
     def step(self, frame: Frame, posture: Posture) -> Command:

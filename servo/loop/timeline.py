@@ -26,7 +26,8 @@ SAME = 1e-9
 @dataclass(frozen=True, slots=True)
 class Schedule:
     """Delays of a run, its frame interval [s], the times in a frame interval at which the drives
-    update their command [s], and the error of the pictures' stamps [s].
+    update their command [s], the stamps of pictures minus their true times [s], and whether other
+    twists than the law's may act.
     """
 
     run: RunConfig
@@ -160,7 +161,7 @@ class Timeline:
 
     def steer(self, twist: Array) -> None:
         """Replace the commands that the law decided since the last picture by another camera twist
-        (6,) [m/s, rad/s].
+        (6,) in the camera frame [m/s, rad/s]; without such a command, do nothing.
         """
         if self.decided:
             # They keep the times at which they act; what acted before them stays.

@@ -44,7 +44,8 @@ def with_traceback(error: PartFailed, folder: Path) -> Mistake:
     folder, if the disk has room.
 
     Returns:
-        The error to raise, whose sentence names the file of the traceback.
+        The error to raise: a new one, whose sentence names the file of the traceback, or `error`
+        itself if no file was written.
     """
     if error.__cause__ is None:
         return error

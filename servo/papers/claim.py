@@ -63,8 +63,8 @@ class Effort:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """The results of a claim's runs, from which the claim is judged: the records of the runs, and
-    the folder with their tracks.
+    """The results of a claim's runs, from which the claim is judged: the records of the runs, the
+    options that decided which runs were made, and the folder with the runs' tracks.
     """
 
     records: list[Record]

@@ -35,7 +35,8 @@ from tracking.trackers import KINDS as TRACKERS
 def contender(
     kind: str, preset: str | None = None, label: str | None = None, **settings: float | str
 ) -> Contender:
-    """Return a tracker with changed settings, and with the label under which tables show it.
+    """Return the settings of a tracker, some of them changed, with the label under which tables
+    show it; no tracker is built.
 
     Args:
         kind: Kind of the tracker.

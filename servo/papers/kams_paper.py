@@ -378,8 +378,8 @@ def judged(before: Array, after: Array, still: Array) -> Verdict:
 
     Args:
         before: Distances before the climb of each layer (sequences, layers) [px].
-        after: Distances after the climb, likewise.
-        still: Distances after the same layers of runs without climb, likewise.
+        after: Distances after the climb of each layer (sequences, layers) [px].
+        still: Distances after each layer of runs without climb (sequences, layers) [px].
     """
     over_before = [ratio(a, b) for a, b in zip(after.T, before.T, strict=True)]
     over_still = [ratio(a, b) for a, b in zip(after.T, still.T, strict=True)]

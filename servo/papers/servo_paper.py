@@ -91,8 +91,8 @@ def loop_jobs(
     first: int,
     effort: Effort,
 ) -> list[Job]:
-    """Return the runs of several estimators of the target's motion on a scenario; all have the same
-    drawn settings.
+    """Return the runs of several estimators of the target's motion on a scenario; with one seed all
+    estimators have the same drawn settings.
 
     Args:
         scenario: Name of the scenario.
@@ -225,15 +225,15 @@ def _judge_peak(within: float, evidence: Evidence) -> Verdict:
 
 
 def _away(runs: list[Record]) -> Array:
-    """Return the longest time of a large error [s] in each run (n,), as `longest_away` defines
-    it.
+    """Return the longest time [s] in each run (n,) in which the error is not below 4 px, see
+    `longest_away`.
     """
     return np.array([longest_away(r.series[TIME], r.series[ERROR]) for r in runs])
 
 
 def longest_away(time: Array, error: Array) -> float:
-    """Return the longest uninterrupted time [s] in which the error is not below 4 px, counted from
-    the first frame in which it is.
+    """Return the longest uninterrupted time [s] in which the error is 4 px or more, after the first
+    frame with an error below 4 px.
 
     Args:
         time: Times of the frames (n,) [s].

@@ -1,5 +1,5 @@
-"""Claims of the PFJCTH paper: particle filter against mean shift, and joint histograms of colour
-and texture against one of them alone.
+"""Claims of the PFJCTH paper (a particle filter with joint histograms of colour and texture): this
+filter against mean shift, and joint histograms against histograms of colour or texture alone.
 """
 
 from collections.abc import Sequence

@@ -88,7 +88,9 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class PageImage:
-    """A picture that is embedded in an HTML report, as a data URI."""
+    """A picture that is embedded in an HTML report, as a data URI, with its width and height [px],
+    and whether it is a contact sheet.
+    """
 
     title: str
     uri: str

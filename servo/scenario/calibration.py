@@ -184,7 +184,8 @@ def camera_of_info(info: Any, topic: str) -> Camera:
         topic: Its topic, for error messages.
 
     Raises:
-        Mistake: A field is wrong, or the lens is not simulated (see `intrinsics_of`).
+        Mistake: A field is wrong, the region of interest is not the whole picture, or the lens is
+            not simulated.
     """
     document: Table = {
         "image_width": info.width,

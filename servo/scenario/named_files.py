@@ -116,7 +116,9 @@ def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
 
 
 def named_in(*tables: Table) -> list[str]:
-    """Return the names of the files in some tables, those of a study and its scenarios."""
+    """Return the names of the files that settings name, in the tables of a study and of its
+    scenarios.
+    """
     found: list[str] = []
 
     def note(name: str, *, may_be_folder: bool) -> str:
@@ -184,7 +186,7 @@ def _digest(path: Path, changed: int, size: int) -> str:
 
 
 class Change(Protocol):
-    """A function that returns the new name of a file."""
+    """A function that returns a new name for a file that a setting names."""
 
     def __call__(self, name: str, /, *, may_be_folder: bool) -> str:
         """Return the new name; `may_be_folder`: the setting may name a folder, too."""

@@ -53,7 +53,7 @@ def settings_of(section: str, what: str) -> Settings:
         section: The section, such as "tracker" or "controller".
         what: The part: kind, kind:preset or module:Class; for a tracker also trax:COMMAND,
             program:COMMAND or onnx:FILE[,FILE[,FILE]], whose number of files selects OpenCV's
-            tracker (`NETWORKS`), and for a controller onnx:FILE.
+            tracker (1: Vit, 2: Nano, 3: DaSiamRPN), and for a controller onnx:FILE.
 
     Raises:
         Mistake: The command or the file is missing, or there are too many files.
@@ -64,7 +64,8 @@ def settings_of(section: str, what: str) -> Settings:
 
 def changes_of(tracker: str | None, controller: str | None) -> list[str]:
     """Return the changes KEY=VALUE, as --set takes them, that put a tracker and a controller into a
-    scenario. Both are given as for `settings_of`; None: the scenario's own stays.
+    scenario. Both are given as on the command line, such as "kams:paper" (KIND:PRESET) or
+    "module:Class"; None: the scenario's own stays.
 
     Raises:
         Mistake: A command or a file is missing, or there are too many files.

@@ -92,8 +92,9 @@ class EstimateToSight:
         depth: DepthPicture | None = None,
     ) -> Sight | None:
         """Return the view of the target (a `Sight`) from an estimate; None if the tracker does not
-        see the target, or its centre is too uncertain. An angle or a size that is too uncertain is
-        marked as not measured.
+        see the target, its centre is too uncertain, or the reported corners are not the picture of
+        a rectangle of the target's size. An angle or a size that is too uncertain is marked as not
+        measured.
 
         Args:
             estimate: The tracker's estimate.
@@ -149,8 +150,9 @@ class EstimateToSight:
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=seen))
 
     def at(self, pose: Pose) -> Sight:
-        """Return the desired view of the target at a desired pose T_camera_object, as `Sight.pose`
-        defines it.
+        """Return the desired view of the target at a desired pose in the camera frame,
+        T_camera_object [m]: origin in the centre of its rectangle, x along its nose, z along the
+        rectangle's normal, away from the camera.
         """
         return self._with_depth_factor(sight_of(pose, self._outline))
 

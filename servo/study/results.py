@@ -113,8 +113,8 @@ def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Number of runs, success rate and mean measures of the runs with one combination of axis
-    values.
+    """Number of runs, success rate (0 to 1) and mean measures, with 95 % intervals, of the runs
+    with one combination of axis values (`settings`).
     """
 
     settings: Table
@@ -151,7 +151,7 @@ class Cell:
 @dataclass(frozen=True, slots=True)
 class Compared:
     """McNemar's test of two values of an axis, such as two trackers, over pairs of runs that differ
-    in nothing else.
+    in nothing else, with its p value after Holm's correction.
     """
 
     first: object
@@ -165,8 +165,8 @@ class Compared:
 
     @property
     def cells(self) -> list[object]:
-        """Return the texts and numbers of this comparison for a table whose columns are
-        `COMPARED`.
+        """Return this comparison as a row of a table: the two values, the unit, wins, losses and
+        ties of the first value, z, the p value, and the p value after Holm's correction.
         """
         t = self.test
         return [self.first, self.second, self.unit, t.wins, t.losses, t.ties, t.z, t.p, self.p_holm]

@@ -488,8 +488,8 @@ class Store:
         """Write results and series of all runs as Parquet files; return the paths of the files.
 
         Args:
-            table: The results, as `table` returns them; the series of the jobs in `done` are read
-                from the database.
+            table: The results, a row for each run; the series of the jobs in `done` are read from
+                the database.
 
         Raises:
             Mistake: The database is damaged.

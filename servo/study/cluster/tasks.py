@@ -71,7 +71,9 @@ class Cluster:
 
 @dataclass(slots=True)
 class Patience:
-    """A timer that raises ClusterLost when a cluster has had no workers for `longest` seconds."""
+    """A timer that raises ClusterLost when a cluster has had no workers for `longest` seconds;
+    `without` is the time without workers so far [s].
+    """
 
     longest: float
     """Longest time without any worker [s]."""
