@@ -4,7 +4,7 @@ Each shipped scenario has an id, its name in capitals, and `servobench/Servo-v0`
 
 | choice | meaning |
 |---|---|
-| observation | "features" (`_observed` has their order), "picture", or "both" |
+| observation | "features" (errors, rates, twist, last action, seen), "picture", or "both" |
 | action | "twist" of the camera in place of the law's, or a "residual" that is added to it |
 | reward | 1 / (1 + d / 10 px), d the mean distance of the target's true corners from their goals |
 | info["reward_terms"] | what d is the mean of: the four distances, `corner_1_px` to `corner_4_px` |

@@ -173,16 +173,16 @@ def unknown(key: str, known: Iterable[str], what: str = "key") -> str:
 def check_known(
     names: Iterable[str], known: Collection[str], place: str, what: str = "key"
 ) -> None:
-    """Check that names exist.
+    """Check that all names that a user gave are known.
 
     Args:
         names: The names that the user gave.
         known: All names that exist.
-        place: Where the user gave them, such as a file or an option.
-        what: Their kind, such as "claim".
+        place: The file or option with these names; it begins the sentence.
+        what: The noun for such a name, such as "claim".
 
     Raises:
-        Mistake: A name does not exist; the sentence has the most similar known name, or all.
+        Mistake: A name is not known; the sentence has the most similar known name, or all of them.
     """
     for name in names:
         if name not in known:

@@ -141,15 +141,16 @@ class Estimator(Protocol):
     """
 
     def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set."""
+        """Begin a run with a feature set, whose errors are given to `update` after each picture."""
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """Return the prediction after a frame in which the target was seen: the feature error, and
         its rate from the target's own motion.
 
         Args:
-            error: Feature error e_k (k,); nan for features that were not measured.
-            own: The part of de/dt that the camera's own motion causes.
+            error: Feature error e (k,), divided by `FeatureSet.scales`; nan for features that were
+                not measured.
+            own: The part of de/dt that the camera's own motion causes, divided by the same scales.
             dt: Time since the last picture that the tracker took [s].
         """
         ...
@@ -159,6 +160,11 @@ class Estimator(Protocol):
 
         An estimator that predicts no error returns an error of zero, and the camera is then moved
         by the predicted motion alone.
+
+        Args:
+            own: The part of de/dt that the camera's own motion causes, divided by
+                `FeatureSet.scales`.
+            dt: Time since the last picture that the tracker took [s].
         """
         ...
 

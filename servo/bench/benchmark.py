@@ -82,8 +82,8 @@ class World:
 
     @property
     def key(self) -> str:
-        """Name of the world from its condition and number, such as "rain-03"; the worlds of a band
-        ("dev", "v1" or "sealed") have different names, and those of two bands the same.
+        """Name of the world from its condition and number, such as "rain-03". It is unique within a
+        band ("dev", "v1" or "sealed"); worlds of other bands can have the same name.
         """
         return f"{self.condition}-{self.number:02}"
 

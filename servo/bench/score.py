@@ -90,8 +90,8 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
 
 
 def standings(rows: Sequence[Row]) -> list[Standing]:
-    """Rank the contestants whose results are given, the best first, without those that fix the
-    scale.
+    """Rank the contestants whose results are given, the best first; the reference contestants,
+    whose results define the scores 0 and 100, are left out.
 
     Ranks are intervals: each pair is compared over the worlds of both by Student's paired test,
     with Holm's correction for all pairs. The test compares means, as the score does: signed ranks

@@ -36,8 +36,8 @@ ADVICE = "**Which one?**"
 
 
 def run(what: str | None) -> None:
-    """Print all scenarios, studies and kinds of components if `what` is None; for a name, print
-    what `show` does.
+    """Print all scenarios, studies and kinds of components if `what` is None; for the name of one
+    of these, print its settings or its first sentence.
     """
     if what is None:
         show_all()

@@ -92,7 +92,9 @@ class Shipped(click.ParamType[str]):
         param: click.Parameter,
         incomplete: str,
     ) -> list[CompletionItem]:
-        """Return the shipped names that begin with the typed letters; files if no name does."""
+        """Return, for the shell, the shipped names that begin with the typed letters; if there is
+        none, ask the shell to complete names of files.
+        """
         found = [CompletionItem(name) for name in self._names() if name.startswith(incomplete)]
         return found or [CompletionItem(incomplete, type="file")]
 

@@ -1,7 +1,9 @@
 """Controller that keeps the law of `ibvs` within limits of speed, joints and view (control barrier
 functions, Ames et al. 2019), by one quadratic programme per picture.
 
-With v* the twist of `ibvs`, and L the interaction matrix of the features:
+With v* the twist of `ibvs`, L the interaction matrix of the features, q the joints' positions with
+the limits lower and upper, J# the pseudo-inverse of the robot's Jacobian, and capitals for
+constants:
 
     minimise |L (v - v*)|^2 + DAMPING |v - v*|^2, so that
     |v_i| <= fastest, |w_i| <= fastest_turn                                          (speed)

@@ -1,5 +1,5 @@
-"""Estimator without a filter: the change of the error that the camera's own motion does not explain
-(Teuliere, Marchand, Eck, equation 18).
+"""Estimator of the target's motion without a filter: the change of the feature error that the
+camera's own motion does not explain (Teuliere, Marchand, Eck, equation 18).
 """
 
 from dataclasses import dataclass

@@ -46,7 +46,8 @@ def motion(dt: float, jump: float = 0.0) -> TargetModel:
 
     Args:
         dt: Frame interval [s].
-        jump: Noise of the velocity, over the measurement's, per frame: Var(w1) T^2 / R.
+        jump: Ratio Var(w1) T^2 / R of two variances: w1 is the noise added to the velocity in each
+            frame interval T, and R the variance of the error's measurement.
     """
     s = between(ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ, dt) / dt**4
     Q = np.diag([jump / dt**2, s])

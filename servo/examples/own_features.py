@@ -33,8 +33,8 @@ class CentreAndSize:
         return np.array([m.xg, m.yg, np.log(m.area) / 2])
 
     def matrix(self, sight):
-        """Return the interaction matrix L (3, 6), for a target that is parallel to the image and
-        small.
+        """Return the interaction matrix L (3, 6) with ds/dt = L v, for a camera twist v in the
+        camera frame, and a small target that is parallel to the image.
         """
         x, y, _ = self.values(sight)
         near = sight.plane.C  # 1 / Z

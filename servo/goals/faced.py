@@ -23,8 +23,10 @@ Depth = Annotated[float, Ge(0.01), Le(100)]
 
 @dataclass(frozen=True, slots=True)
 class GoalConfig:
-    """Settings of the goal: position [px from the image's centre], angle [deg] and distance [m] at
-    which the camera should see the target, and a change of the distance during the run.
+    """Settings of the goal: position, angle and distance at which the camera should see the target.
+
+    The position is in px from the image's centre, the angle in degrees, and the distance in m; the
+    distance can change during the run.
     """
 
     x: Pixels = 0.0

@@ -32,8 +32,8 @@ from tracking.types import Estimate, Region, State
 
 
 class TrueMotion(Protocol):
-    """Function that returns how the target's own motion changes the features; only a simulation has
-    it.
+    """Function that returns the mean de/dt (k,) of the features that the target's own motion causes
+    between two times of a run; only a simulation has this function.
     """
 
     def __call__(self, picture: int, begin: float, end: float) -> Array:

@@ -51,8 +51,10 @@ def stream(seed: int, name: str) -> np.random.Generator:
 
 @dataclass(frozen=True, slots=True)
 class RunConfig:
-    """Settings of a run: its simulated duration [s], its seed, and the delays of pictures, tracker
-    and commands (`latency` in frame intervals).
+    """Settings of a run: its duration, its seed, and the delays of pictures, tracker and commands.
+
+    The duration is in simulated seconds. `latency` counts frame intervals; the other delays are in
+    milliseconds.
     """
 
     duration: Annotated[float, Ge(0.001), Le(LONGEST)] = 10.0
@@ -95,8 +97,10 @@ class RunConfig:
 
 @dataclass(frozen=True, slots=True)
 class StartConfig:
-    """Settings of the start: shift [px], rotation [deg], size ratio and tilt [deg] of the target in
-    the first picture, relative to the goal; or the target's whole pose in the camera frame.
+    """Settings of the start: where the target is in the first picture, relative to the goal.
+
+    They are a shift [px], rotation [deg], size ratio and tilt [deg], or the target's whole pose in
+    the camera frame.
     """
 
     x: Pixels = 0.0
@@ -128,8 +132,10 @@ class StartConfig:
 
 @dataclass(frozen=True, slots=True)
 class RegionConfig:
-    """Settings of the errors of the rectangle that the tracker is given in the first picture: shift
-    [px], rotation [deg], and factors on width and height. By default the rectangle is the true one.
+    """Settings of the errors of the rectangle that the tracker is given in the first picture.
+
+    They are a shift [px], a rotation [deg], and factors on width and height. By default the
+    rectangle is the true one.
     """
 
     x: Pixels = 0.0
@@ -144,8 +150,8 @@ class RegionConfig:
     """Height of the region over the true height."""
 
     def corners(self, truth: Truth) -> Array:
-        """Return the corners (4, 2) [px] of the target that the tracker is given in the first
-        picture: the true corners, in their order, changed by these errors.
+        """Return the corners (4, 2) [px] of the rectangle that the tracker is given in the first
+        picture: the target's true corners, in their order, changed by these errors.
         """
         # Complex numbers rotate: turn the corners level, stretch them, and turn them as asked.
         own, given = (np.exp(1j * a) for a in (truth.theta, truth.theta + radians(self.angle_deg)))
@@ -156,8 +162,10 @@ class RegionConfig:
 
 @dataclass(frozen=True, slots=True)
 class MeasureConfig:
-    """Settings of a run's measures: the time from which errors count [s], and the servo error above
-    which the camera counts as off the target [px].
+    """Settings of a run's measures: when errors begin to count, and which servo error is too large.
+
+    They are the time from which errors count [s], and the servo error above which the camera counts
+    as off the target [px].
     """
 
     after: Time = 0.0

@@ -77,9 +77,9 @@ class Scene:
         between two poses causes for a camera at rest.
 
         Args:
-            T_world_camera: Pose of the camera.
-            before: T_world_target at the beginning of the interval.
-            after: T_world_target at the end of the interval.
+            T_world_camera: True pose of the camera in the world frame.
+            before: True pose of the target in the world frame at the beginning of the interval.
+            after: True pose of the target in the world frame at the end of the interval.
             goal: The desired view of the target.
             dt: Length of the interval [s].
         """

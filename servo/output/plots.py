@@ -1,4 +1,6 @@
-"""Plots of one run, like figures 9 and 10 of the multi-kernel paper (Teuliere, Marchand, Eck)."""
+"""Plots of one run over time: errors, and the target's own motion, like figures 9 and 10 of the
+multi-kernel paper (Teuliere, Marchand, Eck).
+"""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -62,7 +62,7 @@ class Quantity:
 def quantities(
     features: FeatureSet, joints: tuple[str, ...], units: tuple[str, ...]
 ) -> list[Quantity]:
-    """Return all columns in order, grouped by quantity, for a run with these features.
+    """Return all columns of the table of a run's steps in order, grouped by quantity.
 
     Args:
         features: Features of the run.

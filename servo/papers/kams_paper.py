@@ -228,11 +228,11 @@ def needed(shares: Array) -> Array:
     in the logarithm of the number.
 
     Args:
-        shares: Share of completed sequences, 0 to 1, for each number of particles in `COUNTS` and
-            each of n samples of the sequences (counts, n).
+        shares: Share of completed sequences, 0 to 1, for 12, 25, 50, 100, 200 and 400 particles,
+            and for each of n samples of the sequences (6, n).
 
     Returns:
-        Numbers of particles (n,); twice the largest of `COUNTS` if no share is large enough.
+        Numbers of particles (n,); 800 if no share is large enough.
     """
     logs = np.log2([*COUNTS, 2 * COUNTS[-1]])
     grown = np.vstack([np.maximum.accumulate(shares), np.full(shares.shape[1], 1.0)])

@@ -287,7 +287,8 @@ def judged(found: dict[str, Array]) -> Verdict:
     for nine kernels than for one.
 
     Args:
-        found: Histogram distances (sequences, angles, shifts), by number of kernels.
+        found: Histogram distances (sequences, angles, shifts) by name of the model: one kernel, or
+            nine kernels.
     """
     slopes = {name: _slopes(surface) for name, surface in found.items()}
     times = ratio(slopes[NINE], slopes[ONE])

@@ -258,8 +258,8 @@ MEAN = "95 % interval of the mean"
 
 
 def units(scenario: str, first: int = FIRST) -> str:
-    """Return the sentence of a rule that names its independent units: runs of a scenario with drawn
-    settings, with seeds from `first` on.
+    """Return a text for a claim's rule that names the independent units of its test: runs of a
+    scenario with drawn settings, with seeds from `first` on.
     """
     return (
         f"{SEEDS} runs of {scenario} with drawn start, heading, speed and reversals, clear of "

@@ -136,7 +136,9 @@ def lines(
 def dots(
     title: str, y: str, groups: Mapping[str, Array], logarithmic: Logarithmic = None
 ) -> Figure:
-    """Plot the values (n,) of each group as a column of dots above its label, one a sequence."""
+    """Plot the values (n,) of each group, such as one value for each sequence, as a column of dots
+    above the group's label.
+    """
     figure, (axes,) = panels(1, width=9.0)
     for i, values in enumerate(groups.values()):
         aside = np.linspace(-0.2, 0.2, len(values))

@@ -61,7 +61,9 @@ class Tuned:
     """Settings of each try."""
 
     def contender(self, name: str, settings: Settings, ending: str) -> Contender:
-        """Return the tracker with some more settings, and with the label NAME-ENDING in tables."""
+        """Return this tracker with its fixed settings and some more, and with the label NAME-ENDING
+        in tables.
+        """
         return contender(self.kind, "paper", f"{name}-{ending}", **self.fixed | settings)
 
 
@@ -139,14 +141,14 @@ class TuningFile(Document):
 
 @cache
 def stored() -> TuningFile:
-    """Return the scores of all grids in servobench's own tuning.json."""
+    """Return the scores of all settings that were tried, from servobench's own file tuning.json."""
     with resources.as_file(resources.files("servo.papers") / TuningFile.FILE) as path:
         return TuningFile.read(path)
 
 
 def published(name: str) -> Contender:
-    """Return the tracker with a name in `TUNED`, with the settings of its paper and the label
-    NAME-published.
+    """Return a tuned tracker by its name, such as "kams", with the settings of its paper and the
+    label NAME-published.
     """
     return contender(TUNED[name].kind, "paper", f"{name}-published", **AS_PUBLISHED.get(name, {}))
 
@@ -163,8 +165,8 @@ AS_PUBLISHED: dict[str, Settings] = {
 
 
 def tuned(name: str) -> Contender:
-    """Return the tracker with a name in `TUNED`, with its best settings in tuning.json and the
-    label NAME-tuned.
+    """Return a tuned tracker by its name, such as "kams", with its best settings in tuning.json and
+    the label NAME-tuned.
     """
     return TUNED[name].contender(name, stored().best(name), "tuned")
 

@@ -25,8 +25,10 @@ from tracking.types import Estimate, Region, State, Status
 
 @dataclass(frozen=True, slots=True)
 class SightConfig:
-    """Settings of where the target's plane and depth come from: its size, the robot's posture with
-    the height of the table [m], or depth pictures.
+    """Settings of the sources from which the target's plane and depth are computed.
+
+    The sources are the target's size, the robot's posture with the height of the table [m], or
+    depth pictures.
     """
 
     plane: Literal["parallel", "known", "estimated", "picture"] = "parallel"
