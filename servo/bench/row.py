@@ -128,9 +128,9 @@ def area_within(errors: Array, most: float) -> float:
 def world_score(benchmark: Benchmark, record: Record) -> WorldScore:
     """Return the result of a contestant in a world, from the record of the run.
 
-    The score of holding is `area_within` of the errors; the score of arriving is 1 if the camera
-    ends within 10 mm and 1 degree of its goal and no corner of the target was ever outside the
-    picture, where a detector would have lost it, else 0.
+    With the benchmark's score "held", the score is `area_within` of the errors. With "arrives", it
+    is 1 if the camera ends within 10 mm and 1 degree of its goal and no corner of the target was
+    ever outside the picture, where a detector would have lost it, else 0.
     """
     first, last = (record.settings[name][:DIGITS] for name in (PICTURE, LAST))
     if benchmark.score == "held":
@@ -142,8 +142,8 @@ def world_score(benchmark: Benchmark, record: Record) -> WorldScore:
 
 
 def score_errors(errors: Array) -> WorldScore:
-    """Return the result of holding a target in one world, from the error in each picture (n,)
-    [target sizes].
+    """Return a tracker's result in one world, its score and whether it held the target, from the
+    error in each picture (n,) [target sizes].
     """
     errors = np.asarray(errors, float)
     held = float(np.mean(errors <= HELD_SIZE)) >= HELD_SHARE
