@@ -58,7 +58,12 @@ def require(holds: object, sentence: str, *values: object) -> None:
 
 
 def require_type(value: object, kind: type[Value], method: str) -> Value:
-    """Return the value that a method returned, if it has the required type.
+    """Return a value that a component's method returned, if it has the required type.
+
+    Args:
+        value: The returned value.
+        kind: The required type.
+        method: Name of the method, for the message.
 
     Raises:
         BrokenContract: The value has another type.
@@ -73,7 +78,9 @@ def require_type(value: object, kind: type[Value], method: str) -> Value:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """The condition for one field of a value that a component returned."""
+    """The condition for one field of a value that a component returned: the field's name, a
+    function that tests its value, and the end of the error's sentence, which says what is right.
+    """
 
     field: str
     """Name of the field."""
@@ -84,15 +91,16 @@ class Rule:
 
 
 def require_fields(value: object, rules: Iterable[Rule], prefix: str = "") -> None:
-    """Check the fields of a value.
+    """Check the fields of a value by rules, one after the other.
 
     Args:
         value: The object that has the fields.
-        rules: One rule for each field that is checked.
-        prefix: Beginning of the sentence, such as "skip: ".
+        rules: The rules; several may be about one field.
+        prefix: Beginning of the error's message, such as "skip: ".
 
     Raises:
-        BrokenContract: A field is invalid.
+        BrokenContract: A field breaks its rule; the message names the first such field, its value,
+            and what would be right.
     """
     for rule in rules:
         found = getattr(value, rule.field)
@@ -242,13 +250,14 @@ def check_estimate(estimate: object, *_: object) -> None:
     """Check the estimate that a tracker returned for a picture.
 
     Raises:
-        BrokenContract: It is no `Estimate`, or one of its fields is invalid.
+        BrokenContract: The estimate is no `Estimate`, or one of its fields is invalid.
     """
     require_fields(require_type(estimate, Estimate, "update"), ESTIMATE)
 
 
 def outline_fault(outline: Array) -> str:
-    """Return what is wrong with the corners of a reference rectangle; "" if they are valid.
+    """Return a sentence on what is wrong with the corners of a reference rectangle; "" if they are
+    valid.
 
     Args:
         outline: Corners (4, 3) in the target's frame [m], which should be those of a level
@@ -278,7 +287,7 @@ def check_features(features: FeatureSet, method: str, found: object, *_: object)
         found: The returned value.
 
     Raises:
-        BrokenContract: It has another shape or type, or a number in it is invalid.
+        BrokenContract: The returned value has another shape or type, or a number in it is invalid.
     """
     k = len(features.names)
     shape = (k, 6) if method == "matrix" else (k,)
@@ -301,7 +310,13 @@ def check_features(features: FeatureSet, method: str, found: object, *_: object)
 
 
 def require_array(found: object, shape: tuple[int, ...], method: str) -> Array:
-    """Return the value that a method returned, if it is an array with the required shape.
+    """Return a value that a component's method returned, if it is a NumPy array with the required
+    shape.
+
+    Args:
+        found: The returned value.
+        shape: The required shape.
+        method: Name of the method, for the message.
 
     Raises:
         BrokenContract: The value is no NumPy array, or has another shape.
@@ -358,7 +373,8 @@ def check_prediction(method: str, prediction: object, given: Array | OwnMotion, 
         given: The first argument of the call: the error (k,), or the camera's own motion.
 
     Raises:
-        BrokenContract: It is no `Prediction`, or an array in it has no k valid numbers.
+        BrokenContract: The value is no `Prediction`, one of its arrays does not hold k valid
+            numbers, or the innovation of "skip" is not nan.
     """
     p = require_type(prediction, Prediction, method)
     k = len(given.past if isinstance(given, OwnMotion) else given)
@@ -405,7 +421,7 @@ def check_command(command: object, *_: object) -> None:
     """Check the command that a controller returned.
 
     Raises:
-        BrokenContract: It is no `Command`, or one of its fields is invalid.
+        BrokenContract: The command is no `Command`, or one of its fields is invalid.
     """
     c = require_type(command, Command, "command")
     require_fields(c, COMMAND)
@@ -433,7 +449,7 @@ def check_pose(pose: object, time: float) -> None:
     """Check the pose of the target that a motion returned for a time [s].
 
     Raises:
-        BrokenContract: It is no `Pose`, or its matrix is no rotation.
+        BrokenContract: The object is no `Pose`, or its matrix (3, 3) is no rotation.
     """
     p = require_type(pose, Pose, "at")
     require_fields(p, POSE)
@@ -445,10 +461,11 @@ def check_pose(pose: object, time: float) -> None:
 
 
 def check_effect(effect: object, time: float) -> None:
-    """Check the effect that a disturbance returned for a time [s].
+    """Check the effect on image, light and scene that a disturbance returned for a time [s].
 
     Raises:
-        BrokenContract: It is no `Effect`, a factor in it is invalid, or it acts before time 0.
+        BrokenContract: The object is no `Effect`, a brightness factor in it is below 0 or not
+            finite, or it changes something before time 0.
     """
     e = require_type(effect, Effect, "at")
     require_fields(e, EFFECT)
@@ -483,14 +500,15 @@ def _checks_of(place: str, part: object) -> Mapping[str, Check | None]:
 
 
 def check_built(place: str, built: object) -> None:
-    """Check the component that a `Config` built: its methods, or its type.
+    """Check the component that a `Config` built: its methods and properties, or its type.
 
     Args:
-        place: Its place in a scenario, such as "tracker".
+        place: Name of the component's section in a scenario, such as "tracker".
         built: The component.
 
     Raises:
-        BrokenContract: A method is missing, it has another type, or its outline is no rectangle.
+        BrokenContract: The component lacks a method or property that components of its section must
+            have, a robot or target has another type, or a target's outline is no level rectangle.
     """
     kind = type(built).__name__
     for name in _checks_of(place, built):
@@ -520,8 +538,8 @@ def check_built(place: str, built: object) -> None:
 
 
 def check_sees(config: object, built: object) -> None:
-    """Check that a component whose `Config` declares channels, such as `Channel.TRUTH`, has the
-    method `see`, which takes them.
+    """Check that a component has a method `see` if its `Config` declares in `needs` that it needs
+    data (channels, such as `Channel.TRUTH`), which this method is given.
 
     Raises:
         BrokenContract: The component has no method `see`.
@@ -549,16 +567,16 @@ def _check_model(place: str, built: object) -> None:
 
 
 def check_followed(features: FeatureSet, estimate: Estimate, goal: Sight) -> None:
-    """Check that a tracker, which reports with its first estimate whether it follows angle and
-    size, measures at least one feature.
+    """Check that at least one feature can be measured with what a tracker follows (the target's
+    angle, size, corners), which its first estimate reports.
 
     Args:
         features: The feature set.
-        estimate: The first estimate of a visible target.
+        estimate: The tracker's first estimate of a visible target.
         goal: The desired view of the target.
 
     Raises:
-        BrokenContract: None of the features is measured.
+        BrokenContract: No feature can be measured.
     """
     angle, size = (follows or estimate.corners is not None for follows in estimate.follows)
     sight = replace(goal, angle_known=angle, size_known=size)
@@ -627,7 +645,7 @@ def guarded(
 
     Args:
         part: The component that a `Config` built.
-        place: Its place in a scenario, such as "tracker".
+        place: Name of its section in a scenario, such as "tracker".
         blame: Called with an exception from the component and the name of the method; it may raise
             another one that names the component, otherwise the exception passes unchanged.
         checked: False: returned values are not checked.

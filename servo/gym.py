@@ -4,7 +4,7 @@ Each shipped scenario has an id, its name in capitals, and `servobench/Servo-v0`
 
 | choice | meaning |
 |---|---|
-| observation | "features" (`_observed` has their order), "picture", or "both" |
+| observation | "features" (errors, rates, twist, last action, seen), "picture", or "both" |
 | action | "twist" of the camera in place of the law's, or a "residual" that is added to it |
 | reward | 1 / (1 + d / 10 px), d the mean distance of the target's true corners from their goals |
 | info["reward_terms"] | what d is the mean of: the four distances, `corner_1_px` to `corner_4_px` |
@@ -236,7 +236,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         law's twist plus the action; return what is observed then.
 
         Args:
-            action: Components `dof` of the camera twist (n,) over `reach`, clipped to -1..1.
+            action: Components `dof` (n,) of the camera's twist, each divided by the speed that
+                `reach` gives; values are clipped to -1..1.
 
         Returns:
             Observation, reward, terminated, truncated and info.

@@ -144,8 +144,8 @@ def printable(text: str, keep: str = "\n") -> str:
 
 
 def one_line(sentence: str) -> str:
-    """Return a sentence with escape sequences in place of line breaks and control characters; the
-    middle of a very long one is left out.
+    """Return a sentence with escape sequences in place of line breaks and control characters; of a
+    sentence with over 2000 characters the middle is left out.
     """
     line = printable(sentence, keep="")
     if len(line) > LONGEST:
@@ -154,13 +154,13 @@ def one_line(sentence: str) -> str:
 
 
 def unknown(key: str, known: Iterable[str], what: str = "key") -> str:
-    """Return the sentence for a name that does not exist, with the most similar name that does, or
-    all that do.
+    """Return the sentence for a name that does not exist, with the most similar known name, or with
+    all known names if none is similar.
 
     Args:
         key: The name that was given.
         known: All names that exist.
-        what: Their kind, such as "key" or "feature".
+        what: The noun for such a name, such as "key" or "feature".
     """
     names = list(known)
     if not names:
@@ -173,16 +173,16 @@ def unknown(key: str, known: Iterable[str], what: str = "key") -> str:
 def check_known(
     names: Iterable[str], known: Collection[str], place: str, what: str = "key"
 ) -> None:
-    """Check that names exist.
+    """Check that all names that a user gave are known.
 
     Args:
         names: The names that the user gave.
         known: All names that exist.
-        place: Where the user gave them, such as a file or an option.
-        what: Their kind, such as "claim".
+        place: The file or option with these names; it begins the sentence.
+        what: The noun for such a name, such as "claim".
 
     Raises:
-        Mistake: A name does not exist; the sentence has the most similar one that does.
+        Mistake: A name is not known; the sentence has the most similar known name, or all of them.
     """
     for name in names:
         if name not in known:

@@ -29,8 +29,14 @@ class Advance(Protocol):
 
 @contextmanager
 def progress(title: str, total: int) -> Generator[Advance]:
-    """Show a progress bar in a notebook until the block ends; do nothing elsewhere. The function
-    that is yielded moves the bar.
+    """Show a progress bar in a notebook until the block ends; outside a notebook do nothing.
+
+    Args:
+        title: Text beside the bar.
+        total: Number of steps of a full bar.
+
+    Yields:
+        A function that sets the number of steps that are done.
     """
     if not in_notebook():
         yield _nothing

@@ -97,12 +97,13 @@ class OwnInverse(Protocol):
     """
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, k) that maps the error to the twist, in place of the pseudo-inverse
-        L#.
+        """Return the matrix (6, k) that replaces the pseudo-inverse L# in the law v = -lambda L# e,
+        with the feature error e (k,) and the camera twist v (6,).
 
         Args:
-            L: The interaction matrix (k, 6) that the law has chosen.
-            values: The features (k,) as they were last seen.
+            L: The interaction matrix (k, 6): that of the present view, of the goal or their mean,
+                as the law's settings choose.
+            values: The features (k,), in their units, as they were last measured.
             camera: Intrinsics and image size.
         """
         ...
@@ -140,15 +141,16 @@ class Estimator(Protocol):
     """
 
     def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set."""
+        """Begin a run with a feature set, whose errors are given to `update` after each picture."""
 
     def update(self, error: Array, own: OwnMotion, dt: float) -> Prediction:
         """Return the prediction after a frame in which the target was seen: the feature error, and
         its rate from the target's own motion.
 
         Args:
-            error: Feature error e_k (k,); nan for features that were not measured.
-            own: The part of de/dt that the camera's own motion causes.
+            error: Feature error e (k,), divided by `FeatureSet.scales`; nan for features that were
+                not measured.
+            own: The part of de/dt that the camera's own motion causes, divided by the same scales.
             dt: Time since the last picture that the tracker took [s].
         """
         ...
@@ -158,14 +160,19 @@ class Estimator(Protocol):
 
         An estimator that predicts no error returns an error of zero, and the camera is then moved
         by the predicted motion alone.
+
+        Args:
+            own: The part of de/dt that the camera's own motion causes, divided by
+                `FeatureSet.scales`.
+            dt: Time since the last picture that the tracker took [s].
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a controller is given at the start of a run: goal, features, estimator, camera and
-    target.
+    """What a controller is given at the start of a run: goal, features, estimator, camera, the
+    target's corners, and the latency of commands [frame intervals].
     """
 
     goal: Sight
@@ -237,7 +244,8 @@ class ChoosesMoves(Protocol):
         """Return True (6,) for each degree of freedom of the camera that may move.
 
         Args:
-            six: Whether the features control all six, or four (vx, vy, vz, wz).
+            six: Whether the features control all six degrees of freedom; False: only vx, vy, vz
+                and wz.
         """
         ...
 

@@ -191,7 +191,12 @@ class Run(Sequence[Step]):
         return plots.figure(RunCurves.of(self._table, self._episode.loop.features), self.title)
 
     def frame(self, time: float) -> Pillow.Image:
-        """Return the picture nearest to a time [s], with truth (white), goal (red) and estimate."""
+        """Return the picture nearest to a time of the run [s], with the outlines of the target's
+        truth (white), goal (red) and estimate drawn in.
+
+        Raises:
+            Mistake: The time is not in the run.
+        """
         times = np.array([s.frame.time for s in self._light])
         (time,) = arguments.numbers((time,), "frame(time)", 1).tolist()
         if not times[0] <= time <= times[-1]:
@@ -323,7 +328,9 @@ def sweep(
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Sweep:
-    """The results of a study whose runs are done: tables of its runs and of its cells."""
+    """The results of a finished study: a table of its runs, a table of its cells (combinations of
+    axis values), and a sentence for each run that failed.
+    """
 
     study: Study
     records: Sequence[Record]
@@ -335,7 +342,9 @@ class Sweep:
 
     @cached_property
     def runs(self) -> Any:
-        """A row for each run: a DataFrame, or, without pandas, an Arrow table."""
+        """A row for each run, with its axis values and measures: a DataFrame, or, without pandas,
+        an Arrow table.
+        """
         return notebook.frame_of(self.table)
 
     @cached_property

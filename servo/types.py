@@ -19,8 +19,8 @@ DOF = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 @dataclass(frozen=True, slots=True)
 class Moments:
-    """Area, centroid and central moments of a filled silhouette (not of a set of points), in
-    normalised image coordinates.
+    """Area, centroid (xg, yg) and central moments mu_pq of a filled silhouette (not of a set of
+    points), in normalised image coordinates.
     """
 
     area: float
@@ -113,8 +113,9 @@ class Sight:
 
 
 def pose_in_plane(points: Array, normal: Array) -> Pose:
-    """Return the pose of a rectangle whose corners (4, 3) [m] lie in a plane with this normal (3,):
-    origin in its centre, x towards the second and third corner, z along the normal.
+    """Return the pose of a rectangle in the frame in which its corners (4, 3) [m], and the normal
+    (3,) of its plane, are given: origin in its centre, x towards the second and third corner, z
+    along the normal.
     """
     z = normal / np.linalg.norm(normal)
     ahead = points[1] + points[2] - points[0] - points[3]
@@ -125,8 +126,8 @@ def pose_in_plane(points: Array, normal: Array) -> Pose:
 
 @dataclass(frozen=True, slots=True)
 class OwnMotion:
-    """The rate of change of the feature error, de/dt, that the camera's own motion causes: since
-    the last frame, and until the next command acts.
+    """The rate of change of the feature error, de/dt [1/s], that the camera's own motion causes:
+    its mean since the last frame (`past`), and its values until the next command acts (`coming`).
     """
 
     past: Array
@@ -140,8 +141,8 @@ class OwnMotion:
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Result of an estimator for a frame: the feature error, and its rate from the target's own
-    motion, divided by `FeatureSet.scales`.
+    """Result of an estimator for a frame: the feature error (k,), and its rate (k,) [1/s] from the
+    target's own motion, both divided by `FeatureSet.scales`, with the estimator's innovation.
     """
 
     error: Array
@@ -188,7 +189,9 @@ class Mode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """Intermediate results of a control law in one frame, for the log."""
+    """Intermediate results of a control law in one frame, for the log: features, their error, and
+    the estimator's prediction.
+    """
 
     features: Array
     """Features s (k,); those last measured while the target is not seen."""

@@ -81,9 +81,9 @@ REFUSED = {
     "controller.dof=[]": STANDS,
     "controller.weights=[0, 0, 0, 0, 0, 0]": STANDS,
     "controller={ kind = 'ibvs', dof = ['wz'], weights = [1, 1, 1, 1, 1, 0] }": STANDS,
-    "controller.dof=['vx', 'vy', 'vx']": "controller: dof has 'vx' twice",
-    "controller.secondary=['level', 'level']": "controller: secondary has 'level' twice",
-    "controller.feed_forward=['xn', 'xn']": "controller: feed_forward has 'xn' twice",
+    "controller.dof=['vx', 'vy', 'vx']": "controller: dof has 'vx' twice: leave one out",
+    "controller.secondary=['level', 'level']": "controller: secondary has 'level' twice: leave one out",
+    "controller.feed_forward=['xn', 'xn']": "controller: feed_forward has 'xn' twice: leave one out",
 }
 
 

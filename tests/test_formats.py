@@ -90,7 +90,7 @@ def test_keys_that_are_unknown_pass_and_missing_ones_do_not(file, tmp_path):
 def test_a_file_of_another_kind_is_refused(tmp_path):
     path = FILES[1].write(tmp_path)
     with pytest.raises(
-        Mistake, match=r"json: this is a file of `track`, not of `run`: name another$"
+        Mistake, match=r"json: this is a file of `track`, not of `run`: name another file$"
     ):
         RunReport.read(path)
 

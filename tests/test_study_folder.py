@@ -364,7 +364,10 @@ def test_a_sweep_that_was_killed_at_once_goes_on(small, study_place):
 
 def test_two_sweeps_do_not_write_into_one_folder(small, folder):
     with opened(small, folder):
-        assert refused(small, folder) == f"{folder}: another command is writing into this folder"
+        assert (
+            refused(small, folder)
+            == f"{folder}: another command is writing into this folder: wait for its end, or choose another folder with --out"
+        )
     with opened(small, folder):
         pass
 

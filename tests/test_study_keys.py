@@ -96,11 +96,11 @@ BAD = {
     ),
     "a setting for all that varies": (
         STILL + "set.run.latency = 1\naxes.run.latency = [1, 2]",
-        "set.run.latency: axes.run.latency varies this setting already",
+        "set.run.latency: axes.run.latency varies this setting already: leave one of them out",
     ),
     "an axis in another one's table": (
         STILL + "[axes]\ntracker = [{ kind = 'kams' }]\n'tracker.particles' = [9]",
-        "axes.tracker.particles: axes.tracker sets all of tracker already",
+        "axes.tracker.particles: axes.tracker sets all of tracker already: leave one of them out",
     ),
     "a list that the scenario lacks": (
         STILL + "axes.disturbances.0.start = [1]",
@@ -148,11 +148,11 @@ def test_it_is_one_sentence(name, tmp_path):
 
 CHANGES = {
     "run.seed=3": "--set run.seed=3: list these under `seeds` instead, or count them with --seeds",
-    " run . latency = 3": "--set  run . latency = 3: axes.run.latency varies this setting already",
+    " run . latency = 3": "--set  run . latency = 3: axes.run.latency varies this setting already: leave one of them out",
     "run={ latency = 3 }": (
-        "--set run={ latency = 3 }: axes.run.latency varies this setting already"
+        "--set run={ latency = 3 }: axes.run.latency varies this setting already: leave one of them out"
     ),
-    "tracker={}": "axes.tracker.kind: --set tracker={} sets all of tracker already",
+    "tracker={}": "axes.tracker.kind: --set tracker={} sets all of tracker already: leave one of them out",
     "start.x=wide": (
         "where start.x = wide, run.latency = 1, tracker.kind = frozen: still.toml: start.x = "
         "'wide': input should be a valid number"

@@ -49,7 +49,7 @@ BAD = {
     ),
     "a group and an axis": (
         STILL + "named.scheme.a = { run.latency = 1 }\naxes.run.latency = [1]",
-        "axes.run.latency: named.scheme varies this setting already",
+        "axes.run.latency: named.scheme varies this setting already: leave one of them out",
     ),
     "a wrong setting in a group": (
         STILL + "named.scheme.a = { run.latncy = 1 }",

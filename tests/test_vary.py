@@ -116,11 +116,11 @@ def test_what_is_set_is_not_drawn(change, left):
         ),
         (
             {"tracker": {"kind": {"choice": ["kams"]}}},
-            "mine.toml: vary.tracker.kind: this setting cannot be drawn at random; draw one such as start.x",
+            "mine.toml: vary.tracker.kind: this setting cannot be drawn at random; draw another one, such as start.x",
         ),
         (
             {"run": {"seed": {"choice": [1]}}},
-            "mine.toml: vary.run.seed: this setting cannot be drawn at random; draw one such as start.x",
+            "mine.toml: vary.run.seed: this setting cannot be drawn at random; draw another one, such as start.x",
         ),
     ],
 )
@@ -137,5 +137,5 @@ def test_a_draw_of_the_seed_is_refused_where_the_seed_is_given_too(tmp_path, cha
     with pytest.raises(Mistake) as told:
         load(str(path), **change)
     assert str(told.value) == (
-        "mine.toml: vary.run.seed: this setting cannot be drawn at random; draw one such as start.x"
+        "mine.toml: vary.run.seed: this setting cannot be drawn at random; draw another one, such as start.x"
     )

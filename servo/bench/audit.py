@@ -56,8 +56,8 @@ def errors_parquet(records: Sequence[Record]) -> bytes:
 
 
 def read_errors(path: Path) -> Errors:
-    """Read the error in each picture [target sizes] from the Parquet file that `errors_parquet`
-    made.
+    """Read the errors in the pictures (frames,) [target sizes] of each run, by name of the world
+    and time of the tracker [ms], from the Parquet file that `errors_parquet` made.
 
     Raises:
         Mistake: The file cannot be read, or lacks a column of errors, worlds or times.
@@ -78,8 +78,8 @@ def audit(
 
     Args:
         benchmark: The benchmark, in the row's version.
-        row: The row that was sent.
-        one: The row's contestant, in this version of servobench.
+        row: The published results.
+        one: The contestant, as this version of servobench finds it.
         errors: The errors of all runs of the row; None if they were not sent.
 
     Returns:
@@ -119,8 +119,9 @@ def audit(
 
 
 def expected_worlds(benchmark: Benchmark, row: Row) -> list[World]:
-    """Return the worlds (random scenarios) that a contestant's results should contain: all of its
-    band, or the few of --quick.
+    """Return the worlds (random scenarios) that a contestant's results (`row`) should contain: all
+    worlds of the set of seeds that the row names, or only its first ones if the row is of a run
+    with --quick.
     """
     band = Band(row.band, row.value, row.digest)
     quick = benchmark.every_world(band, QUICK)
@@ -166,8 +167,8 @@ def _some(keys: Sequence[str] | set[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class WorldComparison:
-    """Agreement of a new run of one world (random scenario) with a contestant's published
-    results.
+    """Agreement of a new run of one world (random scenario) with a contestant's published results:
+    equal but for rounding (`agrees`), or equal bit for bit (`exactly`).
     """
 
     world: str

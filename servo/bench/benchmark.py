@@ -49,8 +49,9 @@ OF_CONTESTANTS = {"tracker": ("tracker",), "law": ("features", "controller")}
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A condition of a benchmark, such as "rain": its settings, and the ranges from which other
-    settings are drawn for each world.
+    """A condition of a benchmark, such as "rain": its settings, the ranges from which other
+    settings are drawn uniformly for each world (random scenario), and factors, of which each world
+    has one level with its settings.
     """
 
     name: str
@@ -81,8 +82,8 @@ class World:
 
     @property
     def key(self) -> str:
-        """Name of the world from its condition and number, such as "rain-03"; unique among worlds
-        of equal seeds (a band).
+        """Name of the world from its condition and number, such as "rain-03". It is unique within a
+        band ("dev", "v1" or "sealed"); worlds of other bands can have the same name.
         """
         return f"{self.condition}-{self.number:02}"
 
@@ -111,8 +112,8 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Slow:
-    """Further runs of all contestants in one condition's worlds, in which the tracker takes longer
-    and longer for a picture.
+    """Further runs of all contestants in one condition's worlds (random scenarios): a setting that
+    slows the tracker, and its values [ms a picture].
     """
 
     condition: str
@@ -124,7 +125,9 @@ class Slow:
 
 @dataclass(frozen=True)  # without slots, in which no digest could be kept
 class Benchmark:
-    """A frozen version of a public benchmark, as its TOML and JSON files describe it."""
+    """A frozen version of a public benchmark of trackers or control laws, as its TOML and JSON
+    files describe it: conditions, number of random scenarios (worlds), seeds, scores and settings.
+    """
 
     name: str
     title: str
@@ -158,7 +161,7 @@ class Benchmark:
     @cached_property
     def hash(self) -> str:
         """Return the digest (16 hex digits) of the benchmark's file, the frozen settings, the
-        models and pictures of its scenes, and the worlds of the public band.
+        models and pictures of its scenes, and the published worlds ("v1").
         """
         found = hashlib.sha256(self.text.encode())
         found.update(json.dumps(self.frozen, sort_keys=True).encode())
@@ -274,9 +277,9 @@ def parsed(
         name: The benchmark's name.
         text: Contents of the benchmark's file.
         settings: Value of each setting when the benchmark was frozen.
-        rendering: Digest of the first pictures of the public band.
-        measures: Constants of the measures, for the first versions only: later versions have them
-            among the settings, so that the hash covers them.
+        rendering: Digest of the first pictures of the published runs ("v1").
+        measures: Constants of the measures, for the first versions only; later versions have these
+            constants in `settings`, so that the hash covers them.
     """
     # The file is ours, so its values have the types that a benchmark needs.
     table: dict[str, Any] = toml.decode(text, name)

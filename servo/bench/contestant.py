@@ -68,7 +68,9 @@ class Contestant:
 
     @property
     def digest(self) -> str:
-        """SHA-256 (hex) of the contestant's settings, and of the code and files that they name."""
+        """SHA-256 (hex) of the contestant's settings, and of the code and files that the settings
+        of a user's contestant name.
+        """
         found = hashlib.sha256(json.dumps(as_json(self.settings), sort_keys=True).encode())
         for name, content in sorted((path.name, path.read_bytes()) for path in self._files()):
             found.update(name.encode() + content)
@@ -76,7 +78,7 @@ class Contestant:
 
     @property
     def is_unknown(self) -> bool:
-        """True if the contestant's settings name code or files, and none of them was found."""
+        """True if the contestant's settings name code or files, but none of these was found."""
         named = any(key in self.settings for key in NAMING) or any(":" in w for w in self._words())
         return named and not self._files()
 
@@ -178,12 +180,12 @@ def contestants(
 
     Args:
         benchmark: The benchmark that they take part in.
-        given: A name of `home_of`, or name=kind:preset, name=module:Class, name='trax:COMMAND'
-            or name='program:COMMAND' for a program, or name=onnx:FILE[,FILE] for networks of
-            OpenCV's trackers; without any, all of `home_of`.
+        given: Names of shipped contestants, or name=kind:preset, name=module:Class,
+            name='trax:COMMAND' or name='program:COMMAND' for a program, or name=onnx:FILE[,FILE]
+            for networks of OpenCV's trackers; empty: all shipped contestants.
         changes: Changes KEY=VALUE of every contestant's settings, which put it into the division
-            OPEN. A user's tracker with such a change runs in this process, without one in a
-            process of its own.
+            OPEN. A user's tracker class runs in a process of its own, but in this process if a
+            change is of a tracker's setting.
 
     Raises:
         Mistake: There is no such contestant, or two have one name.

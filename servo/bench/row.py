@@ -57,8 +57,8 @@ Milliseconds = Annotated[str, StringConstraints(pattern=r"^\d{1,6}(\.\d{1,6})?$"
 
 @dataclass(frozen=True, slots=True)
 class WorldScore:
-    """The result of a contestant in one world (random scenario) of a benchmark: its score, success,
-    and digests of two pictures.
+    """The result of a contestant in one world (random scenario) of a benchmark: its score (`area`,
+    0 to 1), success (`held`), and digests of the run's first and last picture.
     """
 
     area: Share
@@ -128,9 +128,9 @@ def area_within(errors: Array, most: float) -> float:
 def world_score(benchmark: Benchmark, record: Record) -> WorldScore:
     """Return the result of a contestant in a world, from the record of the run.
 
-    The score of holding is `area_within` of the errors; the score of arriving is 1 if the camera
-    ends within 10 mm and 1 degree of its goal and no corner of the target was ever outside the
-    picture, where a detector would have lost it, else 0.
+    With the benchmark's score "held", the score is `area_within` of the errors. With "arrives", it
+    is 1 if the camera ends within 10 mm and 1 degree of its goal and no corner of the target was
+    ever outside the picture, where a detector would have lost it, else 0.
     """
     first, last = (record.settings[name][:DIGITS] for name in (PICTURE, LAST))
     if benchmark.score == "held":
@@ -142,8 +142,8 @@ def world_score(benchmark: Benchmark, record: Record) -> WorldScore:
 
 
 def score_errors(errors: Array) -> WorldScore:
-    """Return the result of holding a target in one world, from the error in each picture (n,)
-    [target sizes].
+    """Return a tracker's result in one world, its score and whether it held the target, from the
+    error in each picture (n,) [target sizes].
     """
     errors = np.asarray(errors, float)
     held = float(np.mean(errors <= HELD_SIZE)) >= HELD_SHARE
@@ -151,8 +151,9 @@ def score_errors(errors: Array) -> WorldScore:
 
 
 def curve_of(errors: Sequence[Array]) -> list[float]:
-    """Return for each distance in `TAUS` [target sizes] the share, from 0 to 1, of the pictures of
-    all runs whose error is at most this distance.
+    """Return the share, from 0 to 1, of the pictures of all runs whose error is at most tau, for 41
+    evenly spaced tau from 0 to 2 target sizes. `errors` has the errors (frames,) [target sizes] of
+    each run.
     """
     every = np.concatenate([np.asarray(each, float) for each in errors])
     return [round(float(np.mean(every <= tau)), 4) for tau in TAUS]
@@ -204,7 +205,8 @@ def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> 
 
     Args:
         benchmark: The benchmark, whose `slow` names the condition that counts, if any.
-        errors: Error in each picture [target sizes], by world and time of the tracker [ms].
+        errors: Errors in the pictures (frames,) [target sizes] of each run, by the world's name and
+            the time of the tracker [ms].
     """
     if benchmark.slow is None:
         return {}

@@ -30,7 +30,9 @@ LIGHT = ("light.azimuth_deg", "light.elevation_deg")
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """A contestant's place in the table of a benchmark: its results, score, ranks and points."""
+    """A contestant's place in the table of a benchmark: its results, score and share of successes
+    with 95 % intervals, best and worst possible rank, and points in each world.
+    """
 
     row: Row
     score: Interval
@@ -56,8 +58,8 @@ class Standing:
         return self.row.contestant
 
     def mean_in(self, condition: str) -> float:
-        """Return the contestant's mean points, from 0 to 100, in the worlds of a condition; nan if
-        it has no result there.
+        """Return the contestant's mean points in the worlds of a condition (about 0 for a camera
+        that stands still, 100 for the best reference); nan if it has no result there.
         """
         of = [p for key, p in self.points.items() if condition_of(key) == condition]
         return float(np.mean(of)) if of else float("nan")
@@ -71,7 +73,7 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
     `perfect` or, without it, 1. Means are over the worlds in which all of them have a result.
 
     Raises:
-        Mistake: There is no such world.
+        Mistake: There is no world in which all of them have a result.
     """
     rows = [of for of in (row, null, perfect) if of is not None]
     worlds = sorted(set(row.worlds).intersection(*(of.worlds for of in rows)))
@@ -88,8 +90,8 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
 
 
 def standings(rows: Sequence[Row]) -> list[Standing]:
-    """Rank the contestants whose results are given, the best first, without those that fix the
-    scale.
+    """Rank the contestants whose results are given, the best first; the reference contestants,
+    whose results define the scores 0 and 100, are left out.
 
     Ranks are intervals: each pair is compared over the worlds of both by Student's paired test,
     with Holm's correction for all pairs. The test compares means, as the score does: signed ranks
@@ -212,8 +214,8 @@ def _levels(worlds: Sequence[World]) -> dict[tuple[str, str], list[str]]:
 
 @dataclass(frozen=True, slots=True)
 class Difficulty:
-    """Numbers of worlds in which no contestant, or every one, holds the target: they do not
-    distinguish contestants.
+    """Numbers of worlds (random scenarios) in which no contestant, or every one, holds the target,
+    so that the world does not distinguish contestants, and the number of all compared worlds.
     """
 
     nobody: int

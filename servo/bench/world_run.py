@@ -101,8 +101,8 @@ def errors_of(run: Columns, frames: int) -> Array:
 def jobs_of(
     benchmark: Benchmark, contestants: Sequence[Contestant], worlds: Sequence[World]
 ) -> list[Job]:
-    """Return a job for each contestant in each world, and those with the slower trackers of the
-    benchmark's `slow`.
+    """Return a job for each contestant in each world (random scenario), and, in the condition that
+    `benchmark.slow` names, further jobs in which the tracker takes longer for a picture.
     """
     of = f"{benchmark.name} {benchmark.hash}"
     slow = benchmark.slow

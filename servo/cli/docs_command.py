@@ -23,7 +23,7 @@ def run(out: Path | None, no_open: bool, still: bool, run: bool) -> None:
         run: Whether to run the tutorials.
 
     Raises:
-        Mistake: As `build`.
+        Mistake: This is no checkout, a package is missing, or a page or tutorial has a mistake.
     """
     with waiting(Console(stderr=True), "Building the pages; the first time takes two minutes"):
         page = build(out or Path("runs/docs"), still=still, run=run).resolve()

@@ -173,8 +173,8 @@ def _write(
 
 
 def print_ranks(console: Console, ranks: Sequence[Rank]) -> None:
-    """Print the ranking of all trackers, and, if it is not too wide, a table of their success AUC
-    by sequence.
+    """Print the ranking of all trackers, and a table of their success AUC by sequence, if it has at
+    most eight columns.
     """
     print_table(console, bench_section.trackers_table(ranks))
     families = bench_section.families_table(ranks)

@@ -25,7 +25,7 @@ def run(first: str, second: str, out: Path, quiet: bool) -> None:
 
     Args:
         first: The folder of a run to repeat, or the arguments of `servobench run` as a text.
-        second: The second run, likewise.
+        second: The second run, given in the same way.
         out: The film's file.
         quiet: Whether to print nothing but mistakes.
 

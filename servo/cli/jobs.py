@@ -132,7 +132,8 @@ def complete_jobs(
         The number of jobs that failed.
 
     Raises:
-        Mistake: The user's cluster has stopped.
+        Mistake: The user's cluster has stopped, a worker has other versions of packages, or the
+            database of the study is damaged.
         Refused: The disk is full, or the workers of this machine have stopped.
     """
     if store.damaged:

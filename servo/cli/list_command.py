@@ -36,7 +36,9 @@ ADVICE = "**Which one?**"
 
 
 def run(what: str | None) -> None:
-    """Print all scenarios and kinds, or what `show` prints for a name."""
+    """Print all scenarios, studies and kinds of components if `what` is None; for the name of one
+    of these, print its settings or its first sentence.
+    """
     if what is None:
         show_all()
     else:

@@ -63,7 +63,16 @@ SECTIONS = {
 
 
 def run(part: str, name: str, out: Path | None, door: str | None) -> None:
-    """Write a package with a new part, or a repository of scenarios, and print its files."""
+    """Write a package with a new part, or a repository of scenarios, and print the paths of its
+    files.
+
+    Args:
+        part: What to begin, such as "tracker", "law" or "scenarios".
+        name: Name of the part and of its package, or of the first scenario.
+        out: The folder to write; None: a folder of that name.
+        door: How a tracker that knows nothing of servobench is connected: "class", "program" or
+            "trax"; None: the part is a package of servobench.
+    """
     for path in new(part, name, out, door):
         click.echo(path)
 

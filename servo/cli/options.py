@@ -28,7 +28,7 @@ class FiniteRange(click.FloatRange):
     def convert(
         self, value: float, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """Return the number, or fail with a usage error of click if it is out of range."""
+        """Return the number, or fail with a usage error of click if it is nan or out of range."""
         number = super().convert(value, param, ctx)
         if math.isnan(number):
             self.fail(f"{value!r} is not in the range {self._describe_range()}.", param, ctx)
@@ -92,7 +92,9 @@ class Shipped(click.ParamType[str]):
         param: click.Parameter,
         incomplete: str,
     ) -> list[CompletionItem]:
-        """Return the shipped names that begin with the typed letters; files if no name does."""
+        """Return, for the shell, the shipped names that begin with the typed letters; if there is
+        none, ask the shell to complete names of files.
+        """
         found = [CompletionItem(name) for name in self._names() if name.startswith(incomplete)]
         return found or [CompletionItem(incomplete, type="file")]
 

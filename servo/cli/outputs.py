@@ -167,13 +167,13 @@ def _shown(
 
 
 def announce(viewer: LiveViewer | LightPage | None, console: Console) -> None:
-    """Print the address of the viewer's web page, if it has one."""
+    """Print the address of the viewer's web page, if there is a viewer that has one."""
     if viewer is not None and viewer.page is not None:
         plain(console, f"the page of the viewer: {viewer.page}")
 
 
 def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
-    """Keep a viewer open until the user closes it or presses Ctrl-C."""
+    """Keep a viewer open until the user closes it or presses Ctrl-C; None: return at once."""
     if viewer is None:
         return
     close = "press Ctrl-C" if viewer.page else "close the viewer, or press Ctrl-C,"

@@ -48,8 +48,12 @@ class Printed:
 
 
 def run(folders: Sequence[Path], out: Path | None, **options: Any) -> None:
-    """Write the page about the results in some folders, and print the paths of all files; the
-    options are those of `Printed`.
+    """Write the page about the results in some folders, and print the paths of all files.
+
+    Args:
+        folders: The folders, or names of public benchmarks for their published rows.
+        out: The page's file; None: report.html in the first folder.
+        **options: Tables and figures to write too: the fields of `Printed`.
     """
     for path in write(folders, out, Printed(**options)):
         click.echo(path)

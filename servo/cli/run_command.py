@@ -76,8 +76,9 @@ def run(
     ros2: bool,
     **shown: Any,
 ) -> int:
-    """Run one scenario as `run_scenario` does; `shown` are the options for films, logs and viewers,
-    `ros2` is whether a controller in ROS 2 moves the camera.
+    """Run one scenario, write its results into a folder, print a table of its measures, and return
+    the exit code: 1 if a bound was missed, else 0. `ros2`: whether a controller in ROS 2 moves the
+    camera; `shown`: the options for films, logs and viewers.
     """
     outputs = Outputs(**shown)
     if ros2:
@@ -116,8 +117,8 @@ def run_scenario(
         changes: Changes of settings, such as "run.duration=5".
         seed: Seed of the random streams; None: that of the scenario.
         out: The folder; None: the next free runs/NAME-SEED.
-        tracker: The tracker, as `settings_of` takes it; None: the scenario's.
-        controller: The controller, likewise.
+        tracker: The tracker as on the command line, such as "kams:paper"; None: the scenario's.
+        controller: The control law as on the command line; None: the scenario's.
         quiet: Whether to print nothing but mistakes.
         rerun: Whether to write a Rerun recording.
         outputs: Further files, viewers, and the connection to ROS 2.
@@ -194,7 +195,7 @@ def load(
     name: str, changes: Sequence[str], seed: int | None, server: Server | None = None
 ) -> Scenario:
     """Read a scenario and check its bounds; with a `server` of ROS 2, a controller outside this
-    program replaces its own.
+    program replaces the scenario's.
 
     Raises:
         Mistake: There is no such scenario, or a setting or a bound is wrong.

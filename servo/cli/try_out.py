@@ -19,7 +19,8 @@ def try_out(trackers: Iterable[object], console: Console) -> None:
     """Start each tracker of another author on a picture of noise, and end it.
 
     Args:
-        trackers: Settings of trackers; equal ones are tried once, and our own trackers not at all.
+        trackers: Settings of trackers; equal ones are tried once, and servobench's own trackers
+            not at all.
         console: The output, which says for what the command waits.
 
     Raises:

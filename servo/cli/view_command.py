@@ -26,7 +26,7 @@ def run(
         panel: Entity of the only panel to draw; None: the whole viewer.
 
     Returns:
-        The exit code of Rerun's window.
+        The exit code of Rerun's window; None for a browser or a picture.
 
     Raises:
         Mistake: The file is no recording, an option has no effect, or a port is in use.

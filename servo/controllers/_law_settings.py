@@ -82,7 +82,7 @@ class LawSettings:
             given = getattr(self, name) or ()
             twice = next((item for i, item in enumerate(given) if item in given[:i]), None)
             if twice is not None:
-                raise ValueError(f"{name} has '{twice}' twice")
+                raise ValueError(f"{name} has '{twice}' twice: leave one out")
         if not self.may_move(six=True):
             raise ValueError(
                 "dof and weights let no component of the twist move: give one that may move a "

@@ -35,8 +35,8 @@ BACK = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the learning law: its gain, the first motions by which it learns, and its limits
-    of speed.
+    """Settings of the controller `broyden`: its gain [1/s], speed [m/s, rad/s] and time [s] of the
+    first motions by which it learns, and the camera's largest speeds [m/s, rad/s].
     """
 
     gain: Gain = 1.0

@@ -44,7 +44,9 @@ PRESETS = {"paper": {"gain": 1.0, "dof": DOF, "feed_forward": ("xn", "yn", "an",
 
 @dataclass(frozen=True, slots=True)
 class Config(LawSettings):
-    """Settings of the controller `ibvs`: those of `LawSettings`, and no others."""
+    """Settings of the controller `ibvs`, all of them from `LawSettings`: gains, degrees of freedom,
+    secondary tasks, limits, and the camera's behaviour while the target is not seen.
+    """
 
     def build(self, rng: np.random.Generator) -> "Ibvs":
         """Return the controller, which uses no random numbers."""
@@ -95,8 +97,8 @@ class _Measured:
 @final
 class Ibvs:
     """Controller that commands the twist v = -lambda L# e - L# de/dt + (I - L# L) z after each
-    picture. Between pictures it stores the last features, the commands that have not acted yet, and
-    the last twist.
+    picture: e is the feature error, de/dt its rate by the target's own motion, L# the weighted
+    pseudo-inverse of the interaction matrix L, and z the twist of secondary tasks.
     """
 
     def __init__(self, config: LawSettings, guard: Guard | None = None) -> None:
@@ -115,8 +117,9 @@ class Ibvs:
         """Begin a run with a task: its goal, features, estimator, camera and latency.
 
         Raises:
-            ValueError: feed_forward names a feature that the set does not have, or the weights of
-                all components that may move with these features are 0.
+            ValueError: `feed_forward` names a feature that the set does not have, the weights of
+                all components that may move with these features are 0, or a limit of the guard does
+                not fit the camera.
         """
         c = self._config
         self._features = task.features
@@ -150,7 +153,8 @@ class Ibvs:
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return the command after a picture. While the target is not seen (`seen` is None), the
-        camera follows the estimated motion for `coast` seconds, then stands, then searches.
+        camera follows the estimated motion for `coast` seconds, then stands, and after another
+        `search_after` seconds searches, if that is set.
         """
         self._see(seen)
         error = self._features.error(self._measured.values, self._goal.values)

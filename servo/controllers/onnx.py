@@ -47,7 +47,8 @@ class Config:
 
         Raises:
             ValueError: ONNX Runtime is missing, the file cannot be read, or an input of the network
-                has a name, type or shape other than those of `Config.file`.
+                is none of picture and goal_picture (1, 3, height, width) and joints (1, n),
+                all of 32-bit floats.
         """
         return PolicyLaw(Network(self.file, self.timeout).act)
 

@@ -1,7 +1,9 @@
 """Controller that keeps the law of `ibvs` within limits of speed, joints and view (control barrier
 functions, Ames et al. 2019), by one quadratic programme per picture.
 
-With v* the twist of `ibvs`, and L the interaction matrix of the features:
+With v* the twist of `ibvs`, L the interaction matrix of the features, q the joints' positions with
+the limits lower and upper, J# the pseudo-inverse of the robot's Jacobian, and capitals for
+constants:
 
     minimise |L (v - v*)|^2 + DAMPING |v - v*|^2, so that
     |v_i| <= fastest, |w_i| <= fastest_turn                                          (speed)
@@ -55,8 +57,8 @@ LEAVING = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Config(LawSettings):
-    """Settings of the controller `qp`: those of `ibvs`, and the distance that the target's corners
-    keep from the sides of the picture.
+    """Settings of the controller `qp`: those of the controller `ibvs`, and the distance that the
+    target's corners keep from the sides of the picture [px].
     """
 
     margin: Annotated[float, Ge(0), Le(10_000)] = 10.0
@@ -69,7 +71,9 @@ class Config(LawSettings):
 
 @final
 class Programme:
-    """Guard that limits the twist of `ibvs` by one quadratic programme per picture."""
+    """Limits the twist of `ibvs` by speed, joints and view, with one quadratic programme per
+    picture.
+    """
 
     def __init__(self, config: Config) -> None:
         self._margin = config.margin
@@ -93,9 +97,9 @@ class Programme:
 
     def limited(self, desired: DesiredTwist) -> LimitedTwist:
         """Return the twist within the limits that changes the features most nearly as the desired
-        one does, after the desired one was scaled down to the speed limits. The limits of speed and
-        joints are always kept, those of the view as far as possible. The result has the names of
-        the active limits and of those of the view that are violated.
+        twist does, after the desired twist was scaled down to the speed limits. The limits of speed
+        and joints are always kept, those of the view as far as possible. The result also has the
+        names of the active limits, and of the limits of the view that are violated.
         """
         fast = max(1.0, excess(desired.twist, self._fastest, self._fastest_turn))
         law = desired.twist / fast

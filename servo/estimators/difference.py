@@ -1,5 +1,5 @@
-"""Estimator without a filter: the change of the error that the camera's own motion does not explain
-(Teuliere, Marchand, Eck, equation 18).
+"""Estimator of the target's motion without a filter: the change of the feature error that the
+camera's own motion does not explain (Teuliere, Marchand, Eck, equation 18).
 """
 
 from dataclasses import dataclass
@@ -25,24 +25,25 @@ class Config:
 
 @final
 class Plain(Unfiltered):
-    """Estimator that returns the measured difference (e - e_before) / dt minus the camera's part,
-    unfiltered.
+    """Estimator that returns, as de/dt of the target's own motion, the unfiltered difference of the
+    errors in two successive pictures over their interval, minus the part of the camera's motion.
     """
 
     def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set: the motion is zero, and there is no error before."""
+        """Begin a run with a feature set: the estimated motion is zero, no error was measured."""
         super().start(features)
         self._difference = Difference(features)
 
     def measure(self, error: Array, own: OwnMotion, dt: float) -> None:
-        """Set the motion to the difference of the error since the last picture, minus the camera's
-        part. Features that were not measured in both pictures keep their last motion.
+        """Set `motion`, the estimated de/dt (k,) of the target's own motion [1/s], to the change of
+        the error since the last picture over dt [s], minus the part of the camera's motion. Its
+        value stays for features that were not measured in both pictures.
         """
         self.motion, _ = self._difference.measure(error, own.past, dt)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return an error of zero and the last motion, for a frame in which the target was not
-        seen; the next difference then needs two pictures with the target.
+        """Return an error of zero and the last estimated de/dt, for a frame in which the target was
+        not seen; the next difference then needs two pictures with the target.
         """
         self._difference.forget()
         return super().skip(own, dt)

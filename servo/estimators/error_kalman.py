@@ -41,12 +41,13 @@ class Config:
 
 
 def motion(dt: float, jump: float = 0.0) -> TargetModel:
-    """Return the model of how the target's motion, a velocity and an acceleration, changes the
-    error.
+    """Return the model of how the target's motion, with a velocity and an acceleration, changes a
+    feature's error from frame to frame.
 
     Args:
         dt: Frame interval [s].
-        jump: Noise of the velocity, over the measurement's, per frame: Var(w1) T^2 / R.
+        jump: Ratio Var(w1) T^2 / R of two variances: w1 is the noise added to the velocity in each
+            frame interval T, and R the variance of the error's measurement.
     """
     s = between(ACCELERATION_AT_30_HZ, ACCELERATION_AT_5_HZ, dt) / dt**4
     Q = np.diag([jump / dt**2, s])

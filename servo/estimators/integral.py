@@ -17,8 +17,8 @@ from sim.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the estimator `integral`: its gain. With a law of gain g, twist = -L^+ (g e +
-    gain * integral of e).
+    """Settings of the estimator `integral`: its gain [1/s^2]. With a law of gain g [1/s] and the
+    feature error e, the camera twist is -L# (g e + gain * integral of e).
     """
 
     gain: Annotated[float, Ge(0), Le(1000)] = 2.0
@@ -39,13 +39,14 @@ class Integral(Unfiltered):
         self._gain = gain
 
     def start(self, features: FeatureSet) -> None:
-        """Begin a run with a feature set: the sums are zero."""
+        """Begin a run with a feature set: the integrals of the errors are zero."""
         super().start(features)
         self._sum = np.zeros(len(features.names))
 
     def measure(self, error: Array, own: OwnMotion, dt: float) -> None:
-        """Add error times dt to the sums, and set the motion to the gain times the sums; the sum of
-        a feature that is not measured stays.
+        """Add the error (k,) times dt [s] to its integral, and set `motion`, the returned de/dt
+        (k,), to the gain times the integral. The integral of a feature that is not measured (nan)
+        stays.
         """
         self._sum = self._sum + np.nan_to_num(error) * dt
         self.motion = self._gain * self._sum

@@ -66,7 +66,8 @@ class Config:
         return ErrorFilters(self.motion)
 
     def model(self, dt: float, variance: float) -> Model:
-        """Return ViSP's model of a filter that measures the change of a feature's error per second.
+        """Return the matrices of ViSP's Kalman filter of one feature, which measures the change of
+        the feature's error per second.
 
         Args:
             dt: Frame interval [s].

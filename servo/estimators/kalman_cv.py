@@ -64,7 +64,8 @@ class Config:
         return ErrorFilters(lambda dt: motion(dt, self.rho, self.ratio))
 
     def model(self, dt: float, variance: float) -> Model:
-        """Return ViSP's model of a filter that measures the change of a feature's error per second.
+        """Return the matrices of ViSP's Kalman filter of one feature, which measures the change of
+        the feature's error per second.
 
         Args:
             dt: Frame interval [s].

@@ -21,4 +21,4 @@ class Config:
 
 @final
 class Nothing(Unfiltered):
-    """Estimator that returns the measured error, and a motion of zero."""
+    """Estimator that returns the measured error, and zero as de/dt of the target's own motion."""

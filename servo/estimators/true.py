@@ -29,8 +29,8 @@ class Ideal(Unfiltered):
     """
 
     def see(self, view: View) -> None:
-        """Store `view.true_motion`: the target's true mean de/dt (k,) over the interval in which
-        the next command acts, over the features' scales [1/s].
+        """Store `view.true_motion`: the target's true mean de/dt (k,) while the next command acts,
+        divided by the features' scales [1/s].
         """
         if view.true_motion is not None:
             self.motion = view.true_motion

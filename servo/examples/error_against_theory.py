@@ -1,4 +1,6 @@
-"""The lag of a proportional law behind a target at constant speed, and theory: f v / (Z gain)."""
+"""The lag [px] of a proportional law behind a target at constant speed v, against theory: f v / (Z
+gain), with the focal length f [px] and the target's depth Z [m].
+"""
 
 from matplotlib import pyplot as plt
 

@@ -1,4 +1,6 @@
-"""Servoing to a goal picture: the features are the brightnesses of the pixels (photometric)."""
+"""Servoing to a goal picture by the brightness of all pixels (photometric); writes the goal's, the
+first and the last picture as PNG files.
+"""
 
 import cv2
 

@@ -28,13 +28,13 @@ class CentreAndSize:
     sole_dof = {"ln a": "vz"}
 
     def values(self, sight):
-        """Return the features s (3,) of the target as it is seen."""
+        """Return the features s (3,) of the target in a picture: x, y and ln a."""
         m = sight.moments
         return np.array([m.xg, m.yg, np.log(m.area) / 2])
 
     def matrix(self, sight):
-        """Return the interaction matrix L (3, 6), for a target that is parallel to the image and
-        small.
+        """Return the interaction matrix L (3, 6) with ds/dt = L v, for a camera twist v in the
+        camera frame, and a small target that is parallel to the image.
         """
         x, y, _ = self.values(sight)
         near = sight.plane.C  # 1 / Z

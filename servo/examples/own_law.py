@@ -6,8 +6,8 @@ import servo
 
 
 def slow_law(seen, task, gain=2.0, fastest=0.2):
-    """Return the camera twist (6,) [m/s, rad/s] for the target as it is seen now, with a linear
-    speed of at most `fastest` [m/s].
+    """Return the camera twist (6,) in the camera frame [m/s, rad/s] for the target as it is seen,
+    with a linear speed of at most `fastest` [m/s].
     """
     features = task.features
     error = features.error(features.values(seen), features.values(seen.goal))

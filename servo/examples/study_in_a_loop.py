@@ -1,4 +1,4 @@
-"""A study as a loop in Python: three trackers, two seeds, one condition."""
+"""A study as a loop in Python: three trackers, each with two seeds of one scenario."""
 
 import servo
 

@@ -16,14 +16,18 @@ class Config:
     """Settings of the feature set `decoupled`: it has none."""
 
     def build(self, outline: Array) -> "DecoupledFeatures":
-        """Return the feature set, which is the same for any outline (4, 3)."""
+        """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not
+        used.
+        """
         return DecoupledFeatures()
 
 
 @final
 class DecoupledFeatures(PointsAndPose):
-    """Feature set of corners and pose, with an inverse of its own: the pose controls the camera's
-    translation, the remaining error of the corners its rotation.
+    """Feature set s = (x0, y0, ..., x3, y3, t, theta u) (14,): corners in normalised image
+    coordinates, and translation [m] and rotation vector [rad] of c*Mc, the camera in the frame of
+    the desired camera. The pose controls the camera's translation, and the remaining error of the
+    corners its rotation.
 
     Deguchi 1998 (Optimal motion control for image-based visual servoing by decoupling translation
     and rotation, IROS), as Gans, Hutchinson and Corke 2003 describe it: v = -lambda t in the
@@ -32,7 +36,8 @@ class DecoupledFeatures(PointsAndPose):
     """
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, 14) that maps the error of the features to the camera twist.
+        """Return the matrix (6, 14) that stands for L# in the law v = -lambda L# e, with the error
+        e of the features and the camera twist v.
 
         Args:
             L: Interaction matrix (14, 6).

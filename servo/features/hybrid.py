@@ -23,7 +23,9 @@ class Config:
     """Settings of the feature set `hybrid`: it has none."""
 
     def build(self, outline: Array) -> "HybridFeatures":
-        """Return the feature set, which is the same for any outline (4, 3)."""
+        """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not
+        used.
+        """
         return HybridFeatures()
 
 
@@ -54,7 +56,9 @@ class HybridFeatures(WithRotation):
         return np.array([X / Z, Y / Z, log(Z / goal.translation[2]), *turn])
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (6, 6)."""
+        """Return the interaction matrix L (6, 6), with ds/dt = L v for a camera twist v (6,) in the
+        camera frame [m/s, rad/s].
+        """
         X, Y, Z = sight.pose.translation
         x = X / Z
         y = Y / Z

@@ -81,12 +81,14 @@ class MomentFeatures:
         self.noise = NOISE
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (xn, yn, an, theta) (4,) of the target in a picture."""
+        """Return the features (xn, yn, an, theta) (4,) of the target in a picture; theta in rad,
+        the others in the unit of the scale K: m, or 1 with the scaling PAPER.
+        """
         return of_moments(sight.moments, self.scale)
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (4, 6), whose row of theta is zero for a round
-        silhouette.
+        """Return the interaction matrix L (4, 6) with ds/dt = L v, for the camera twist v in the
+        camera frame [m/s, rad/s]; its row of theta is zero for a round silhouette.
         """
         return interaction(sight.moments, sight.plane, self.scale)
 
@@ -114,7 +116,8 @@ class MomentFeatures:
 
 
 def of_moments(m: Moments, scale: float) -> Array:
-    """Return the features (xn, yn, an, theta) (4,) of a silhouette with moments m.
+    """Return the features (xn, yn, an, theta) (4,) of a silhouette with moments m; theta in rad,
+    the others in the unit of `scale`.
 
     Args:
         m: Moments in normalised image coordinates.

@@ -60,7 +60,9 @@ class PartitionedFeatures(OfCorners):
         return np.array([*corners.ravel(), np.log(_area(corners)) / 2, np.arctan2(dy, dx)])
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (10, 6)."""
+        """Return the interaction matrix L (10, 6), with ds/dt = L v for a camera twist v (6,) in
+        the camera frame [m/s, rad/s].
+        """
         corners = corners_of(sight)
         Lx, Ly = corner_rows(sight)
         # The area changes with each corner by half the vector between its neighbours, turned.
@@ -72,7 +74,8 @@ class PartitionedFeatures(OfCorners):
         return np.vstack([points, wider / (2 * _area(corners)), turned])
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, 10) that maps the error of the features to the camera twist.
+        """Return the matrix (6, 10) that stands for L# in the law v = -lambda L# e, with the error
+        e of the features and the camera twist v.
 
         Args:
             L: Interaction matrix (10, 6).

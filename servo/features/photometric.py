@@ -32,7 +32,9 @@ class Config:
     needs = frozenset({Channel.PICTURE, Channel.GOAL_PICTURE})
 
     def build(self, outline: Array) -> "PhotometricFeatures":
-        """Return the feature set, which is the same for any outline (4, 3)."""
+        """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not
+        used.
+        """
         return PhotometricFeatures()
 
 
@@ -57,8 +59,12 @@ class PhotometricFeatures(Features):
         self._goal_inverse = np.zeros((6, 0))
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (6,) [m, rad] from the picture of a sight and the goal's picture;
-        both must be there.
+        """Return the features (6,) [m, rad] from the current picture and the goal's picture, which
+        `sight` holds.
+
+        Raises:
+            ValueError: One of the pictures is missing.
+            Mistake: The picture is too small.
         """
         goal = sight.aim
         if goal is not self._goal:

@@ -21,7 +21,9 @@ class Config:
     """Settings of the feature set `points`: it has none."""
 
     def build(self, outline: Array) -> "PointFeatures":
-        """Return the feature set, which is the same for any outline (4, 3)."""
+        """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not
+        used.
+        """
         return PointFeatures()
 
 
@@ -47,7 +49,7 @@ class PointFeatures(OfCorners):
         return corners_of(sight).flatten()  # a copy, so that callers may change it in place
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (8, 6), each corner with its own depth in the target's
-        plane.
+        """Return the interaction matrix L (8, 6) with ds/dt = L v, for the camera twist v in the
+        camera frame [m/s, rad/s]; each corner has its own depth in the target's plane.
         """
         return np.stack(corner_rows(sight), axis=1).reshape(8, 6)

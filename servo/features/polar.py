@@ -51,7 +51,9 @@ class PolarFeatures(OfCorners):
         return np.column_stack([np.hypot(x, y), np.arctan2(y, x)]).ravel()
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (8, 6)."""
+        """Return the interaction matrix L (8, 6), with ds/dt = L v for a camera twist v (6,) in the
+        camera frame [m/s, rad/s].
+        """
         (x, y) = corners_of(sight).T[..., None]
         (Lx, Ly) = corner_rows(sight)
         # Rows of x and y, rotated into the radial and the tangential direction of each corner.

@@ -29,7 +29,9 @@ class Config:
     of the target, so that its centre goes straight in the image."""
 
     def build(self, outline: Array) -> "PoseFeatures":
-        """Return the feature set, which is the same for any outline (4, 3)."""
+        """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not
+        used.
+        """
         return PoseFeatures(self.error)
 
 
@@ -59,13 +61,16 @@ class PoseFeatures(WithRotation):
         return np.concatenate([t, theta_u(moved.rotation)])
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
-        """Return True (6,) for each feature that is measured: with the target's angle, x and y,
-        also z with its size, and rx and ry with the tilt of its plane; without the angle, none.
+        """Return True (6,) for each feature that is measured. Without the target's angle none is;
+        with it x, y and rz are, z if its size is measured too, and rx and ry if the tilt of its
+        plane is.
         """
         return super().known(sight) & sight.angle_known
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (6, 6)."""
+        """Return the interaction matrix L (6, 6), with ds/dt = L v for a camera twist v (6,) in the
+        camera frame [m/s, rad/s].
+        """
         R = sight.aim.pose.rotation @ sight.pose.rotation.T
         L = np.zeros((6, 6))
         L[3:, 3:] = rotation_rows(theta_u(R))

@@ -28,7 +28,9 @@ class Config:
     for a target that faces the camera."""
 
     def build(self, outline: Array) -> "SegmentFeatures":
-        """Return the feature set, which is the same for any outline (4, 3)."""
+        """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not
+        used.
+        """
         return SegmentFeatures(self.normalised)
 
 
@@ -54,8 +56,8 @@ class SegmentFeatures(OfCorners):
         self.noise = np.array(NOISE * 2) * ([10, 10, 10, 1] * 2 if normalised else 1.0)
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (8,) of the target in a picture: four of the first side, then four of
-        the second.
+        """Return the features (8,) of the target in a picture: middle, length and angle of the side
+        from the first corner to the second, then those of the side from the fourth to the third.
         """
         middle, back, length = self._segments(sight)
         alpha = np.arctan2(back[:, 1], back[:, 0])
@@ -64,8 +66,8 @@ class SegmentFeatures(OfCorners):
         return np.column_stack([middle, length, alpha]).ravel()
 
     def matrix(self, sight: Sight) -> Array:
-        """Return the interaction matrix L (8, 6), computed from the rows of the corners at which
-        the segments end.
+        """Return the interaction matrix L (8, 6) with ds/dt = L v, for the camera twist v in the
+        camera frame [m/s, rad/s].
         """
         middle, back, length = self._segments(sight)
         Lx, Ly = corner_rows(sight)

@@ -19,7 +19,7 @@ do not swamp the pose."""
 @dataclass(frozen=True, slots=True)
 class Config:
     """Settings of the feature set `weighted`: the width of the border of the picture in which
-    corners count.
+    corners count, as a share of half the picture's width or height.
     """
 
     border: Annotated[float, Gt(0), Lt(1)] = 0.3
@@ -35,8 +35,9 @@ class Config:
 
 @final
 class WeightedFeatures(PointsAndPose):
-    """Feature set of corners and pose, each with a weight: 1 for the pose; for a coordinate of a
-    corner 0 in the inner part of the picture, and the more the nearer it is to the border.
+    """Feature set s = (x0, y0, ..., x3, y3, t, theta u) (14,) of corners and pose with weights: 1
+    for the pose; for a coordinate of a corner 0 in the inner part of the picture, and larger the
+    nearer the corner is to a side of the picture.
 
     Kermorgant and Chaumette 2011 (Combining IBVS and PBVS to ensure the visibility constraint,
     IROS) and 2014 (Dealing with constraints in sensor-based robot control, IEEE Transactions on
@@ -50,12 +51,13 @@ class WeightedFeatures(PointsAndPose):
         self._border = border
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
-        """Return the matrix (6, 14) that maps the error of the features to the camera twist, with
-        the weights of the corners where they are now.
+        """Return the matrix L# (6, 14) of the law v = -lambda L# e, which maps the error e of the
+        features to the camera twist v: a weighted pseudo-inverse of L, whose weights depend on the
+        corners' positions in the picture.
 
         Args:
             L: Interaction matrix (14, 6).
-            values: Features (14,), which have the corners.
+            values: Features (14,); the first eight are the corners' coordinates.
             camera: Intrinsics, and size of the picture.
         """
         h = np.ones(len(L))

@@ -23,7 +23,11 @@ Depth = Annotated[float, Ge(0.01), Le(100)]
 
 @dataclass(frozen=True, slots=True)
 class GoalConfig:
-    """Settings of the goal: pixel, angle and distance at which the camera should see the target."""
+    """Settings of the goal: position, angle and distance at which the camera should see the target.
+
+    The position is in px from the image's centre, the angle in degrees, and the distance in m; the
+    distance can change during the run.
+    """
 
     x: Pixels = 0.0
     """Distance to the right of the image's centre [px]."""
@@ -86,12 +90,12 @@ class Faced:
         self._to_sight = EstimateToSight(SightConfig(), seen, region, outline, depth_factor)
 
     def truth(self, time: float, T_world_camera: Pose) -> Truth:
-        """Return the true poses and picture of the target at its goal, at a time of the run [s].
+        """Return the poses in the world frame, and the centre, angle, size and corners in the
+        picture, of a target at its goal in front of a given camera.
 
         Args:
-            time: Time of the run [s].
-            T_world_camera: Pose of the camera in the world frame, where the target would be at its
-                goal.
+            time: Time of the run [s], by which the goal's depth may change.
+            T_world_camera: Pose of the camera in the world frame.
         """
         faced = self._at(self._config.depth_at(time))
         T_camera_target = faced.T_world_camera.inverse() @ faced.T_world_target
@@ -104,7 +108,8 @@ class Faced:
 
         Args:
             frame: The frame; only its time is used.
-            by_corners: As `sight_at` describes.
+            by_corners: Whether the tracker reports the target's four corners, and not only a
+                rectangle in the picture.
         """
         return self.sight_at(frame.time, by_corners=by_corners)
 
@@ -113,11 +118,11 @@ class Faced:
         time of the run [s].
 
         Args:
-            time: Of the run [s].
-            by_corners: Whether the tracker reports the target's corners. Through a lens that
-                distorts, or with pixels that are not square, these are no rectangle of the target's
-                shape, so that the desired ones are not either; trackers that report a rectangle are
-                given one as goal.
+            time: Time of the run [s].
+            by_corners: True for a tracker that reports the target's four corners: through a lens
+                that distorts, or with pixels that are not square, the desired corners are then
+                those of the rectangle's distorted picture. False: they are those of a rectangle in
+                the picture, which is all that the tracker can report.
         """
         depth = self._config.depth_at(time)
         if (depth, by_corners) not in self._sights:

@@ -49,8 +49,8 @@ class Led:
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
         """Return the desired view of the held target (moments, corners, plane and pose in the
-        camera frame) for a picture; None if the leader's tag is not seen in it. `by_corners` is not
-        used.
+        camera frame) for a picture; None if the leader's tag is not found in it, or the tag's
+        corners fit no pose. `by_corners` is not used.
         """
         if self._number is not None:
             self._seen = self._tags.find(frame.image, self._number, self._seen)

@@ -33,8 +33,9 @@ class Shown:
         self._shown: Sight | None = None
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
-        """Return the desired view of the target with the picture at the goal; None until the other
-        source has found a desired view.
+        """Return the desired view of the target for a picture, with the picture at the goal; None
+        until the stored goal source has returned a desired view. `by_corners` is passed on to that
+        source.
         """
         bare = self._goal.sight(frame, by_corners=by_corners)
         if bare is not None and bare is not self._bare:

@@ -34,7 +34,7 @@ def after_lag(motion: Array, lag: float) -> Array:
     """Return the positions (n,) of a drive that follows a motion (n,) with a first-order lag, a
     time constant [s].
 
-    The motion is linear between its samples, which are `GRID` s apart.
+    The motion is linear between its samples, which are 0.002 s apart.
     """
     if lag < GRID / 20:
         return motion

@@ -74,7 +74,7 @@ COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """A series of numbers with their times, in order of time."""
+    """Numbers (n,) with their times (n,) [s], in order of time."""
 
     times: Array
     """Stamps (n,) [s]."""
@@ -90,7 +90,9 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class LogChannel:
-    """The logged motion of a joint, or of a component of the camera's twist."""
+    """The log of a joint, or of a component of the camera's twist: commanded rates [m/s, rad/s],
+    positions and encoder readings [m, rad] over time.
+    """
 
     name: str
     unit: str
@@ -107,7 +109,9 @@ class LogChannel:
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """The contents of a robot's log, by channel: a joint, or a component of the camera's twist."""
+    """The contents of a robot's log: commands and motion of each channel (joint, or component of
+    the camera's twist), and the arrival times of its pictures [s].
+    """
 
     channels: list[LogChannel]
     """Channels with a command that varies and a position that varies."""

@@ -65,7 +65,7 @@ class Columns:
         return np.frombuffer(self._rows, self._kind)[name]
 
     def add(self, step: Step) -> None:
-        """Append a row with the numbers of a step, those of `NUMBERS`."""
+        """Append a row with the numbers that `NUMBERS` computes from a step."""
         row = {name: np.asarray(of(step)) for name, of in NUMBERS.items()}
         last = self.final[-1] if self.final else step
         row["other_picture"] = np.asarray(step.truth_estimated is not last.truth_estimated)

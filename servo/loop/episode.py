@@ -41,8 +41,8 @@ Kept = dict[str, tuple[object, object]]
 
 @dataclass(frozen=True, slots=True)
 class Advance:
-    """Motion of the world over one frame interval: the camera's mean twist, the joint limits that
-    were hit, and the computing time.
+    """Motion of the simulated world over one frame interval: the camera's mean commanded twist
+    [m/s, rad/s], the joint limits that were hit, and the wall-clock time of the physics [s].
     """
 
     twist: Array
@@ -58,8 +58,8 @@ KEPT = ("robot", "target")
 
 
 class ImpossibleStart(Mistake):
-    """Error: the start pose does not exist, or the robot cannot reach it. With another seed, which
-    draws another start, it may exist.
+    """Error: the start pose does not exist, or the robot cannot reach it. If the scenario draws its
+    start, the start of another seed may be possible.
     """
 
 
@@ -409,8 +409,8 @@ class Episode:
 
         Args:
             step: The step that `look` returned.
-            twist: Camera twist (6,) that replaces the law's commands of this step [m/s, rad/s];
-                None: the law's commands act.
+            twist: Camera twist (6,) in the camera frame [m/s, rad/s] that replaces the law's
+                commands of this step; None: the law's commands act.
         """
         if twist is not None:
             self._timeline.steer(twist)

@@ -39,11 +39,12 @@ def check_setup(setup: Setup, camera: Camera, outline: Array) -> None:
 
 
 def check_start(frame: Frame, camera: Camera, region: Region, state: State) -> None:
-    """Check frame, region and state as `Loop.start` gets them: their types, the sizes of picture
-    and depth picture, and that the time is finite. The tracker checks the numbers of the region.
+    """Check the arguments with which a loop is started: the types of frame, region and state, the
+    sizes of picture and depth picture, and that the frame's time is finite. The tracker checks the
+    numbers of the region.
 
     Raises:
-        ValueError: One of them is wrong.
+        ValueError: An argument has the wrong type, size or time.
     """
     check_frame(frame, camera)
     check_type("region", region, Region)

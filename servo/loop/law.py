@@ -165,8 +165,9 @@ class Law:
         return command
 
     def motion_measured(self, command: Command, sight: Sight | None, interval: float) -> Array:
-        """Return the mean de/dt (k,) since the previous picture that the camera did not cause, the
-        measured motion of the target; nan for features that were not measured in both pictures.
+        """Return the mean de/dt (k,) since the previous picture that the target's own motion
+        caused, as measured, in the features' units per second; nan for features that were not
+        measured in both pictures.
 
         Args:
             command: The command after this picture, with the features and the camera's part in its

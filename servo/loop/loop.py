@@ -32,8 +32,8 @@ from tracking.types import Estimate, Region, State
 
 
 class TrueMotion(Protocol):
-    """Function that returns how the target's own motion changes the features; only a simulation has
-    it.
+    """Function that returns the mean de/dt (k,) of the features that the target's own motion causes
+    between two times of a run; only a simulation has this function.
     """
 
     def __call__(self, picture: int, begin: float, end: float) -> Array:
@@ -51,7 +51,9 @@ class TrueMotion(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """A picture, the tracker's estimate from it, and the time for which the tracker computed."""
+    """A picture, the tracker's estimate from it, the time since the previous picture [s], and the
+    wall-clock time of the tracker [s].
+    """
 
     frame: Frame
     estimate: Estimate
@@ -66,7 +68,9 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What the law computes from an observation: the view of the target, and the command."""
+    """Result of the law for a picture: the view of the target, the command, the target's measured
+    motion, and the law's wall-clock time [s].
+    """
 
     estimate: Estimate
     """The tracker's estimate."""
@@ -139,10 +143,10 @@ class Loop:
 
         Args:
             frame: The first picture.
-            region: The target's rectangle in it.
+            region: Width and height of the target's rectangle in that picture [px].
             state: Position [px], angle [rad] and scale of the target in that picture. If the target
                 is a tag, its outline the black square, and the tracker "tag", a square that is
-                detected near the region replaces both.
+                detected near the given one replaces region and state.
             goal: The camera's picture (H, W, 3) at the goal, for features made of pixels and for
                 policies; None if neither is used.
             true_motion: Function that returns the target's true motion, for an estimator that needs
@@ -235,7 +239,9 @@ class Running:
 
     @property
     def by_corners(self) -> bool:
-        """Whether the tracker has reported the target's corners in this run."""
+        """Whether the tracker's first LOCKED estimate of this run had the target's corners; False
+        before that estimate.
+        """
         return self._perception.by_corners
 
     def step(self, frame: Frame, posture: Posture) -> Command:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """Name, unit and meaning of a number that describes a run; smaller is better for all of
-    them.
+    """Name, unit and meaning of a number that describes a run (smaller is better), with flags that
+    say which frames count, which values it can have, and where it is shown.
     """
 
     name: str

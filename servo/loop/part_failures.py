@@ -71,7 +71,7 @@ class Part:
 
         Args:
             built: The component.
-            checked: Whether returned values are checked against the contract, too.
+            checked: Whether the values that its methods return are checked against the contract.
         """
         return guarded(built, self.kind_of_place, self.blame, checked=checked)
 
@@ -90,17 +90,16 @@ class Part:
             raise
 
     def blame(self, error: BaseException, method: str = "") -> None:
-        """Raise a `PartFailed` that names this component for an exception that it raised; return
-        for an exception that should pass unchanged.
+        """Raise a `PartFailed` that names this component, for an exception that the component's
+        code raised. Return without an effect for an exception that should pass unchanged: a
+        `Mistake`, an interrupt, and a ValueError of `start`, which refuses the user's input.
 
         Args:
             error: The exception.
-            method: Name of the method that raised it. A ValueError of "start" passes unchanged,
-                since it refuses the user's settings or first picture.
+            method: Name of the component's method that raised it; "" for other code.
 
         Raises:
-            PartFailed: The exception is its cause; a broken contract is named in the message
-                instead.
+            PartFailed: The exception is of another type.
         """
         if isinstance(error, (Mistake, *ENDS)):
             return
@@ -114,7 +113,7 @@ class Part:
         raise self.failed(text) from error
 
     def failed(self, what: str) -> PartFailed:
-        """Return an error whose message names this component, and then says `what` it did."""
+        """Return an error whose message names this component, followed by `what` went wrong."""
         kind = kind_of(self.config)  # a wrapped tracker begins its messages with its own name
         return PartFailed(f"{self.place} '{kind}': {what.removeprefix(f'{kind}: ')}")
 

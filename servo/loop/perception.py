@@ -71,10 +71,10 @@ class Perception:
 
         Args:
             frame: The first picture.
-            region: The target's rectangle in it.
+            region: Width and height of the target's rectangle in that picture [px].
             state: Position [px], angle [rad] and scale of the target in that picture. If the target
                 is a marker and the tracker detects markers, a marker that is detected near the
-                region replaces both.
+                given state replaces region and state.
             truth: The true poses at that picture; None if they are not known, as outside a
                 simulation.
 

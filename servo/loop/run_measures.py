@@ -53,7 +53,9 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Outcome and measures of one run, with what kept the camera from its goal."""
+    """Outcome and measures of one run, the joint limits that kept the camera from its goal, and the
+    servoed quantities that were too far from the goal at the end.
+    """
 
     outcome: Outcome
     measures: dict[str, float]
@@ -70,7 +72,7 @@ def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: fl
 
     Args:
         steps: The steps of the run, or their columns.
-        config: Which errors count.
+        config: The time from which errors count, and the error that counts as off the target.
         period: Frame interval [s].
     """
     run = Columns.of(steps)

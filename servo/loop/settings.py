@@ -51,7 +51,11 @@ def stream(seed: int, name: str) -> np.random.Generator:
 
 @dataclass(frozen=True, slots=True)
 class RunConfig:
-    """Duration, seed and delays of a run."""
+    """Settings of a run: its duration, its seed, and the delays of pictures, tracker and commands.
+
+    The duration is in simulated seconds. `latency` counts frame intervals; the other delays are in
+    milliseconds.
+    """
 
     duration: Annotated[float, Ge(0.001), Le(LONGEST)] = 10.0
     """Simulated time [s]."""
@@ -93,7 +97,11 @@ class RunConfig:
 
 @dataclass(frozen=True, slots=True)
 class StartConfig:
-    """Settings of the start: where the target is in the first picture, relative to the goal."""
+    """Settings of the start: where the target is in the first picture, relative to the goal.
+
+    They are a shift [px], rotation [deg], size ratio and tilt [deg], or the target's whole pose in
+    the camera frame.
+    """
 
     x: Pixels = 0.0
     """Distance of the target to the right of the goal [px]."""
@@ -124,7 +132,11 @@ class StartConfig:
 
 @dataclass(frozen=True, slots=True)
 class RegionConfig:
-    """Errors of the first region that the tracker is given; by default it is the true one."""
+    """Settings of the errors of the rectangle that the tracker is given in the first picture.
+
+    They are a shift [px], a rotation [deg], and factors on width and height. By default the
+    rectangle is the true one.
+    """
 
     x: Pixels = 0.0
     """Shift of the region to the right [px]."""
@@ -138,8 +150,8 @@ class RegionConfig:
     """Height of the region over the true height."""
 
     def corners(self, truth: Truth) -> Array:
-        """Return the corners (4, 2) [px] of the region that the tracker is given in the first
-        picture: the true ones, changed by these errors.
+        """Return the corners (4, 2) [px] of the rectangle that the tracker is given in the first
+        picture: the target's true corners, in their order, changed by these errors.
         """
         # Complex numbers rotate: turn the corners level, stretch them, and turn them as asked.
         own, given = (np.exp(1j * a) for a in (truth.theta, truth.theta + radians(self.angle_deg)))
@@ -150,7 +162,11 @@ class RegionConfig:
 
 @dataclass(frozen=True, slots=True)
 class MeasureConfig:
-    """Settings of measures: when errors begin to count, and which servo error is too large."""
+    """Settings of a run's measures: when errors begin to count, and which servo error is too large.
+
+    They are the time from which errors count [s], and the servo error above which the camera counts
+    as off the target [px].
+    """
 
     after: Time = 0.0
     """Time from which errors count [s]."""

@@ -73,13 +73,13 @@ class Scene:
     def true_motion(
         self, T_world_camera: Pose, before: Pose, after: Pose, goal: Sight, dt: float
     ) -> Array:
-        """Return the mean de/dt (k,) that a target's motion between two poses causes, for a camera
-        at rest.
+        """Return the mean de/dt (k,), in the features' units per second, that a target's motion
+        between two poses causes for a camera at rest.
 
         Args:
-            T_world_camera: Pose of the camera.
-            before: T_world_target at the beginning of the interval.
-            after: T_world_target at the end of the interval.
+            T_world_camera: True pose of the camera in the world frame.
+            before: True pose of the target in the world frame at the beginning of the interval.
+            after: True pose of the target in the world frame at the end of the interval.
             goal: The desired view of the target.
             dt: Length of the interval [s].
         """
@@ -200,13 +200,15 @@ class Step:
 
     @property
     def T_object_camera(self) -> Pose:
-        """True pose of the camera in the target's frame, whose axes `Sight.pose` defines."""
+        """True pose of the camera in the target's frame [m]: origin in the centre of the target's
+        reference rectangle, x along its nose, z along its normal, away from the camera.
+        """
         return self._seen_from_target(self.truth)
 
     @property
     def T_object_goal(self) -> Pose:
-        """Pose of the camera at the goal, in the target's frame, whose axes `Sight.pose`
-        defines.
+        """Pose of the camera at the goal in the target's frame [m]: origin in the centre of the
+        target's reference rectangle, x along its nose, z along its normal, away from the camera.
         """
         return self._seen_from_target(self.goal)
 

@@ -25,7 +25,10 @@ SAME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Frame interval, update interval of the drives, and delays of a run."""
+    """Delays of a run, its frame interval [s], the times in a frame interval at which the drives
+    update their command [s], the stamps of pictures minus their true times [s], and whether other
+    twists than the law's may act.
+    """
 
     run: RunConfig
     """The delays of tracker, pictures and commands."""
@@ -158,7 +161,7 @@ class Timeline:
 
     def steer(self, twist: Array) -> None:
         """Replace the commands that the law decided since the last picture by another camera twist
-        (6,) [m/s, rad/s].
+        (6,) in the camera frame [m/s, rad/s]; without such a command, do nothing.
         """
         if self.decided:
             # They keep the times at which they act; what acted before them stays.

@@ -166,7 +166,7 @@ class RunFilm:
         self._finish(whole=True)
 
     def abandon(self) -> None:
-        """Close the film before the end of the run; its last frame but one can still be played."""
+        """Close the film before the end of the run; all frames but the last can be played."""
         self._finish(whole=False)
 
     def _finish(self, *, whole: bool) -> None:

@@ -35,14 +35,15 @@ class OtherFormat(Mistake):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Document:
-    """Base class of the JSON files: a subclass has a dataclass field for each key of its file, and
-    the constants FILE (name) and KIND.
+    """Base class of the contents of servobench's JSON files: a subclass has a dataclass field for
+    each key of its file, and the constants FILE (the file's usual name) and KIND (a word for its
+    content, such as "run").
     """
 
     FILE: ClassVar[str]
     """Usual name of the file."""
     KIND: ClassVar[str]
-    """The command that writes it."""
+    """Word for the content of the file, such as "run"."""
     FORMAT: ClassVar[int] = 1
     """Format number; it increases by one when older versions cannot read the file any more."""
 
@@ -72,7 +73,8 @@ class Document:
             raise OtherFormat(path, None, cls.FORMAT)
         if head.get("kind") != cls.KIND:
             raise Mistake(
-                f"{path}: this is a file of `{head.get('kind')}`, not of `{cls.KIND}`: name another"
+                f"{path}: this is a file of `{head.get('kind')}`, not of `{cls.KIND}`: name "
+                "another file"
             )
         check_format(path, head["format"], cls.FORMAT)
         return _parsed(path, encoded, cls)

@@ -52,7 +52,7 @@ class NewestPicture:
         self._store(encoded(image, QUALITY))
 
     def close(self) -> None:
-        """Do nothing: readers keep the last frame until `end`."""
+        """Do nothing: readers keep the last frame until `end` is called."""
 
     abandon = close
 
@@ -66,7 +66,9 @@ class NewestPicture:
             self._changed.notify_all()
 
     def read(self) -> Iterator[bytes]:
-        """Yield the newest frame as a JPEG file, then each newer one as it comes, until `end`."""
+        """Yield the newest frame as a JPEG file, then each newer one as it comes, until `end` is
+        called.
+        """
         jpeg: bytes | None = b""
         while True:
             with self._changed:

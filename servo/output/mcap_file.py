@@ -177,7 +177,7 @@ class McapFile:
         )
 
     def depth(self, at: int, depth: DepthPicture) -> None:
-        """Write a depth picture (H, W) [m] as a 32-bit float image."""
+        """Write a depth picture (H, W) [m] as a 32-bit float image, with the time `at` [ns]."""
         height, width = depth.shape
         self._log(
             "/camera/depth",
@@ -192,7 +192,9 @@ class McapFile:
         )
 
     def calibration(self, at: int, camera: Camera) -> None:
-        """Write the intrinsics and distortion of the camera that took a picture (CameraInfo)."""
+        """Write the intrinsics and distortion of a camera as CameraInfo, with the time `at` [ns] of
+        the picture that it took.
+        """
         region = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
         known = camera_info(camera)
         numbers = {name: np.array(known[name]) for name in ("d", "k", "r", "p")}
@@ -205,7 +207,9 @@ class McapFile:
         )
 
     def transforms(self, at: int, poses: Mapping[tuple[str, str], Pose]) -> None:
-        """Write the poses T_parent_child [m] of coordinate frames, by the names (parent, child)."""
+        """Write the poses T_parent_child [m] of coordinate frames, by the names (parent, child), at
+        the time `at` [ns].
+        """
         found = [
             ros2.part(
                 "geometry_msgs/TransformStamped",

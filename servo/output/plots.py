@@ -1,4 +1,6 @@
-"""Plots of one run, like figures 9 and 10 of the multi-kernel paper (Teuliere, Marchand, Eck)."""
+"""Plots of one run over time: errors, and the target's own motion, like figures 9 and 10 of the
+multi-kernel paper (Teuliere, Marchand, Eck).
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -43,7 +45,8 @@ def motion_figure(curves: RunCurves, title: str) -> Drawing:
     """Return the figure of the target's own motion in the image over time, as rates of the features
     (like figure 9 of Teuliere, Marchand, Eck).
 
-    Each fed-forward feature has axes of its own, with the measured, estimated and true rate.
+    Each feature for which the law compensates the target's motion (or each feature, if there are
+    none) has its own plot with the measured, estimated and true rate.
     """
     motions = [curves.motion(name) for name in curves.moving]
     return _drawn(curves, f"{title}: the target's own motion", motions)

@@ -25,7 +25,9 @@ per second.
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """The lines of one plot of a run over time."""
+    """One plot of a run over time: its title, its vertical axis, and the values (n,) of each line
+    at the run's n frames.
+    """
 
     title: str
     axis: str
@@ -71,7 +73,9 @@ class RunCurves:
 
     @property
     def moving(self) -> list[str]:
-        """Names of the features whose motion is drawn: those fed forward, else all."""
+        """Names of the features whose motion is drawn: those for which the law compensates the
+        target's motion (feed-forward), or all if there are none.
+        """
         return [name for name in self.feed_forward or self.units if name in self.units]
 
     @property
@@ -100,7 +104,7 @@ class RunCurves:
     def motion(self, feature: str) -> Panel:
         """Return the plot of the rate of change of a feature that the target's own motion causes:
         measured, estimated and true; the true rate is nan in the first frame. Outliers of the
-        measured rate may lie outside.
+        measured rate may lie outside the plot's limits.
         """
         unit = self.units[feature]
         lines = {

@@ -44,7 +44,8 @@ def with_traceback(error: PartFailed, folder: Path) -> Mistake:
     folder, if the disk has room.
 
     Returns:
-        The error to raise, whose sentence names the file of the traceback.
+        The error to raise: a new one, whose sentence names the file of the traceback, or `error`
+        itself if no file was written.
     """
     if error.__cause__ is None:
         return error
@@ -151,7 +152,7 @@ class RunFolder:
         """Finish steps.parquet, the recording and the other sinks.
 
         Raises:
-            Refused: The table cannot be written; the rows are in the stream.
+            Refused: The table cannot be written; the rows are in steps.arrows.
         """
         with closing(self._sinks.close):
             try:

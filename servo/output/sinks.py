@@ -46,7 +46,9 @@ class Sinks:
         self.paths = [name for name in sinks if isinstance(name, Path)]
 
     def begin(self, path: Path, make: Callable[[], Sink]) -> None:
-        """Make a sink that writes a file, and add it; an OSError counts as its failure."""
+        """Add the sink that `make` returns and that writes the file at this path; an OSError of
+        `make` is stored in `refused` and not raised.
+        """
         try:
             self._sinks[path] = make()
         except OSError as error:
@@ -58,7 +60,9 @@ class Sinks:
         return bool(self._sinks)
 
     def add(self, *given: object) -> None:
-        """Give a frame to each sink; the arguments are those of `Sink.add`."""
+        """Give a frame (a run's `Step`, or a track's `Shot` with the true corners) to each sink; a
+        sink that fails is abandoned, and raises nothing.
+        """
         for name, sink in list(self._sinks.items()):
             self._guarded(name, lambda sink=sink: sink.add(*given))
 

@@ -62,7 +62,7 @@ class Quantity:
 def quantities(
     features: FeatureSet, joints: tuple[str, ...], units: tuple[str, ...]
 ) -> list[Quantity]:
-    """Return all columns in order, grouped by quantity, for a run with these features.
+    """Return all columns of the table of a run's steps in order, grouped by quantity.
 
     Args:
         features: Features of the run.
@@ -290,10 +290,10 @@ class StepsTable:
             os.posix_fallocate(self._file.fileno(), 0, size)
 
     def add(self, step: Step) -> None:
-        """Append a step as a row; rows reach the disk once a second.
+        """Append a step as a row; rows are written to the disk once a second.
 
         Raises:
-            Mistake: The controller has other features than the table.
+            ValueError: A value of the step has another length than its columns in the table.
             OSError: The row cannot be written.
         """
         self._rows.append(row_of(step, self._quantities))

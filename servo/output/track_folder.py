@@ -32,8 +32,8 @@ SPARE = 1 << 18
 
 class TrackFolder:
     """Writer of the files of one track: a row for each picture to track.csv, the same rows as
-    Parquet at the end, and other outputs such as a recording or a film. If one of these fails, the
-    rows are still written.
+    Parquet at the end, and other outputs such as a recording or a film. If another output fails,
+    the rows are still written.
     """
 
     def __init__(

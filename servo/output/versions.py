@@ -66,8 +66,8 @@ def is_installed(name: str) -> bool:
 
 
 def clash() -> str:
-    """Return a sentence that tells to uninstall all distributions of OpenCV and install one of
-    them; empty if at most one is installed.
+    """Return a sentence that asks the user to uninstall all distributions of OpenCV and install one
+    of them; "" if at most one is installed.
     """
     there = [name for name in OPENCV if is_installed(name)]
     if len(there) < 2:

@@ -46,7 +46,7 @@ class Effort:
             first: First seed, unless these options have another one.
 
         Returns:
-            Consecutive seeds; only `QUICK` in a quick run.
+            Consecutive seeds; in a quick run only the seed 100000.
         """
         if self.quick:
             return range(QUICK, QUICK + 1)
@@ -63,8 +63,8 @@ class Effort:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """The results of a claim's runs, from which the claim is judged: the records of the runs, and
-    the folder with their tracks.
+    """The results of a claim's runs, from which the claim is judged: the records of the runs, the
+    options that decided which runs were made, and the folder with the runs' tracks.
     """
 
     records: list[Record]

@@ -78,7 +78,9 @@ class Judged:
         )
 
     def row(self, name: str) -> str:
-        """Return the claim's line in a Markdown table with the columns `TITLES`."""
+        """Return the claim's line in a Markdown table with the columns claim, rule, effect, 95 %
+        interval, units, verdict and figure; `name` is the claim's name.
+        """
         effect, low, high = (
             "-" if value is None else f"{value:.3g}" for value in (self.effect, self.low, self.high)
         )
@@ -116,8 +118,8 @@ WITHOUT_POWER = frozenset({"P0-4", "P0-7", "P0-8"})
 
 
 def marked(name: str, finding: str) -> str:
-    """Return the text of a claim's finding, with a note if the design of the test, and not the
-    results, decided it.
+    """Return the text of a claim's finding, with a note in brackets if the finding follows from the
+    design of the test and not from its results.
     """
     notes = {
         WORDS[Finding.HOLDS]: (BY_CONSTRUCTION, "by construction"),

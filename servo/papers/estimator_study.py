@@ -33,8 +33,8 @@ TESTED = tuple(name for name in ESTIMATORS.names() if name != "integral")
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A motion of the target at a frame rate, with the measure of the servo error in it, and the
-    bounds of this measure [px].
+    """A motion of the target at a frame rate: the scenario with its changes, the measure of the
+    servo error in it, and the largest allowed value of this measure [px] for some estimators.
     """
 
     motion: str

@@ -35,7 +35,8 @@ from tracking.trackers import KINDS as TRACKERS
 def contender(
     kind: str, preset: str | None = None, label: str | None = None, **settings: float | str
 ) -> Contender:
-    """Return a tracker with changed settings, and with the label under which tables show it.
+    """Return the settings of a tracker, some of them changed, with the label under which tables
+    show it; no tracker is built.
 
     Args:
         kind: Kind of the tracker.
@@ -151,7 +152,9 @@ def varied(scenario: str, seed: int) -> tuple[str, ...]:
 
 
 def registered(scenario: str) -> str:
-    """Return the change of settings that gives a scenario its table [vary] in `REGISTERED`."""
+    """Return the change of settings, as for --set, that gives a scenario the table [vary] that it
+    had when the rules of the claims were fixed.
+    """
     return f"vary={{ {REGISTERED[scenario]} }}"
 
 
@@ -215,8 +218,8 @@ class EstimatedLoop:
 
     def perform(self, job: Job, folder: Path) -> Record:
         """Run the scenario with the job's seed, and return its record with series of time [s],
-        servo error [px], and the rate of the feature `ALONG` that the target's own motion causes,
-        estimated and true [m/s]. The folder is not used.
+        servo error [px], and the rate of the feature yn that the target's own motion causes,
+        estimated and true [m/s]. No file is written into `folder`.
         """
         scenario = scenarios.load(self.name, self.changes, job.seed)
         steps = [step.light() for step in run(scenario)]

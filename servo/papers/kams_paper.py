@@ -224,14 +224,15 @@ def _jobs_particles(effort: Effort) -> Sequence[Job]:
 
 
 def needed(shares: Array) -> Array:
-    """Return the number of particles with which a share `ENOUGH` of the sequences is completed,
-    interpolated in the logarithm of the number.
+    """Return the number of particles with which 90 % of the sequences are completed, interpolated
+    in the logarithm of the number.
 
     Args:
-        shares: Share of completed sequences for each of `COUNTS`, in n samples (counts, n).
+        shares: Share of completed sequences, 0 to 1, for 12, 25, 50, 100, 200 and 400 particles,
+            and for each of n samples of the sequences (6, n).
 
     Returns:
-        Numbers of particles (n,); twice the largest of `COUNTS` if no share is large enough.
+        Numbers of particles (n,); 800 if no share is large enough.
     """
     logs = np.log2([*COUNTS, 2 * COUNTS[-1]])
     grown = np.vstack([np.maximum.accumulate(shares), np.full(shares.shape[1], 1.0)])
@@ -377,8 +378,8 @@ def judged(before: Array, after: Array, still: Array) -> Verdict:
 
     Args:
         before: Distances before the climb of each layer (sequences, layers) [px].
-        after: Distances after the climb, likewise.
-        still: Distances after the same layers of runs without climb, likewise.
+        after: Distances after the climb of each layer (sequences, layers) [px].
+        still: Distances after each layer of runs without climb (sequences, layers) [px].
     """
     over_before = [ratio(a, b) for a, b in zip(after.T, before.T, strict=True)]
     over_still = [ratio(a, b) for a, b in zip(after.T, still.T, strict=True)]

@@ -252,8 +252,13 @@ MODELS = {ONE: contender("kernel_pf", "paper"), NINE: contender("mk_pf", "paper"
 
 def surfaces(seed: int) -> dict[str, Array]:
     """Return distances between histograms, 0 (equal) to 1, of the target at its true state and at
-    states turned by `TURNED_DEG` and moved by `MOVED_PX`, in the first picture of a sequence:
-    (angles, shifts), by number of kernels.
+    37 states turned by -90 to 90 degrees times 33 states moved by -40 to 40 px to the right.
+
+    Args:
+        seed: Seed of the sequence, whose first picture is used.
+
+    Returns:
+        Distances (37, 33) by name of the model: one kernel, or nine kernels.
     """
     sequence = SIMILARITY.build(seed)
     image = next(iter(sequence.source)).image
@@ -282,7 +287,8 @@ def judged(found: dict[str, Array]) -> Verdict:
     for nine kernels than for one.
 
     Args:
-        found: Histogram distances (sequences, angles, shifts), by number of kernels.
+        found: Histogram distances (sequences, angles, shifts) by name of the model: one kernel, or
+            nine kernels.
     """
     slopes = {name: _slopes(surface) for name, surface in found.items()}
     times = ratio(slopes[NINE], slopes[ONE])

@@ -91,16 +91,16 @@ def loop_jobs(
     first: int,
     effort: Effort,
 ) -> list[Job]:
-    """Return the runs of several estimators of the target's motion on a scenario; all have the same
-    drawn settings.
+    """Return the runs of several estimators of the target's motion on a scenario; with one seed all
+    estimators have the same drawn settings.
 
     Args:
-        scenario: Its name.
-        laws: Each estimator with its settings.
-        changes: Changes of the scenario for all of them.
+        scenario: Name of the scenario.
+        laws: Kind of each estimator, and changes of the scenario for its runs.
+        changes: Changes of the scenario for all runs.
         rate: Label that distinguishes these runs from others of the same estimators.
         first: First seed.
-        effort: The number of seeds.
+        effort: Options such as a quick run, which decide the seeds.
     """
     return [
         loop_job(
@@ -195,8 +195,8 @@ def _agreement(runs: list[Record]) -> Array:
 
 
 def agreement(estimated: Array, true: Array) -> float:
-    """Return the share, from 0 to 1, of the frames with a fast target in which estimated and true
-    velocity have the same sign.
+    """Return the share, from 0 to 1, of the frames with a true velocity above 0.02 m/s in which
+    estimated and true velocity have the same sign.
 
     Args:
         estimated: Velocities (frames,) [m/s].
@@ -225,15 +225,15 @@ def _judge_peak(within: float, evidence: Evidence) -> Verdict:
 
 
 def _away(runs: list[Record]) -> Array:
-    """Return the longest time of a large error [s] in each run (n,), as `longest_away` defines
-    it.
+    """Return the longest time [s] in each run (n,) in which the error is not below 4 px, see
+    `longest_away`.
     """
     return np.array([longest_away(r.series[TIME], r.series[ERROR]) for r in runs])
 
 
 def longest_away(time: Array, error: Array) -> float:
-    """Return the longest uninterrupted time [s] in which the error is not below `BACK_PX`, after it
-    has been below once.
+    """Return the longest uninterrupted time [s] in which the error is 4 px or more, after the first
+    frame with an error below 4 px.
 
     Args:
         time: Times of the frames (n,) [s].
@@ -258,8 +258,8 @@ MEAN = "95 % interval of the mean"
 
 
 def units(scenario: str, first: int = FIRST) -> str:
-    """Return the sentence of a rule that names its independent units: runs of a scenario with drawn
-    settings, with seeds from `first` on.
+    """Return a text for a claim's rule that names the independent units of its test: runs of a
+    scenario with drawn settings, with seeds from `first` on.
     """
     return (
         f"{SEEDS} runs of {scenario} with drawn start, heading, speed and reversals, clear of "

@@ -20,7 +20,7 @@ Logarithmic = Literal["x", "y"] | None
 
 
 def group(records: Sequence[Record], **settings: object) -> list[Record]:
-    """Return the records whose settings have these values, such as tracker="kams-published"."""
+    """Return the records whose settings have all given values, such as tracker="kams-published"."""
     return [r for r in records if all(r.settings[k] == value for k, value in settings.items())]
 
 
@@ -44,20 +44,22 @@ def reads(records: Sequence[Record]) -> str:
 
 
 def difference(first: Sequence[Record], second: Sequence[Record], measure: str) -> Interval:
-    """Return the mean difference of a measure, `first` less `second`, over pairs of runs in the
-    same order.
+    """Return the mean difference of a measure, `first` less `second`, with its 95 % interval, over
+    pairs of runs: the i-th runs of both lists are a pair.
     """
     return mean_of(column(first, measure) - column(second, measure))
 
 
 def completed(records: Sequence[Record]) -> Interval:
-    """Return the share of sequences on which the target was never lost [%]."""
+    """Return the share of sequences on which the target was never lost [%], with its 95 %
+    interval.
+    """
     return in_percent(mean_of(column(records, "completed"), least=0.0, most=1.0))
 
 
 def completed_more(first: Sequence[Record], second: Sequence[Record]) -> Interval:
-    """Return the difference of the shares of sequences on which the target was never lost, first
-    less second, on the same sequences [%].
+    """Return the difference of the shares of sequences on which the target was never lost, `first`
+    less `second`, on the same sequences [%], with its 95 % interval.
     """
     return in_percent(difference_of_shares(column(first, "completed"), column(second, "completed")))
 
@@ -70,7 +72,9 @@ def mean_percent(shares: Array) -> Interval:
 
 
 def ratio(first: Array, second: Array) -> Interval:
-    """Return the geometric mean of the ratios of paired values (n,), first over second."""
+    """Return the geometric mean of the ratios of paired values (n,), `first` over `second`, with
+    its 95 % interval.
+    """
     log = mean_of(np.log(first / second))
     return Interval(*np.exp([log.value, log.low, log.high]).tolist())
 
@@ -132,7 +136,9 @@ def lines(
 def dots(
     title: str, y: str, groups: Mapping[str, Array], logarithmic: Logarithmic = None
 ) -> Figure:
-    """Plot the values (n,) of each group as a column of dots above its label, one a sequence."""
+    """Plot the values (n,) of each group, such as one value for each sequence, as a column of dots
+    above the group's label.
+    """
     figure, (axes,) = panels(1, width=9.0)
     for i, values in enumerate(groups.values()):
         aside = np.linspace(-0.2, 0.2, len(values))

@@ -1,5 +1,5 @@
-"""Claims of the PFJCTH paper: particle filter against mean shift, and joint histograms of colour
-and texture against one of them alone.
+"""Claims of the PFJCTH paper (a particle filter with joint histograms of colour and texture): this
+filter against mean shift, and joint histograms against histograms of colour or texture alone.
 """
 
 from collections.abc import Sequence
@@ -108,7 +108,7 @@ def coefficients(tracker: Contender, seed: int, track: Array) -> dict[str, Array
 
     Returns:
         Coefficients (frames - 1,), from 0 to 1, by the place where the histogram was taken: at the
-        track (`FOUND`), at the true state (`TRUTH`), and some pixels beside the true state.
+        filter's estimate, at the truth, and some pixels beside the truth.
     """
     sequence = TEXTURE.build(seed)
     pictures = [p.image for p in sequence.source if p.image is not None]
@@ -140,8 +140,8 @@ def judged(rho: dict[str, Array]) -> Verdict:
     coefficient (0 to 1, equal histograms) is, in most frames, nearly that at the true state.
 
     Args:
-        rho: Coefficients (sequences, frames - 1) by the place where the histogram was taken:
-            `FOUND`, `TRUTH`, and places beside the truth.
+        rho: Coefficients (sequences, frames - 1) by the place where the histogram was taken: at
+            the filter's estimate, at the truth, and some pixels beside the truth.
     """
     shares = {
         place: mean_percent(np.mean(values >= ALIKE * rho[TRUTH], axis=1))

@@ -31,8 +31,8 @@ CONSTANT_VELOCITY = {"velocity_memory": 0.5}
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """Painted (synthetic) sequences on which trackers are tuned, and the measure that is
-    optimised.
+    """Painted (synthetic) sequences on which trackers are tuned: their kinds, the number of seeds
+    of each kind, and the measure that is optimised (`sign` 1: maximised, -1: minimised).
     """
 
     entries: tuple[Generated, ...]
@@ -61,7 +61,9 @@ class Tuned:
     """Settings of each try."""
 
     def contender(self, name: str, settings: Settings, ending: str) -> Contender:
-        """Return the tracker with some more settings, and with the label NAME-ENDING in tables."""
+        """Return this tracker with its fixed settings and some more, and with the label NAME-ENDING
+        in tables.
+        """
         return contender(self.kind, "paper", f"{name}-{ending}", **self.fixed | settings)
 
 
@@ -139,13 +141,15 @@ class TuningFile(Document):
 
 @cache
 def stored() -> TuningFile:
-    """Return the scores of all grids in servobench's own tuning.json."""
+    """Return the scores of all settings that were tried, from servobench's own file tuning.json."""
     with resources.as_file(resources.files("servo.papers") / TuningFile.FILE) as path:
         return TuningFile.read(path)
 
 
 def published(name: str) -> Contender:
-    """Return a tracker of `TUNED` with the settings of its paper, labelled NAME-published."""
+    """Return a tuned tracker by its name, such as "kams", with the settings of its paper and the
+    label NAME-published.
+    """
     return contender(TUNED[name].kind, "paper", f"{name}-published", **AS_PUBLISHED.get(name, {}))
 
 
@@ -161,7 +165,9 @@ AS_PUBLISHED: dict[str, Settings] = {
 
 
 def tuned(name: str) -> Contender:
-    """Return a tracker of `TUNED` with its best settings in tuning.json, labelled NAME-tuned."""
+    """Return a tuned tracker by its name, such as "kams", with its best settings in tuning.json and
+    the label NAME-tuned.
+    """
     return TUNED[name].contender(name, stored().best(name), "tuned")
 
 

@@ -91,8 +91,8 @@ def is_whole(benchmark: Benchmark, rows: Sequence[Row]) -> bool:
 
 
 def beside_published(benchmark: Benchmark, rows: Sequence[Row]) -> list[Row]:
-    """Return these rows of results, followed by the shipped rows of all other contestants if the
-    worlds are the same.
+    """Return rows (each the results of a contestant), followed by the shipped rows of all other
+    contestants if the given rows have all published worlds (random scenarios).
     """
     names = {row.contestant for row in rows}
     whole = is_whole(benchmark, rows)

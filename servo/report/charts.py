@@ -100,7 +100,9 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Title and limits of an axis, and when it is logarithmic."""
+    """An axis of a figure: its title, its limits `low` and `high` (None: those of the values), and
+    the ratio of the values from which it is logarithmic.
+    """
 
     title: str
     low: float | None = None
@@ -254,7 +256,9 @@ def _range(values: Array) -> float:
 
 
 def colour(i: int) -> str:
-    """Return the colour (#rrggbb) of curve number i; after the last colour they repeat."""
+    """Return the colour (#rrggbb) of curve number i, from 0; the list of colours is repeated for
+    more curves.
+    """
     return LIGHT[i % len(LIGHT)]
 
 

@@ -88,7 +88,9 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class PageImage:
-    """A picture that is embedded in an HTML report, as a data URI."""
+    """A picture that is embedded in an HTML report, as a data URI, with its width and height [px],
+    and whether it is a contact sheet.
+    """
 
     title: str
     uri: str
@@ -192,7 +194,9 @@ def rows_of(
 
 
 def template(name: str, **filters: Callable[[str], str]) -> Template:
-    """Return the Jinja template of this name in this folder, which may use these filters."""
+    """Return the Jinja template of this name in the folder servo/report; it can use the filters
+    that are given by name.
+    """
     environment = Environment(
         autoescape=".html" in name, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

@@ -127,7 +127,9 @@ def missing(plan: StudyFile, store: Store) -> list[str]:
 
 
 def duration(series: Series) -> float:
-    """Return the duration of a run [s], with the usual time between two frames for the last one."""
+    """Return the duration of a run [s] from the times of its frames; the last frame counts as long
+    as the median interval between two frames.
+    """
     time = series[TIME]
     return float(time[-1] + (np.median(np.diff(time)) if len(time) > 1 else 0))
 

@@ -26,8 +26,8 @@ CELL = 2.1
 
 def paths(study: StudyResults) -> list[Figure]:
     """Return figures of the paths of the camera and of the target's corners, from the runs of the
-    first seed: a figure for each combination of the axes that are not compared, up to `MOST`, with
-    a column for each value of the compared axis.
+    first seed: a figure for each combination of values of the axes that are not compared (up to 12
+    figures), with a column for each value of the compared axis.
 
     The list is empty if the study compares no named groups of settings, or groups that only set
     the tracker.
@@ -44,7 +44,9 @@ def paths(study: StudyResults) -> list[Figure]:
 
 
 def shows(study: StudyResults) -> bool:
-    """Return whether the study compares named groups of settings, other than of trackers only."""
+    """Return whether figures of the paths suit the study: whether it compares named groups of
+    settings that change more than the tracker.
+    """
     groups = study.plan.table.get("named", {}).get(study.compared, {})
     keys = {key.split(".")[0] for group in groups.values() for key in group}
     return bool(keys - {"tracker"})

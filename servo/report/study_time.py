@@ -181,8 +181,8 @@ def against(study: StudyResults) -> list[Figure]:
 
 
 def heat_maps(study: StudyResults) -> list[Figure]:
-    """Return heat maps of success rate and median error over two axes; numeric axes are preferred,
-    then the compared one.
+    """Return heat maps of success rate and median error over two axes of a study; an empty list if
+    it has fewer. Numeric axes are preferred, then the axis whose values are compared.
     """
     keys = sorted(study.axes, key=lambda k: (not _numeric(study.axes[k]), k != study.compared))
     if len(keys) < 2:

@@ -41,7 +41,8 @@ KEPT = 100
 
 
 class Camera:
-    """A camera of ROS 2, which publishes sensor_msgs/Image and CameraInfo.
+    """Client of a camera of ROS 2: reads its pictures (topic `image`, sensor_msgs/Image), its
+    calibration (`info`, CameraInfo) and, if `depth` is given, its depth pictures.
 
     A topic that ends with /compressed has CompressedImage. A depth picture is a sensor_msgs/Image
     with the same size and stamp as the picture (ROS REP 118).

@@ -41,7 +41,8 @@ def texts(given: object) -> tuple[str, ...]:
 
 
 def whole(given: object, what: str, least: int) -> int:
-    """Return a whole number of Python or NumPy as an `int`.
+    """Return a whole number of Python or NumPy as an `int`; `what` is the argument's name for the
+    message.
 
     Raises:
         Mistake: `given` is not a whole number, or is below `least`.
@@ -52,7 +53,8 @@ def whole(given: object, what: str, least: int) -> int:
 
 
 def numbers(given: object, what: str, count: int) -> Array:
-    """Return `count` finite numbers as an array (count,).
+    """Return `count` finite numbers as an array (count,); `what` is the argument's name for the
+    message.
 
     Raises:
         Mistake: `given` has another shape, or a value that is not finite.
@@ -67,7 +69,7 @@ def numbers(given: object, what: str, count: int) -> Array:
 
 
 def one_of(given: object, what: str, known: Sequence[object]) -> None:
-    """Check that a choice is one of the known ones.
+    """Check that a choice is one of the known ones; `what` is the argument's name for the message.
 
     Raises:
         Mistake: `given` is not among `known`; the sentence names the nearest one.
@@ -77,7 +79,8 @@ def one_of(given: object, what: str, known: Sequence[object]) -> None:
 
 
 def each_once(given: object, what: str, known: Sequence[str]) -> list[int]:
-    """Return the index in `known` of each item in a list of choices.
+    """Return the index in `known` of each item in a list of choices; `what` is the argument's name
+    for the message.
 
     Raises:
         Mistake: `given` is empty or not a list, or an item is unknown or chosen twice.

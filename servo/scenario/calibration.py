@@ -100,8 +100,8 @@ class Calibration(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Intrinsics:
-    """Settings of [camera] that a calibration file gives: focal lengths, principal point, image
-    size and distortion.
+    """Settings of [camera] that a calibration file gives: image size, focal lengths and principal
+    point [px], measured from the image's top left corner, and distortion.
     """
 
     width: int
@@ -157,8 +157,9 @@ def calibrated(camera: object, place: str) -> object:
 
 
 def camera_info(camera: Camera) -> dict[str, Any]:
-    """Return the fields of ROS's message sensor_msgs/CameraInfo for a camera, without its header
-    and its region of interest.
+    """Return the fields of ROS's message sensor_msgs/CameraInfo for a camera, by name, without
+    header and region of interest. The principal point is measured from the middle of the first
+    pixel, as in ROS.
     """
     lens = camera.distortion
     cx, cy = camera.cx - MIDDLE, camera.cy - MIDDLE
@@ -183,7 +184,8 @@ def camera_of_info(info: Any, topic: str) -> Camera:
         topic: Its topic, for error messages.
 
     Raises:
-        Mistake: A field is wrong, or the lens is not simulated (see `intrinsics_of`).
+        Mistake: A field is wrong, the region of interest is not the whole picture, or the lens is
+            not simulated.
     """
     document: Table = {
         "image_width": info.width,

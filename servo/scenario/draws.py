@@ -77,7 +77,9 @@ def draws_of(table: object, place: str) -> tuple[Draw, ...]:
         if (key.endswith(".kind") and key != GROUND) or any(
             key == f or key.startswith(f"{f}.") for f in FIXED
         ):
-            raise Mistake(f"{at}: this setting cannot be drawn at random; draw one such as start.x")
+            raise Mistake(
+                f"{at}: this setting cannot be drawn at random; draw another one, such as start.x"
+            )
         if not is_table(given):
             raise Mistake(
                 f"{at} = {given!r}: expected a distribution, such as {{ uniform = [-5, 5] }}"

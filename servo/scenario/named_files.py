@@ -116,7 +116,9 @@ def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
 
 
 def named_in(*tables: Table) -> list[str]:
-    """Return the names of the files in some tables, those of a study and its scenarios."""
+    """Return the names of the files that settings name, in the tables of a study and of its
+    scenarios.
+    """
     found: list[str] = []
 
     def note(name: str, *, may_be_folder: bool) -> str:
@@ -149,8 +151,8 @@ def digests(names: Iterable[str]) -> dict[str, str]:
 
 
 def digest_of(name: str) -> str:
-    """Return the SHA-256 digest of a file and of the files that it refers to, such as a model's
-    meshes, or `MISSING` if one of them cannot be read.
+    """Return a digest (12 hex digits of SHA-256) of a file and the files that it refers to, such as
+    a model's meshes; "missing" if one of them cannot be read.
     """
     try:
         files = sorted(_files(name))
@@ -184,7 +186,7 @@ def _digest(path: Path, changed: int, size: int) -> str:
 
 
 class Change(Protocol):
-    """A function that returns the new name of a file."""
+    """A function that returns a new name for a file that a setting names."""
 
     def __call__(self, name: str, /, *, may_be_folder: bool) -> str:
         """Return the new name; `may_be_folder`: the setting may name a folder, too."""

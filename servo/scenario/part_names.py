@@ -53,7 +53,7 @@ def settings_of(section: str, what: str) -> Settings:
         section: The section, such as "tracker" or "controller".
         what: The part: kind, kind:preset or module:Class; for a tracker also trax:COMMAND,
             program:COMMAND or onnx:FILE[,FILE[,FILE]], whose number of files selects OpenCV's
-            tracker (`NETWORKS`), and for a controller onnx:FILE.
+            tracker (1: Vit, 2: Nano, 3: DaSiamRPN), and for a controller onnx:FILE.
 
     Raises:
         Mistake: The command or the file is missing, or there are too many files.
@@ -64,10 +64,11 @@ def settings_of(section: str, what: str) -> Settings:
 
 def changes_of(tracker: str | None, controller: str | None) -> list[str]:
     """Return the changes KEY=VALUE, as --set takes them, that put a tracker and a controller into a
-    scenario; none for None.
+    scenario. Both are given as on the command line, such as "kams:paper" (KIND:PRESET) or
+    "module:Class"; None: the scenario's own stays.
 
     Raises:
-        Mistake: As `settings_of`.
+        Mistake: A command or a file is missing, or there are too many files.
     """
     given = {"tracker": tracker, "controller": controller}
     return [
@@ -94,6 +95,9 @@ def _table(section: str, what: str) -> Settings:
         return {"kind": "onnx", "file": given}
     files = given.split(",")
     if len(files) not in NETWORKS:
-        raise Mistake(f"'{what}': OpenCV has no tracker with {len(files)} network files")
+        raise Mistake(
+            f"'{what}': OpenCV has no tracker with {len(files)} network files: give one, "
+            "two or three"
+        )
     model = files[0] if len(files) == 1 else files
     return {"kind": "opencv", "name": NETWORKS[len(files)], "model": model}

@@ -70,7 +70,8 @@ class RecordingConfig:
             raise ValueError("fov_deg and calibration both give the lens; leave one out")
 
     def renderer(self) -> MakeRenderer | None:
-        """Return the maker of the renderer that turns inside the recording; None without one.
+        """Return a function that makes a renderer, whose pictures are views in different directions
+        cut out of the recording; None if the settings name no recording.
 
         Raises:
             Mistake: The recording cannot be read.
@@ -135,8 +136,8 @@ class ShownByRecording:
 
 
 def recorded_parts(config: RecordingConfig) -> dict[str, object]:
-    """Return the settings of the motion and the target of a recording, by table; none without
-    one.
+    """Return the settings of the motion and the target of a recording, by the name of their table;
+    an empty dictionary if the settings name no recording.
     """
     if not config.pictures:
         return {}
@@ -221,7 +222,9 @@ def _view(camera: Table) -> Camera:
 
 
 def scale_of(camera: Camera) -> float:
-    """Return how many times as wide a recording is taken to be, in pixels of the view."""
+    """Return the factor from a recording's pixels to pixels of the run's pictures: the smallest one
+    with which the recording has at least 640 x 480 px.
+    """
     return max(LEAST[0] / camera.width, LEAST[1] / camera.height)
 
 

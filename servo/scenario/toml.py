@@ -60,7 +60,7 @@ def check(value: object, place: str, depth: int = 0) -> None:
 
     Args:
         value: The value.
-        place: Where it stands, for messages.
+        place: File and key of the value, for messages.
         depth: Number of tables and lists around it.
 
     Raises:
@@ -139,11 +139,11 @@ def put(table: Table, path: str, value: object, place: str) -> None:
         path: The setting, such as "tracker.kind"; a new `kind` clears the other settings of its
             table.
         value: The new value.
-        place: Where the change was given; it begins messages.
+        place: The file, option or keyword that gives the change; it begins messages.
 
     Raises:
-        Mistake: The path goes through a value that is not a table, has more than `DEEPEST` names,
-            or ends in a list without such an item.
+        Mistake: The path goes through a value that is not a table, has more than 20 names, or ends
+            in a list without such an item.
     """
     *above, name = keys = names_of(path)
     if len(keys) > DEEPEST:
@@ -168,10 +168,17 @@ def put(table: Table, path: str, value: object, place: str) -> None:
 
 
 def with_settings(table: Table, settings: Table, place: str) -> Table:
-    """Return a copy of a scenario's table in which settings are changed, by path, as by `put`.
+    """Return a copy of a scenario's table in which some settings have other values.
+
+    Args:
+        table: The scenario's table.
+        settings: New values by path, such as "tracker.kind"; a new `kind` clears the other
+            settings of its table.
+        place: The file or option that gives the changes; it begins messages.
 
     Raises:
-        Mistake: As for `put`; the message begins with `place`.
+        Mistake: A path goes through a value that is not a table, has more than 20 names, or ends
+            in a list without such an item.
     """
     changed = copied(table)
     for key, value in settings.items():

@@ -16,9 +16,9 @@ MOST_SIZE = 0.25
 
 def certain(estimate: Estimate, region: Region) -> tuple[bool, bool, bool]:
     """Return three flags, whether centre, angle and size of an estimate are certain enough for
-    servoing: the standard deviations are at most half the target's size, 20 degrees, and 0.25 of ln
-    scale. All are True if the tracker reports corners; one is True if the tracker states no
-    variance for it (nan).
+    servoing. Their standard deviations must be at most half the target's size in the first picture
+    (the root of the area of `region`), 20 degrees, and 0.25 of ln scale. A variance of nan, not
+    stated by the tracker, counts as certain; so do all three if the tracker reports corners.
     """
     if estimate.corners is not None:
         return True, True, True

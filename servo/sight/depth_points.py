@@ -75,8 +75,8 @@ class DepthPoints:
         return np.asarray(np.linalg.lstsq(self.rays[kept], self.near[kept])[0], np.float64)
 
     def plane(self, normal: Array) -> Plane:
-        """Return the plane with a given normal (3,), of any length, in the camera frame: at the
-        middle of the points its inverse depth is their median.
+        """Return the plane with a given normal (3,), of any length, in the camera frame. At the
+        median of the points' image coordinates, it has the median of their inverse depths.
         """
         middle = np.median(self.rays, axis=0)
         return Plane(*(normal * np.median(self.near) / (normal @ middle)).tolist())

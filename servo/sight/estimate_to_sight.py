@@ -25,7 +25,11 @@ from tracking.types import Estimate, Region, State, Status
 
 @dataclass(frozen=True, slots=True)
 class SightConfig:
-    """Sources of the target's plane and depth: its size, the table's height, depth pictures."""
+    """Settings of the sources from which the target's plane and depth are computed.
+
+    The sources are the target's size, the robot's posture with the height of the table [m], or
+    depth pictures.
+    """
 
     plane: Literal["parallel", "known", "estimated", "picture"] = "parallel"
     """Normal of the target's plane: "parallel" to the image, "known" from the robot's posture (the
@@ -90,8 +94,9 @@ class EstimateToSight:
         depth: DepthPicture | None = None,
     ) -> Sight | None:
         """Return the view of the target (a `Sight`) from an estimate; None if the tracker does not
-        see the target, or its centre is too uncertain. An angle or a size that is too uncertain is
-        marked as not measured.
+        see the target, its centre is too uncertain, or the reported corners are not the picture of
+        a rectangle of the target's size. An angle or a size that is too uncertain is marked as not
+        measured.
 
         Args:
             estimate: The tracker's estimate.
@@ -147,8 +152,9 @@ class EstimateToSight:
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=seen))
 
     def at(self, pose: Pose) -> Sight:
-        """Return the desired view of the target at a desired pose T_camera_object, as `Sight.pose`
-        defines it.
+        """Return the desired view of the target at a desired pose in the camera frame,
+        T_camera_object [m]: origin in the centre of its rectangle, x along its nose, z along the
+        rectangle's normal, away from the camera.
         """
         return self._with_depth_factor(sight_of(pose, self._outline))
 
@@ -184,7 +190,8 @@ class EstimateToSight:
 
     def ego(self, state: State, twist: Array, dt: float) -> Array:
         """Return the apparent motion (4,) in the picture of a target at rest, caused by a camera
-        twist (6,) that lasts dt [s]: changes of x, y [px], theta [rad] and ln scale.
+        twist (6,) in the camera frame [m/s, rad/s] that lasts dt [s]: changes of x, y [px], theta
+        [rad] and ln scale.
 
         It is computed from two points of the target's plane, the centre and the middle of the
         rectangle's front side; without a view of the target so far it is zero.

@@ -10,7 +10,7 @@ def corners_in(T_camera_object: Pose, outline: Array) -> Array:
     """Return the corners (4, 3) of a rectangle in the camera frame [m].
 
     Args:
-        T_camera_object: Pose of the rectangle as `Sight.pose` defines it: origin in its centre, x
+        T_camera_object: Pose of the rectangle in the camera frame [m]: origin in its centre, x
             along the target's nose, z along its normal, away from the camera.
         outline: Corners (4, 3) in the target's own frame [m].
     """
@@ -30,7 +30,8 @@ def sight_of(T_camera_object: Pose, outline: Array, goal: Sight | None = None) -
     as measured.
 
     Args:
-        T_camera_object: Pose of the rectangle in the camera frame as `Sight.pose` defines it.
+        T_camera_object: Pose of the rectangle in the camera frame [m]: origin in its centre, x
+            along the target's nose, z along its normal, away from the camera.
         outline: The rectangle's corners (4, 3) in the target's frame [m].
         goal: The desired view of the target, which is stored in the result.
     """

@@ -37,6 +37,6 @@ def corners_of(sight: Sight) -> Array:
     outline.
 
     Raises:
-        ValueError: The sight has no corners.
+        ValueError: `sight` has no corners.
     """
     return sight.points[:, :2] / sight.points[:, 2:] if sight.corners is None else sight.corners

@@ -27,7 +27,9 @@ WAIT = 1.0
 
 @final
 class SizeGate:
-    """Follows the size that camera and target can have, and refuses others."""
+    """Refuses sizes in a tracker's estimates that change more from picture to picture than camera
+    and target can have moved.
+    """
 
     def __init__(self, scale: float) -> None:
         """Begin with the scale of the target in the first picture."""

@@ -118,7 +118,7 @@ class DrawnShare:
 
     @property
     def missed(self) -> bool:
-        """Return True if fewer than `least` runs ended with the expected outcome."""
+        """Return True if fewer runs than required, `least`, ended with the expected outcome."""
         return self.ended < self.least
 
     @property
@@ -137,11 +137,11 @@ class DrawnShare:
 
     @staticmethod
     def of(runs: Sequence[tuple[Scenario, bool]]) -> "DrawnShare | None":
-        """Count the runs of one scenario; None if it has no `expect.drawn.success_rate`.
+        """Return how many of a scenario's runs with drawn settings ended as expected; None if no
+        run is of a scenario with drawn settings and `expect.drawn.success_rate`.
 
         Args:
-            runs: The scenario of each run, and whether the run ended as expected; only runs with
-                drawn settings count.
+            runs: The scenario of each run, and whether the run ended as expected.
         """
         counted = [(s.success_rate, success) for s, success in runs if s.success_rate is not None]
         if not counted:

@@ -109,7 +109,7 @@ def tried(jobs: Sequence[Job]) -> tuple[float, list[tuple[Job, Failure]]]:
     """Run the first few jobs in this process to measure their time; their records are dropped.
 
     Args:
-        jobs: All jobs, at least one, of which up to `TRIED` are run.
+        jobs: All jobs, at least one, of which up to five are run.
 
     Returns:
         Mean time of a job [s], and the jobs that failed with their reasons. The very first run
@@ -155,7 +155,7 @@ def check_number(runs: int) -> None:
     """Check that the records of a number of runs fit into memory.
 
     Raises:
-        Mistake: There are more than `MOST_RUNS`.
+        Mistake: There are more than 100,000 runs.
     """
     if runs > MOST_RUNS:
         raise Mistake(f"this command would make {runs:,} runs; the limit is {MOST_RUNS:,}")

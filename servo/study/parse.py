@@ -174,7 +174,9 @@ def _changed(file: StudyTable, named: Named, changes: Sequence[str], place: str)
         varied += [(key, f"named.{name}") for key in dict.fromkeys(chain(*groups.values()))]
     for key, at in varied:
         if key in places:
-            raise Mistake(f"{place}: {places[key]}: {at} varies this setting already")
+            raise Mistake(
+                f"{place}: {places[key]}: {at} varies this setting already: leave one of them out"
+            )
         places[key] = at
     return changed
 

@@ -175,8 +175,8 @@ def _has_equal(values: list[Any]) -> bool:
 
 
 def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:
-    """Return the groups of settings in a study's table [named]: settings by dotted key, by group
-    and axis.
+    """Return the groups of settings in a study's table [named], as {axis: {group: {key: value}}}
+    with dotted keys, such as "tracker.kind".
 
     Raises:
         Mistake: The name of an axis or a setting is wrong; the message begins with `place`.
@@ -196,8 +196,9 @@ def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:
 
 
 def check_key(key: str, at: str) -> None:
-    """Check that a study can vary a setting or set it for all runs: run.seed and tables such as
-    [expect] cannot. `at`, the setting's place in the study, begins the message.
+    """Check that a study can vary a setting or set it for all runs, which is not possible for
+    run.seed and tables such as [expect]. `at`, the setting's place in the study, begins the
+    message.
 
     Raises:
         Mistake: The setting cannot be varied; the message says what to write instead.
@@ -238,4 +239,7 @@ def check_apart(keys: Mapping[str, str], place: str) -> None:
         for n in range(1, len(names)):
             whole = ".".join(names[:n])
             if whole in keys:
-                raise Mistake(f"{place}: {at}: {keys[whole]} sets all of {whole} already")
+                raise Mistake(
+                    f"{place}: {at}: {keys[whole]} sets all of {whole} already: leave "
+                    "one of them out"
+                )

@@ -46,8 +46,8 @@ UNIT = "sequence"
 
 @dataclass(frozen=True, slots=True)
 class Rank:
-    """The results of one tracker over all of its runs: its mean measures, and McNemar's test of it
-    against the best tracker.
+    """The results of one tracker over all of its runs: its mean measures, its mean on each sequence
+    (`families`), and McNemar's test of it against the best tracker, with its p value.
     """
 
     tracker: str

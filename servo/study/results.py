@@ -64,7 +64,8 @@ class Units:
             rows: Rows of runs.
             keys: Names of the study's axes.
             drawn: Whether the study has drawn settings.
-            apart: Axis whose values are compared; if it is "scenario", scenarios are no units.
+            apart: Axis whose values are compared; if it is "scenario", the runs are grouped by
+                seed, or all together.
         """
         if apart != SCENARIO and len({row.get(SCENARIO) for row in rows}) > 1:
             return Units("scenario", _by(rows, [SCENARIO]))
@@ -112,8 +113,8 @@ def _by(rows: Iterable[Row], keys: Sequence[str]) -> dict[Any, list[Row]]:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Number of runs, success rate and mean measures of the runs with one combination of axis
-    values.
+    """Number of runs, success rate (0 to 1) and mean measures, with 95 % intervals, of the runs
+    with one combination of axis values (`settings`).
     """
 
     settings: Table
@@ -150,7 +151,7 @@ class Cell:
 @dataclass(frozen=True, slots=True)
 class Compared:
     """McNemar's test of two values of an axis, such as two trackers, over pairs of runs that differ
-    in nothing else.
+    in nothing else, with its p value after Holm's correction.
     """
 
     first: object
@@ -164,8 +165,8 @@ class Compared:
 
     @property
     def cells(self) -> list[object]:
-        """Return the texts and numbers of this comparison for a table whose columns are
-        `COMPARED`.
+        """Return this comparison as a row of a table: the two values, the unit, wins, losses and
+        ties of the first value, z, the p value, and the p value after Holm's correction.
         """
         t = self.test
         return [self.first, self.second, self.unit, t.wins, t.losses, t.ties, t.z, t.p, self.p_holm]
@@ -192,11 +193,11 @@ def cells_of(study: Study, rows: Iterable[Row]) -> list[Cell]:
 
 
 def moved(cells: Sequence[Cell]) -> list[str]:
-    """Return the names of up to `MOST_MOVED` measures whose means differ most between combinations
-    of axis values.
+    """Return the names of up to five measures whose means differ most between combinations of axis
+    values; if no measure differs, those of four common ones, such as "servo_rms_px".
 
-    Differences are relative to the intervals of the means; small ones do not count. Of measures
-    that are strongly correlated, such as rms and peak of one error, only the first is returned.
+    Differences are relative to the intervals of the means; differences below 5 % do not count. Of
+    strongly correlated measures, such as rms and peak of one error, only the first is returned.
     """
     scores: dict[str, float] = {}
     values: dict[str, Array] = {}

@@ -45,7 +45,7 @@ class Subject(Protocol):
         """Run a job of this subject and return its record.
 
         Args:
-            job: Has the seed and the values of axes.
+            job: The job, which has the seed and the values of axes.
             folder: The study's folder, into which files such as tracks may be written.
         """
         ...

@@ -115,7 +115,8 @@ class StudiedScenario:
         return table
 
     def parsed(self, seed: int, settings: Table) -> Scenario:
-        """Return the scenario of one run; the arguments are those of `table_of`.
+        """Return the scenario of one run, given its seed and the values of the study's axes and
+        drawn settings by name.
 
         Raises:
             Mistake: A setting or a bound is not valid.
@@ -123,7 +124,9 @@ class StudiedScenario:
         return scenarios.parse(self.table_of(seed, settings), self.name, self.place, self.table)
 
     def command(self, seed: int, settings: Table) -> str:
-        """Return the command line that repeats one run alone; arguments are as for `table_of`."""
+        """Return the command line that repeats one run alone, given its seed and the values of the
+        study's axes and drawn settings by name.
+        """
         changes = _ordered(self.changes | self._own(settings))
         return command_line(
             "run", self.name, seed=seed, set=[f"{k}={_toml(v)}" for k, v in changes.items()]
@@ -209,7 +212,7 @@ def record_of(
 
 
 class Sheet:
-    """A contact sheet of a run: one image with `TILES` evenly spaced pictures of it."""
+    """A contact sheet of a run: one image with eight pictures, evenly spaced in time."""
 
     def __init__(self, frames: int) -> None:
         self._shown = set(np.linspace(0, frames - 1, TILES).astype(int))

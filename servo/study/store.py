@@ -164,7 +164,10 @@ def opened(folder: Path, described: StudyFile) -> Generator["Store"]:
         try:
             lock.acquire(blocking=False)
         except Timeout:
-            raise Mistake(f"{folder}: another command is writing into this folder") from None
+            raise Mistake(
+                f"{folder}: another command is writing into this folder: wait for its end, "
+                "or choose another folder with --out"
+            ) from None
     try:
         before = _described(folder, described.holds)
         if before is None:
@@ -460,8 +463,8 @@ class Store:
         self.done.remove(job.key)
 
     def fail(self, job: Job, failure: Failure) -> None:
-        """Write the file of a failed job, up to `MOST_FAILURES` files; the job is run again when
-        the study is continued.
+        """Write a file with the error of a failed job, unless the study's folder has 40 such files
+        already; the job is run again when the study is continued.
 
         Raises:
             Refused: The disk is full, or memory was full in the job.
@@ -485,8 +488,8 @@ class Store:
         """Write results and series of all runs as Parquet files; return the paths of the files.
 
         Args:
-            table: The results, as `table` returns them; the series of the jobs in `done` are read
-                from the database.
+            table: The results, a row for each run; the series of the jobs in `done` are read from
+                the database.
 
         Raises:
             Mistake: The database is damaged.

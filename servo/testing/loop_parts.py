@@ -41,7 +41,7 @@ def check_features(features: object) -> None:
         >>> check_features("moments")
 
     Raises:
-        BrokenContract: It breaks its contract; the sentence says what to change.
+        BrokenContract: The feature set breaks its contract; the message says what to change.
     """
     config = config_of("features", features)
     found: FeatureSet = built("features", config, OUTLINE)
@@ -101,7 +101,7 @@ def check_estimator(estimator: object) -> None:
         >>> check_estimator("kalman_cv")
 
     Raises:
-        BrokenContract: It breaks its contract; the sentence says what to change.
+        BrokenContract: The estimator breaks its contract; the message says what to change.
     """
     config = config_of("estimator", estimator)
     check_repetition("estimator", config, _estimates, "the same errors gave other estimates")
@@ -139,7 +139,7 @@ def check_controller(controller: object) -> None:
         >>> check_controller("ibvs")
 
     Raises:
-        BrokenContract: It breaks its contract; the sentence says what to change.
+        BrokenContract: The controller breaks its contract; the message says what to change.
     """
     config = config_of("controller", controller)
     for latency in (0, 2):

@@ -59,7 +59,7 @@ def check_tracker(tracker: object, picture: Image | None = None) -> None:
             of target.
 
     Raises:
-        BrokenContract: It breaks its contract; the sentence says what to change.
+        BrokenContract: The tracker breaks its contract; the message says what to change.
     """
     subject = _Subject(config_of("tracker", tracker), picture)
     _check_pictures_are_kept(subject)

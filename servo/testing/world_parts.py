@@ -44,7 +44,7 @@ def check_motion(motion: object) -> None:
         >>> check_motion("line")
 
     Raises:
-        BrokenContract: It breaks its contract; the sentence says what to change.
+        BrokenContract: The motion breaks its contract; the message says what to change.
     """
     config = config_of("motion", motion)
     once, again = (built("motion", config) for _ in range(2))
@@ -68,7 +68,7 @@ def check_disturbance(disturbance: object) -> None:
         disturbance: A `Config` (class or instance), the name of a kind, or "module:Name".
 
     Raises:
-        BrokenContract: It breaks its contract; the sentence says what to change.
+        BrokenContract: The disturbance breaks its contract; the message says what to change.
     """
     found = built("disturbances", config_of("disturbances", disturbance))
     for time in TIMES:
@@ -84,7 +84,7 @@ def check_robot(robot: object) -> None:
         robot: A `Config` (class or instance), the name of a kind, or "module:Name".
 
     Raises:
-        BrokenContract: It breaks its contract; the sentence says what to change.
+        BrokenContract: The robot breaks its contract; the message says what to change.
     """
     design: Design = built("robot", config_of("robot", robot))
     model = _scene(robot=design)
@@ -130,7 +130,7 @@ def check_target(target: object) -> None:
         target: A `Config` (class or instance), the name of a kind, or "module:Name".
 
     Raises:
-        BrokenContract: It breaks its contract; the sentence says what to change.
+        BrokenContract: The target breaks its contract; the message says what to change.
     """
     found: Target = built("target", config_of("target", target))
     outline = found.outline
@@ -174,4 +174,6 @@ def _scene(robot: Design | None = None, target: Target | None = None) -> Any:
     try:
         return build_model(PHYSICS_RATE, CameraConfig(), robot, target)
     except (ValueError, KeyError) as error:
-        raise BrokenContract(f"its model cannot be added to the room: {error}") from error
+        raise BrokenContract(
+            f"the model of the robot or the target cannot be added to the room: {error}"
+        ) from error

@@ -24,7 +24,8 @@ ROOM = 1 << 18
 
 
 def new_stream(app: str, name: str | None) -> rr.RecordingStream:
-    """Return a stream that has no destination yet and has no timelines but those that are logged.
+    """Return a new Rerun stream, without a destination and with only those timelines that the
+    caller logs.
 
     Args:
         app: Rerun's name of the application.
@@ -45,10 +46,15 @@ class Recording(ABC):
 
     @abstractmethod
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:
-        """Open the destination, with a layout for the viewer; return the stream to log to."""
+        """Open the destination, and return the stream to log to.
+
+        Args:
+            app: Rerun's name of the application.
+            blueprint: Layout of the viewer.
+        """
 
     def refusal(self) -> Refused:
-        """Return the error to raise when logged data does not arrive in time."""
+        """Return the error that `flush` raises when logged data does not arrive in time."""
         return Refused("Rerun takes no more data; run the command again")
 
     def flush(self) -> None:

@@ -91,7 +91,7 @@ class LiveViewer(Recording):
         return self._stream
 
     def refusal(self) -> Refused:
-        """Return the error to raise when Rerun's server has ended."""
+        """Return the error that says that Rerun's server has ended, and takes no more data."""
         return Refused("the viewer: Rerun's server has ended; run the command again")
 
     def wait(self) -> None:

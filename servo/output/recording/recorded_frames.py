@@ -28,7 +28,7 @@ CORNERS = 4
 
 @dataclass(frozen=True, slots=True)
 class RecordedFrame:
-    """One picture of a recording, with the outlines in it."""
+    """One picture of a recording, with its time [s] and the corners [px] of target and estimate."""
 
     time: float
     """Simulated [s]."""

@@ -31,7 +31,9 @@ LARGEST_SIDE = 800
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """A mesh of m triangles, each with three vertices of its own."""
+    """A mesh of m triangles, each with three vertices of its own [m], in one colour or with a
+    texture.
+    """
 
     vertices: Array
     """Points (3 m, 3) in the shape's frame [m]."""
@@ -45,7 +47,9 @@ class Surface:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """One visible geom of MuJoCo, fixed to a body."""
+    """One visible geom of a MuJoCo model: its form, size [m] and colour, and its pose in the frame
+    of the body to which it is fixed.
+    """
 
     name: str
     """Name of the geom without the prefix of its model; may be empty."""
@@ -56,7 +60,7 @@ class Shape:
     size: Array
     """Half sizes (3,) of a box or ellipsoid; else radius, half length, and an unused value [m]."""
     pose: Pose
-    """In the body's frame; the axis of cylinders and capsules is z."""
+    """Pose of the geom in the body's frame; the axis of cylinders and capsules is z."""
     rgba: Array
     """Colour (4,), 0..1."""
     surface: Surface | None = None

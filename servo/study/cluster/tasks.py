@@ -44,8 +44,8 @@ LOGGERS = ("distributed", "distributed.client", "tornado", "asyncio")
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """A running Dask cluster: its client, its name for messages, and a watch on its number of
-    workers.
+    """A running Dask cluster: its client, its name for messages, and a function that is called with
+    its number of workers twice a second, and raises ClusterLost if no worker comes.
     """
 
     client: Client
@@ -71,7 +71,9 @@ class Cluster:
 
 @dataclass(slots=True)
 class Patience:
-    """A timer that raises ClusterLost when a cluster has had no workers for `longest` seconds."""
+    """A timer that raises ClusterLost when a cluster has had no workers for `longest` seconds;
+    `without` is the time without workers so far [s].
+    """
 
     longest: float
     """Longest time without any worker [s]."""
@@ -95,7 +97,9 @@ class Patience:
 
 @contextmanager
 def silence() -> Generator[None]:
-    """Use `SETTINGS` of Dask within the block, and turn its log messages on stderr off."""
+    """Within the block, use the settings of Dask that studies need (`SETTINGS`), and turn Dask's
+    log messages on stderr off.
+    """
     for name in LOGGERS:  # Dask silences its loggers only until a cluster closes
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with dask.config.set(SETTINGS):
@@ -189,10 +193,11 @@ def _work_alone(work: Callable[[Task], Done], task: Task) -> Done | Failure:
 
 
 def reason(error: BaseException) -> str:
-    """Return the message of the deepest one of an exception and its causes that has a message.
+    """Return the message of an exception's root cause; if it has none, that of the nearest
+    exception above it in the chain of causes.
 
-    If the deepest of all is an error of the system, it is the system's text alone, such as "No
-    space left on device"; if none has a message, it is the name of the deepest one's type.
+    For an OSError as root cause, it is the system's text alone, such as "No space left on device";
+    if no exception has a message, it is the name of the root cause's type.
     """
     message = str(error)
     while error.__cause__ is not None:
