@@ -9,9 +9,8 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.files.picture_file import read_image
-from sim.files.shipped import file_of
-from sim.models.shapes import add_picture
+from sim.models.mesh_file import Material, Triangles
+from sim.models.shapes import add_picture, show
 from sim.models.target import Target, rectangle, target_of
 from sim.ranges import Length, Share
 from sim.types import Image
@@ -65,24 +64,29 @@ def rgba(colour: Colour) -> list[float]:
     return [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)] + [1.0]
 
 
+SIDES = np.array(
+    [
+        [[1, 0, 0], [0, 1, 0]],
+        [[1, 0, 0], [0, -1, 0]],
+        [[0, 1, 0], [0, 0, 1]],
+        [[0, -1, 0], [0, 0, 1]],
+        [[-1, 0, 0], [0, 0, 1]],
+        [[1, 0, 0], [0, 0, 1]],
+    ]
+)
+"""For each side of a box the directions to the right and upwards of a picture on it, as seen from
+outside (6, 2, 3): the upper side first."""
+SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+"""Corners of a picture to the right and upwards of its middle, from the lower left one."""
 PLAIN: dict[str, object] = {"mass": 0, "contype": 0, "conaffinity": 0, "group": 2}
 """A geom that is seen and not touched."""
-
-
-def picture_named(name: str, setting: str) -> Image:
-    """Return the picture of a setting as RGB (H, W, 3): a shipped one by its bare name, or a file.
-
-    Raises:
-        ValueError: The picture is missing or cannot be read.
-    """
-    return read_image(file_of(name, "targets", ".png", setting))
 
 
 def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -> mujoco.MjSpec:
     """Return the model of a box with this length, width and height [m] that stands on z = 0.
 
-    A picture (H, W, 3) lies on each of its sides: on the upper one its right is at the nose.
-    Without one the box has the colour: red, green, blue and opacity, 0 to 1.
+    A picture (H, W, 3) lies on its upper side, its right at the nose. Without one the box has the
+    colour: red, green, blue and opacity, 0 to 1.
     """
     spec = mujoco.MjSpec()
     look: dict[str, object] = {"rgba": colour}
@@ -92,4 +96,25 @@ def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=[0, 0, half[2]], **look, **PLAIN
     )
+    return spec
+
+
+def pictured_box(size: Sequence[float], picture: Image) -> mujoco.MjSpec:
+    """Return the model of a box with this length, width and height [m] that stands on z = 0, with a
+    picture (H, W, 3) upright on each of its sides; on the upper one its right is at the nose.
+
+    It is a mesh: MuJoCo mirrors a picture on two sides of a box.
+    """
+    outwards = np.cross(SIDES[:, 0], SIDES[:, 1])
+    corners = outwards[:, None] + SQUARE @ SIDES + (0, 0, 1)
+    first = 4 * np.arange(len(SIDES))[:, None]
+    halves = np.array([[0, 1, 2], [0, 2, 3]])
+    mesh = Triangles(
+        vertices=(corners * size / 2).reshape(-1, 3),
+        faces=(first + halves.reshape(1, 6)).reshape(-1, 3),
+        places=np.tile((SQUARE[halves] + 1) / 2, (len(SIDES), 1, 1)),
+    )
+    spec = mujoco.MjSpec()
+    geom = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="box", **PLAIN)
+    show(spec, spec.add_mesh(name="box"), [geom], [(mesh, Material((), picture))])
     return spec
