@@ -96,10 +96,9 @@ def _straighten(
             f"{file}: {photograph.tags} of {len(MIDDLES)} tags, to {MM * photograph.error:.2f} mm; "
             f"{width:.3f} x {height:.3f} m at {photograph.resolution:.0f} px a metre",
         )
-        shown = width * height * photograph.resolution**2
-        if shown > most:
+        if width * height > most:
             best = file, photograph, part
-            most = shown
+            most = width * height
     if best is None:
         raise Mistake("photo: the photographs show nothing beside the sheet: give --covered keep")
     file, photograph, part = best
