@@ -306,5 +306,7 @@ def test_shipped_pictures_are_those_of_scikit_image_made_smaller():
     for folder, name in (("grounds", "gravel"), ("grounds", "brick"), ("targets", "coffee")):
         own = read_image(Path(scenes.__file__).parent / folder / f"{name}.png")
         whole = read_image(packaged(f"skimage:{name}", "picture"))
+        if name == "brick":
+            whole = np.rot90(whole)  # its courses are level
         small = cv2.resize(whole, own.shape[1::-1], interpolation=cv2.INTER_AREA)
         assert np.abs(small.astype(int) - own).max() <= 2
