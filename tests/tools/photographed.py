@@ -1,12 +1,14 @@
 """Photographs of a known plane with the printed sheet of tags on it, made without a renderer."""
 
 import io
+from pathlib import Path
 
 import cv2
 import numpy as np
 
+import scenes
 from servo.photo.sheet import PAPERS, drawn
-from sim.files.picture_file import decoded
+from sim.files.picture_file import decoded, read_image
 from sim.types import Camera
 
 PX = 1200
@@ -35,6 +37,14 @@ def ground(seed=0):
     for point in lattice():
         cv2.circle(image, to_pixels(point, image), round(16 * DOT * PX), (200, 30, 30), -1, 16, 4)
     return image
+
+
+def gravel():
+    """A plane of the shipped gravel."""
+    file = Path(scenes.__file__).parent / "grounds" / "gravel.png"
+    tile = cv2.resize(read_image(file), (600, 600), interpolation=cv2.INTER_CUBIC)
+    width, height = (round(side * PX) for side in SIZE)
+    return np.tile(tile, (3, 3, 1))[:height, :width]
 
 
 def lattice():
