@@ -76,9 +76,7 @@ class GroundConfig:
 
 @dataclass(frozen=True, slots=True)
 class WallsConfig:
-    """Settings of the four walls around the table, which show a picture, repeated every `tile`
-    metres.
-    """
+    """Settings of four walls around the table with a picture, repeated every `tile` metres."""
 
     picture: File | None = None
     """A shipped picture's name ("brick"), a file, or "skimage:NAME"; by default there are no

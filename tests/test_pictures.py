@@ -310,3 +310,18 @@ def test_shipped_pictures_are_those_of_scikit_image_made_smaller():
             whole = np.rot90(whole)  # its courses are level
         small = cv2.resize(whole, own.shape[1::-1], interpolation=cv2.INTER_AREA)
         assert np.abs(small.astype(int) - own).max() <= 2
+
+
+@pytest.mark.parametrize("renderer", RENDERERS)
+@pytest.mark.parametrize("shape", [(1, 1), (1, 2048), (2048, 1), (3, 5000)])
+@pytest.mark.parametrize("ends", [(0.01, 2, 0.1), (10, 10, 10)])
+def test_pictures_of_any_shape_are_shown_at_both_ends_of_the_settings(renderer, shape, ends):
+    tile, distance, height = ends
+    picture = np.random.default_rng(0).integers(100, 200, (*shape, 3), np.uint8)
+    cv2.imwrite("odd.png", picture)
+    grounds = ("ground.kind=picture", "ground.file=odd.png", f"ground.tile={tile}")
+    walls = ("walls.picture=odd.png", f"walls.tile={tile}", f"walls.distance={distance}")
+    target = ("target.kind=box", "target.picture=odd.png")
+    more = (*STEEP, f"walls.height={height}", f"camera.renderer={renderer}")
+    image, _, _ = first(*grounds, *walls, *target, *more)
+    assert image.std() > 1

@@ -15,7 +15,7 @@ from servo.photo.fill import filled
 from servo.photo.photograph import Photograph, Rectangle
 from servo.photo.sheet import MIDDLES, RULER, SIDE, drawn
 from servo.scenario.calibration import camera_in
-from sim.files.picture_file import read_image
+from sim.files.picture_file import read_image, shrunk
 from sim.types import Camera, Image
 from tracking.drawing.picture_bytes import encoded
 
@@ -27,6 +27,8 @@ DONE = {
     "keep": "the sheet is in it (or: --covered fill, crop)",
 }
 """What is said of the sheet's place, by the value of --covered."""
+LARGEST_PHOTOGRAPH = 6000
+"""A larger photograph is made smaller [px]: its straightened picture has at most 2048 px a side."""
 MM = 1e3
 
 
@@ -85,6 +87,8 @@ def _straighten(
     for file in pictures:
         with as_mistake():
             image = read_image(file)
+            if camera is None:
+                image = shrunk(image, LARGEST_PHOTOGRAPH)
         try:
             photograph = seen_in(image, camera, scale)
         except ValueError as error:

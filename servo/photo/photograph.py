@@ -20,6 +20,8 @@ MARGIN = 0.004
 """Border around the sheet that counts as covered: paper bends and has a shadow [m]."""
 FINEST = 4
 """Largest number of samples along the side of a pixel."""
+BAND = 64
+"""Rows of a picture that are straightened at a time, for the sake of memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,16 +98,21 @@ class Photograph:
         inside = (u > 0) & (u < self.camera.width) & (v > 0) & (v < self.camera.height)
         return inside & (self.resolutions(points)[..., 1] > LEAST_DETAIL * self.resolution)
 
+    def _bounds(self, around: Rectangle) -> Rectangle:
+        """Return the rectangle around what is usable in a rectangle of the plane."""
+        points = around.grid(GRID, GRID)
+        usable = points[self.usable(points)]
+        cell = around.size / GRID
+        return Rectangle(*(usable.min(axis=0) - cell), *(usable.max(axis=0) + cell))
+
     def part(self, *, with_sheet: bool) -> Rectangle:
         """Return the largest rectangle of the plane, along the sheet's axes, that the photograph
         shows; without the sheet if asked.
         """
         far = hypot(self.camera.width, self.camera.height) / (LEAST_DETAIL * self.resolution)
         around = Rectangle(-far, -far, far, far)
-        for _ in range(2):  # the second time on a finer grid
-            points = around.grid(GRID, GRID)
-            usable = self.usable(points)
-            around = _bounds(points, usable, around)
+        for _ in range(2):
+            around = self._bounds(around)
         points = around.grid(GRID, GRID)
         usable = self.usable(points)
         if not with_sheet:
@@ -123,22 +130,22 @@ class Photograph:
         """
         scale = min(self.resolution, LARGEST_SIDE / float(part.size.max()))
         width, height = np.maximum(np.rint(part.size * scale).astype(int), 1).tolist()
-        corners = part.grid(2, 2)
-        finest = float(np.nanmax(self.resolutions(corners)))
+        finest = float(self.resolutions(part.grid(2, 2)).max())
         fine = min(FINEST, max(1, ceil(finest / scale)))
-        at = self.pixels(part.grid(fine * width, fine * height)) - 0.5
-        u, v = np.moveaxis(at.astype(np.float32), -1, 0)
-        seen = cv2.remap(self.image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        small = cv2.resize(seen, (width, height), interpolation=cv2.INTER_AREA)
-        return small.astype(np.uint8), width / float(part.size[0])
-
-
-def _bounds(points: Array, usable: NDArray[np.bool_], around: Rectangle) -> Rectangle:
-    """Return the rectangle around the usable points (n, m) of a grid, a cell larger."""
-    cell = around.size / GRID
-    low = points[usable].min(axis=0) - cell
-    high = points[usable].max(axis=0) + cell
-    return Rectangle(*low, *high)
+        picture = np.empty((height, width, 3), np.uint8)
+        for first in range(0, height, BAND):
+            count = min(BAND, height - first)
+            top, bottom = (
+                part.top - row * (part.top - part.bottom) / height for row in (first, first + count)
+            )
+            band = Rectangle(part.left, bottom, part.right, top)
+            at = self.pixels(band.grid(fine * width, fine * count)) - 0.5
+            u, v = np.moveaxis(at.astype(np.float32), -1, 0)
+            seen = cv2.remap(self.image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            picture[first : first + count] = cv2.resize(
+                seen, (width, count), interpolation=cv2.INTER_AREA
+            )
+        return picture, width / float(part.size[0])
 
 
 def largest_rectangle(

@@ -53,14 +53,14 @@ def read_on_white(file: Path) -> Image:
     return (255 - share[..., None] * (255.0 - image)).round().astype(np.uint8)
 
 
-def shrunk(image: np.ndarray) -> np.ndarray:
-    """Return a picture (H, W, ...) with at most `LARGEST_SIDE` px a side: a larger one is made
-    smaller, by means of its pixels.
+def shrunk(image: np.ndarray, largest: int = LARGEST_SIDE) -> np.ndarray:
+    """Return a picture (H, W, ...) with at most `largest` px a side: a larger one is made smaller,
+    by means of its pixels.
     """
     side = max(image.shape[:2])
-    if side <= LARGEST_SIDE:
+    if side <= largest:
         return image
-    scale = LARGEST_SIDE / side
+    scale = largest / side
     size = [max(1, round(n * scale)) for n in image.shape[1::-1]]
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(image.dtype)
 
