@@ -14,16 +14,15 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from sim.files.picture_name import picture_named
-from sim.models.paint import PLAIN, SIDES, Colour, rgba
-from sim.models.quaternion import quaternion_of
-from sim.models.shapes import add_picture, lay
+from sim.models.paint import PLAIN, SIDES, SQUARE, Colour, add_rectangles, rgba
+from sim.models.shapes import lay
 from sim.ranges import Degrees, File, Share
 from sim.types import Array, Image
 
 WOOD = "wood"
 OWN = "picture"
 GROUND = "ground"
-WALL = "wall"
+WALLS = "walls"
 TABLE = "table"
 FLOOR = "floor"
 TOYS = "toy"
@@ -76,7 +75,10 @@ class GroundConfig:
 
 @dataclass(frozen=True, slots=True)
 class WallsConfig:
-    """Settings of four walls around the table with a picture, repeated every `tile` metres."""
+    """Settings of four walls around the table with a picture, repeated every `tile` metres.
+
+    They are seen from inside only.
+    """
 
     picture: File | None = None
     """A shipped picture's name ("brick"), a file, or "skimage:NAME"; by default there are no
@@ -172,20 +174,14 @@ def _tile(picture: Image, width: float) -> Array:
 def _build_walls(room: mujoco.MjSpec, walls: WallsConfig, picture_name: str) -> None:
     """Add four walls that face the table."""
     picture = picture_named(picture_name, "grounds", "walls.picture")
-    material = room.material(add_picture(room, picture, WALL))
     floor = float(room.geom(FLOOR).pos[2])
     half = np.array([walls.distance, (walls.height - floor) / 2])
-    material.texrepeat = 2 * half / _tile(picture, walls.tile)
-    for right, up in SIDES[2:]:
-        inwards = np.cross(right, up)
-        room.worldbody.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_PLANE,
-            size=[*half, 1],
-            pos=-walls.distance * inwards + (0, 0, floor + half[1]),
-            quat=quaternion_of(np.column_stack([right, up, inwards]).astype(float)),
-            material=WALL,
-            **PLAIN | {"group": 1},
-        )
+    sides = SIDES[2:]
+    outwards = -np.cross(sides[:, 0], sides[:, 1])
+    middles = walls.distance * outwards + (0, 0, floor + half[1])
+    corners = middles[:, None] + SQUARE * half @ sides
+    places = (SQUARE + 1) * half / _tile(picture, walls.tile)
+    add_rectangles(room, WALLS, corners, places, picture)
 
 
 def _light(room: mujoco.MjSpec, light: LightConfig) -> None:

@@ -13,7 +13,7 @@ from sim.models.mesh_file import Material, Triangles
 from sim.models.shapes import add_picture, show
 from sim.models.target import Target, rectangle, target_of
 from sim.ranges import Length, Share
-from sim.types import Image
+from sim.types import Array, Image
 
 Colour = str | tuple[Share, Share, Share]
 """As "#rrggbb", or red, green and blue from 0 to 1."""
@@ -106,15 +106,30 @@ def pictured_box(size: Sequence[float], picture: Image) -> mujoco.MjSpec:
     It is a mesh: MuJoCo mirrors a picture on two sides of a box.
     """
     outwards = np.cross(SIDES[:, 0], SIDES[:, 1])
-    corners = outwards[:, None] + SQUARE @ SIDES + (0, 0, 1)
-    first = 4 * np.arange(len(SIDES))[:, None]
-    halves = np.array([[0, 1, 2], [0, 2, 3]])
-    mesh = Triangles(
-        vertices=(corners * size / 2).reshape(-1, 3),
-        faces=(first + halves.reshape(1, 6)).reshape(-1, 3),
-        places=np.tile((SQUARE[halves] + 1) / 2, (len(SIDES), 1, 1)),
-    )
+    corners = (outwards[:, None] + SQUARE @ SIDES + (0, 0, 1)) * size / 2
     spec = mujoco.MjSpec()
-    geom = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="box", **PLAIN)
-    show(spec, spec.add_mesh(name="box"), [geom], [(mesh, Material((), picture))])
+    add_rectangles(spec, "box", corners, (SQUARE + 1) / 2, picture)
     return spec
+
+
+def add_rectangles(
+    spec: mujoco.MjSpec, name: str, corners: Array, places: Array, picture: Image
+) -> None:
+    """Add a mesh of rectangles with a picture to a model. They are seen from one side only.
+
+    Args:
+        spec: The model, which is changed.
+        name: Name of the mesh, its geom and its material.
+        corners: Corners (n, 4, 3) [m], counter-clockwise as seen from this side.
+        places: Their places in the picture (4, 2): 0..1 from its left and from its bottom, and
+            beyond where the picture is repeated.
+        picture: The picture (H, W, 3).
+    """
+    halves = np.array([[0, 1, 2], [0, 2, 3]])
+    faces = 4 * np.arange(len(corners))[:, None, None] + halves
+    mesh = Triangles(
+        corners.reshape(-1, 3), faces.reshape(-1, 3), np.tile(places[halves], (len(corners), 1, 1))
+    )
+    kind = mujoco.mjtGeom.mjGEOM_MESH
+    geom = spec.worldbody.add_geom(name=name, type=kind, meshname=name, **PLAIN)
+    show(spec, spec.add_mesh(name=name), [geom], [(mesh, Material((), picture))])
