@@ -231,6 +231,22 @@ def test_what_does_not_show_the_sheet_is_one_sentence(folder, plain):
     assert not (folder / "ground.png").exists()
 
 
+@pytest.mark.parametrize(
+    "hole",
+    [np.s_[40:80, 60:100], np.s_[40:120, 60:140], np.s_[50:110, 20:180]],
+    ids=["beside it", "left and right", "above and below"],
+)
+def test_a_hole_gets_the_texture_and_the_light_around_it(hole):
+    rng = np.random.default_rng(0)
+    light = np.linspace(60, 180, 200)[:, None] + np.zeros((160, 1, 1))
+    image = (light + rng.normal(0, 12, (160, 200, 3))).clip(0, 255).astype(np.uint8)
+    white = image.copy()
+    white[hole] = 255
+    found = filled(white, hole)[hole].astype(float)
+    assert np.abs(found.mean(axis=(0, 2)) - image[hole].mean(axis=(0, 2))).max() < 9
+    assert found.std(axis=0).mean() == pytest.approx(12, abs=2.5)
+
+
 def test_where_there_is_no_room_for_a_filling_it_is_said():
     with pytest.raises(ValueError, match=r"^there is no room beside the sheet to fill its place"):
         filled(np.zeros((40, 40, 3), np.uint8), (slice(5, 35), slice(5, 35)))
