@@ -1,4 +1,4 @@
-"""Surroundings of the target: the ground below it, clutter around it, and the light.
+"""Surroundings of the target: the ground below it, walls and clutter around it, and the light.
 
 Each is a table of a scenario, and the defaults leave the room as it is. Clutter lies flat on the
 table, so that a target may drive over it from anywhere to anywhere.
@@ -13,9 +13,8 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.files.picture_file import read_image
-from sim.files.shipped import file_of
-from sim.models.paint import PLAIN, Colour, rgba
+from sim.files.picture_name import picture_named
+from sim.models.paint import PLAIN, SIDES, SQUARE, Colour, add_rectangles, rgba
 from sim.models.shapes import lay
 from sim.ranges import Degrees, File, Share
 from sim.types import Array, Image
@@ -23,7 +22,9 @@ from sim.types import Array, Image
 WOOD = "wood"
 OWN = "picture"
 GROUND = "ground"
+WALLS = "walls"
 TABLE = "table"
+FLOOR = "floor"
 TOYS = "toy"
 LAMP = "lamp"
 """Names in the room's model: the material of the table is WOOD, the class of its things TOYS."""
@@ -36,6 +37,8 @@ SLIMMEST = 0.25
 """Least width of a card over its length."""
 BAR = 0.15
 """Width of a bar over its length."""
+Tile = Annotated[float, Ge(0.01), Le(10)]
+"""Width on which a picture lies once [m]."""
 SHAPES = ("disc", "card", "bar")
 """Shapes of the clutter; the draws count them in this order."""
 LAMP_STRENGTH = 0.5
@@ -50,13 +53,15 @@ class GroundConfig:
     once.
     """
 
-    kind: Literal["wood", "concrete", "carpet", "checker", "noise", "picture"] = WOOD
+    kind: Literal[
+        "wood", "concrete", "carpet", "checker", "noise", "gravel", "brick", "picture"
+    ] = WOOD
     """A shipped picture, or "picture": that of `file`."""
     file: File | None = None
-    """Picture file for kind = "picture"."""
-    tile: Annotated[float, Ge(0.01), Le(10)] = 0.5
-    """Side of the square on which the picture lies once, and beside it again [m]; wood lies once on
-    the whole table."""
+    """The picture for kind = "picture": a file, or "skimage:NAME"."""
+    tile: Tile = 0.5
+    """Width on which the picture lies once, and beside it again [m]; its height follows from the
+    picture. Wood lies once on the whole table."""
 
     def __post_init__(self) -> None:
         if (self.kind == OWN) != (self.file is not None):
@@ -68,7 +73,27 @@ class GroundConfig:
         Raises:
             ValueError: The picture is missing or cannot be read.
         """
-        return read_image(file_of(self.file or self.kind, "grounds", ".png", "ground.kind"))
+        setting = "ground.kind" if self.file is None else "ground.file"
+        return picture_named(self.file or self.kind, "grounds", setting)
+
+
+@dataclass(frozen=True, slots=True)
+class WallsConfig:
+    """Settings of four walls around the table with a picture, repeated every `tile` metres.
+
+    They are seen from inside only.
+    """
+
+    picture: File | None = None
+    """A shipped picture's name ("brick"), a file, or "skimage:NAME"; by default there are no
+    walls."""
+    tile: Tile = 1.0
+    """Width on which the picture lies once, and beside it again [m]; its height follows from the
+    picture."""
+    distance: Annotated[float, Ge(2), Le(10)] = 3.0
+    """Distance from the table's middle [m]."""
+    height: Annotated[float, Ge(0.1), Le(10)] = 2.5
+    """Height of the walls' upper edge over the table [m]; they stand on the floor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,18 +135,19 @@ class LightConfig:
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What surrounds the target: ground, clutter and light, with the generator that draws the
-    clutter.
+    """What surrounds the target: ground, walls, clutter and light, with the generator that draws
+    the clutter.
     """
 
     ground: GroundConfig = field(default_factory=GroundConfig)
+    walls: WallsConfig = field(default_factory=WallsConfig)
     clutter: ClutterConfig = field(default_factory=ClutterConfig)
     light: LightConfig = field(default_factory=LightConfig)
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     """Source of the clutter's random numbers."""
 
     def furnish(self, room: mujoco.MjSpec, target: mujoco.MjSpec) -> None:
-        """Add ground, clutter and light to a room's model, which is changed.
+        """Add ground, walls, clutter and light to a room's model, which is changed.
 
         Args:
             room: Model of scenes/room.xml.
@@ -132,6 +158,8 @@ class Surroundings:
         """
         if self.ground.kind != WOOD:
             _cover(room, self.ground)
+        if self.walls.picture is not None:
+            _build_walls(room, self.walls, self.walls.picture)
         if self.light != LightConfig():
             _light(room, self.light)
         if not self.clutter.toys:
@@ -143,8 +171,27 @@ class Surroundings:
 
 def _cover(room: mujoco.MjSpec, ground: GroundConfig) -> None:
     material = room.material(WOOD)
-    lay(room, ground.picture(), material, GROUND)
-    material.texrepeat = 2 * room.geom(TABLE).size[:2] / ground.tile
+    picture = ground.picture()
+    lay(room, picture, material, GROUND)
+    material.texrepeat = 2 * room.geom(TABLE).size[:2] / _tile(picture, ground.tile)
+
+
+def _tile(picture: Image, width: float) -> Array:
+    """Return width and height [m] of a picture (H, W, 3) that is shown with this width."""
+    return np.array([width, width * (picture.shape[0] / picture.shape[1])])
+
+
+def _build_walls(room: mujoco.MjSpec, walls: WallsConfig, picture_name: str) -> None:
+    """Add four walls that face the table."""
+    picture = picture_named(picture_name, "grounds", "walls.picture")
+    floor = float(room.geom(FLOOR).pos[2])
+    half = np.array([walls.distance, (walls.height - floor) / 2])
+    sides = SIDES[2:]
+    outwards = -np.cross(sides[:, 0], sides[:, 1])
+    middles = walls.distance * outwards + (0, 0, floor + half[1])
+    corners = middles[:, None] + SQUARE * half @ sides
+    places = (SQUARE + 1) * half / _tile(picture, walls.tile)
+    add_rectangles(room, WALLS, corners, places, picture)
 
 
 def _light(room: mujoco.MjSpec, light: LightConfig) -> None:

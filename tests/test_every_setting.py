@@ -47,6 +47,7 @@ VALUES = {
     "sight.depth": "known",
     "measure.above": 100.0,
     "ground.kind": "checker",
+    "walls.picture": "brick",
     "clutter.number": 50,
     "clutter.alike": 0.9,
     "light.colour": [1.0, 0.5, 0.5],
@@ -80,7 +81,12 @@ UNSEEN = ("disturbances=[{kind='dropped_frames',share=1.0}]", "run.duration=0.6"
 CHANGE = ("goal.depth_to=2", "goal.change_start=0.02", "goal.change_duration=0.1")
 STOPS = ("motion.go=0.1", "motion.stop=0.1", "run.duration=0.4")
 PROBED = ("controller.probe_time=0.04", "run.duration=0.6")
+TILTED = ("robot.kind=free", "start.tilt_deg=65", "camera.fovy_deg=80")
 MATTERS = {
+    "walls.picture": TILTED,
+    **dict.fromkeys(
+        ("walls.tile", "walls.distance", "walls.height"), (*TILTED, "walls.picture=brick")
+    ),
     "run.ego": ("tracker.kind=frozen",),
     "camera.fy": ("camera.fx=80",),
     "camera.coefficients": LENS,

@@ -99,18 +99,18 @@ WRONG = [
         {"colour": "blue"},
         "colour = 'blue': this colour is not known: give '#rrggbb', or three numbers from 0 to 1",
     ),
-    ("mesh", {"texture": "a.png"}, NO_PICTURE),
+    ("mesh", {"texture": "a.png"}, f"texture: {NO_PICTURE}"),
     (
         "plate",
         {"picture": "gone.png"},
-        "gone.png: cannot read this picture: No such file or directory",
+        "picture: gone.png: cannot read this picture: No such file or directory",
     ),
     (
         "plate",
         {"picture": "stones"},
-        "picture = 'stones': no file of this name is shipped; give duck, pebbles, or a path",
+        "picture = 'stones': no file of this name is shipped; give coffee, duck, pebbles, or a path",
     ),
-    ("box", {"picture": "a.png"}, NO_PICTURE),
+    ("box", {"picture": "a.png"}, f"picture: {NO_PICTURE}"),
     (
         "mjcf",
         {"model": "lorry"},

@@ -227,7 +227,7 @@ INVERTS = "this feature set computes the twist from the error by an inverse of i
 DRAWN = "the pictures are those of a recording, in which nothing is drawn"
 NEEDS = (
     Need(
-        ("camera.renderer", "camera.textures", "ground", "clutter", "light"),
+        ("camera.renderer", "camera.textures", "ground", "walls", "clutter", "light"),
         _of_scenario(lambda s: s.camera.renderer != "recording"),
         DRAWN,
     ),
@@ -260,6 +260,11 @@ NEEDS = (
         ("clutter.shape", "clutter.alike"),
         _of_scenario(lambda s: s.clutter.number),
         "clutter.number is 0, so there is no clutter",
+    ),
+    Need(
+        ("walls.tile", "walls.distance", "walls.height"),
+        _of_scenario(lambda s: s.walls.picture is not None),
+        "walls.picture is not set, so there are no walls",
     ),
     Need(
         ("ground.tile",),

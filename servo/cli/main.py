@@ -474,6 +474,49 @@ def identify() -> None:
     """
 
 
+@app.command()
+@click.argument("pictures", nargs=-1, type=opt.PATH, help="Photographs of a plane with the sheet.")
+@click.option(
+    "--out", type=opt.PATH, default=Path("ground.png"), show_default=True, help="PNG to write."
+)
+@click.option(
+    "--sheet",
+    type=opt.PATH,
+    metavar="FILE",
+    help="Draw the sheet of tags to print, as .pdf, .svg or .png, in place of photographs.",
+)
+@click.option(
+    "--paper",
+    type=click.Choice(["a4", "letter"]),
+    default="a4",
+    show_default=True,
+    help="With --sheet: its paper.",
+)
+@click.option(
+    "--side",
+    type=opt.FiniteRange(5.0, 2000.0),
+    default=60.0,
+    show_default=True,
+    help="Width of a printed tag's black square, where the printer did not keep it [mm].",
+)
+@click.option(
+    "--calibration", type=opt.PATH, help="The camera's calibration file, of ROS or OpenCV."
+)
+@click.option(
+    "--covered",
+    type=click.Choice(["fill", "crop", "keep"]),
+    default="fill",
+    show_default=True,
+    help="Fill the sheet's place with the plane beside it, crop it, or keep the sheet.",
+)
+def photo() -> None:
+    """Straighten photographs of a plane into a picture for scenarios.
+
+    A sheet of tags lies on the plane: print it with --sheet sheet.pdf. Of several photographs the
+    one that shows most is taken. Prints its size, and the lines that show it as ground or target.
+    """
+
+
 def main() -> None:
     """Run the command line `servobench`; print a failure as one sentence and exit with its code."""
     guarded(app)

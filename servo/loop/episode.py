@@ -149,7 +149,7 @@ class Episode:
         ]
         names = "sensor", "encoders", "depth"
         sensor, encoders, depth = (stream(s.run.seed, name) for name in names)
-        around = Surroundings(s.ground, s.clutter, s.light, stream(s.run.seed, "clutter"))
+        around = Surroundings(s.ground, s.walls, s.clutter, s.light, stream(s.run.seed, "clutter"))
         parts = WorldParts(
             robot, target, motion, disturbances, s.camera, s.believed, s.world, around, s.leader
         )

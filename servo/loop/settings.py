@@ -24,7 +24,7 @@ from sim.models.target import Target
 from sim.ranges import LONGEST, Degrees, Place, Time
 from sim.recording.recorded import RecordingSettings
 from sim.stage import Disturbance, Motion
-from sim.surroundings import ClutterConfig, GroundConfig, LightConfig
+from sim.surroundings import ClutterConfig, GroundConfig, LightConfig, WallsConfig
 from sim.types import Array, Truth
 from sim.world import WorldConfig
 from tracking.types import SEES_PICTURES, Tracker
@@ -190,6 +190,7 @@ class Setup:
     believed: BelievedConfig
     measure: MeasureConfig
     ground: GroundConfig
+    walls: WallsConfig
     clutter: ClutterConfig
     light: LightConfig
     recording: RecordingSettings

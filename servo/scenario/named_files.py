@@ -20,6 +20,7 @@ from servo.scenario.catalogue import shipped, studies
 from servo.scenario.tables import config_of
 from servo.scenario.toml import Table
 from sim.files.behind import files_behind
+from sim.files.picture_name import SKIMAGE, packaged
 from sim.files.shipped import warn_of_own, warn_of_shipped
 from sim.installed import Trusted
 from sim.ranges import NamesFile, NamesFolder
@@ -166,7 +167,7 @@ def _files(name: str) -> set[Path]:
     """Return a file and those that it refers to, or all files of a folder; no files if there is
     neither. The truth of a recording has the recording's name with another suffix.
     """
-    path = Path(name)
+    path = packaged(name, "picture") if name.startswith(SKIMAGE) else Path(name)
     if name and path.is_dir():
         return {each for each in path.rglob("*") if each.is_file()}
     if not path.is_file():

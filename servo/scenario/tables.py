@@ -18,7 +18,7 @@ from sim.camera.camera import CameraConfig
 from sim.kinds import UnknownKind
 from sim.leader import LeaderConfig
 from sim.miscalibration import BelievedConfig
-from sim.surroundings import ClutterConfig, GroundConfig, LightConfig
+from sim.surroundings import ClutterConfig, GroundConfig, LightConfig, WallsConfig
 from sim.world import WorldConfig
 
 SECTIONS: dict[str, type[Any]] = {
@@ -33,6 +33,7 @@ SECTIONS: dict[str, type[Any]] = {
     "believed": BelievedConfig,
     "measure": MeasureConfig,
     "ground": GroundConfig,
+    "walls": WallsConfig,
     "clutter": ClutterConfig,
     "light": LightConfig,
     RECORDING: RecordingConfig,

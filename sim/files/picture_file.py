@@ -14,6 +14,8 @@ SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp",
 FORMATS = "JPEG, PNG, BMP, TIFF, WebP, PPM"
 LARGEST_FILE = 1_000_000_000
 """Largest picture file [bytes]."""
+LARGEST_SIDE = 2048
+"""A larger picture is shown smaller [px]: no camera sees more of it."""
 
 
 def read_image(file: Path, depth: BitDepth | None = None) -> Image:
@@ -33,6 +35,36 @@ def read_image(file: Path, depth: BitDepth | None = None) -> Image:
         return decoded(data, depth)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
+
+
+def read_on_white(file: Path) -> Image:
+    """Return a picture to be shown on something as RGB (H, W, 3), at most `LARGEST_SIDE` px a side.
+    Where it is transparent, white shows through.
+
+    Raises:
+        ValueError: As for `read_image`.
+    """
+    image = shrunk(read_image(file))
+    with silent_libraries():
+        whole = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+    if whole is None or whole.dtype.kind != "u" or whole.ndim == 2 or whole.shape[2] < 4:
+        return image
+    share = shrunk(whole[..., 3]) / (255 if whole.dtype == np.uint8 else 65535)
+    if share.shape != image.shape[:2]:
+        return image  # EXIF turns the picture
+    return (255 - share[..., None] * (255.0 - image)).round().astype(np.uint8)
+
+
+def shrunk(image: np.ndarray, largest: int = LARGEST_SIDE) -> np.ndarray:
+    """Return a picture (H, W, ...) with at most `largest` px a side: a larger one is made smaller,
+    by means of its pixels.
+    """
+    side = max(image.shape[:2])
+    if side <= largest:
+        return image
+    scale = largest / side
+    size = [max(1, round(n * scale)) for n in image.shape[1::-1]]
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(image.dtype)
 
 
 def decoded(data: bytes, depth: BitDepth | None = None) -> Image:

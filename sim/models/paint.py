@@ -9,12 +9,11 @@ import mujoco
 import numpy as np
 from annotated_types import Ge, Le
 
-from sim.files.picture_file import read_image
-from sim.files.shipped import file_of
-from sim.models.shapes import add_picture
+from sim.models.mesh_file import Material, Triangles
+from sim.models.shapes import add_picture, show
 from sim.models.target import Target, rectangle, target_of
 from sim.ranges import Length, Share
-from sim.types import Image
+from sim.types import Array, Image
 
 Colour = str | tuple[Share, Share, Share]
 """As "#rrggbb", or red, green and blue from 0 to 1."""
@@ -65,24 +64,29 @@ def rgba(colour: Colour) -> list[float]:
     return [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)] + [1.0]
 
 
+SIDES = np.array(
+    [
+        [[1, 0, 0], [0, 1, 0]],
+        [[1, 0, 0], [0, -1, 0]],
+        [[0, 1, 0], [0, 0, 1]],
+        [[0, -1, 0], [0, 0, 1]],
+        [[-1, 0, 0], [0, 0, 1]],
+        [[1, 0, 0], [0, 0, 1]],
+    ]
+)
+"""For each side of a box the directions to the right and upwards of a picture on it, as seen from
+outside (6, 2, 3): the upper side first."""
+SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+"""Corners of a picture to the right and upwards of its middle, from the lower left one."""
 PLAIN: dict[str, object] = {"mass": 0, "contype": 0, "conaffinity": 0, "group": 2}
 """A geom that is seen and not touched."""
-
-
-def picture_named(name: str, setting: str) -> Image:
-    """Return the picture of a setting as RGB (H, W, 3): a shipped one by its bare name, or a file.
-
-    Raises:
-        ValueError: The picture is missing or cannot be read.
-    """
-    return read_image(file_of(name, "targets", ".png", setting))
 
 
 def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -> mujoco.MjSpec:
     """Return the model of a box with this length, width and height [m] that stands on z = 0.
 
-    A picture (H, W, 3) lies on each of its sides: on the upper one its right is at the nose.
-    Without one the box has the colour: red, green, blue and opacity, 0 to 1.
+    A picture (H, W, 3) lies on its upper side, its right at the nose. Without one the box has the
+    colour: red, green, blue and opacity, 0 to 1.
     """
     spec = mujoco.MjSpec()
     look: dict[str, object] = {"rgba": colour}
@@ -93,3 +97,39 @@ def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -
         type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=[0, 0, half[2]], **look, **PLAIN
     )
     return spec
+
+
+def pictured_box(size: Sequence[float], picture: Image) -> mujoco.MjSpec:
+    """Return the model of a box with this length, width and height [m] that stands on z = 0, with a
+    picture (H, W, 3) upright on each of its sides; on the upper one its right is at the nose.
+
+    It is a mesh: MuJoCo mirrors a picture on two sides of a box.
+    """
+    outwards = np.cross(SIDES[:, 0], SIDES[:, 1])
+    corners = (outwards[:, None] + SQUARE @ SIDES + (0, 0, 1)) * size / 2
+    spec = mujoco.MjSpec()
+    add_rectangles(spec, "box", corners, (SQUARE + 1) / 2, picture)
+    return spec
+
+
+def add_rectangles(
+    spec: mujoco.MjSpec, name: str, corners: Array, places: Array, picture: Image
+) -> None:
+    """Add a mesh of rectangles with a picture to a model. They are seen from one side only.
+
+    Args:
+        spec: The model, which is changed.
+        name: Name of the mesh, its geom and its material.
+        corners: Corners (n, 4, 3) [m], counter-clockwise as seen from this side.
+        places: Their places in the picture (4, 2): 0..1 from its left and from its bottom, and
+            beyond where the picture is repeated.
+        picture: The picture (H, W, 3).
+    """
+    halves = np.array([[0, 1, 2], [0, 2, 3]])
+    faces = 4 * np.arange(len(corners))[:, None, None] + halves
+    mesh = Triangles(
+        corners.reshape(-1, 3), faces.reshape(-1, 3), np.tile(places[halves], (len(corners), 1, 1))
+    )
+    kind = mujoco.mjtGeom.mjGEOM_MESH
+    geom = spec.worldbody.add_geom(name=name, type=kind, meshname=name, **PLAIN)
+    show(spec, spec.add_mesh(name=name), [geom], [(mesh, Material((), picture))])

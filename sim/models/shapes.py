@@ -2,16 +2,14 @@
 
 from collections.abc import Sequence
 
-import cv2
 import mujoco
 import numpy as np
 
+from sim.files.picture_file import shrunk
 from sim.models.mesh_file import Material, Triangles
 from sim.types import Image
 
 PICTURE = "picture"
-LARGEST_SIDE = 2048
-"""A larger picture is made smaller [px]: no camera sees more of it."""
 
 
 def fill(shape: mujoco.MjsMesh, mesh: Triangles, material: Material | None) -> None:
@@ -85,12 +83,7 @@ def add_picture(spec: mujoco.MjSpec, picture: Image, name: str = PICTURE) -> str
     """Add a picture (H, W, 3), reduced to at most 2048 px a side, to a model as a material called
     `name`; return this name.
     """
-    side = max(picture.shape[:2])
-    if side > LARGEST_SIDE:
-        scale = LARGEST_SIDE / side
-        size = [max(1, round(n * scale)) for n in picture.shape[1::-1]]
-        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-    lay(spec, picture, spec.add_material(name=name, specular=0, shininess=0), name)
+    lay(spec, shrunk(picture), spec.add_material(name=name, specular=0, shininess=0), name)
     return name
 
 

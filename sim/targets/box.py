@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.models.paint import Colour, box, picture_named, rgba
+from sim.files.picture_name import picture_named
+from sim.models.paint import Colour, box, pictured_box, rgba
 from sim.models.target import Target, rectangle
-from sim.ranges import Length
+from sim.ranges import File, Length
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,8 +18,9 @@ class Config:
     """Length along the nose, width, height [m]."""
     colour: Colour = "#b0305a"
     """As "#rrggbb", or red, green and blue from 0 to 1."""
-    picture: str | None = None
-    """A picture for each side, in place of the colour: a shipped one's name, or a file."""
+    picture: File | None = None
+    """A picture for each side, in place of the colour: a shipped one's name, a file, or
+    "skimage:NAME"."""
 
     def build(self, rng: np.random.Generator) -> Target:
         """Return the target; uses no random numbers.
@@ -26,7 +28,9 @@ class Config:
         Raises:
             ValueError: There is no such colour or picture.
         """
-        picture = None if self.picture is None else picture_named(self.picture, "picture")
-        spec = box(self.size, rgba(self.colour), picture)
+        if self.picture is None:
+            spec = box(self.size, rgba(self.colour), None)
+        else:
+            spec = pictured_box(self.size, picture_named(self.picture, "targets", "picture"))
         length, width, height = self.size
         return Target(spec, rectangle(np.array([0, 0, height]), length, width))

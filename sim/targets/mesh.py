@@ -10,10 +10,11 @@ import mujoco
 import numpy as np
 
 from sim.files.notices import notice
+from sim.files.picture_name import picture_named
 from sim.files.shipped import file_of
 from sim.models.mesh_file import Material, Triangles, listed, read_mesh, trimesh
 from sim.models.model_files import said_by_mujoco
-from sim.models.paint import PLAIN, Colour, Outlined, picture_named, rgba
+from sim.models.paint import PLAIN, Colour, Outlined, rgba
 from sim.models.shapes import show
 from sim.models.target import Target
 from sim.ranges import Degrees, File, Length
@@ -49,8 +50,8 @@ class Config(Outlined):
     """As "#rrggbb", or red, green and blue from 0 to 1; by default the colours and pictures of the
     .mtl that an OBJ file names, and yellow where it names none."""
     texture: File | None = None
-    """A picture in place of the colours: a shipped one's name, or a file; the mesh says where it
-    lies."""
+    """A picture in place of the colours: a shipped one's name, a file, or "skimage:NAME"; the mesh
+    says where it lies."""
 
     def build(self, rng: np.random.Generator) -> Target:
         """Return the target, centred and resting on the table; uses no random numbers.
@@ -63,7 +64,9 @@ class Config(Outlined):
         mesh = _seen_from_outside(read_mesh(path, materials=own))
         if mesh.missing:
             notice(f"{path}: not drawn: {listed(mesh.missing)}")
-        picture = None if self.texture is None else picture_named(self.texture, "texture")
+        picture = None
+        if self.texture is not None:
+            picture = picture_named(self.texture, "targets", "texture")
         given = Material(tuple(rgba(self.colour or YELLOW)), picture)
         try:
             return self.target(self._spec(mesh, given, own=own))

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.models.paint import THIN, box, picture_named
+from sim.files.picture_name import picture_named
+from sim.models.paint import THIN, box
 from sim.models.target import Target, rectangle
 from sim.ranges import File, Length
 
@@ -14,7 +15,7 @@ class Config:
     """Settings of a flat picture on the table: the picture, its length and its width [m]."""
 
     picture: File = "pebbles"
-    """A shipped picture's name, or a file; it is stretched over the plate."""
+    """A shipped picture's name, a file, or "skimage:NAME"; it is stretched over the plate."""
     length: Length = 0.2
     """Length along the nose, which is the picture's width [m]."""
     width: Length = 0.15
@@ -26,6 +27,6 @@ class Config:
         Raises:
             ValueError: There is no such picture.
         """
-        picture = picture_named(self.picture, "picture")
+        picture = picture_named(self.picture, "targets", "picture")
         spec = box((self.length, self.width, THIN), (1, 1, 1, 1), picture)
         return Target(spec, rectangle(np.array([0, 0, THIN]), self.length, self.width))

@@ -8,7 +8,9 @@ from tempfile import TemporaryDirectory
 import av
 import gymnasium
 import numpy as np
+import photographed
 from matplotlib import pyplot as plt
+from PIL import Image
 
 import servo
 from tracking.drawing import colours
@@ -239,7 +241,28 @@ def drivers() -> None:
     saved(figure, "drivers.png", TUTORIALS)
 
 
-DRAWN = {one.__name__: one for one in (contrast, hand_follow, environment, ros2, drivers)}
+def photographs() -> None:
+    """A drawn photograph of gravel with the sheet on it, straightened, and two scenarios."""
+    with TemporaryDirectory() as folder:
+        plane = photographed.gravel()
+        plane = photographed.with_sheet(plane, photographed.printed(), 0.2)
+        image, _ = photographed.photograph(plane, (0.12, -0.42, 0.62), blur=0.7, noise=4.0)
+        Image.fromarray(image).save(f"{folder}/a.png")
+        command = [sys.executable, "-m", "servo", "photo", "a.png", "--out", "b.png"]
+        subprocess.run(command, check=True, cwd=folder)
+        straight = np.asarray(Image.open(f"{folder}/b.png"))
+    figure, axes = plt.subplots(1, 4, figsize=(8, 1.75), layout="constrained")
+    shown(axes[0], image, "a photograph")
+    shown(axes[1], straight, "straightened")
+    for ax, name in zip(axes[2:], ("photo_plate", "photo_walls"), strict=True):
+        large = ["camera.width=640", "camera.height=480", "run.duration=0.05"]
+        step = next(iter(servo.run(servo.load(name, large))))
+        shown(ax, step.frame.image, name)
+    saved(figure, "photographs.jpg")
+
+
+PARTS = (contrast, hand_follow, environment, photographs, ros2, drivers)
+DRAWN = {one.__name__: one for one in PARTS}
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or DRAWN:

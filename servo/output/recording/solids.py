@@ -11,6 +11,7 @@ import rerun as rr
 
 from sim.models.quaternion import matrix_of, quaternion_of
 from sim.models.target import SHOWN
+from sim.surroundings import WALLS
 from sim.types import Array, Image, Pose
 
 LINE_RADIUS = 0.6
@@ -68,11 +69,13 @@ class Shape:
 
 
 def shapes_of(model: mujoco.MjModel) -> list[Shape]:
-    """Return all visible geoms of a model as shapes, except for planes, which are endless."""
+    """Return all visible geoms of a model as shapes, except for planes, which are endless,
+    and the walls, which would hide the room.
+    """
     found: list[Shape] = []
     for g in range(model.ngeom):
         kind = KINDS.get(mujoco.mjtGeom(model.geom_type[g]))
-        if kind is None or not SHOWN[model.geom_group[g]]:
+        if kind is None or model.geom(g).name == WALLS or not SHOWN[model.geom_group[g]]:
             continue
         size = model.geom_size[g].copy()
         if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_SPHERE:

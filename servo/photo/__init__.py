@@ -1,0 +1,1 @@
+"""Photographs of a plane, straightened by a printed sheet of tags that lies on it."""

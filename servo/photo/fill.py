@@ -1,0 +1,101 @@
+"""Fills the place of the sheet in a straightened picture with the plane beside it."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.types import Array, Image
+
+BORDER = 12
+"""The filling fades out on a border of this fraction of the hole's shorter side (1 / 12)."""
+Area = tuple[slice, slice]
+"""Rows and columns of a part of a picture."""
+
+
+def filled(image: Image, hole: Area) -> Image:
+    """Return a picture (h, w, 3) whose hole is filled with the parts of the picture beside it, in
+    the light that is around the hole.
+
+    Raises:
+        ValueError: There is no room beside it for a part of its size, or for two of half its size.
+    """
+    border = max(3, min(each.stop - each.start for each in hole) // BORDER)
+    for plan in _plans(hole):
+        targets = [_grown(part, border, image) for part, _ in plan]
+        sources = [_moved(area, shift) for area, (_, shift) in zip(targets, plan, strict=True)]
+        if all(_is_inside(each, image) for each in sources):
+            break
+    else:
+        raise ValueError(
+            "there is no room beside the sheet to fill its place from: show more of the plane, or "
+            "give --covered crop or --covered keep"
+        )
+    result = image
+    for (part, _), target, source in zip(plan, targets, sources, strict=True):
+        around = _mask(_grown(target, border, image), image) & ~_mask(target, image)
+        light = _light(image, around & ~_mask(hole, image))
+        copied = result.astype(float)
+        copied[target] += image[source] - _light(image, _mask(source, image))[source]
+        copied[target] += light[target] - result[target]
+        share = _mask(_grown(part, border // 2, image), image).astype(np.float32)
+        share = cv2.blur(share, (2 * (border // 2) + 1,) * 2)[..., None]
+        result = (share * copied + (1 - share) * result).clip(0, 255).round().astype(np.uint8)
+    return result
+
+
+def _plans(hole: Area) -> list[list[tuple[Area, tuple[int, int]]]]:
+    """Return plans to fill a hole, the best first: for each part of the hole, how many times its
+    own height below it and its own width to the right of it the picture is copied from.
+    """
+    rows, columns = hole
+    row = (rows.start + rows.stop) // 2
+    column = (columns.start + columns.stop) // 2
+    left = rows, slice(columns.start, column)
+    right = rows, slice(column, columns.stop)
+    upper = slice(rows.start, row), columns
+    lower = slice(row, rows.stop), columns
+    whole = [[(hole, shift)] for shift in ((0, 1), (0, -1), (1, 0), (-1, 0))]
+    return [*whole, [(left, (0, -1)), (right, (0, 1))], [(upper, (-1, 0)), (lower, (1, 0))]]
+
+
+def _grown(area: Area, border: int, image: Image) -> Area:
+    """Return an area with a border around it, as far as it is in the picture."""
+    rows, columns = (
+        slice(max(0, each.start - border), min(size, each.stop + border))
+        for each, size in zip(area, image.shape, strict=False)
+    )
+    return rows, columns
+
+
+def _moved(area: Area, shift: tuple[int, int]) -> Area:
+    """Return an area that is moved by multiples of its own height and width."""
+    rows, columns = (
+        slice(each.start + by * size, each.stop + by * size)
+        for each, by in zip(area, shift, strict=True)
+        for size in [each.stop - each.start]
+    )
+    return rows, columns
+
+
+def _is_inside(area: Area, image: Image) -> bool:
+    """Return whether an area is completely in a picture."""
+    return all(
+        each.start >= 0 and each.stop <= size for each, size in zip(area, image.shape, strict=False)
+    )
+
+
+def _mask(area: Area, image: Image) -> NDArray[np.bool_]:
+    """Return a mask (h, w) that is true in an area of a picture."""
+    mask = np.zeros(image.shape[:2], bool)
+    mask[area] = True
+    return mask
+
+
+def _light(image: Image, mask: NDArray[np.bool_]) -> Array:
+    """Return the light on a picture (h, w, 3): the linear function of row and column that fits its
+    values best where a mask is true.
+    """
+    rows, columns = np.indices(mask.shape) / max(mask.shape)
+    terms = np.stack([np.ones(mask.shape), rows, columns], axis=2)
+    factors = np.linalg.lstsq(terms[mask], image[mask].astype(float))[0]
+    return terms @ factors
