@@ -1,5 +1,5 @@
-"""Values that the simulated world gives to trackers and control: camera, pose, frame, truth. This
-file does not use MuJoCo.
+"""Values that the simulated world gives to trackers and control (camera, pose, posture, frame,
+truth), and the effects of disturbances. This file does not use MuJoCo.
 
 Poses compare by their numbers; postures, frames and truths, which hold many arrays, by identity.
 """
@@ -198,7 +198,9 @@ class Frame:
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
     """The exact pose of the target at the time of one frame, and the projection of its reference
-    rectangle into the image: centre and corners [px], direction theta [rad] and size [px/m].
+    rectangle into the image: centre and corners [px], direction theta [rad] and size [px/m]. The
+    corners (4, 2) are those of the rear left, front left, front right and rear right, with the nose
+    ahead.
     """
 
     centre: Array
