@@ -241,7 +241,7 @@ def run_vot(
     **settings: object,
 ) -> None:
     """Follow a target for the VOT toolkit: take its pictures one after the other, and report a
-    region for each, until they end.
+    region for each but the first, until they end.
 
     Args:
         handle: The toolkit's object, such as `vot.VOT("rectangle")`.
