@@ -125,8 +125,8 @@ class Homography:
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Return the estimate from the alignment of the template with a frame, begun at the
-        predicted corners; a target that is not seen keeps its last corners, around which the next
-        frame is searched.
+        predicted corners; a target that is not seen keeps its last corners, moved by `ego`, around
+        which the next frame is searched.
 
         Args:
             frame: The next frame.
