@@ -79,8 +79,8 @@ class Bins(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ColourBins:
-    """Bins of colour: each channel of RGB is divided into equal intervals, and a bin is one
-    interval of each.
+    """Bins of colour: each channel of RGB is divided into `levels` equal intervals, and a bin is
+    one interval of each.
     """
 
     levels: int = 8

@@ -1,4 +1,6 @@
-"""Encoding of pictures as the bytes of JPEG or PNG files."""
+"""Encoding of pictures as the bytes of JPEG or PNG files, and of depth pictures as those of PNG
+files.
+"""
 
 import cv2
 import numpy as np

@@ -178,8 +178,8 @@ def check_truth(
 
 
 def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
-    """Return the sequences of one folder of pictures, one for each truth file; an empty list if it
-    has none.
+    """Return the sequences of one folder of pictures, one for each truth file; an empty list
+    without a truth file.
 
     Args:
         folder: The folder, also in OTB's and VOT's layouts.

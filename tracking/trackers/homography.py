@@ -107,7 +107,8 @@ class Homography:
         texture is reported as not seen in all later pictures.
 
         Raises:
-            ValueError: The region is empty, or most of it is outside the picture.
+            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
+                picture.
         """
         check_region(frame, region, state)
         self._region = region
