@@ -298,7 +298,8 @@ class Backdrop:
 
     def is_hidden(self, data: mujoco.MjData, camera: int) -> bool:
         """Return whether the table hides sky and floor from a camera (by id): it does if the lines
-        of sight through the picture's four corners all end on the table.
+        of sight through the picture's four corners all end on the table, more than 1 cm from its
+        edge, and the camera is not within 5 cm of it.
         """
         eye = data.cam_xpos[camera]
         rays = data.cam_xmat[camera].reshape(3, 3) @ self._corners
