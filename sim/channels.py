@@ -2,7 +2,8 @@
 
 The `Config` of a component (tracker, estimator, controller, ...) declares its channels: `needs =
 frozenset({Channel.TRUTH})`. It receives them by its method `see(view)`, which is called before the
-other methods that work on a picture; the `View` holds the declared channels only.
+other methods that work on a picture; the `View` holds the declared channels only. The goal's
+picture and the ego motion are given to controllers and trackers as arguments instead.
 """
 
 from dataclasses import dataclass

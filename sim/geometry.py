@@ -1,4 +1,5 @@
-"""Rotations SO(3) and rigid motions SE(3): exponentials and logarithms; inverses of matrices.
+"""Rotations SO(3) and rigid motions SE(3): exponentials, logarithms, adjoints, angles, and poses
+from roll, pitch and yaw; inverses of matrices.
 
 A twist is (v, w): linear velocity first [m/s], then angular velocity [rad/s], both in the moving
 frame.
@@ -95,7 +96,7 @@ def adjoint(T_a_b: Pose) -> Array:
 
 def log_se3(pose: Pose) -> Array:
     """Return the constant twist (6,) [m/s, rad/s], in the moving frame, that makes a pose
-    T_before_after in 1 s; the inverse of `exp_se3`.
+    T_before_after, with a rotation below pi, in 1 s; the inverse of `exp_se3`.
     """
     w = log_so3(pose.rotation)
     t = pose.translation

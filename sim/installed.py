@@ -55,7 +55,8 @@ def entries() -> tuple[Installed, ...]:
     """Return the kinds of component (trackers, controllers, ...) that all installed packages add.
 
     A package with damaged metadata is skipped, while `importlib.metadata.entry_points` would fail
-    for all. Of two packages with the same name, the first one found counts.
+    for all, and so are entry points with control characters. Of two packages with the same name,
+    the first one found counts. The packages are searched once in a process.
     """
     found = dict[str, list[Installed]]()
     for package in metadata.distributions():
@@ -102,7 +103,7 @@ def plain(text: str) -> str:
 
 def imported(path: str) -> object:
     """Return the object at a path such as "package.module:Name"; the working directory is searched
-    after all other places.
+    after all other places, and then stays in `sys.path`.
 
     Raises:
         BrokenPart: The object cannot be imported; an error in the module is the exception's cause.

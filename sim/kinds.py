@@ -152,6 +152,7 @@ class Kinds(Generic[Config]):
         Raises:
             UnknownKind: There is no such kind or preset.
             TypeError: There is no such setting.
+            ValueError: The `Config` refuses the settings.
         """
         begin = {} if preset is None else self.preset(kind, preset)
         return self.config_of(kind)(**{**begin, **settings})
@@ -176,7 +177,8 @@ class Kinds(Generic[Config]):
         messages.
 
         Raises:
-            UnknownKind: The object is not a `Config`, and the folder cannot adapt it.
+            UnknownKind: The object is not a `Config` (a dataclass with a default for each field and
+                a method `build`), and the folder cannot adapt it.
         """
         if isinstance(found, type) and callable(getattr(found, "build", None)):
             _check_config(found, name)

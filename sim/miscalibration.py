@@ -157,7 +157,8 @@ class BelievedRobot:
 
     def driven(self, rates: Array, hold: float) -> Array:
         """Return the joint rates (n,) [m/s or rad/s] if the motors have the given rates for a time
-        `hold` [s]: less by what the backlash takes.
+        `hold` [s]: less by what the backlash takes. Where the motors are in the backlash afterwards
+        is stored for the next call.
         """
         if not self._slack.any():
             return rates
@@ -166,8 +167,8 @@ class BelievedRobot:
         return rates - (self._play - before) / hold
 
     def posture(self, data: mujoco.MjData, accepted: Array | None) -> Posture:
-        """Return the posture that the robot computes from its encoders; its twist is the mean since
-        the last call.
+        """Return the posture that the robot computes from its encoders and its wrong model; its
+        twist is the mean since the last call of this method, zero at the first.
 
         Args:
             data: MuJoCo's state, with the true joint positions.
@@ -201,7 +202,8 @@ def as_believed(
     robot: Robot, design: Design, believed: BelievedConfig, rng: np.random.Generator | None
 ) -> Robot | BelievedRobot:
     """Return a robot with the errors of calibration, encoders and backlash that its settings give;
-    the given robot itself if they are all zero. `rng` draws the noise of the encoders.
+    the given robot itself if they are all zero. `rng` draws the noise of the encoders (None: with
+    seed 0).
     """
     d = design.drives
     errors = [np.ravel(each) for each in (d.encoder_noise, d.encoder_step, d.backlash)]

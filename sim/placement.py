@@ -62,7 +62,7 @@ def camera_above(
     Args:
         camera: Intrinsics.
         point: World point (3,) [m].
-        heading: Direction in the world, about z [rad].
+        heading: Direction in the world, from x towards y [rad].
         pixel: Desired projection of the point (2,) [px].
         theta: Desired direction of the heading in the image, from +u towards +v [rad].
         depth: Distance along the optical axis [m].
@@ -102,9 +102,9 @@ def camera_facing(outline: Array, T_world_target: Pose, T_camera_object: Pose) -
 
 
 def object_frame(outline: Array) -> Pose:
-    """Return T_target_object: the pose of a reference rectangle's own frame, whose origin is the
-    centre and whose z points away from a viewer (down), from the corners (4, 3) in the target's
-    frame [m].
+    """Return T_target_object: the pose of a reference rectangle's own frame, with its origin in the
+    centre, x along the nose and z away from a viewer (down), from the corners (4, 3) in the
+    target's frame [m].
     """
     return Pose(DOWN, outline.mean(axis=0))
 

@@ -107,8 +107,8 @@ class Stage:
         return reduce(or_, (d.at(time) for d in self._disturbances), Effect())
 
     def target(self, time: float) -> Pose:
-        """Return T_world_target at a time of the run [s]; if the robot holds the target, its
-        present pose.
+        """Return T_world_target at a time of the run [s]; if the robot holds the target, its pose
+        as computed last in the state that this stage was made with, at any time.
         """
         return self._mounting.target(self._at(time), self._hand)
 

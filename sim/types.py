@@ -1,5 +1,5 @@
-"""Values that the simulated world gives to trackers and control: camera, pose, frame, truth. This
-file does not use MuJoCo.
+"""Values that the simulated world gives to trackers and control (camera, pose, posture, frame,
+truth), and the effects of disturbances. This file does not use MuJoCo.
 
 Poses compare by their numbers; postures, frames and truths, which hold many arrays, by identity.
 """
@@ -135,9 +135,9 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posture:
-    """A robot's own knowledge at one moment: its camera's pose in the room, joint positions and
-    limits [m or rad], limits of joint rates [m/s or rad/s], and camera twists (6,) in the camera
-    frame [m/s, rad/s].
+    """A robot's own knowledge at one moment: its camera's pose in the room (in the target's frame,
+    if the robot holds the target), joint positions and limits [m or rad], limits of joint rates
+    [m/s or rad/s], and camera twists (6,) in the camera frame [m/s, rad/s].
 
     Of the twists, `twist` is the measured one, `asked` the commanded one and `accepted` the part of
     it that the joint limits allow, all means since the last frame; `under_way` has commands that
@@ -146,7 +146,9 @@ class Posture:
 
     T_base_camera: Pose
     """Pose of the camera (x right, y down, z forward) in the frame that the robot is calibrated to:
-    the room's, whose z is up and whose table is at z = 0, wherever the robot's own base is."""
+    the room's, whose z is up and whose table is at z = 0, wherever the robot's own base is; the
+    target's, if the robot holds the target.
+    """
     twist: Array
     """Mean camera twist (6,) since the last frame [m/s, rad/s]."""
     joints: Array
@@ -198,7 +200,9 @@ class Frame:
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
     """The exact pose of the target at the time of one frame, and the projection of its reference
-    rectangle into the image: centre and corners [px], direction theta [rad] and size [px/m].
+    rectangle into the image: centre and corners [px], direction theta [rad] and size [px/m]. The
+    corners (4, 2) are those of the rear left, front left, front right and rear right, with the nose
+    ahead.
     """
 
     centre: Array

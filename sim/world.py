@@ -60,7 +60,9 @@ class WorldConfig:
 
 @dataclass(frozen=True, slots=True)
 class WorldParts:
-    """The parts that a world is made of: robot, target, motion, disturbances, and settings."""
+    """The parts that a `World` is made of: robot, target, motion and disturbances; the settings of
+    camera, simulation and leader; the errors of calibration; and the surroundings.
+    """
 
     robot: Design
     target: Target
@@ -306,14 +308,15 @@ class World:
         return tuple(slowed_by)
 
     def posture(self) -> Posture:
-        """Return the robot's exact posture at the present time: camera pose, twist, joints, limits
-        and Jacobian.
+        """Return the robot's exact posture at the present time, as `Robot.posture` does; its twists
+        are means since the last frame, zero before the first `step`.
         """
         return self.robot.posture(self.data, self._mean_twist, self._accepted)
 
     def believed(self, posture: Posture) -> Posture:
         """Return the posture that the robot believes to have now; `posture`, the exact one, if it
-        makes no errors.
+        makes no errors. Call it once a frame: it draws encoder noise, and its twist is the mean
+        since the last call.
         """
         if isinstance(self._known, Robot):
             return posture
@@ -321,7 +324,7 @@ class World:
 
     def look(self) -> Frame:
         """Return the frame at the present time; if the camera drops it, the frame holds the last
-        picture.
+        picture, and its `fresh` is False.
         """
         return self.begin()()
 

@@ -1,4 +1,6 @@
-"""State, region, estimate and status of a tracked target, and the protocol of a tracker."""
+"""State, region, estimate and status of a tracked target; the protocol of a tracker, its traits,
+and checks of its arguments.
+"""
 
 from __future__ import annotations
 

@@ -1,3 +1,3 @@
-"""The simulated camera: intrinsics, lens distortion, sensor noise, and renderers (OpenGL or
-software).
+"""The simulated camera: settings and intrinsics, lens distortion, exposure and sensor noise, depth
+sensor, and renderers (OpenGL or software).
 """

@@ -203,7 +203,8 @@ def pinhole(model: mujoco.MjModel, name: str, width: int, height: int) -> Camera
 
 def camera_of(config: CameraConfig, model: mujoco.MjModel, name: str) -> Camera:
     """Return the intrinsics of a MuJoCo model's camera, by its name; values that the settings give
-    replace those of the model.
+    replace those of the model. A vertical field of view, without a focal length in the settings or
+    a sensor size in the model, is that of the picture with the distortion.
 
     Raises:
         ValueError: The distortion or the field of view cannot be rendered, the model's camera is

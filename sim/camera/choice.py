@@ -11,11 +11,11 @@ from sim.camera.renderer import MakeRenderer, OpenGLRenderer
 
 def renderer_of(config: CameraConfig) -> MakeRenderer:
     """Return the maker of the renderer that a camera's settings name; on a machine without OpenGL,
-    that of the software renderer "exact".
+    that of the software renderer "exact", and a line on stderr says so.
 
     Raises:
-        ValueError: `kind` is "recording": only a scenario with a table [recording] has such a
-            renderer.
+        ValueError: `config.renderer` is "recording": only a scenario with a table [recording] has
+            such a renderer.
     """
     if config.renderer == "recording":
         raise ValueError('camera.renderer = "recording" needs a table [recording]')

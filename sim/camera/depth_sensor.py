@@ -29,7 +29,8 @@ class DepthSensor:
 
     def develop(self, exact: DepthPicture) -> DepthPicture:
         """Return the sensor's read-only depth picture (H, W) [m] for exact depths (H, W) [m]; nan
-        where the sensor measures no depth.
+        where the sensor measures no depth: where no surface is, outside its range, and within
+        `depth_holes` px of an edge between near and far.
 
         The noise of a depth z has the standard deviation `depth_noise` z^2: that of a triangulation
         whose disparity has a constant noise (Khoshelham and Elberink 2012, Accuracy and resolution

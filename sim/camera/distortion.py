@@ -54,6 +54,9 @@ class Distortion:
     At a large radius a polynomial may fold back: two rays would meet in one pixel. Rays beyond the
     radius `reach` are therefore bent by the factor that holds at `reach`, so that points far
     outside the picture stay outside.
+
+    Raises:
+        ValueError: The model is unknown, or the coefficients have a wrong number or are not finite.
     """
 
     model: Model
@@ -96,7 +99,8 @@ class Distortion:
 
     def bend(self, rays: Array) -> Array:
         """Return the distorted normalised image coordinates (..., 2) of undistorted ones (..., 2),
-        which are x = X/Z, y = Y/Z in the camera frame.
+        which are x = X/Z, y = Y/Z in the camera frame; beyond the radius `reach` in proportion to
+        the radius.
         """
         return _extended(self, rays)[0]
 

@@ -1,5 +1,5 @@
-"""The OpenGL context that all renderers of a process share, and checks that this machine has
-OpenGL.
+"""The OpenGL context that all renderers of a process share, the thread that renders in it, and
+checks that this machine has OpenGL.
 
 MuJoCo's wheel ships no OpenGL. Without it MuJoCo fails with messages that name the wrong cause, so
 this file checks first.
@@ -69,7 +69,8 @@ class NoRenderer(RuntimeError):
 
 def backend() -> str:
     """Return MuJoCo's name of the OpenGL back end for this machine: 'egl' or 'osmesa' on Linux,
-    'glfw' elsewhere.
+    'glfw' elsewhere. Set LP_NUM_THREADS, the number of threads of Mesa's rasteriser, to 0 if it is
+    not set.
 
     Raises:
         NoRenderer: A library or a driver is missing, or MUJOCO_GL switches rendering off.
@@ -93,8 +94,8 @@ def backend() -> str:
 
 @functools.cache
 def is_there() -> bool:
-    """Return whether this machine has OpenGL; if not, say once on stderr that the renderer "exact"
-    is used.
+    """Return whether this machine has OpenGL; if not, say on stderr that the renderer "exact" is
+    used, once for this process and those that it starts.
     """
     try:
         backend()
@@ -134,8 +135,8 @@ def call(function: Callable[..., Result], *args: object) -> Future[Result]:
     runs in the calling thread, before this returns.
 
     Raises:
-        NoRenderer: A library is missing, rendering is switched off, or OpenGL makes no context;
-            on Linux raised by the future's result.
+        NoRenderer: A library is missing, rendering is switched off, or OpenGL makes no context; on
+            Linux the future's result raises it, and the function's own errors.
     """
     if sys.platform != "linux":  # GLFW makes contexts in the main thread only
         done: Future[Result] = Future()

@@ -1,5 +1,5 @@
 """The camera's lens and sensor: they turn rendered pinhole pictures into frames with distortion,
-motion blur, brightness changes and noise.
+motion blur or a rolling shutter, brightness changes and noise.
 """
 
 from collections.abc import Sequence
@@ -30,8 +30,8 @@ GAINS = 1 / 8, 8.0
 
 @final
 class Lens:
-    """Applies the distortion of a lens to rendered pinhole pictures; without distortion, returns
-    them unchanged.
+    """Applies the distortion of a camera's lens to pictures of the pinhole camera `view`, which
+    covers all that the camera sees; without distortion, returns them unchanged.
     """
 
     def __init__(self, camera: Camera) -> None:
@@ -94,7 +94,8 @@ def _view(camera: Camera) -> Camera:
 
 class Sensor:
     """Makes camera frames from rendered pinhole pictures: exposure, lens distortion, gain and
-    noise.
+    noise. With a rolling shutter, `bands` gives the rendered pictures of which each row is the
+    mean; `rng` draws the noise.
     """
 
     def __init__(
@@ -124,7 +125,8 @@ class Sensor:
 
     def develop(self, pictures: list[Image], gain: float) -> Image:
         """Return the read-only frame (H, W, 3) from the pictures rendered in one frame interval, in
-        order of time; `gain` is a factor on their brightness.
+        order of time; `gain` is a factor on their brightness. An automatic gain is applied too, and
+        adapted for the next frame.
 
         The first interval of a run has one picture only. The lens distorts the mean of the
         pictures, which is the same as to distort each of them.

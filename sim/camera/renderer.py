@@ -1,8 +1,8 @@
-"""Rendering of pinhole pictures of the scene, off screen, and masks of the pixels that show some
-geoms.
+"""Rendering, off screen, of pinhole pictures of the scene, of depth pictures, and of masks of the
+pixels that show some geoms.
 
-Here MuJoCo's camera frame (x right, y up, looking along -z) becomes the vision frame (x right, y
-down, z forward), and nowhere else.
+Poses of cameras are in the vision frame (x right, y down, z forward), not in MuJoCo's camera frame
+(x right, y up, looking along -z).
 """
 
 import os
@@ -74,7 +74,7 @@ class Renderer(Protocol):
 
         Args:
             data: The scene as it is.
-            geoms: Mask over the ids of all geoms (ngeom,).
+            geoms: Mask over the ids of all geoms (ngeom,), true for the given ones.
             alone: Draw these geoms only.
         """
         ...
@@ -101,7 +101,10 @@ T = TypeVar("T")
 
 
 class OpenGLRenderer:
-    """MuJoCo's OpenGL renderer, off screen. It holds OpenGL buffers until it is closed."""
+    """MuJoCo's OpenGL renderer, off screen, for a camera of a model (by its name) with the
+    intrinsics `view`, which are written into the model. It holds OpenGL buffers until it is closed,
+    and renders only in the process that made it; without OpenGL it raises NoRenderer.
+    """
 
     def __init__(self, model: mujoco.MjModel, camera: str, view: Camera) -> None:
         if pinhole(model, camera, view.width, view.height) != view:
@@ -295,7 +298,8 @@ class Backdrop:
 
     def is_hidden(self, data: mujoco.MjData, camera: int) -> bool:
         """Return whether the table hides sky and floor from a camera (by id): it does if the lines
-        of sight through the picture's four corners all end on the table.
+        of sight through the picture's four corners all end on the table, more than 1 cm from its
+        edge, and the camera is not within 5 cm of it.
         """
         eye = data.cam_xpos[camera]
         rays = data.cam_xmat[camera].reshape(3, 3) @ self._corners

@@ -16,7 +16,7 @@ SPEED = 0.2
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
     """Settings of the second target: when it appears and for how long [s], and where it starts, x,
-    y in the world [m].
+    y in the world [m]. It drives along world y at 0.2 m/s.
     """
 
     props = ("second_target",)

@@ -40,7 +40,7 @@ class BitDepth:
 
     def reduced(self, deep: NDArray[np.uint16]) -> Image:
         """Return a uint16 picture (H, W, ...) as uint8: the highest 8 of the bits that its source
-        uses.
+        uses, which the first picture that is not black determines; larger values become 255.
         """
         self.uses_all(deep)
         shift = (self.used or DEEP) - 8

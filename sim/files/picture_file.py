@@ -119,7 +119,7 @@ def check_size(width: int, height: int, what: str = "the picture") -> None:
 
 
 def rgb(image: np.ndarray) -> Image:
-    """Return an OpenCV picture (grey, BGR or BGRA) as RGB (H, W, 3), read-only."""
+    """Return an OpenCV picture of 8 bits (grey, BGR or BGRA) as RGB (H, W, 3), read-only."""
     channels = 1 if image.ndim == 2 else image.shape[2]
     code = {1: cv2.COLOR_GRAY2RGB, 4: cv2.COLOR_BGRA2RGB}.get(channels, cv2.COLOR_BGR2RGB)
     turned = cv2.cvtColor(image, code).astype(np.uint8, copy=False)

@@ -1,4 +1,6 @@
-"""Reading of files that a user names: only regular files, up to a limit of size."""
+"""Reading of files that a user names, only regular files up to a limit of size, and of the names in
+a folder.
+"""
 
 import re
 import stat

@@ -21,7 +21,8 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
     name as a path.
 
     A name with a slash is always a path. The full name of a shipped file, such as "duck.obj",
-    selects it unless the working directory has a file of this name.
+    selects it unless the working directory has a file of this name. If the user and servobench both
+    have a file of the name, a warning says which is used.
 
     Args:
         name: Such as "duck", "duck.obj" or "mine/duck.obj".
@@ -30,7 +31,7 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
         setting: Name of the setting in messages, such as "file".
 
     Raises:
-        ValueError: No shipped file has this bare name.
+        ValueError: Neither a shipped file nor one in the working directory has this bare name.
     """
     own = Path(name)
     files = (resources.files("scenes") / folder).iterdir()

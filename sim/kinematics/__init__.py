@@ -1,3 +1,3 @@
-"""Robots that carry the camera or the target: their joints, velocity drives, forward and inverse
-kinematics, and workspaces.
+"""Robots that carry the camera or the target: conversion of their models, joints and velocity
+drives, forward and inverse kinematics, prediction of joint limits on a path, and workspaces.
 """

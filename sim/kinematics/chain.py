@@ -100,8 +100,9 @@ def flanges(spec: mujoco.MjSpec) -> list[tuple[str, str, int]]:
     "body", its name, and the number of joints that move it.
 
     Bodies and sites are left out if they have no name, if a gripper moves them, or if fewer joints
-    move them than the hand (or than six, if more move the hand). A single moving part beyond the
-    hand whose name is not that of a jaw stays: it may be a link.
+    move them than the hand, the last body of the longest chain before a gripper (or than six, if
+    more move the hand). A single moving part beyond the hand whose name is not that of a jaw stays:
+    it may be a link.
     """
     hand = _hand(spec)
     most = len(_joints(hand))

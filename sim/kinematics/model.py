@@ -118,14 +118,16 @@ def drive(
     speeds: Sequence[float | None],
 ) -> None:
     """Set the largest rates of a robot's joints. If the model has no velocity servos left, each
-    joint gets one, with the limits of force of the joint and of its former actuator.
+    joint gets one, with the limits of force of the joint and of its former actuator, and loses its
+    friction, damping and springs (see `add_drives`).
 
     Args:
         spec: The robot's model after `make_robot`; it is changed.
         model: The original model, compiled.
         joints: Ids of the robot's joints in the original model.
-        speeds: Largest rate of each joint [m/s or rad/s]; None: the rate of the model's velocity
-            servo, or else, if it has none, 2 rad/s or 0.5 m/s.
+        speeds: Largest rate of each joint [m/s or rad/s]; None: that of the joint's velocity servo
+            in the original model, which may be unlimited; for a new servo without such a limit, 2
+            rad/s or 0.5 m/s.
     """
     names = [model.joint(j).name for j in joints]
     if spec.actuators:

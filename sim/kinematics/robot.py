@@ -84,10 +84,11 @@ class Drives:
 class Inversion:
     """Settings of the inverse kinematics from camera twist to joint rates.
 
-    The inverse is damped (factor `damping`) where the smallest singular value of the Jacobian is
-    below `weakest`. Robots of more than six joints use their freedom to move towards mid-range
-    (gain `centring` [1/s]) and away from singular poses (gain `manipulability`). With `exact` the
-    rates bring the camera exactly to where the twist leads within the time for which they hold.
+    The inverse is damped (factor `damping`) where the smallest singular value of the Jacobian
+    (camera twist per joint rate) is below `weakest`. Robots of more than six joints use their
+    freedom to move towards mid-range (gain `centring` [1/s]) and away from singular poses (gain
+    `manipulability` [rad^2/s or m^2/s]). With `exact` the rates bring the camera exactly to where
+    the twist leads within the time for which they hold.
     """
 
     weakest: float = 0.02
@@ -324,8 +325,9 @@ class Robot:
         return data.qvel[self._dof].copy()
 
     def jacobian(self, data: mujoco.MjData) -> Array:
-        """Return the Jacobian (6, n): the camera's twist per joint rate, in the camera frame (x
-        right, y down, z forward), for the poses that MuJoCo computed last in `data`.
+        """Return the Jacobian (6, n) for the poses that MuJoCo computed last in `data`: the
+        camera's twist per joint rate, in the camera frame (x right, y down, z forward), relative to
+        the world, or to the target if the robot holds it.
         """
         linear, angular = self._jacobians
         mujoco.mj_jacSite(self.model, data, linear, angular, self._site)

@@ -37,7 +37,8 @@ class Rollout:
 def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
     """Predict whether a joint reaches a limit when the camera follows a path: joint rates for the
     path are integrated from the present positions in steps of 0.2 s, up to the first joint that is
-    at an end of its range.
+    at an end of its range. If the camera begins beside the path, its offset decays with a time
+    constant of 1 s.
 
     Args:
         robot: The robot.

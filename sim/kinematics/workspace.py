@@ -25,8 +25,8 @@ WEAK = 1e-6
 @dataclass(frozen=True, slots=True)
 class Workspace:
     """Where a robot's camera can be, from the origin of the robot's base [m]: its largest distance,
-    and its least and largest height while it looks down (nan if it never does); and a proposed base
-    in the room: x, y, z [m] and yaw [deg].
+    and its least and largest height while it looks down, within 25 deg of the vertical (nan if it
+    never does); and a proposed base in the room: x, y, z [m] and yaw [deg].
     """
 
     farthest: float

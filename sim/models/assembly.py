@@ -65,6 +65,9 @@ def build_model(
         props: Names of the models that disturbances need: "second_target", "spot".
         surroundings: Ground, clutter and light; by default as they are in the room's model.
         leader: The moving tag beside which the robot is to keep the target; None: there is none.
+
+    Raises:
+        ValueError: MuJoCo refuses the model, or a picture of the surroundings cannot be read.
     """
     wanted = set(props)
     with resources.as_file(resources.files("scenes")) as folder:

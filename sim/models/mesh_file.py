@@ -164,7 +164,8 @@ def why_not(file: Path) -> str:
 def read_mesh(
     path: Path, suffixes: tuple[str, ...] = SUFFIXES, *, materials: bool = True
 ) -> Triangles:
-    """Return the surface in a mesh file, and its materials.
+    """Return the surface in a mesh file, and its materials; those that cannot be read are listed in
+    `missing`.
 
     Args:
         path: The file.

@@ -19,7 +19,7 @@ is gone."""
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Return the compiled model; warnings of MuJoCo are ignored.
+    """Return the compiled model; warnings of MuJoCo are ignored, and its log is switched off.
 
     MuJoCo warns where the options of an attached model differ from those of the room, which are
     used.
@@ -55,7 +55,9 @@ def leave_out(spec: mujoco.MjSpec, parts: Iterable[str]) -> None:
 
 
 def keep_no_log() -> None:
-    """Stop MuJoCo from writing MUJOCO_LOG.TXT into the working directory, and to the terminal."""
+    """Stop MuJoCo in this process from writing MUJOCO_LOG.TXT into the working directory, and
+    messages to the terminal.
+    """
     config = mujoco.MjLogConfig.get()
     config.logto_file = False
     config.logto_console = False

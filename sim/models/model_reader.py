@@ -40,12 +40,15 @@ WEIGHTS = {"mass": ["value"], "inertia": ["ixx", "iyy", "izz", "ixy", "ixz", "iy
 
 
 def read_spec(path: Path, what: str, *, whole: bool = True) -> mujoco.MjSpec:
-    """Return the model in an MJCF or URDF file; it is known to compile.
+    """Return the model in an MJCF or URDF file; it is known to compile. Masses and inertias that
+    MuJoCo refuses are corrected, and shapes of a URDF file that cannot be read left out, with a
+    warning.
 
     Args:
         path: The model's file.
         what: The kind of model in messages, such as "robot".
-        whole: True: raise an error if a shape cannot be drawn; False: leave it out and warn.
+        whole: True: raise an error if MuJoCo refuses a shape, or misses a texture's file; False:
+            leave it out and warn.
 
     Raises:
         ValueError: The file cannot be read or compiled; the sentence begins with its path.
@@ -77,7 +80,7 @@ def spec_of_urdf(path: Path, mended: Mended) -> mujoco.MjSpec:
     """Return the model in a URDF file, with absolute paths of meshes.
 
     Links show their visual shapes, or their collision shapes if no visual one can be read; `mended`
-    records the shapes that are left out.
+    records the shapes that are left out, and the links whose mass or inertia is incomplete.
 
     Raises:
         ParseError: The file is not XML.

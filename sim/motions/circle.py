@@ -14,7 +14,8 @@ from sim.types import Pose
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
     """Settings of the circle on the table: centre x, y in the world [m], radius [m] and frequency
-    [Hz], which is negative for a clockwise drive as seen from above.
+    [Hz], which is negative for a clockwise drive as seen from above. The drive starts at x +
+    radius, y.
     """
 
     x: Place = 0.0

@@ -23,9 +23,10 @@ MIDDLE = np.array([0.0, 0.0, 0.3])
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a smooth motion of the target in six degrees of freedom: highest frequency [Hz];
-    largest distance from the start along world x and y (`way`) and along z (`rise`) [m]; largest
-    rotation about the vertical and largest tilt [deg].
+    """Settings of a smooth motion of the target in six degrees of freedom around a start 0.3 m
+    above the middle of the table: highest frequency [Hz]; largest distance from the start along
+    world x and y (`way`) and along z (`rise`) [m]; largest rotation about the vertical and largest
+    tilt [deg].
     """
 
     frequency: Annotated[float, Ge(0), Le(100)] = 0.2
@@ -52,8 +53,8 @@ class Config:
 @dataclass(frozen=True, slots=True, eq=False)
 class Six:
     """A motion of the target above the table: its position x, y, z [m] and its rotations about x,
-    y, z [rad], relative to the start, are each the mean of two sines of time, with the amplitudes
-    `largest` (6,) and the frequencies (2, 6) [Hz].
+    y, z [rad], relative to the start 0.3 m above the middle of the table, are each the mean of two
+    sines of time, with the amplitudes `largest` (6,) and the frequencies (2, 6) [Hz].
     """
 
     frequencies: Array

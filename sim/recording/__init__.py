@@ -1,5 +1,6 @@
-"""Package of recordings of real scenes as worlds: pictures of a camera that turns inside them, and
-the motion of the target that they show.
+"""Package of recordings of real scenes, which take the place of a rendered scene: pictures of a
+camera that turns about the centre of the recording camera, and the motion of the target that they
+show.
 
 The pictures of a camera that only turns about the centre of the recording camera follow exactly
 from the recorded ones: its pixel u shows what the pixel K_r R K_v^-1 u of the recording shows, with

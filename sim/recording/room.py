@@ -27,8 +27,9 @@ def turned(pan: float, tilt: float) -> Array:
 
 
 def room_in(recording: Camera, view: Camera) -> tuple[Range, Range] | None:
-    """Return the ranges (lowest, highest) of pan and of tilt [deg] in which a view stays inside the
-    recording, with any pan and any tilt together; None if the view is larger than the recording.
+    """Return the ranges (lowest, highest) of pan, to the right, and of tilt, upwards [deg], in
+    which a view stays inside the recording, with any pan and any tilt together; None if the view is
+    larger than the recording.
 
     Args:
         recording: The recording camera.

@@ -173,7 +173,8 @@ def _in_menagerie(model: str) -> Path:
 def shipped(
     model: str, drives: Drives, homes: tuple[tuple[float, ...], ...], inversion: Inversion
 ) -> Design:
-    """Return the design of a robot that comes with servobench.
+    """Return the design of a robot that comes with servobench; a second call with the same
+    arguments returns the same object.
 
     Args:
         model: File of its model in `scenes/robots`, such as "arm.xml".

@@ -1,1 +1,3 @@
-"""A target's appearance: bins, histograms, kernels, distances."""
+"""A target's appearance: histograms over bins of colour and texture under kernels, stored views,
+and the distance of a state from them.
+"""

@@ -79,8 +79,8 @@ class Bins(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ColourBins:
-    """Bins of colour: each channel of RGB is divided into equal intervals, and a bin is one
-    interval of each.
+    """Bins of colour: each channel of RGB is divided into `levels` equal intervals, and a bin is
+    one interval of each.
     """
 
     levels: int = 8
@@ -120,8 +120,9 @@ class LabelledImage:
         self._last: tuple[Window, Labels] | None = None
 
     def around(self, states: Array, radius: float, more: float = 0.0) -> tuple[Labels, int, int]:
-        """Return the bin numbers (h, w) of the pixels around states, and column and row of the
-        first of these pixels in the image.
+        """Return the bin numbers (h, w) of the pixels in a window that holds the surroundings of
+        all states, and the column and row of the window's first pixel in the image. A window from
+        an earlier call is used again if it is large enough.
 
         Args:
             states: States (N, 4): x, y [px], theta [rad], ln scale.

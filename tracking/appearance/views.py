@@ -68,7 +68,8 @@ class Views:
         correlation with a stored view is above 0.9.
 
         When there are `count` views already, the new one replaces the oldest but the first; with
-        `count` = 1 nothing is stored.
+        `count` = 1 nothing is stored. In any case `blurred` uses the size at this state from now
+        on.
         """
         self._scale = state.scale
         if self._count > 1 and float(self.likeness(blurred, state.vector[None])[0]) <= NEW:

@@ -1,1 +1,3 @@
-"""Drawing of results: contact sheets, figures, annotated films."""
+"""Drawing of results: contact sheets, figures and annotated films with charts; writing of films,
+and encoding of pictures.
+"""

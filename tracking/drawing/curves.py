@@ -16,7 +16,8 @@ STYLES = ("-", "--", ":", "-.")
 def draw(
     results: Sequence[Mapping[str, Any]], order: Sequence[str], title: str, folder: Path
 ) -> list[Path]:
-    """Write success.png and precision.png, and return their paths.
+    """Write success.png and precision.png, with the mean curve of each tracker over its runs, and
+    return their paths.
 
     Args:
         results: A table for each run with the name of its "tracker" and its curves: "success"

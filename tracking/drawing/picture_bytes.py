@@ -1,4 +1,6 @@
-"""Encoding of pictures as the bytes of JPEG or PNG files."""
+"""Encoding of pictures as the bytes of JPEG or PNG files, and of depth pictures as those of PNG
+files.
+"""
 
 import cv2
 import numpy as np
@@ -17,6 +19,8 @@ def encoded(image: Image, jpeg_quality: int | None = None) -> bytes:
 
 
 def encoded_depth(depth: DepthPicture) -> bytes:
-    """Return a depth picture (H, W) [m] as the bytes of a PNG file with 16 bits in mm; nan as 0."""
+    """Return a depth picture (H, W) [m] as the bytes of a PNG file with 16 bits in mm; nan as 0,
+    and more than 65.535 m as 65.535 m.
+    """
     millimetres = np.nan_to_num(1e3 * depth, nan=0.0).clip(0, np.iinfo(np.uint16).max)
     return cv2.imencode(".png", np.rint(millimetres).astype(np.uint16))[1].tobytes()

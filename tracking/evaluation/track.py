@@ -49,8 +49,8 @@ def follow(
 ) -> Iterator[Shot]:
     """Start a tracker on the first picture, and yield its estimate for each picture of a source.
 
-    For a picture that cannot be decoded the tracker is not called: the estimate is LOST, with the
-    last state.
+    The estimate for the first picture is `state`, LOCKED. For a picture that cannot be decoded the
+    tracker is not called: the estimate is LOST, with the last state.
 
     Args:
         tracker: A new tracker.

@@ -98,13 +98,15 @@ class Comparison:
         return np.hypot(*self.offsets.T)
 
     def success(self) -> Array:
-        """Return the shares (21,) of frames in which the intersection over union of the upright
-        boxes exceeds 0, 0.05 ... 1.
+        """Return the shares (21,) of the frames with the target in which the intersection over
+        union of the upright boxes exceeds 0, 0.05 ... 1.
         """
         return np.mean(self.overlaps > OVERLAPS[:, None], axis=1)
 
     def precision(self) -> Array:
-        """Return the shares (51,) of frames whose centre error is at most 0, 1 ... 50 px."""
+        """Return the shares (51,) of the frames with the target whose centre error is at most 0, 1
+        ... 50 px.
+        """
         return np.mean(self.errors <= PIXELS[:, None], axis=1)
 
 

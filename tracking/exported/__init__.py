@@ -1,4 +1,6 @@
-"""Our trackers with the interfaces of OpenCV, of the GOT-10k and VOT toolkits, and of TraX."""
+"""Our trackers with the interfaces of OpenCV and of the GOT-10k and VOT toolkits, and servers of
+TraX and of our own protocol for programs.
+"""
 
 from tracking.exported.toolkits import Got10kTracker, OpenCVTracker, VotHandle, run_vot
 

@@ -51,7 +51,10 @@ class Served:
             self._guest.start(frame, region, state)
 
     def update(self, frame: Frame) -> Report:
-        """Return where the tracker finds its target in the next picture."""
+        """Return a report of where the tracker finds its target in the next picture; `outline` then
+        holds the target's corners (4, 2) [px] there or, for another author's tracker that does not
+        see it, those of the last picture with it.
+        """
         report = self._report(frame)
         if self._guest is not None and report.seen:
             self.outline = outline_of(report)

@@ -50,7 +50,8 @@ class Follower:
             turned: Keep the rotation of corners that form a rectangle; else use the upright box.
 
         Raises:
-            ValueError: The region is empty, or most of it is outside the picture.
+            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
+                picture.
         """
         self.region, state = placement(corners_of(np.array(numbers, dtype=float)), turned=turned)
         self._tracker = self._config.build(np.random.default_rng(self._seed))
@@ -115,7 +116,8 @@ class OpenCVTracker:
         (H, W, 3).
 
         Raises:
-            ValueError: The box is empty, or most of it is outside the picture.
+            ValueError: A side of the box is shorter than 4 px, or most of it is outside the
+                picture.
         """
         self._follower.start(rgb(image), rect)
 
@@ -169,7 +171,8 @@ class Got10kTracker:
         1, of the first picture, RGB.
 
         Raises:
-            ValueError: The box is empty, or most of it is outside the picture.
+            ValueError: A side of the box is shorter than 4 px, or most of it is outside the
+                picture.
         """
         self._follower.start(_array(image), np.array(box, dtype=float) - (1, 1, 0, 0))
 
@@ -199,8 +202,8 @@ class Got10kTracker:
             picture (n,) [s].
 
         Raises:
-            ValueError: The box is empty, or most of it is outside the first picture; or a picture
-                cannot be read.
+            ValueError: A side of the box is shorter than 4 px, or most of it is outside the first
+                picture; or a picture cannot be read.
         """
         found = np.zeros((len(img_files), 4))
         seconds = np.zeros(len(img_files))
@@ -241,7 +244,7 @@ def run_vot(
     **settings: object,
 ) -> None:
     """Follow a target for the VOT toolkit: take its pictures one after the other, and report a
-    region for each, until they end.
+    region for each but the first, until they end.
 
     Args:
         handle: The toolkit's object, such as `vot.VOT("rectangle")`.

@@ -1,1 +1,3 @@
-"""Trackers of other authors by one contract: classes, programs, servers of TraX, networks."""
+"""Trackers of other authors, all used through one interface (`guest.Guest`): Python classes,
+OpenCV's own trackers, programs, and servers of TraX.
+"""

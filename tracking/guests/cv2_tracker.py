@@ -77,8 +77,9 @@ class Cv2Tracker:
             return self._tracker.init(image, box)
 
     def update(self, image: Image) -> tuple[bool, Sequence[float]]:
-        """Return True and the target's box x, y, width, height [px] in the next picture, BGR
-        (H, W, 3); False where the target is not seen, or the first picture had another size.
+        """Return True and the target's box x, y, width, height [px] in the next picture, BGR (H, W,
+        3); False where the target is not seen, or the picture does not have the size of the first
+        one.
 
         Raises:
             ValueError: The model files do not fit each other or this tracker.
@@ -96,8 +97,8 @@ class Cv2Tracker:
         return found and min(box[2:]) > 0, box
 
     def score(self) -> float:
-        """Return OpenCV's score of the last update, from 0 (lost) to 1 (certain): clipped to this
-        range, and 0 where it is nan.
+        """Return the score that one of OpenCV's neural trackers gave in the last `update`, from 0
+        (lost) to 1 (certain): clipped to this range, and 0 where it is nan.
         """
         return float(np.clip(np.nan_to_num(self._tracker.getTrackingScore()), 0, 1))
 

@@ -79,7 +79,8 @@ class GuestSettings:
     """Longest wait for the first answer, before which the tracker loads what it needs [s]."""
 
     def guest(self, seed: int) -> Guest:
-        """Return a new tracker of the other author, loaded and ready for the first picture.
+        """Return a new tracker of the other author, loaded and ready for the first picture;
+        subclasses define this method.
 
         Args:
             seed: Seed of all random numbers of the tracker.

@@ -72,7 +72,8 @@ class TimedGuest:
         `state`.
 
         Raises:
-            ValueError: The tracker refuses the region, or does not return within the limit.
+            ValueError: The tracker refuses the region, or does not return within the limit. Its
+                other errors pass unchanged.
         """
         self._limited(lambda: self._guest.start(frame, region, state), self._loading, "loading")
 
@@ -80,7 +81,8 @@ class TimedGuest:
         """Return the report where the tracker finds the target in the next picture.
 
         Raises:
-            ValueError: The tracker's answer has an invalid form or value, or comes too late.
+            ValueError: The tracker's answer has an invalid form or value, or comes too late. Its
+                other errors pass unchanged.
         """
         return self._limited(lambda: self._guest.update(frame), self._timeout, "timeout")
 

@@ -65,7 +65,9 @@ class Placement:
         self.state = state
 
     def follow(self, report: Report) -> None:
-        """Set the attribute `state` by the report of a picture in which the target is seen."""
+        """Set the attributes `state`, `corners`, `turns`, `resizes` and `tilts` by the report of a
+        picture in which the target is seen.
+        """
         if report.corners is not None:
             self._follow_corners(report.corners)
         elif report.box is not None:

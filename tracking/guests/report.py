@@ -137,7 +137,7 @@ def confidence_in(answer: object, name: str) -> float:
         name: Name of the tracker, to begin messages.
 
     Raises:
-        ValueError: `answer` is not a number from 0 to 1.
+        ValueError: `answer` is not a number, or more than 0.001 below 0 or above 1.
     """
     found = _number(answer)
     if found is None or not -SLACK <= found <= 1 + SLACK:

@@ -206,6 +206,8 @@ class Wrapping:
     def called(self, seed: int) -> Called:
         """Return a tracker, ready for the first picture: a new one of the class or function, whose
         random numbers all follow from the seed, in any process; or the tracker that `factory` is.
+        For a new one, OpenCV's random numbers and the C library's rand() are seeded in the whole
+        process.
 
         Raises:
             ValueError: The class needs arguments or makes no tracker, or the tracker's attribute

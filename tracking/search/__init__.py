@@ -1,1 +1,3 @@
-"""Search for the target's state: particle filter, annealing, velocity and Newton descent."""
+"""Search for the target's state: particle filter, annealing, velocity, Newton descent, and
+detection of AprilTags.
+"""

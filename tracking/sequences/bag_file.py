@@ -90,7 +90,9 @@ def is_bag(path: Path) -> bool:
 
 
 class Bag:
-    """Source of the pictures of one topic of a bag, with the time stamps of their headers."""
+    """Source of the pictures of one topic of a bag, with the time stamps of their headers; without
+    such a stamp, with the time at which the message was recorded.
+    """
 
     end: End | None = None
 

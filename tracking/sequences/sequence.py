@@ -80,8 +80,8 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
         topic: Topic of a bag; None: the only topic with pictures.
 
     Raises:
-        ValueError: There is no such source, it has no pictures, or a bag has several topics with
-            pictures.
+        ValueError: There is no such source, it has no pictures, a bag has several topics with
+            pictures or none of this name, or a topic is given for another source than a bag.
     """
     path = Path(text)
     is_address = stream.ADDRESS.match(text)
@@ -178,8 +178,8 @@ def check_truth(
 
 
 def read_folder(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequence]:
-    """Return the sequences of one folder of pictures, one for each truth file; an empty list if it
-    has none.
+    """Return the sequences of one folder of pictures, one for each truth file; an empty list
+    without a truth file.
 
     Args:
         folder: The folder, also in OTB's and VOT's layouts.

@@ -184,12 +184,16 @@ def shown(address: str) -> str:
 
 
 def stream(address: str) -> LiveSource:
-    """Return the source of a stream by its address, such as "rtsp://HOST/PATH"."""
+    """Return the source of a stream by its address, such as "rtsp://HOST/PATH"; it is opened when
+    its pictures are iterated.
+    """
     return LiveSource(shown(address), lambda: _stream(address))
 
 
 def camera(number: int) -> LiveSource:
-    """Return the source of a camera of this machine by its number; the first camera is 0."""
+    """Return the source of a camera of this machine by its number; the first camera is 0. It is
+    opened when its pictures are iterated.
+    """
     return LiveSource(f"camera:{number}", lambda: _camera(number))
 
 

@@ -48,7 +48,7 @@ class McNemar:
     @property
     def z(self) -> float:
         """Test statistic z = (|wins - losses| - 1) / sqrt(wins + losses) of McNemar's test (Naeem,
-        Pridmore, Mills: the KAMS paper).
+        Pridmore, Mills: the KAMS paper), at least 0; 0 without wins and losses.
         """
         discordant = self.wins + self.losses
         if discordant == 0:
@@ -57,7 +57,9 @@ class McNemar:
 
     @property
     def p(self) -> float:
-        """Exact two-sided p value of McNemar's test, from the binomial distribution."""
+        """Exact two-sided p value of McNemar's test, from the binomial distribution; 1 without wins
+        and losses.
+        """
         discordant = self.wins + self.losses
         if discordant == 0:
             return 1.0

@@ -86,7 +86,8 @@ class ParticleTracker(ABC):
         """Learn the target's histograms and put all particles on its state.
 
         Raises:
-            ValueError: The region is empty, or most of it is outside the picture.
+            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
+                picture.
         """
         check_region(frame, region, state)
         c = self._settings

@@ -99,7 +99,8 @@ class HueTracker:
         """Learn the target's hue histogram.
 
         Raises:
-            ValueError: The region is empty, or most of it is outside the picture.
+            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
+                picture.
         """
         check_region(frame, region, state)
         self._region = region

@@ -31,7 +31,7 @@ class Config:
 @final
 class Camshift(HueTracker):
     """Tracker by OpenCV's CamShift: position and size follow the moments of the hue
-    back-projection, and the angle stays as it was first.
+    back-projection, and the angle stays as it was first; the hue histogram gives the status.
     """
 
     follows = (False, True)
@@ -41,7 +41,8 @@ class Camshift(HueTracker):
         """Learn the hue histogram, and fit the first ellipse.
 
         Raises:
-            ValueError: The region is empty, or most of it is outside the picture.
+            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
+                picture.
         """
         super().start(frame, region, state)
         self._box = box_of(region, state, frame.image)

@@ -26,7 +26,7 @@ class Config:
 @final
 class CvMeanShift(HueTracker):
     """Tracker with a box of fixed size, moved by OpenCV's meanShift to the mode of the hue
-    back-projection.
+    back-projection; the hue histogram there gives its status.
     """
 
     def _found(self, frame: Frame, ego: Array | None) -> State:

@@ -33,7 +33,9 @@ class Config:
 
 @final
 class CvMil(HueTracker):
-    """Tracker with a box of fixed size, found by OpenCV's online boosted classifier."""
+    """Tracker with a box of fixed size, found by OpenCV's online boosted classifier; a hue
+    histogram gives its status.
+    """
 
     _mil: Cv2Tracker = SET_BY_START
 

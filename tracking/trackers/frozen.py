@@ -43,7 +43,8 @@ class Frozen:
         """Store the first state, which `update` reports.
 
         Raises:
-            ValueError: The region is empty, or most of it is outside the picture.
+            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
+                picture.
         """
         check_region(frame, region, state)
         self._state = state

@@ -107,7 +107,8 @@ class Homography:
         texture is reported as not seen in all later pictures.
 
         Raises:
-            ValueError: The region is empty, or most of it is outside the picture.
+            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
+                picture.
         """
         check_region(frame, region, state)
         self._region = region
@@ -125,8 +126,8 @@ class Homography:
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
         """Return the estimate from the alignment of the template with a frame, begun at the
-        predicted corners; a target that is not seen keeps its last corners, around which the next
-        frame is searched.
+        predicted corners; a target that is not seen keeps its last corners, moved by `ego`, around
+        which the next frame is searched.
 
         Args:
             frame: The next frame.

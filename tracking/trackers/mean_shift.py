@@ -109,7 +109,8 @@ class MeanShift:
         """Learn the target's histogram.
 
         Raises:
-            ValueError: The region is empty, or most of it is outside the picture.
+            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
+                picture.
         """
         check_region(frame, region, state)
         self._model = self._settings.model(frame.image, region, state)

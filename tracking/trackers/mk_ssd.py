@@ -61,7 +61,7 @@ class Config:
 @final
 class MkSsd:
     """Tracker that finds the target by one Newton descent from the predicted state in each frame; a
-    hidden target is expected at its last state.
+    hidden target is expected at its last state, moved by the camera's motion if that is given.
     """
 
     _velocity: Velocity = SET_BY_START
@@ -70,10 +70,12 @@ class MkSsd:
         self._config = config
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the histograms of the target's kernels.
+        """Learn the histograms of the target's kernels, and whether they show its angle; else the
+        angle is not followed.
 
         Raises:
-            ValueError: The region is empty, or most of it is outside the picture.
+            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
+                picture.
         """
         check_region(frame, region, state)
         c = self._config
@@ -86,8 +88,8 @@ class MkSsd:
         self._velocity = Velocity(state, c.velocity_memory)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the end of Newton's descent from the predicted state; the last state where the
-        target is not seen.
+        """Return the end of Newton's descent from the predicted state; the last state, moved by
+        `ego`, where the target is not seen.
 
         Args:
             frame: The next frame.

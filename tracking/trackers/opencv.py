@@ -14,8 +14,8 @@ from tracking.types import Trait
 
 @dataclass(frozen=True, slots=True)
 class Config(GuestSettings):
-    """OpenCV's name of the tracker without "Tracker", such as "MIL", the ONNX files of its networks
-    if it has any, and settings of any tracker of another author.
+    """Settings of one of OpenCV's trackers: OpenCV's name of it without "Tracker", such as "MIL",
+    the ONNX files of its networks if it has any, and settings of any tracker of another author.
     """
 
     traits = frozenset({Trait.FOREIGN})
@@ -30,8 +30,9 @@ class Config(GuestSettings):
         """Return the tracker, with its networks loaded; OpenCV's own random state is seeded.
 
         Raises:
-            ValueError: OpenCV has no such tracker, a model cannot be read, or `least_confidence` is
-                set for a tracker that reports none.
+            ValueError: OpenCV has no such tracker, the tracker needs another number of model files,
+                one cannot be read or loaded within `loading` s, or `least_confidence` is set for a
+                tracker that reports none.
         """
         models = (self.model,) if isinstance(self.model, str) else self.model
 

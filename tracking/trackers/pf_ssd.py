@@ -97,8 +97,9 @@ class Config(SimilaritySettings):
 
 @final
 class PfSsd(ParticleTracker):
-    """Particle filter whose estimate is refined by Newton's descent, unless the target is
-    occluded.
+    """Particle filter whose estimate is refined by Newton's descent; the filter's mean is the
+    estimate where its histograms' distance exceeds `occluded`, the descent moves farther than
+    `trust` allows, or the target is not seen at the descent's end.
     """
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
@@ -109,7 +110,8 @@ class PfSsd(ParticleTracker):
         """Learn the histograms of particles and kernels, and put all particles on the target.
 
         Raises:
-            ValueError: The region is empty, or most of it is outside the picture.
+            ValueError: A side of the region is shorter than 4 px, or most of it is outside the
+                picture.
         """
         super().start(frame, region, state)
         c = self._config

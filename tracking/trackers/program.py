@@ -8,8 +8,8 @@ from tracking.guests.program_client import ProgramClient
 
 @dataclass(frozen=True, slots=True)
 class Config(ProcessSettings):
-    """The program's command, the time limits of its answers, and settings of any tracker of another
-    author.
+    """Settings of a tracker that is a program: its command, the time limits of its answers, and
+    settings of any tracker of another author.
     """
 
     def guest(self, seed: int) -> ProgramClient:

@@ -83,7 +83,8 @@ class Tag:
         return square, state_of(corners, square, state)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
-        """Return the estimate from the tag's corners; LOST where the tag is not found.
+        """Return the estimate from the tag's corners; where the tag is not found, the last state,
+        moved by `ego`, as LOST.
 
         Args:
             frame: The next frame.

@@ -8,8 +8,8 @@ from tracking.guests.trax_client import TraxClient
 
 @dataclass(frozen=True, slots=True)
 class Config(ProcessSettings):
-    """The server's command, the time limits of its answers, and settings of any tracker of another
-    author.
+    """Settings of a tracker that is a server of TraX: its command, the time limits of its answers,
+    and settings of any tracker of another author.
     """
 
     def guest(self, seed: int) -> TraxClient:

@@ -63,13 +63,15 @@ def lit(corner: Array, normal: Array, rgba: Array, shine: Array, lights: Array) 
     (Blinn-Phong), as MuJoCo uses it.
 
     Args:
-        corner: Position [m], colour, texture coordinates, pixel and 1 / z of the corner (11,); the
-            colour is written.
+        corner: Position in the camera's frame [m], colour, texture coordinates, pixel and 1 / z of
+            the corner (11,); the position is read, and the colour written.
         normal: Unit normal of the surface (3,) in the camera's frame.
         rgba: Colour of the body (4,), 0 to 1.
         shine: The body's emission, specular reflection and specular exponent (3,).
-        lights: The lights (n, 21) in the camera's frame; for their columns see `NEAR` to
-            `EXPONENT`.
+        lights: The lights (n, 21) in the camera's frame: position, or direction to a directional
+            light; 1 with a position, else 0; the light's own direction; ambient, diffuse and
+            specular colour; constant, linear and quadratic attenuation; cosine of the cone's half
+            angle, and the cone's exponent.
     """
     for k in range(3):
         corner[COLOUR + k] = shine[0] * rgba[k]
@@ -230,8 +232,8 @@ def fill(
     nearness: Singles,
     shown: Numbers,
 ) -> None:
-    """Draw a triangle with its texture, bilinearly interpolated in the nearest level of detail
-    (mipmap), or in the two nearest ones.
+    """Draw a triangle where it is nearer than the surfaces in the depth buffer, with its texture,
+    bilinearly interpolated in the nearest level of detail (mipmap), or in the two nearest ones.
 
     A body without a picture has a texture of one pixel.
 
@@ -345,8 +347,9 @@ def fill(
 
 @compiled(error_model="numpy")
 def texel_steps(at: float, change: float, size: int) -> tuple[int, int]:
-    """Return a texture coordinate in a level of `size` texels, and its change from a pixel to the
-    next [1/65536 texel].
+    """Convert a texture coordinate `at`, which is 0 to 1 over the picture, and its change from a
+    pixel to the next into units of 1/65536 texel, in a level of `size` texels that has a border of
+    one texel.
     """
     # The border puts pixel 0 into column 1: half a pixel is added, not taken away.
     return int((at * size + 0.5) * 65536.0), int(change * size * 65536.0)
@@ -528,14 +531,15 @@ def draw(
         rows: Corners: position [m], normal and texture coordinates in the body's frame (r, 8).
         first_face: First triangle of each body in `faces`, and the number of triangles (n + 1,).
         faces: Rows of the corners of each triangle (f, 3).
-        planes: Normal and distance of each triangle's plane, times twice its area (f, 4).
+        planes: Normal and distance of each triangle's plane in the body's frame, times twice its
+            area (f, 4).
         rotations: R_camera_body of each body (n, 3, 3).
         middles: Origin of each body in the camera's frame (n, 3) [m].
         radii: Radius of each body around its origin (n,) [m].
         rgba: Colour of each body (n, 4).
         shine: Emission, specular reflection and specular exponent of each body (n, 3).
         textures: Number of each body's texture (n,).
-        lights: Lights in the camera's frame (k, 21); for their columns see `NEAR` to `EXPONENT`.
+        lights: Lights in the camera's frame (k, 21), with the columns that `lit` lists.
         near: Distance of the near plane [m].
         view: Focal lengths and principal point (4,) [px].
         texels: Pixels of all textures: red, green and blue in one number, 21 bits apart.
