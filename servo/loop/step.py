@@ -351,7 +351,9 @@ class Step:
 
     @property
     def seen(self) -> bool:
-        """Whether the camera delivered a new picture, and the tracker's status for it is LOCKED."""
+        """Whether the camera delivered a new picture in this frame, and the status of the tracker's
+        latest estimate is LOCKED.
+        """
         return self.frame.fresh and self.estimate.status is Status.LOCKED
 
     @property

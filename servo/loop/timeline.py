@@ -178,7 +178,8 @@ class Timeline:
 
     def acting(self, later: int = 0) -> Array:
         """Return the commanded camera twists (n, 6) [m/s, rad/s] that act in one frame interval,
-        one for each of the n updates of the drives in it.
+        one for each of the n updates of the drives in it. Their mean is stored as the commanded
+        twist of the next posture.
 
         Args:
             later: Which interval: 0 for the one that begins with the last picture, 1 for the next
