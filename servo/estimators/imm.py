@@ -120,7 +120,9 @@ class Imm:
             self._mu = np.where(self._corrected, self._mixed, self._mu)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the predicted error and de/dt for a frame in which the target was not seen."""
+        """Return the error and de/dt that are predicted for the time when the command acts, for a
+        frame in which the target was not seen; zeros if no feature was ever measured.
+        """
         if not self._filters:
             none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)

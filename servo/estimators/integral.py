@@ -18,7 +18,8 @@ from sim.types import Array
 @dataclass(frozen=True, slots=True)
 class Config:
     """Settings of the estimator `integral`: its gain [1/s^2]. With a law of gain g [1/s] and the
-    feature error e, the camera twist is -L# (g e + gain * integral of e).
+    feature error e, the camera twist is -L# (g e + gain * integral of e), with the integral only
+    for the features that the law feeds forward.
     """
 
     gain: Annotated[float, Ge(0), Le(1000)] = 2.0

@@ -31,7 +31,8 @@ class Config:
 @final
 class PolarFeatures(OfCorners):
     """Feature set s = (rho0, theta0, ..., rho3, theta3) (8,): distance rho of each corner from the
-    optical axis, in normalised image coordinates, and its direction theta [rad] from there.
+    optical axis, in normalised image coordinates, and its direction theta from there, from right
+    towards down [rad].
 
     Iwatsuki and Okiyama 2005 (A new formulation of visual servoing based on cylindrical coordinate
     system, IEEE Transactions on Robotics 21). Ill-conditioned if a corner is near the optical axis.
