@@ -61,8 +61,8 @@ class Tuned:
     """Settings of each try."""
 
     def contender(self, name: str, settings: Settings, ending: str) -> Contender:
-        """Return this tracker with its fixed settings and some more, and with the label NAME-ENDING
-        in tables.
+        """Return this tracker with the paper's preset, its fixed settings and some more, and with
+        the label NAME-ENDING in tables.
         """
         return contender(self.kind, "paper", f"{name}-{ending}", **self.fixed | settings)
 

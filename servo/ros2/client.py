@@ -82,7 +82,9 @@ class Camera:
         return camera_of_info(first(self._info, self._topic), self._topic)
 
     def newest(self) -> Frame | None:
-        """Return the newest picture, or None if no newer one than the last comes within 20 ms.
+        """Return the newest picture, or None if no newer one than the last returned comes within 20
+        ms. It has its depth picture, if there is a topic of these and the one with this stamp comes
+        within 20 ms.
 
         Raises:
             ValueError: A picture or depth picture is damaged or has an unknown encoding.
@@ -141,6 +143,7 @@ class Robot:
 
     def posture(self, time: float) -> Posture:
         """Return the robot's posture at the stamp of a picture [s], from the nearest joint state.
+        The posture's twist is the mean since the posture of the previous call, at first zero.
 
         Raises:
             Mistake: No joint state has come within 10 s, or it lacks a joint of the model.
@@ -163,7 +166,7 @@ class Robot:
         self._writer.write(stamped(finite, header(time.time(), self._frame)))
 
     def clock(self) -> float:
-        """Return the current time [s] on the clock of the stamps."""
+        """Return the current time [s] on the clock of the stamps, that of this computer."""
         return time.time()
 
     def _twist(self, now: float) -> Array:
