@@ -47,7 +47,9 @@ class Plane:
 
     @property
     def vector(self) -> Array:
-        """(A, B, C): the unit normal of the plane over its distance from the camera [1/m]."""
+        """(A, B, C): the unit normal of the plane, which points away from the camera, over the
+        plane's distance from the camera [1/m].
+        """
         return np.array([self.A, self.B, self.C])
 
 
@@ -101,7 +103,8 @@ class Sight:
 
     @cached_property
     def points(self) -> Array:
-        """Corners (4, 3) of the reference rectangle in the camera frame [m].
+        """Corners (4, 3) of the reference rectangle in the camera frame [m], in the order of the
+        outline, computed from `corners` and `plane`.
 
         Raises:
             ValueError: There are no corners.
@@ -126,8 +129,9 @@ def pose_in_plane(points: Array, normal: Array) -> Pose:
 
 @dataclass(frozen=True, slots=True)
 class OwnMotion:
-    """The rate of change of the feature error, de/dt [1/s], that the camera's own motion causes:
-    its mean since the last frame (`past`), and its values until the next command acts (`coming`).
+    """The rate of change of the feature error over `FeatureSet.scales`, de/dt [1/s], that the
+    camera's own motion causes: its mean since the last picture (`past`), and its values until the
+    next command acts (`coming`).
     """
 
     past: Array
