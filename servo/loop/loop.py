@@ -220,8 +220,8 @@ class Running:
         self._shown: float | None = None
 
     def begin(self, frame: Frame, region: Region, state: State) -> None:
-        """Start tracker and law with the target in the first picture. `Loop.start` calls this;
-        users do not.
+        """Start tracker and law with the target in the first picture, and store the goal at that
+        time and a decision to stand still. `Loop.start` calls this; users do not.
         """
         self._law.check(depths=frame.depth is not None, true_motion=self._true_motion is not None)
         self._estimate = self._perception.start(

@@ -40,8 +40,8 @@ class Seconds:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Values that stay the same in a run: camera, target, feature set, frame interval and MuJoCo
-    model.
+    """Values that stay the same in a run: camera, target, its rectangle and size in the first
+    picture, feature set, frame interval and MuJoCo model.
     """
 
     camera: Camera
