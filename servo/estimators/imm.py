@@ -107,11 +107,12 @@ class Imm:
         return Prediction(error, motion, innovation, nis, variance)
 
     def see(self, view: View) -> None:
-        """Undo the last correction if the target is now hidden, because it was probably half hidden
-        in the picture before. The first measurement of a feature is kept.
+        """Undo the last correction, also of the probabilities of the models, if the target is not
+        seen in this picture, because it was probably half hidden in the picture before. The first
+        measurement of a feature is kept.
 
         Args:
-            view: Data of the picture; its `seen` is False if the target is hidden.
+            view: Data of the picture; its `seen` is False if the target is not seen.
         """
         if view.seen is not False:
             return

@@ -45,9 +45,9 @@ class Integral(Unfiltered):
         self._sum = np.zeros(len(features.names))
 
     def measure(self, error: Array, own: OwnMotion, dt: float) -> None:
-        """Add the error (k,) times dt [s] to its integral, and set `motion`, the returned de/dt
-        (k,), to the gain times the integral. The integral of a feature that is not measured (nan)
-        stays.
+        """Add the error (k,) over the features' scales, times dt [s], to its integral, and set
+        `motion`, the returned de/dt (k,), to the gain times the integral. The integral of a feature
+        that is not measured (nan) stays.
         """
         self._sum = self._sum + np.nan_to_num(error) * dt
         self.motion = self._gain * self._sum

@@ -45,8 +45,8 @@ class PolarFeatures(OfCorners):
     noise = np.array(NOISE * 4)
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (8,) of the target in a picture: distance (normalised) and direction
-        [rad] of each corner.
+        """Return the features (8,) of the target in a picture: distance (normalised) and direction,
+        from right towards down [rad], of each corner from the optical axis.
         """
         x, y = corners_of(sight).T
         return np.column_stack([np.hypot(x, y), np.arctan2(y, x)]).ravel()

@@ -93,8 +93,8 @@ class Faced:
         self._to_sight = EstimateToSight(SightConfig(), seen, region, outline, depth_factor)
 
     def truth(self, time: float, T_world_camera: Pose) -> Truth:
-        """Return the poses in the world frame, and the centre, angle, size and corners in the
-        picture, of a target at its goal in front of a given camera.
+        """Return the poses in the world frame, and the centre [px], angle [rad], size [px/m] and
+        corners [px] in the picture, of a target at its goal in front of a camera with a given pose.
 
         Args:
             time: Time of the run [s], by which the goal's depth may change.

@@ -54,8 +54,9 @@ class SightConfig:
 
 @final
 class EstimateToSight:
-    """Converts a tracker's estimates to views of the target, with the camera's intrinsics and the
-    target's metric size.
+    """Converts a tracker's estimates, and goals, to views of the target, with the camera's
+    intrinsics and the target's metric size; computes also how a motion of the camera moves the
+    target in the picture.
     """
 
     def __init__(

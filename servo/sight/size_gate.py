@@ -28,7 +28,7 @@ WAIT = 1.0
 @final
 class SizeGate:
     """Refuses sizes in a tracker's estimates that change more from picture to picture than camera
-    and target can have moved.
+    and target can have moved, and states a likely size instead.
     """
 
     def __init__(self, scale: float) -> None:
