@@ -84,8 +84,9 @@ class Server:
         return Command(self._twist if is_new else np.zeros(6))
 
     def add(self, step: Step) -> None:
-        """Publish a step (picture, calibration, joints, time), and wait in real time until the next
-        one is due; at the first step, wait for a twist.
+        """Publish a step (picture, depth picture, calibration, joints, time), and wait in real time
+        until the next one is due. At the first step wait for a twist, and publish the step again
+        every frame interval.
         """
         self.publish(step)
         if self._began is None:

@@ -88,7 +88,9 @@ Numbers = Annotated[list[FiniteFloat], Field(min_length=1), BeforeValidator(_dat
 
 
 class Calibration(BaseModel):
-    """The keys of a calibration file that are read, with their types and ranges."""
+    """The keys of a calibration file whose values are numbers, with their types and ranges. The
+    name of the distortion model is read apart, as its key varies.
+    """
 
     image_width: PositiveInt
     image_height: PositiveInt

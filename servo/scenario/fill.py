@@ -30,8 +30,8 @@ MESSAGES = {
 
 
 class WrongSetting(Mistake):
-    """An error about a setting in a table; its sentence names the setting, but not the file that it
-    is in.
+    """An error about a setting in a table; its sentence and its attribute `setting` name the
+    setting, but not the file that it is in.
     """
 
     def __init__(self, sentence: str, setting: str = "") -> None:
