@@ -195,8 +195,8 @@ class Run(Sequence[Step]):
         return plots.figure(RunCurves.of(self._table, self._episode.loop.features), self.title)
 
     def frame(self, time: float) -> Pillow.Image:
-        """Return the picture nearest to a time of the run [s], with the outlines of the target's
-        truth (white), goal (red) and estimate drawn in.
+        """Return the picture nearest to a time of the run [s], enlarged to about 640 px wide, with
+        the outlines of the target's truth (white), goal (red) and estimate drawn in.
 
         Raises:
             Mistake: The time is not in the run.

@@ -1,5 +1,6 @@
-"""Values that the parts of the control loop exchange: views of the target (`Sight`), predictions of
-its motion, and camera commands.
+"""Values that the parts of the control loop exchange: views of the target (`Sight`, with `Moments`,
+`Plane` and pictures), the effect of the camera's own motion, predictions of estimators, and
+commands of controllers with their intermediate results.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class Plane:
 
 @dataclass(frozen=True, slots=True)
 class CameraImage:
-    """A picture, and the model of the camera that took it."""
+    """A picture, RGB (H, W, 3), and the model of the camera that took it."""
 
     image: Image
     """RGB (H, W, 3)."""
@@ -64,8 +65,9 @@ class CameraImage:
 
 @dataclass(frozen=True)
 class Sight:
-    """The target as a picture shows it: its moments, corners, plane and pose in the camera frame,
-    and its desired view (`goal`).
+    """The target as a picture shows it: moments and corners in normalised image coordinates, plane
+    and pose in the camera frame, whether angle, size and tilt were measured, the desired view
+    (`goal`), and the whole picture for features and controllers that use pixels.
     """
 
     moments: Moments
@@ -95,7 +97,8 @@ class Sight:
 
     @cached_property
     def pose(self) -> Pose:
-        """T_camera_object [m]. The object's frame has its origin in the centre of the reference
+        """T_camera_object [m], as measured, or else computed from corners and plane (a ValueError
+        if there are no corners). The object's frame has its origin in the centre of the reference
         rectangle, x along the target's nose, and z along the plane's normal, away from the camera:
         the rotation is the identity if the camera faces the target and its nose points right.
         """
@@ -146,7 +149,8 @@ class OwnMotion:
 @dataclass(frozen=True, slots=True)
 class Prediction:
     """Result of an estimator for a frame: the feature error (k,), and its rate (k,) [1/s] from the
-    target's own motion, both divided by `FeatureSet.scales`, with the estimator's innovation.
+    target's own motion, both divided by `FeatureSet.scales`, with the estimator's innovation and
+    the variances that it states.
     """
 
     error: Array
@@ -193,8 +197,9 @@ class Mode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """Intermediate results of a control law in one frame, for the log: features, their error, and
-    the estimator's prediction.
+    """Intermediate results of a control law in one frame, for the log: features and their error,
+    the estimator's prediction, the part of de/dt that the camera causes, and which features are
+    servoed and which joints held.
     """
 
     features: Array
@@ -218,7 +223,8 @@ class Trace:
 @dataclass(frozen=True, slots=True)
 class Command:
     """Output of a controller after a picture: the camera twist in the camera frame, the
-    controller's mode, and the limits that changed the twist.
+    controller's mode and intermediate results, and the limits that changed the twist or that it
+    violates.
     """
 
     twist: Array
