@@ -112,8 +112,9 @@ class Camera:
 
 
 class Robot:
-    """Client of a robot of ROS 2: reads sensor_msgs/JointState, and sends
-    geometry_msgs/TwistStamped in the camera's optical frame [m/s, rad/s].
+    """Client of a robot of ROS 2, whose model is that of a scenario: reads sensor_msgs/JointState
+    (topic `joints`), and sends geometry_msgs/TwistStamped (topic `twist`) in the camera's optical
+    frame, named `frame` [m/s, rad/s].
     """
 
     def __init__(

@@ -105,8 +105,9 @@ class EstimateToSight:
                 them.
             posture: Pose, twist and joints of the robot when the picture was taken.
             goal: The desired view of the target, which is stored in the result.
-            depth: Depth picture (H, W) [m]. With too few depths of the target, its depth is
-                computed from its size, and its plane is taken as parallel to the image.
+            depth: Depth picture (H, W) [m]; used only if the settings take plane or depth from it.
+                With too few depths of the target, its depth is computed from its size, and its
+                plane is taken as parallel to the image.
         """
         is_placed, is_turned, is_sized = certain(estimate, self._region)
         if estimate.status is not Status.LOCKED or not is_placed:
