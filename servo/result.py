@@ -195,8 +195,9 @@ class Run(Sequence[Step]):
         return plots.figure(RunCurves.of(self._table, self._episode.loop.features), self.title)
 
     def frame(self, time: float) -> Pillow.Image:
-        """Return the picture nearest to a time of the run [s], enlarged to about 640 px wide, with
-        the outlines of the target's truth (white), goal (red) and estimate drawn in.
+        """Return the picture nearest to a time of the run [s], a small one enlarged to about 640 px
+        in width, with a line of text and the outlines of the target's truth (white), goal (red) and
+        estimate.
 
         Raises:
             Mistake: The time is not in the run.
