@@ -1,6 +1,8 @@
-"""Closing the loop: features, control laws, estimators, scenarios, runs, and the command line.
+"""Visual servoing in closed loop: features, control laws, estimators, scenarios, runs, and the
+command line.
 
-What a user imports is offered here and imported when it is first used::
+The names for users (`servo.__all__`) can be imported from here; the module of a name is loaded when
+the name is first used::
 
     import servo
 

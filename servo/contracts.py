@@ -112,7 +112,7 @@ def require_fields(value: object, rules: Iterable[Rule], prefix: str = "") -> No
 
 
 def is_array(values: object, shape: tuple[int, ...], *, finite: bool = True) -> bool:
-    """Return whether a value is a NumPy array of real numbers with a shape.
+    """Return whether a value is a NumPy array of floats or integers (no flags) with a shape.
 
     Args:
         values: Any object.
@@ -287,7 +287,9 @@ def check_features(features: FeatureSet, method: str, found: object, *_: object)
         found: The returned value.
 
     Raises:
-        BrokenContract: The returned value has another shape or type, or a number in it is invalid.
+        BrokenContract: The returned value has another shape or type, `known` returned other values
+            than flags, `scales` a number that is not above 0, or another method an infinite number
+            or, except in `error`, nan.
     """
     k = len(features.names)
     shape = (k, 6) if method == "matrix" else (k,)
@@ -370,11 +372,13 @@ def check_prediction(method: str, prediction: object, given: Array | OwnMotion, 
     Args:
         method: "update" or "skip"; the latter has no measurement, so no innovation.
         prediction: The returned value.
-        given: The first argument of the call: the error (k,), or the camera's own motion.
+        given: First argument of the call, which has the number k of features: the error (k,), or
+            the camera's own motion.
 
     Raises:
-        BrokenContract: The value is no `Prediction`, one of its arrays does not hold k valid
-            numbers, or the innovation of "skip" is not nan.
+        BrokenContract: The value is no `Prediction`, `error` or `motion` is not k finite numbers,
+            `innovation` or `nis` is not k numbers (nan is allowed), or the innovation of "skip" is
+            not nan.
     """
     p = require_type(prediction, Prediction, method)
     k = len(given.past if isinstance(given, OwnMotion) else given)
@@ -421,7 +425,8 @@ def check_command(command: object, *_: object) -> None:
     """Check the command that a controller returned.
 
     Raises:
-        BrokenContract: The command is no `Command`, or one of its fields is invalid.
+        BrokenContract: The command is no `Command`, or one of its fields, or of the fields of its
+            trace, is invalid.
     """
     c = require_type(command, Command, "command")
     require_fields(c, COMMAND)
@@ -430,7 +435,8 @@ def check_command(command: object, *_: object) -> None:
 
 
 def check_same_features(command: Command, names: tuple[str, ...]) -> None:
-    """Check that a command's trace has the features of its scenario, which have these names.
+    """Check that a command's trace has as many features as its scenario, which has features with
+    these names. A command without a trace is accepted.
 
     Raises:
         BrokenContract: The trace has another number of features.
@@ -449,7 +455,8 @@ def check_pose(pose: object, time: float) -> None:
     """Check the pose of the target that a motion returned for a time [s].
 
     Raises:
-        BrokenContract: The object is no `Pose`, or its matrix (3, 3) is no rotation.
+        BrokenContract: The object is no `Pose`, its translation is not three finite numbers, or its
+            matrix (3, 3) is no rotation.
     """
     p = require_type(pose, Pose, "at")
     require_fields(p, POSE)
@@ -508,7 +515,8 @@ def check_built(place: str, built: object) -> None:
 
     Raises:
         BrokenContract: The component lacks a method or property that components of its section must
-            have, a robot or target has another type, or a target's outline is no level rectangle.
+            have, or has a wrong one (names, units or noise of features; `aim` of a controller); a
+            robot or target has another type; or a target's outline is no level rectangle.
     """
     kind = type(built).__name__
     for name in _checks_of(place, built):
@@ -538,11 +546,11 @@ def check_built(place: str, built: object) -> None:
 
 
 def check_sees(config: object, built: object) -> None:
-    """Check that a component has a method `see` if its `Config` declares in `needs` that it needs
-    data (channels, such as `Channel.TRUTH`), which this method is given.
+    """Check that a component has a method `see` if its `Config` declares in `needs` a channel whose
+    data only this method delivers: `Channel.TRUTH`, `TRUE_MOTION` or `SEEN`.
 
     Raises:
-        BrokenContract: The component has no method `see`.
+        BrokenContract: Such a channel is declared, and the component has no method `see`.
     """
     viewed = needs_of(config) & VIEWED
     require(

@@ -1,6 +1,7 @@
 """A run as an environment of Gymnasium: `gymnasium.make("servo.gym:servobench/Line-v0")`.
 
-Each shipped scenario has an id, its name in capitals, and `servobench/Servo-v0` takes any.
+Each shipped scenario has an id, such as `servobench/Arm7Line-v0` for arm7_line;
+`servobench/Servo-v0` takes any scenario.
 
 | choice | meaning |
 |---|---|
@@ -8,15 +9,15 @@ Each shipped scenario has an id, its name in capitals, and `servobench/Servo-v0`
 | action | "twist" of the camera in place of the law's, or a "residual" that is added to it |
 | reward | 1 / (1 + d / 10 px), d the mean distance of the target's true corners from their goals |
 | info["reward_terms"] | what d is the mean of: the four distances, `corner_1_px` to `corner_4_px` |
-| terminated | the tracker has lost the target, or its true centre has left the picture |
-| truncated | the scenario is over |
+| terminated | the tracker has lost the target, or its true centre has left the camera's view |
+| truncated | the scenario's duration is over, and the run is not terminated |
 
 Why this reward: d is one number in px for centre, angle, size and tilt, so that no weights are
-needed; 10 px is where "held" ends for the measures too, and the slope is largest at the goal. It is
-never negative, so that losing the target never pays.
+needed; 10 px is also the limit of the measure not_held_pct, and the slope is largest at the goal.
+It is never negative, so that losing the target never pays.
 
-The seed given to `reset` is the scenario's: the run of `servobench run NAME --seed SEED`, with all
-that `[vary]` draws for it. Without a seed, one is drawn.
+The seed given to `reset` is the scenario's: it gives the run of `servobench run NAME --seed SEED`,
+with all settings that `[vary]` draws for this seed. Without a seed, one is drawn.
 """
 
 from collections.abc import Mapping, Sequence
@@ -68,8 +69,9 @@ LEVEL_DOF = [0, 1, 2, 5]
 
 
 class ServoEnv(gymnasium.Env[Any, Any]):
-    """Visual servoing as a Gymnasium environment: actions move the camera so that a moving target
-    stays at its goal in the picture.
+    """Gymnasium environment of a scenario: an action is a camera twist, or is added to the twist of
+    the scenario's control law; the reward is largest while the target is at its goal in the
+    picture.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 30}  # noqa: RUF012
@@ -157,15 +159,18 @@ class ServoEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin a new run of the scenario, and return its first observation.
+        """Begin a new run of the scenario, and return its first observation. If the start of a
+        drawn scenario is impossible, up to `redraw` further seeds are tried.
 
         Args:
-            seed: Seed of the scenario, 0 for the scenario as it is written; None: a drawn one.
+            seed: Seed of the scenario, 0 for the scenario as it is written; None: a drawn one. It
+                also seeds the draws of further seeds.
             options: Settings for this run only, as for `servo.load`, with `overrides` (added to
                 those of the environment) and `scenario`.
 
         Returns:
-            The first observation, and the info.
+            The first observation, and the info, which also has the seed of the run ("seed") and
+            the settings drawn for it ("drawn").
 
         Raises:
             Mistake: A setting is wrong, or would change the shape of the observations.
@@ -233,7 +238,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, object]]:
         """Move the camera until the next picture, by the action or, with action="residual", by the
-        law's twist plus the action; return what is observed then.
+        law's twist plus the action, and return the observation of that picture. A run that is
+        terminated or truncated is closed.
 
         Args:
             action: Components `dof` (n,) of the camera's twist, each divided by the speed that
@@ -263,8 +269,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
     @property
     def frames(self) -> int:
-        """Number of pictures of the present run, or of the next one if none has begun; the number
-        of steps is one less.
+        """Number of pictures of the run that `reset` began last; before the first one, of the
+        scenario as it was loaded. The number of steps is one less.
         """
         return self._frames
 

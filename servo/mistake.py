@@ -1,5 +1,5 @@
 """Errors as one sentence for the user: mistakes in the input (`Mistake`), and failures of the
-machine (`Refused`).
+machine (`Refused`); with functions that check input and that write such sentences.
 """
 
 import difflib
@@ -31,7 +31,8 @@ class Mistake(ValueError):
     """Error of a mistake in the user's input, as one sentence: what is wrong, where, and what would
     be right.
 
-    Line breaks and control characters in the sentence are replaced by their escape sequences.
+    Line breaks and control characters in the sentence are replaced by their escape sequences; of a
+    sentence with over 2000 characters the middle is left out.
     """
 
     def __init__(self, sentence: object) -> None:
@@ -98,12 +99,12 @@ def as_mistake() -> Generator[None]:
 
 
 def check_suffix(path: Path, *suffixes: str) -> None:
-    """Check that the name of a file to write ends in one of the suffixes, so that a file of another
-    type is not replaced.
+    """Check that the name of a file to write ends in one of the suffixes, in small or capital
+    letters, so that a file of another type is not replaced.
 
     Args:
         path: The file.
-        suffixes: Allowed endings, such as ".png".
+        suffixes: Allowed endings in small letters, such as ".png".
 
     Raises:
         Mistake: The name has another ending.
@@ -155,7 +156,7 @@ def one_line(sentence: str) -> str:
 
 def unknown(key: str, known: Iterable[str], what: str = "key") -> str:
     """Return the sentence for a name that does not exist, with the most similar known name, or with
-    all known names if none is similar.
+    all known names if none is similar. Without known names it says that this kind has no settings.
 
     Args:
         key: The name that was given.

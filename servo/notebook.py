@@ -29,14 +29,15 @@ class Advance(Protocol):
 
 @contextmanager
 def progress(title: str, total: int) -> Generator[Advance]:
-    """Show a progress bar in a notebook until the block ends; outside a notebook do nothing.
+    """Show a progress bar in a notebook, and remove it when the block ends; outside a notebook do
+    nothing.
 
     Args:
         title: Text beside the bar.
         total: Number of steps of a full bar.
 
     Yields:
-        A function that sets the number of steps that are done.
+        A function that sets the number of steps that are done, and a note beside the bar.
     """
     if not in_notebook():
         yield _nothing
@@ -79,7 +80,9 @@ def frame_of(table: pa.Table) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class TextTable:
-    """An Arrow table that prints as text with its rows and columns, for users without pandas."""
+    """An Arrow table, `arrow`, that prints as text with its rows and columns, for users without
+    pandas. Its other attributes are those of the Arrow table.
+    """
 
     arrow: pa.Table
 

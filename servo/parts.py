@@ -1,5 +1,5 @@
-"""Protocols of the parts of a control loop that users can write: feature sets, estimators,
-controllers and sources of goals.
+"""Protocols of the parts of a control loop that users can write (feature sets, estimators,
+controllers and sources of goals), and `Task`, which a controller is given at the start of a run.
 """
 
 from collections.abc import Mapping
@@ -74,7 +74,9 @@ class FeatureSet(Protocol):
         ...
 
     def error(self, values: Array, goal: Array) -> Array:
-        """Return the error e (k,): values minus goal, with differences of angles in (-pi, pi]."""
+        """Return the error e (k,): values minus goal, with differences of angles wrapped to a full
+        turn, or to half a turn where front and back of the target look alike.
+        """
         ...
 
     def known(self, sight: Sight) -> NDArray[np.bool_]:
@@ -93,7 +95,8 @@ class FeatureSet(Protocol):
 @runtime_checkable
 class OwnInverse(Protocol):
     """Protocol of a feature set with an inverse of its own, which replaces the law's pseudo-inverse
-    while all features are measured.
+    while all features are measured, except for robots with one to five joints. All six components
+    of the camera twist may then move.
     """
 
     def inverse(self, L: Array, values: Array, camera: Camera) -> Array:
@@ -136,8 +139,8 @@ class Estimator(Protocol):
 
     All errors and motions are divided by `FeatureSet.scales`. An estimator whose `Config` declares
     `Channel.SEEN` also has a method `see(view)`, called before each of the others: `view.seen` is
-    False while something hides the target, so that the estimator can discard its last measurement,
-    of a target that was partly hidden.
+    False if the target is not seen in the picture, so that the estimator can discard its last
+    measurement, of a target that was perhaps partly hidden; it is None without a new picture.
     """
 
     def start(self, features: FeatureSet) -> None:

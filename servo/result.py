@@ -1,4 +1,5 @@
-"""What `servo.simulate` and `servo.sweep` return: a run or a study as tables, figures and film.
+"""`servo.simulate` and `servo.sweep`, and what they return: a run or a study as tables, figures and
+film.
 
 result = servo.simulate("reversal", gain=1.5)
 result.measures, result.steps, result.figure(), result.frame(7.7)
@@ -74,7 +75,8 @@ def simulate(
             `servo.load`.
 
     Raises:
-        Mistake: The scenario or a setting does not exist, or its value is not allowed.
+        Mistake: The scenario or a setting does not exist, its value is not allowed, a component
+            fails, or changes are given with a loaded scenario.
     """
     if not isinstance(scenario, Scenario):
         scenario = load(scenario, overrides, seed, **settings)
@@ -94,7 +96,7 @@ def simulate(
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(Sequence[Step]):
     """A finished run: its outcome, measures, tables, figures and film. As a sequence it is its
-    steps with their pictures.
+    steps with their pictures (compressed as JPEG), without depth pictures.
     """
 
     scenario: Scenario
@@ -159,8 +161,9 @@ class Run(Sequence[Step]):
 
     @cached_property
     def measures(self) -> Any:
-        """A row for each measure: a DataFrame by the measures' names, or, without pandas, an Arrow
-        table that prints as one.
+        """A row for each measure with its value, unit, bound (empty without one) and meaning: a
+        DataFrame whose index is the measures' names, or, without pandas, an Arrow table that prints
+        as one.
         """
         columns = {
             "measure": list(MEASURES),
@@ -185,14 +188,16 @@ class Run(Sequence[Step]):
         return steps_table.table_of(self._light, steps_table.quantities_of(self._episode))
 
     def figure(self) -> Drawing:
-        """Return a figure of the run over time: feature errors, distances [px], and the rates that
-        the target's own motion causes.
+        """Return a figure of the run over time: the feature errors, the distances of the target's
+        true centre from goal and estimate [px], and the rates of the features that the target's own
+        motion causes.
         """
         return plots.figure(RunCurves.of(self._table, self._episode.loop.features), self.title)
 
     def frame(self, time: float) -> Pillow.Image:
-        """Return the picture nearest to a time of the run [s], with the outlines of the target's
-        truth (white), goal (red) and estimate drawn in.
+        """Return the picture nearest to a time of the run [s], a small one enlarged to about 640 px
+        in width, with a line of text and the outlines of the target's truth (white), goal (red) and
+        estimate.
 
         Raises:
             Mistake: The time is not in the run.
@@ -349,7 +354,10 @@ class Sweep:
 
     @cached_property
     def cells(self) -> Any:
-        """A row for each combination of axis values: success rate and means with 95 % intervals."""
+        """A row for each cell, a combination of axis values: the success rate, and the means of the
+        measures over its runs, with 95 % intervals. A DataFrame, or, without pandas, an Arrow
+        table.
+        """
         table = csv.read_csv(pa.BufferReader(cells_csv(self.study, self._cells).encode()))
         numbers = [pa.float64() if pa.types.is_null(t) else t for t in table.schema.types]
         return notebook.frame_of(

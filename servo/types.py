@@ -1,5 +1,6 @@
-"""Values that the parts of the control loop exchange: views of the target (`Sight`), predictions of
-its motion, and camera commands.
+"""Values that the parts of the control loop exchange: views of the target (`Sight`, with `Moments`,
+`Plane` and pictures), the effect of the camera's own motion, predictions of estimators, and
+commands of controllers with their intermediate results.
 """
 
 from __future__ import annotations
@@ -47,13 +48,15 @@ class Plane:
 
     @property
     def vector(self) -> Array:
-        """(A, B, C): the unit normal of the plane over its distance from the camera [1/m]."""
+        """(A, B, C): the unit normal of the plane, which points away from the camera, over the
+        plane's distance from the camera [1/m].
+        """
         return np.array([self.A, self.B, self.C])
 
 
 @dataclass(frozen=True, slots=True)
 class CameraImage:
-    """A picture, and the model of the camera that took it."""
+    """A picture, RGB (H, W, 3), and the model of the camera that took it."""
 
     image: Image
     """RGB (H, W, 3)."""
@@ -62,8 +65,9 @@ class CameraImage:
 
 @dataclass(frozen=True)
 class Sight:
-    """The target as a picture shows it: its moments, corners, plane and pose in the camera frame,
-    and its desired view (`goal`).
+    """The target as a picture shows it: moments and corners in normalised image coordinates, plane
+    and pose in the camera frame, whether angle, size and tilt were measured, the desired view
+    (`goal`), and the whole picture for features and controllers that use pixels.
     """
 
     moments: Moments
@@ -93,7 +97,8 @@ class Sight:
 
     @cached_property
     def pose(self) -> Pose:
-        """T_camera_object [m]. The object's frame has its origin in the centre of the reference
+        """T_camera_object [m], as measured, or else computed from corners and plane (a ValueError
+        if there are no corners). The object's frame has its origin in the centre of the reference
         rectangle, x along the target's nose, and z along the plane's normal, away from the camera:
         the rotation is the identity if the camera faces the target and its nose points right.
         """
@@ -101,7 +106,8 @@ class Sight:
 
     @cached_property
     def points(self) -> Array:
-        """Corners (4, 3) of the reference rectangle in the camera frame [m].
+        """Corners (4, 3) of the reference rectangle in the camera frame [m], in the order of the
+        outline, computed from `corners` and `plane`.
 
         Raises:
             ValueError: There are no corners.
@@ -126,8 +132,9 @@ def pose_in_plane(points: Array, normal: Array) -> Pose:
 
 @dataclass(frozen=True, slots=True)
 class OwnMotion:
-    """The rate of change of the feature error, de/dt [1/s], that the camera's own motion causes:
-    its mean since the last frame (`past`), and its values until the next command acts (`coming`).
+    """The rate of change of the feature error over `FeatureSet.scales`, de/dt [1/s], that the
+    camera's own motion causes: its mean since the last picture (`past`), and its values until the
+    next command acts (`coming`).
     """
 
     past: Array
@@ -142,7 +149,8 @@ class OwnMotion:
 @dataclass(frozen=True, slots=True)
 class Prediction:
     """Result of an estimator for a frame: the feature error (k,), and its rate (k,) [1/s] from the
-    target's own motion, both divided by `FeatureSet.scales`, with the estimator's innovation.
+    target's own motion, both divided by `FeatureSet.scales`, with the estimator's innovation and
+    the variances that it states.
     """
 
     error: Array
@@ -189,8 +197,9 @@ class Mode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """Intermediate results of a control law in one frame, for the log: features, their error, and
-    the estimator's prediction.
+    """Intermediate results of a control law in one frame, for the log: features and their error,
+    the estimator's prediction, the part of de/dt that the camera causes, and which features are
+    servoed and which joints held.
     """
 
     features: Array
@@ -214,7 +223,8 @@ class Trace:
 @dataclass(frozen=True, slots=True)
 class Command:
     """Output of a controller after a picture: the camera twist in the camera frame, the
-    controller's mode, and the limits that changed the twist.
+    controller's mode and intermediate results, and the limits that changed the twist or that it
+    violates.
     """
 
     twist: Array

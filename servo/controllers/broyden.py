@@ -84,8 +84,8 @@ class Broyden:
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return the command after a picture: first the small motions by which the matrix is
-        learned, then v = -lambda L+ e. The twist is zero if the target is not seen, or a feature is
-        not measured.
+        learned, then v = -lambda L+ e. The twist is zero, with `Mode.HOLDING`, if the target is not
+        seen, or a feature is not measured.
         """
         self._away += self._pace * dt
         self._pace = 0.0

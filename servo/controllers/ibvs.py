@@ -153,8 +153,9 @@ class Ibvs:
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return the command after a picture. While the target is not seen (`seen` is None), the
-        camera follows the estimated motion for `coast` seconds, then stands, and after another
-        `search_after` seconds searches, if that is set.
+        law goes on with the estimator's predictions for `coast` seconds, then the camera stands,
+        and after another `search_after` seconds, if that is set, it searches on a spiral, up to 0.6
+        m away.
         """
         self._see(seen)
         error = self._features.error(self._measured.values, self._goal.values)

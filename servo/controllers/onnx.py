@@ -31,7 +31,9 @@ EXTRA = "the controller 'onnx' needs ONNX Runtime: pip install 'servobench[onnx]
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a learned policy: its ONNX file, and the longest wait for one output [s]."""
+    """Settings of a learned policy: its ONNX file, and the longest wait [s] for one output of the
+    network, a camera twist.
+    """
 
     file: File = ""
     """ONNX file, which ONNX Runtime runs on one core. Its inputs by name, of 32-bit floats: picture

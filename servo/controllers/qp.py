@@ -97,9 +97,10 @@ class Programme:
 
     def limited(self, desired: DesiredTwist) -> LimitedTwist:
         """Return the twist within the limits that changes the features most nearly as the desired
-        twist does, after the desired twist was scaled down to the speed limits. The limits of speed
-        and joints are always kept, those of the view as far as possible. The result also has the
-        names of the active limits, and of the limits of the view that are violated.
+        twist does, after the desired twist was scaled down to the speed limits; zero if the solver
+        finds no solution. The limits of speed and joints are always kept, those of the view as far
+        as possible. The result also has the names of the active limits, and of the limits of the
+        view that are violated.
         """
         fast = max(1.0, excess(desired.twist, self._fastest, self._fastest_turn))
         law = desired.twist / fast

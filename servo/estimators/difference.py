@@ -36,8 +36,8 @@ class Plain(Unfiltered):
 
     def measure(self, error: Array, own: OwnMotion, dt: float) -> None:
         """Set `motion`, the estimated de/dt (k,) of the target's own motion [1/s], to the change of
-        the error since the last picture over dt [s], minus the part of the camera's motion. Its
-        value stays for features that were not measured in both pictures.
+        the error (over the features' scales) since the last picture over dt [s], minus the part of
+        the camera's motion. Its value stays for features that were not measured in both pictures.
         """
         self.motion, _ = self._difference.measure(error, own.past, dt)
 

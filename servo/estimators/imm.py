@@ -107,11 +107,12 @@ class Imm:
         return Prediction(error, motion, innovation, nis, variance)
 
     def see(self, view: View) -> None:
-        """Undo the last correction if the target is now hidden, because it was probably half hidden
-        in the picture before. The first measurement of a feature is kept.
+        """Undo the last correction, also of the probabilities of the models, if the target is not
+        seen in this picture, because it was probably half hidden in the picture before. The first
+        measurement of a feature is kept.
 
         Args:
-            view: Data of the picture; its `seen` is False if the target is hidden.
+            view: Data of the picture; its `seen` is False if the target is not seen.
         """
         if view.seen is not False:
             return
@@ -120,7 +121,9 @@ class Imm:
             self._mu = np.where(self._corrected, self._mixed, self._mu)
 
     def skip(self, own: OwnMotion, dt: float) -> Prediction:
-        """Return the predicted error and de/dt for a frame in which the target was not seen."""
+        """Return the error and de/dt that are predicted for the time when the command acts, for a
+        frame in which the target was not seen; zeros if no feature was ever measured.
+        """
         if not self._filters:
             none = np.zeros(len(self._begun))
             return Prediction.unmeasured(none, none)

@@ -18,7 +18,8 @@ from sim.types import Array
 @dataclass(frozen=True, slots=True)
 class Config:
     """Settings of the estimator `integral`: its gain [1/s^2]. With a law of gain g [1/s] and the
-    feature error e, the camera twist is -L# (g e + gain * integral of e).
+    feature error e, the camera twist is -L# (g e + gain * integral of e), with the integral only
+    for the features that the law feeds forward.
     """
 
     gain: Annotated[float, Ge(0), Le(1000)] = 2.0
@@ -44,9 +45,9 @@ class Integral(Unfiltered):
         self._sum = np.zeros(len(features.names))
 
     def measure(self, error: Array, own: OwnMotion, dt: float) -> None:
-        """Add the error (k,) times dt [s] to its integral, and set `motion`, the returned de/dt
-        (k,), to the gain times the integral. The integral of a feature that is not measured (nan)
-        stays.
+        """Add the error (k,) over the features' scales, times dt [s], to its integral, and set
+        `motion`, the returned de/dt (k,), to the gain times the integral. The integral of a feature
+        that is not measured (nan) stays.
         """
         self._sum = self._sum + np.nan_to_num(error) * dt
         self.motion = self._gain * self._sum

@@ -58,8 +58,8 @@ class Cusum:
         self._sums = np.zeros((2, 1))
 
     def jumped(self, normalised: Array) -> Flags:
-        """Return True (k,) for each feature with a sum above the threshold, and set its sums to
-        zero.
+        """Add the innovations of a picture to the sums; return True (k,) for each feature with a
+        sum above the threshold, and set its two sums to zero.
 
         Args:
             normalised: Innovations (k,) over their standard deviations; 0 if not measured.

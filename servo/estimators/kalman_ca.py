@@ -38,8 +38,9 @@ ACCELERATION_AT_5_HZ = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the Kalman filter of a nearly constant target acceleration; of its three
-    variances only the ratios change the estimate, so that two settings give all three.
+    """Settings of the Kalman filter of a nearly constant target acceleration: the decay of velocity
+    changes (`rho`), two ratios that give its three variances, of which only the ratios change the
+    estimate, and whether it filters errors or their differences (`noise`).
     """
 
     rho: Memory = 0.5
@@ -60,7 +61,9 @@ class Config:
         return frozenset() if self.noise == "difference" else frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> Estimator:
-        """Return the estimator, which uses no random numbers."""
+        """Return the estimator: a filter of the errors, or, with noise = "difference", of their
+        differences. It uses no random numbers.
+        """
         if self.noise == "difference":
             return DifferenceFilters(self.model)
         return ErrorFilters(self.motion)

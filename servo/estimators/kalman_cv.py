@@ -38,8 +38,9 @@ RATIO_AT_5_HZ = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the Kalman filter of a nearly constant target velocity; of its two variances only
-    the ratio changes the estimate, so that one setting gives both.
+    """Settings of the Kalman filter of a nearly constant target velocity: the decay of velocity
+    changes (`rho`), the ratio of its two variances, which alone changes the estimate, and whether
+    it filters errors or their differences (`noise`).
     """
 
     rho: Memory = RHO
@@ -58,7 +59,9 @@ class Config:
         return frozenset() if self.noise == "difference" else frozenset({Channel.SEEN})
 
     def build(self, rng: np.random.Generator) -> Estimator:
-        """Return the estimator, which uses no random numbers."""
+        """Return the estimator: a filter of the errors, or, with noise = "difference", of their
+        differences. It uses no random numbers.
+        """
         if self.noise == "difference":
             return DifferenceFilters(self.model)
         return ErrorFilters(lambda dt: motion(dt, self.rho, self.ratio))

@@ -31,9 +31,9 @@ class Config:
 
 @final
 class HybridFeatures(WithRotation):
-    """Feature set s = (x, y, log(Z / Z*), theta u): normalised image coordinates and depth Z of the
-    target's centre, Z* at the goal, and the rotation vector theta u [rad] of c*Rc, the camera's
-    rotation in the frame of the desired camera.
+    """Feature set s = (x, y, log(Z / Z*), theta u) (6,): normalised image coordinates and depth Z
+    of the target's centre, Z* at the goal, and the rotation vector theta u [rad] of c*Rc, the
+    camera's rotation in the frame of the desired camera.
 
     Malis, Chaumette and Boudet 1999 (2 1/2 D visual servoing, IEEE Transactions on Robotics and
     Automation 15). The centre moves on a straight line in the image, and stays in view.

@@ -30,7 +30,8 @@ over their variance, and what is decided by them, on these too."""
 
 
 class Scaling(Enum):
-    """Choices of the scale K, the unit of xn, yn and an.
+    """Choices of the scale K of xn, yn and an: METRIC, the square root of the target's metric area,
+    so that the features are in m; or PAPER, 1, so that they have no unit.
 
     The camera's motion is the same with both; thresholds, adaptive gains and plots differ.
     """
@@ -45,7 +46,9 @@ class Scaling(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the feature set `moments`: the scale K, which is the unit of xn, yn and an."""
+    """Settings of the feature set `moments`: the scale K of xn, yn and an, the square root of the
+    target's metric area [m] (metric) or 1 (paper).
+    """
 
     scaling: Scaling = Scaling.METRIC
     """Unit of xn, yn and an: "metric" (an is the depth in m) or "paper" (an is 1 / sqrt(area))."""
@@ -59,8 +62,9 @@ class Config:
 
 @final
 class MomentFeatures:
-    """Feature set s = (xn, yn, an, theta) of one target: centre (xn, yn), size an and angle theta
-    [rad] of its silhouette.
+    """Feature set s = (xn, yn, an, theta) (4,) of one target: centre (xn, yn) and size an of its
+    silhouette, in m with the scaling METRIC, and the direction theta of its long axis, from right
+    towards down [rad].
     """
 
     names = ("xn", "yn", "an", "theta")

@@ -41,8 +41,8 @@ class Config:
 @final
 class PhotometricFeatures(Features):
     """Feature set s = L+ (I - I*) (6,): the camera displacement [m, rad] that best explains how the
-    pixels' brightness I differs from the goal's I*, with the interaction matrix L of the pixels. So
-    ds/dt is the camera's twist, to first order.
+    pixels' brightness I differs from the goal's I*, with the interaction matrix L of the goal's
+    pixels. So ds/dt is the camera's twist, to first order.
 
     Collewet and Marchand 2011 (Photometric visual servoing, IEEE Transactions on Robotics 27). One
     depth stands for all pixels. The method needs texture, constant light, and a start near the
@@ -59,8 +59,8 @@ class PhotometricFeatures(Features):
         self._goal_inverse = np.zeros((6, 0))
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (6,) [m, rad] from the current picture and the goal's picture, which
-        `sight` holds.
+        """Return the features (6,), a camera displacement [m, rad], from the current picture and
+        the goal's picture, which `sight` holds.
 
         Raises:
             ValueError: One of the pictures is missing.
@@ -82,18 +82,26 @@ class PhotometricFeatures(Features):
 
 
 def brightness(picture: CameraImage) -> Array:
-    """Return the grey values (h, w), 0 to 255, of a picture without the 10 px next to each side."""
+    """Return the grey values (h, w), 0 to 255, of a picture without the 10 px next to each side.
+
+    Raises:
+        Mistake: The picture has 20 px or less in width or height.
+    """
     return _inside(_grey(picture))
 
 
 def brightness_matrix(picture: CameraImage, depth: float) -> Array:
-    """Return the interaction matrix (h w, 6) of the grey values of a picture without the 10 px next
-    to each side: L = -(Ix Lx + Iy Ly), with Lx and Ly the rows of each pixel as a point, Ix and Iy
-    the gradient of the grey values (Collewet and Marchand 2011, equation 9).
+    """Return the interaction matrix (h w, 6) of the grey values (0 to 255) of a picture without the
+    10 px next to each side, for a camera twist in the camera frame: L = -(Ix Lx + Iy Ly), with Lx
+    and Ly the rows of each pixel as a point, Ix and Iy the gradient of the grey values in
+    normalised image coordinates (Collewet and Marchand 2011, equation 9).
 
     Args:
         picture: The picture, with its camera.
         depth: Depth of all pixels [m].
+
+    Raises:
+        Mistake: The picture has 20 px or less in width or height.
     """
     grey = _grey(picture)
     camera = picture.camera

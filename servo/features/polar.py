@@ -31,7 +31,8 @@ class Config:
 @final
 class PolarFeatures(OfCorners):
     """Feature set s = (rho0, theta0, ..., rho3, theta3) (8,): distance rho of each corner from the
-    optical axis, in normalised image coordinates, and its direction theta [rad] from there.
+    optical axis, in normalised image coordinates, and its direction theta from there, from right
+    towards down [rad].
 
     Iwatsuki and Okiyama 2005 (A new formulation of visual servoing based on cylindrical coordinate
     system, IEEE Transactions on Robotics 21). Ill-conditioned if a corner is near the optical axis.
@@ -44,8 +45,8 @@ class PolarFeatures(OfCorners):
     noise = np.array(NOISE * 4)
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (8,) of the target in a picture: distance (normalised) and direction
-        [rad] of each corner.
+        """Return the features (8,) of the target in a picture: distance (normalised) and direction,
+        from right towards down [rad], of each corner from the optical axis.
         """
         x, y = corners_of(sight).T
         return np.column_stack([np.hypot(x, y), np.arctan2(y, x)]).ravel()

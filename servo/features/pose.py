@@ -20,8 +20,8 @@ NOISE = (2e-4, 2e-4, 2e-3, 5e-3, 5e-3, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the feature set `pose`: which translation is servoed, of the camera or of the
-    target.
+    """Settings of the feature set `pose`: which translation is servoed, that of the camera in the
+    frame of the desired camera ("cdMc"), or that of the target in the camera frame ("cMo").
     """
 
     error: Error = "cdMc"

@@ -1,5 +1,5 @@
-"""Feature set of the target's two long sides: middle, length and angle of each (Espiau, Chaumette,
-Rives 1992).
+"""Feature set of the target's two sides along its nose: middle, length and angle of each (Espiau,
+Chaumette, Rives 1992).
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,9 @@ NOISE = (2e-4, 2e-4, 3e-4, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the feature set `segment`: plain or normalised features."""
+    """Settings of the feature set `segment`: with `normalised`, xc/l, yc/l and 1/l replace the
+    middle (xc, yc) and the length l of each side.
+    """
 
     normalised: bool = False
     """Whether xc/l, yc/l and 1/l replace xc, yc and l: the interaction matrix is then simpler
@@ -36,13 +38,13 @@ class Config:
 
 @final
 class SegmentFeatures(OfCorners):
-    """Feature set s = (xc, yc, l, alpha) of each of the target's two long sides (8,): middle,
-    length and angle [rad] in normalised image coordinates. With `normalised` they are (xc/l, yc/l,
-    1/l, alpha).
+    """Feature set s = (xc, yc, l, alpha) of each of the target's two sides along its nose (8,):
+    middle, length and angle [rad] in normalised image coordinates. With `normalised` they are
+    (xc/l, yc/l, 1/l, alpha).
 
     Espiau, Chaumette and Rives 1992 (A new approach to visual servoing in robotics, IEEE
-    Transactions on Robotics and Automation 8); alpha points from the segment's end to its start, as
-    in ViSP.
+    Transactions on Robotics and Automation 8); alpha is the direction from the front corner to the
+    rear one, from right towards down, as in ViSP.
     """
 
     units = ("1", "1", "1", "rad") * 2
@@ -56,8 +58,9 @@ class SegmentFeatures(OfCorners):
         self.noise = np.array(NOISE * 2) * ([10, 10, 10, 1] * 2 if normalised else 1.0)
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (8,) of the target in a picture: middle, length and angle of the side
-        from the first corner to the second, then those of the side from the fourth to the third.
+        """Return the features (8,) of the target in a picture: middle, length and angle
+        (normalised, if so set) of the side from the first corner to the second, then those of the
+        side from the fourth to the third.
         """
         middle, back, length = self._segments(sight)
         alpha = np.arctan2(back[:, 1], back[:, 0])

@@ -25,8 +25,9 @@ Depth = Annotated[float, Ge(0.01), Le(100)]
 class GoalConfig:
     """Settings of the goal: position, angle and distance at which the camera should see the target.
 
-    The position is in px from the image's centre, the angle in degrees, and the distance in m; the
-    distance can change during the run.
+    The position is in px to the right of the image's centre and below it. The angle is the
+    direction of the target's nose, from right towards down, in degrees. The distance is in m, and
+    can change once in the run, at constant speed.
     """
 
     x: Pixels = 0.0
@@ -45,15 +46,17 @@ class GoalConfig:
     """Duration of the change, at constant speed [s]."""
 
     def depth_at(self, time: float) -> float:
-        """Return the desired distance of the target [m] at a time of the run [s]."""
+        """Return the desired distance of the target [m] at a time of the run [s]: `depth`, and with
+        `depth_to` a linear change to that.
+        """
         done = min(max((time - self.change_start) / self.change_duration, 0.0), 1.0)
         return self.depth + done * ((self.depth_to or self.depth) - self.depth)
 
 
 @final
 class Faced:
-    """Goal at which the camera faces the target: the target's plane is then parallel to the
-    image.
+    """Goal at which the camera faces the target (the target's plane is parallel to the image),
+    given by the target's pixel, angle and depth; the depth may change once in the run.
     """
 
     def __init__(
@@ -90,8 +93,8 @@ class Faced:
         self._to_sight = EstimateToSight(SightConfig(), seen, region, outline, depth_factor)
 
     def truth(self, time: float, T_world_camera: Pose) -> Truth:
-        """Return the poses in the world frame, and the centre, angle, size and corners in the
-        picture, of a target at its goal in front of a given camera.
+        """Return the poses in the world frame, and the centre [px], angle [rad], size [px/m] and
+        corners [px] in the picture, of a target at its goal in front of a camera with a given pose.
 
         Args:
             time: Time of the run [s], by which the goal's depth may change.

@@ -33,9 +33,9 @@ class Shown:
         self._shown: Sight | None = None
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight | None:
-        """Return the desired view of the target for a picture, with the picture at the goal; None
-        until the stored goal source has returned a desired view. `by_corners` is passed on to that
-        source.
+        """Return the desired view of the target for a picture, with the picture at the goal. If the
+        stored goal source returns None, it is the last desired view, or None if there was none yet.
+        `by_corners` is passed on to that source.
         """
         bare = self._goal.sight(frame, by_corners=by_corners)
         if bare is not None and bare is not self._bare:

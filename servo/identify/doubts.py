@@ -53,8 +53,9 @@ def doubts(log: Log, found: Identified, fastest: Mapping[str, float]) -> list[st
         fastest: Largest rate of each joint of the simulated robot [m/s, rad/s].
 
     Raises:
-        Mistake: A joint does not follow its command, its encoder does not follow the joint, or the
-            log does not determine delay or lag.
+        Mistake: A joint does not follow its command, or with another sign or unit; its encoder does
+            not follow the joint, or with another sign or unit; or the log does not determine delay
+            or lag.
     """
     sentences = [log.clock] if log.clock else []
     apart = list(_disagreement(found))

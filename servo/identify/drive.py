@@ -12,7 +12,8 @@ GRID = 2e-3
 
 
 def after_play(motion: Array, play: float) -> Array:
-    """Return a joint's positions (n,) behind a gear with play, from those of its motor [m, rad].
+    """Return a joint's positions (n,) behind a gear from those of its motor [m, rad]; `play` is the
+    whole play of the gear [m, rad].
 
     The joint begins in the middle of the play.
     """
@@ -31,8 +32,8 @@ def after_play(motion: Array, play: float) -> Array:
 
 
 def after_lag(motion: Array, lag: float) -> Array:
-    """Return the positions (n,) of a drive that follows a motion (n,) with a first-order lag, a
-    time constant [s].
+    """Return the positions (n,) of a drive that follows a motion (n,) with a first-order lag, the
+    time constant `lag` [s].
 
     The motion is linear between its samples, which are 0.002 s apart.
     """

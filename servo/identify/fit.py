@@ -1,4 +1,5 @@
-"""Estimates of a robot's delay, lag, play and noise, with intervals, from its log.
+"""Estimates of a robot's delay, lag, gains, play, noise and jitter, most with intervals, from its
+log.
 
 The model is the simulator's: the integral of the commands, delayed, passes the play of the gear,
 the drive's lag, and the drive's own servo, whose time constant is known. The gear of a real robot
@@ -62,8 +63,9 @@ step of the digits."""
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """Delay and lag from a command to the robot's motion, including those of the drives' own
-    servo.
+    """Delay and lag from a command to the robot's motion, including those of the drives' own servo;
+    their sum; and the sum for each channel (joint, or component of the camera's twist) alone. All
+    are in s, with 95 % intervals.
     """
 
     delay: Interval
@@ -78,8 +80,9 @@ class Whole:
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """The estimates of `identify` from a robot's log: delay, lag, gains, play, noise and jitter,
-    most with 95 % intervals.
+    """The estimates of `identify` from a robot's log: delay, lag, gains, play, noise, encoder steps
+    and jitter, most with 95 % intervals, and the positions that the model with these estimates
+    gives.
     """
 
     delay: Interval

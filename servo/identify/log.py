@@ -110,7 +110,8 @@ class LogChannel:
 @dataclass(frozen=True, slots=True)
 class Log:
     """The contents of a robot's log: commands and motion of each channel (joint, or component of
-    the camera's twist), and the arrival times of its pictures [s].
+    the camera's twist), the waits for its pictures [s], and what is missing, unused or doubtful in
+    it.
     """
 
     channels: list[LogChannel]
@@ -140,8 +141,9 @@ def read(path: Path) -> Log:
     """Read a robot's log: CSV, Parquet, or MCAP with JSON messages, such as /step of a run.
 
     Raises:
-        Mistake: The file cannot be read, a column contradicts its name, or no channel has both a
-            command and positions that vary.
+        Mistake: The file cannot be read, it is shorter than 2 s or longer than 600 s, a column
+            contradicts its name, a position jumps, or no channel has both a command and enough
+            positions that vary.
     """
     table = _table(path)
     names = table.column_names

@@ -27,8 +27,8 @@ ROOM = 0
 
 
 class Columns:
-    """Numbers of all steps of a run so far, as columns, and a few whole steps: the first, those of
-    the last second, and those of the last second in which the target was not lost.
+    """Numbers of all steps of a run so far, as columns, and a few whole steps without pictures: the
+    first, those of the last second, and those of the last second in which the target was not lost.
     """
 
     first: Step
@@ -65,7 +65,9 @@ class Columns:
         return np.frombuffer(self._rows, self._kind)[name]
 
     def add(self, step: Step) -> None:
-        """Append a row with the numbers that `NUMBERS` computes from a step."""
+        """Append a row with the numbers that `NUMBERS` computes from the next step of the run, and
+        update the few whole steps that are kept.
+        """
         row = {name: np.asarray(of(step)) for name, of in NUMBERS.items()}
         last = self.final[-1] if self.final else step
         row["other_picture"] = np.asarray(step.truth_estimated is not last.truth_estimated)

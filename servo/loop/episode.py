@@ -41,8 +41,9 @@ Kept = dict[str, tuple[object, object]]
 
 @dataclass(frozen=True, slots=True)
 class Advance:
-    """Motion of the simulated world over one frame interval: the camera's mean commanded twist
-    [m/s, rad/s], the joint limits that were hit, and the wall-clock time of the physics [s].
+    """Motion of the simulated world over one frame interval: the mean commanded twist of the camera
+    in its own frame [m/s, rad/s], the joint limits that were hit, and the wall-clock time of the
+    physics [s].
     """
 
     twist: Array
@@ -58,8 +59,9 @@ KEPT = ("robot", "target")
 
 
 class ImpossibleStart(Mistake):
-    """Error: the start pose does not exist, or the robot cannot reach it. If the scenario draws its
-    start, the start of another seed may be possible.
+    """Error: the start pose (or the goal pose, if a picture is taken there) does not exist, or the
+    robot cannot reach it. If the scenario draws its start, the start of another seed may be
+    possible.
     """
 
 
@@ -67,7 +69,8 @@ class Episode:
     """A run of a scenario that is ready to begin. Iterate over its steps once, and close it.
 
     Raises:
-        Mistake: The scenario's settings contradict each other or are impossible.
+        Mistake: The scenario's settings contradict each other or are impossible; `ImpossibleStart`
+            if the robot cannot be at the start.
         PartFailed: A component raised an exception; the message names the component.
         NoRenderer: This machine cannot render.
     """
@@ -126,7 +129,9 @@ class Episode:
             unless_ready.pop_all()
 
     def close(self, *_: object) -> None:
-        """Close the world and its renderer."""
+        """Close the world and its renderer, and release the running loop, so that a tracker's
+        process can end.
+        """
         if hasattr(self, "world"):
             self.world.close()
         # Both refer to this episode for the truth: the cycle would keep a tracker's process alive.
@@ -343,8 +348,9 @@ class Episode:
             yield self.move(self.look())
 
     def look(self) -> Step:
-        """Take the next picture, run tracker and law on it, and return the step as it is before the
-        camera moves; `move` completes it.
+        """Take the next picture, run tracker and law on the pictures that the tracker finishes in
+        this frame interval (without delays, on this picture), and return the step as it is before
+        the camera moves. To be followed by `move`, which completes the step.
         """
         timeline = self._timeline
         began = perf_counter()
@@ -384,8 +390,8 @@ class Episode:
 
     @property
     def sight(self) -> Sight | None:
-        """View of the target (moments, corners, plane, pose) at the law's last command; None if the
-        target was not seen.
+        """View of the target (moments, corners, plane, pose) in the picture from which the law's
+        last command was computed; None if the target was not seen in it.
         """
         return self._timeline.latest.decision.sight
 
@@ -410,7 +416,8 @@ class Episode:
         Args:
             step: The step that `look` returned.
             twist: Camera twist (6,) in the camera frame [m/s, rad/s] that replaces the law's
-                commands of this step; None: the law's commands act.
+                commands of this step (an episode needs `steered=True` for it); without a new
+                command in this step it has no effect. None: the law's commands act.
         """
         if twist is not None:
             self._timeline.steer(twist)
@@ -448,6 +455,8 @@ class Episode:
 
 
 def run(scenario: Setup) -> Iterator[Step]:
-    """Run a scenario, and yield its steps one after the other, from the first frame to the last."""
+    """Run a scenario, yield its steps one after the other, from the first frame to the last, and
+    close the world at the end.
+    """
     with Episode(scenario) as episode:
         yield from episode

@@ -61,12 +61,14 @@ def events(before: Step | None, step: Step) -> list[Event]:
 
 
 def remarks_on_tracker(run: Columns, *, is_guest: bool = False) -> str:
-    """Return what a reader of a run should know of the tracker's results, in sentences without the
-    last full stop; "" if there is nothing.
+    """Return sentences, without the last full stop, that count the pictures in which the tracker's
+    centre, angle or size was too uncertain, or its size impossible, to be servoed, and one about a
+    size that never changed; "" if there are none, or if pixels are servoed.
 
     Args:
         run: The numbers of the run.
-        is_guest: Whether the tracker is one of another author, whose boxes may have no size.
+        is_guest: Whether the tracker is one of another author, whose boxes may never change their
+            size; only then is the last sentence returned.
     """
     last = run.final[-1]
     if last.goal_sight.picture is not None:

@@ -18,8 +18,8 @@ ROUNDING = 1e-6
 
 
 def check_setup(setup: Setup, camera: Camera, outline: Array) -> None:
-    """Check the types and numbers of the arguments of `Loop`: a scenario, a camera, and an outline
-    (4, 3) [m].
+    """Check the types and numbers of the arguments of `Loop`: a scenario, a camera, and an outline,
+    the corners (4, 3) [m] of a level rectangle, clockwise as seen from above.
 
     Raises:
         ValueError: An argument has the wrong type, or invalid numbers.
@@ -104,11 +104,11 @@ def _type_of(values: object) -> str:
 
 def check_posture(posture: Posture) -> None:
     """Check the shapes and numbers of the posture that a robot reports. Infinite or nan elements of
-    its Jacobian are allowed: a law then does not use it.
+    its Jacobian are allowed: a law then does not use it; so are infinite limits.
 
     Raises:
-        ValueError: A number is not finite, an array has another shape, or the rotation is no
-            rotation matrix.
+        ValueError: A number is not finite or above 1e9, an array has another shape, a lower limit
+            is above the upper one, or the rotation is no rotation matrix.
     """
     check_type("posture", posture, Posture)
     p = posture

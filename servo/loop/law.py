@@ -90,7 +90,8 @@ class Law:
             true_motion: Whether the target's true motion is available, as in a simulation.
 
         Raises:
-            ValueError: Data is missing, or two components do not fit together.
+            ValueError: Depth pictures or the true motion are needed and missing, or the estimator
+                needs the true motion although a component uses pictures.
         """
         if Channel.DEPTH in self._scenario.sight.needs and not depths:
             raise ValueError(
@@ -129,7 +130,8 @@ class Law:
 
     def check_followed(self, estimate: Estimate) -> None:
         """Check that at least one feature can be measured from what the tracker follows (angle,
-        size, corners).
+        size, corners), as its first estimate of a visible target reports. `start` must have been
+        called.
 
         Raises:
             PartFailed: No feature can be measured.
@@ -167,7 +169,8 @@ class Law:
     def motion_measured(self, command: Command, sight: Sight | None, interval: float) -> Array:
         """Return the mean de/dt (k,) since the previous picture that the target's own motion
         caused, as measured, in the features' units per second; nan for features that were not
-        measured in both pictures.
+        measured in both pictures, or if the command has no trace. To be called once for each
+        picture: it stores the error for the next call.
 
         Args:
             command: The command after this picture, with the features and the camera's part in its

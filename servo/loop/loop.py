@@ -51,8 +51,9 @@ class TrueMotion(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """A picture, the tracker's estimate from it, the time since the previous picture [s], and the
-    wall-clock time of the tracker [s].
+    """A picture, the tracker's estimate from it (or the last one, if the frame has no picture), the
+    time since the previous frame [s], the wall-clock time of tracker and policy [s], and the
+    command of a policy, a controller that uses pictures.
     """
 
     frame: Frame
@@ -68,8 +69,8 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """Result of the law for a picture: the view of the target, the command, the target's measured
-    motion, and the law's wall-clock time [s].
+    """Result of the law for a picture: the tracker's estimate, the view of the target, the command,
+    the measured de/dt of the target's own motion, and the law's wall-clock time [s].
     """
 
     estimate: Estimate
@@ -87,8 +88,8 @@ class Decision:
 
 @final
 class Loop:
-    """Closed loop of a scenario: tracker, feature set, estimator and controller, without a
-    world.
+    """Closed loop of a scenario: tracker, feature set, estimator and controller, without a world.
+    Its run, which `start` begins, takes pictures and postures and returns camera twists.
     """
 
     def __init__(
@@ -139,7 +140,8 @@ class Loop:
         true_motion: TrueMotion | None = None,
         truth: Callable[[int], Truth] | None = None,
     ) -> "Running":
-        """Start the tracker with the target in the first picture, and return the running loop.
+        """Start the tracker with the target in the first picture, and return the running loop. An
+        earlier run of this loop is then over: it uses the same components.
 
         Args:
             frame: The first picture.
@@ -159,7 +161,9 @@ class Loop:
 
         Raises:
             PartFailed: A component raised an exception.
-            ValueError: The tracker refuses the region, or a setting does not fit the features.
+            ValueError: An argument has the wrong type or size, the tracker refuses the region, a
+                setting does not fit the features, data that a component needs is missing, the
+                leader's tag is not seen, or the goal moves although there is a picture of it.
         """
         check_start(frame, self.camera, region, state)
         for draws, state_at_first in self._draws:
@@ -216,8 +220,8 @@ class Running:
         self._shown: float | None = None
 
     def begin(self, frame: Frame, region: Region, state: State) -> None:
-        """Start tracker and law with the target in the first picture. `Loop.start` calls this;
-        users do not.
+        """Start tracker and law with the target in the first picture, and store the goal at that
+        time and a decision to stand still. `Loop.start` calls this; users do not.
         """
         self._law.check(depths=frame.depth is not None, true_motion=self._true_motion is not None)
         self._estimate = self._perception.start(
@@ -248,14 +252,15 @@ class Running:
         """Return the law's command after the next picture: `track`, then `decide`.
 
         Args:
-            frame: The next picture. If it is not fresh, because the camera delivered none, the
-                tracker is not called.
+            frame: The next picture; in the first call, the one that `Loop.start` was given. If it
+                is not fresh, because the camera delivered none, the tracker is not called, and the
+                law takes the target as not seen.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
 
         Raises:
             PartFailed: A component raised an exception, or returned an invalid value.
-            ValueError: The frame is not later than the last one, frame or posture has invalid
-                numbers, or the loop was started again.
+            ValueError: The frame is not later than that of the previous call, frame or posture has
+                invalid numbers, or the loop was started again.
         """
         return self.decide(self.track(frame, posture), posture).command
 
@@ -264,12 +269,18 @@ class Running:
         robot that moves on meanwhile.
 
         Args:
-            frame: The next picture. If it is not fresh, because the camera delivered none, the
-                tracker is not called.
+            frame: The next picture; in the first call, the one that `Loop.start` was given, for
+                which the given state is the estimate. If it is not fresh, because the camera
+                delivered none, the tracker is not called.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
 
         Returns:
             The observation, which `decide` takes.
+
+        Raises:
+            PartFailed: The tracker or a policy raised an exception, or returned an invalid value.
+            ValueError: The frame is not later than that of the previous call, frame or posture has
+                invalid numbers, or the loop was started again.
         """
         began = perf_counter()
         if self._loop.latest() is not self:
@@ -299,13 +310,17 @@ class Running:
     def decide(
         self, observation: Observation, posture: Posture, acts: float | None = None
     ) -> Decision:
-        """Compute the law's command from an observation: the second half of `step`.
+        """Compute the law's command from an observation, and store the result as `decision`: the
+        second half of `step`. A policy has computed its command already, in `track`.
 
         Args:
             observation: What `track` returned last.
             posture: Camera pose, twist and joints of the robot at the time of the picture.
             acts: Time of the run at which the command begins to act [s], for an estimator that
                 needs the true motion; None: the scenario's latency after the picture.
+
+        Raises:
+            PartFailed: A component raised an exception, or returned an invalid value.
         """
         began = perf_counter()
         frame = observation.frame

@@ -67,7 +67,7 @@ class Part:
 
     def guarded(self, built: Built, *, checked: bool = True) -> Built:
         """Return a wrapper of the built component: an exception in one of its methods becomes a
-        `PartFailed` that names the component.
+        `PartFailed` that names the component, unless `blame` lets it pass.
 
         Args:
             built: The component.
@@ -78,10 +78,10 @@ class Part:
     @contextmanager
     def naming(self) -> Generator[None]:
         """Turn an exception in the block, which calls the component's code, into a `PartFailed`
-        that names the component.
+        that names the component; a `Mistake`, an interrupt and a MemoryError pass unchanged.
 
         Raises:
-            PartFailed: The block raised an exception.
+            PartFailed: The block raised another exception.
         """
         try:
             yield
@@ -92,7 +92,8 @@ class Part:
     def blame(self, error: BaseException, method: str = "") -> None:
         """Raise a `PartFailed` that names this component, for an exception that the component's
         code raised. Return without an effect for an exception that should pass unchanged: a
-        `Mistake`, an interrupt, and a ValueError of `start`, which refuses the user's input.
+        `Mistake`, an interrupt, a MemoryError, and a ValueError of `start`, which refuses the
+        user's input.
 
         Args:
             error: The exception.

@@ -114,8 +114,10 @@ class Perception:
     def track(
         self, frame: Frame, posture: Posture, interval: float, truth: Truth | None
     ) -> Estimate:
-        """Return the tracker's estimate for the next picture. If the picture is not fresh, because
-        the camera delivered none, the tracker is not called, and the last estimate is returned.
+        """Return the tracker's estimate for the next picture; if its size has changed more than is
+        possible, with the size to use instead in `likely_scale`. If the picture is not fresh,
+        because the camera delivered none, the tracker is not called, and the last estimate is
+        returned.
 
         Args:
             frame: The picture.
@@ -146,7 +148,8 @@ class Perception:
         self, frame: Frame, estimate: Estimate, posture: Posture, goal: Sight
     ) -> Sight | None:
         """Return the view of the target (moments, corners, plane, pose in the camera frame) from an
-        estimate; None if the target is not seen.
+        estimate; None if the target is not seen, its centre is too uncertain, or its corners fit no
+        rectangle of its size. A size that is impossible or too uncertain is marked as not measured.
 
         Args:
             frame: The picture of the estimate, with its depth picture if there is one.

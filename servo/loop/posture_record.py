@@ -64,9 +64,10 @@ class PostureRecord:
         self._postures[index] = posture
 
     def paired(self, index: int) -> Posture:
-        """Return the posture for the picture of a frame, by the frame's number: measured and
-        commanded twists are means over the time since the previous call. Older postures are then
-        deleted.
+        """Return the posture for the picture of a frame, by the frame's number, with the pose at
+        the picture's stamp. Measured, accepted and commanded twists are means over the time since
+        the frame of the previous call; in the first call they are as stored. Postures that are no
+        longer needed are deleted.
         """
         posture = self._postures[index]
         last = self._taken

@@ -68,7 +68,8 @@ class Summary:
 
 
 def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: float) -> Summary:
-    """Return the outcome and the measures of a run.
+    """Return the outcome and the measures of a run; nan for measures that count from `config.after`
+    on, if the run ended before.
 
     Args:
         steps: The steps of the run, or their columns.

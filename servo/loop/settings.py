@@ -53,8 +53,9 @@ def stream(seed: int, name: str) -> np.random.Generator:
 class RunConfig:
     """Settings of a run: its duration, its seed, and the delays of pictures, tracker and commands.
 
-    The duration is in simulated seconds. `latency` counts frame intervals; the other delays are in
-    milliseconds.
+    The duration is in simulated seconds. `latency` counts frame intervals; `latency_ms`, which
+    replaces it, and the other delays are in milliseconds. With `ego` the tracker is given the
+    motion of the target's image that the camera's motion causes.
     """
 
     duration: Annotated[float, Ge(0.001), Le(LONGEST)] = 10.0
@@ -99,8 +100,9 @@ class RunConfig:
 class StartConfig:
     """Settings of the start: where the target is in the first picture, relative to the goal.
 
-    They are a shift [px], rotation [deg], size ratio and tilt [deg], or the target's whole pose in
-    the camera frame.
+    They are a shift to the right and down [px], a rotation from right towards down [deg], a size
+    ratio, and a tilt of the camera with its direction [deg]; or, in place of all these, the
+    target's pose in the camera frame (`pose`: centre [m], rotation vector [deg]).
     """
 
     x: Pixels = 0.0
@@ -134,8 +136,8 @@ class StartConfig:
 class RegionConfig:
     """Settings of the errors of the rectangle that the tracker is given in the first picture.
 
-    They are a shift [px], a rotation [deg], and factors on width and height. By default the
-    rectangle is the true one.
+    They are a shift to the right and down [px], a rotation from right towards down [deg], and
+    factors on width and height. By default the rectangle is the true one.
     """
 
     x: Pixels = 0.0

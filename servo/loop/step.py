@@ -40,8 +40,8 @@ class Seconds:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Values that stay the same in a run: camera, target, feature set, frame interval and MuJoCo
-    model.
+    """Values that stay the same in a run: camera, target, its rectangle and size in the first
+    picture, feature set, frame interval and MuJoCo model.
     """
 
     camera: Camera
@@ -351,7 +351,9 @@ class Step:
 
     @property
     def seen(self) -> bool:
-        """Whether the camera delivered a new picture, and the tracker's status for it is LOCKED."""
+        """Whether the camera delivered a new picture in this frame, and the status of the tracker's
+        latest estimate is LOCKED.
+        """
         return self.frame.fresh and self.estimate.status is Status.LOCKED
 
     @property

@@ -1,12 +1,12 @@
 """Simulated times of a run: when a picture arrives, when the tracker takes it, and when its command
 acts.
 
-A picture arrives after its exposure and transport. A tracker that is not busy takes the newest
-picture that has arrived. Its estimate is ready `run.tracker_ms` later, and pictures that arrive in
-between are skipped, except for the newest. A frame without a picture takes the tracker no time, and
-is used only if there is no picture. The law runs once for each estimate. Its command acts
-`run.latency` frame intervals or `run.latency_ms` later, from the next update of the drives on;
-until then the robot follows the command before.
+A picture arrives at the tracker up to `run.jitter_ms` after it was taken. A tracker that is not
+busy takes the newest picture that has arrived. Its estimate is ready `run.tracker_ms` later, and
+pictures that arrive in between are skipped, except for the newest. A frame without a picture takes
+the tracker no time, and is used only if there is no picture. The law runs once for each estimate.
+Its command acts `run.latency` frame intervals or `run.latency_ms` later, from the next update of
+the drives on; until then the robot follows the command before.
 """
 
 from dataclasses import dataclass, replace
@@ -138,7 +138,8 @@ class Timeline:
         """When each command begins to act [s], and its twist (6,), in order."""
 
     def advance(self, frame: Frame, posture: Posture) -> None:
-        """Run tracker and law over the frame interval that begins with a frame.
+        """Run tracker and law over the frame interval that begins with a frame, the next one of the
+        run; `latest` then has the last decision, and `decided` the number of new ones.
 
         Args:
             frame: The frame, with its picture.
@@ -178,7 +179,8 @@ class Timeline:
 
     def acting(self, later: int = 0) -> Array:
         """Return the commanded camera twists (n, 6) [m/s, rad/s] that act in one frame interval,
-        one for each of the n updates of the drives in it.
+        one for each of the n updates of the drives in it. Their mean is stored as the commanded
+        twist of the next posture.
 
         Args:
             later: Which interval: 0 for the one that begins with the last picture, 1 for the next

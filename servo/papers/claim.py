@@ -143,8 +143,8 @@ class Claim:
 
 
 def every(findings: Iterable[Finding]) -> Finding:
-    """Return the finding about a claim with several parts, given the finding of each part; the
-    claim holds only if all parts hold.
+    """Return the finding about a claim with several parts, given the finding of each part: it holds
+    if all parts hold, does not hold if one part does not, and is undecided otherwise.
     """
     order = [Finding.HOLDS, Finding.UNDECIDED, Finding.DOES_NOT_HOLD]
     return max(findings, key=order.index)

@@ -147,7 +147,7 @@ def known() -> Found:
 
 def broken(found: Found, before: Found) -> list[str]:
     """Return a sentence for each claim whose finding in `found` differs from that in `before`, the
-    last full run.
+    last full run; claims that `before` does not have are left out.
     """
     return [
         f"{name}: {', '.join(new)}; it was: {', '.join(before[name])}"

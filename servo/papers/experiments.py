@@ -141,8 +141,9 @@ REGISTERED = {
 def varied(scenario: str, seed: int) -> tuple[str, ...]:
     """Return drawn settings of a run as changes, such as "start.x=4.2000".
 
-    Drawn are the camera's start, and the car's heading, speed, start and distance between
-    reversals. If the car would drive through a toy on the table, all are drawn again.
+    Drawn are the camera's start, the car's heading and speed, and, in the scenario `reversal`, the
+    distance between reversals, in others the car's start. If the car would drive through a toy on
+    the table, all are drawn again.
     """
     rng = np.random.default_rng([seed, *b"vary"])
     while True:
@@ -203,8 +204,8 @@ def _drawn(scenario: str, rng: np.random.Generator) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class EstimatedLoop:
-    """A scenario in the closed loop as the subject of a job; its record also has the target's
-    estimated and true velocity over time.
+    """A scenario in the closed loop as the subject of a job; its record also has the servo error,
+    and the target's estimated and true velocity (as rate of the feature yn), over time.
     """
 
     name: str
@@ -236,7 +237,8 @@ class EstimatedLoop:
 def loop_job(
     scenario: str, estimator: str, seed: int, changes: Sequence[str], **settings: str
 ) -> Job:
-    """Return the run of a scenario with an estimator.
+    """Return the run of a scenario with an estimator, as a job; the scenario's table [vary] is that
+    of the time when the claims' rules were fixed (`registered`).
 
     Args:
         scenario: Name of the scenario.

@@ -325,7 +325,8 @@ def distances(seed: int, climb: int) -> Array:
         climb: Most steps of mean shift (the climb) in each layer of annealing; 0: no climb.
 
     Returns:
-        Mean distances before and after the climb of each layer (2, layers) [px].
+        Mean distances before and after the climb of each layer (2, layers) [px], over all pictures
+        from the seventh on.
     """
     sequence = clutter(LEVEL_LAYERS).build(seed)
     pictures = [p.image for p in sequence.source if p.image is not None]

@@ -195,12 +195,12 @@ def _agreement(runs: list[Record]) -> Array:
 
 
 def agreement(estimated: Array, true: Array) -> float:
-    """Return the share, from 0 to 1, of the frames with a true velocity above 0.02 m/s in which
+    """Return the share, from 0 to 1, of the frames with a true speed above 0.02 m/s in which
     estimated and true velocity have the same sign.
 
     Args:
         estimated: Velocities (frames,) [m/s].
-        true: Velocities (frames,) [m/s]; nan in the first frame.
+        true: Velocities (frames,) [m/s]; frames with nan, such as the first, do not count.
     """
     fast = np.abs(true) > SLOW
     return float(np.mean(np.sign(estimated)[fast] == np.sign(true)[fast]))

@@ -47,8 +47,8 @@ class Family:
 
 @dataclass(frozen=True, slots=True)
 class Tuned:
-    """A tracker that is tuned: its kind, its fixed settings, and the grid of settings that are
-    tried.
+    """A tracker that is tuned: the family of sequences on which it is tuned, its kind, its fixed
+    settings, and the grid of settings that are tried.
     """
 
     family: str
@@ -61,8 +61,8 @@ class Tuned:
     """Settings of each try."""
 
     def contender(self, name: str, settings: Settings, ending: str) -> Contender:
-        """Return this tracker with its fixed settings and some more, and with the label NAME-ENDING
-        in tables.
+        """Return this tracker with the paper's preset, its fixed settings and some more, and with
+        the label NAME-ENDING in tables.
         """
         return contender(self.kind, "paper", f"{name}-{ending}", **self.fixed | settings)
 
@@ -122,8 +122,8 @@ other settings of theirs are tried."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningFile(Document):
-    """The contents of the file tuning.json: the score of each of the settings that were tried, by
-    tracker.
+    """The contents of the file tuning.json: the score (mean of a measure over the runs) of each of
+    the settings that were tried, by tracker.
     """
 
     FILE: ClassVar[str] = "tuning.json"

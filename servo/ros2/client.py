@@ -82,7 +82,9 @@ class Camera:
         return camera_of_info(first(self._info, self._topic), self._topic)
 
     def newest(self) -> Frame | None:
-        """Return the newest picture, or None if no newer one than the last comes within 20 ms.
+        """Return the newest picture, or None if no newer one than the last returned comes within 20
+        ms. It has its depth picture, if there is a topic of these and the one with this stamp comes
+        within 20 ms.
 
         Raises:
             ValueError: A picture or depth picture is damaged or has an unknown encoding.
@@ -110,8 +112,9 @@ class Camera:
 
 
 class Robot:
-    """Client of a robot of ROS 2: reads sensor_msgs/JointState, and sends
-    geometry_msgs/TwistStamped in the camera's optical frame [m/s, rad/s].
+    """Client of a robot of ROS 2, whose model is that of a scenario: reads sensor_msgs/JointState
+    (topic `joints`), and sends geometry_msgs/TwistStamped (topic `twist`) in the camera's optical
+    frame, named `frame` [m/s, rad/s].
     """
 
     def __init__(
@@ -141,6 +144,7 @@ class Robot:
 
     def posture(self, time: float) -> Posture:
         """Return the robot's posture at the stamp of a picture [s], from the nearest joint state.
+        The posture's twist is the mean since the posture of the previous call, at first zero.
 
         Raises:
             Mistake: No joint state has come within 10 s, or it lacks a joint of the model.
@@ -163,7 +167,7 @@ class Robot:
         self._writer.write(stamped(finite, header(time.time(), self._frame)))
 
     def clock(self) -> float:
-        """Return the current time [s] on the clock of the stamps."""
+        """Return the current time [s] on the clock of the stamps, that of this computer."""
         return time.time()
 
     def _twist(self, now: float) -> Array:

@@ -40,7 +40,9 @@ class Node:
             ) from None
 
     def writer(self, topic: str, kind: Message) -> DataWriter[Message]:
-        """Return a reliable writer of a topic, which reliable and best-effort readers can read."""
+        """Return a reliable writer of a topic, which reliable and best-effort readers can read; it
+        keeps the newest message, and waits up to 5 ms for a slow reader.
+        """
         qos = Qos(Policy.Reliability.Reliable(BLOCKS), Policy.History.KeepLast(1))
         return DataWriter(self._participant, self._topic(topic, kind), qos)
 

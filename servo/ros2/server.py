@@ -63,8 +63,8 @@ class Server:
         """Refusals that were printed."""
 
     def serving(self, episode: Episode) -> Self:
-        """Publish the steps of this run from now on, with the camera calibration that its
-        controller assumes; return the server.
+        """Store the joint names of a run and the camera calibration that its controller assumes,
+        which `add` publishes with the steps; return the server.
         """
         self._camera = episode.world.camera_believed
         self._names = list(episode.world.robot.names)
@@ -84,8 +84,9 @@ class Server:
         return Command(self._twist if is_new else np.zeros(6))
 
     def add(self, step: Step) -> None:
-        """Publish a step (picture, calibration, joints, time), and wait in real time until the next
-        one is due; at the first step, wait for a twist.
+        """Publish a step (picture, depth picture, calibration, joints, time), and wait in real time
+        until the next one is due. At the first step wait for a twist, and publish the step again
+        every frame interval.
         """
         self.publish(step)
         if self._began is None:
@@ -123,8 +124,8 @@ class Server:
         return False
 
     def publish(self, step: Step) -> None:
-        """Send a step's picture, depth picture, calibration, joints and time to their topics of ROS
-        2.
+        """Send a step's time, calibration, joints, depth picture and picture, in this order, to
+        their topics of ROS 2; if a reader is too slow, the rest is not sent.
         """
         at = header(step.frame.time, FRAME)
         image = step.frame.image

@@ -1,4 +1,5 @@
-"""Reads a camera's calibration file, as ROS (camera_info) and OpenCV (FileStorage) write them.
+"""Converts camera calibrations: reads files as ROS (camera_info) and OpenCV (FileStorage) write
+them, and converts the CameraInfo messages of ROS to cameras and back.
 
 Both place the origin of pixel coordinates at the middle of the first pixel, and servobench at its
 corner: the principal point is 0.5 px larger here.
@@ -87,7 +88,9 @@ Numbers = Annotated[list[FiniteFloat], Field(min_length=1), BeforeValidator(_dat
 
 
 class Calibration(BaseModel):
-    """The keys of a calibration file that are read, with their types and ranges."""
+    """The keys of a calibration file whose values are numbers, with their types and ranges. The
+    name of the distortion model is read apart, as its key varies.
+    """
 
     image_width: PositiveInt
     image_height: PositiveInt
@@ -130,8 +133,8 @@ def calibrated(camera: object, place: str) -> object:
         width.
 
     Raises:
-        Mistake: The file is no calibration, its image has another aspect ratio than the table's,
-            or the table also has a setting that the file gives.
+        Mistake: The file is no calibration, the lens is not simulated, its image has another aspect
+            ratio than the table's, or the table also has a setting that the file gives.
     """
     if not is_table(camera) or not isinstance(camera.get("calibration"), str):
         return camera

@@ -42,8 +42,8 @@ class Draw:
 
     @property
     def ends(self) -> tuple[Value, ...]:
-        """Return values that are checked before a run: both ends of the range of a uniform
-        distribution, the mean of a normal one, or all choices.
+        """Return values that are checked before a run: both ends of the range of a uniform or
+        log-uniform distribution, the mean of a normal one, or all choices.
         """
         return self.numbers[:1] if self.law == "normal" else self.numbers
 

@@ -80,8 +80,9 @@ class Expected:
         return Expected(own, expect, changed, others)
 
     def made_for(self, kind: str) -> Table:
-        """Return all bounds for a kind of tracker, those for runs with drawn settings under names
-        such as drawn.servo_rms_px; an empty table if the scenario has none for this tracker.
+        """Return all bounds for a kind of tracker, with those that --set or a study has changed;
+        those for runs with drawn settings have names such as drawn.servo_rms_px. An empty table if
+        the scenario has none for this tracker.
         """
         if kind == self.own:
             return self.expect
@@ -92,7 +93,8 @@ class Expected:
 
         Args:
             kind: Kind of the run's tracker.
-            drawn: Whether the run's seed has drawn settings.
+            drawn: Whether the run's seed has drawn settings: the bounds in [expect.drawn] then
+                replace others.
         """
         found = self.made_for(kind)
         own, of_drawn = _parts(found)

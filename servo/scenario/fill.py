@@ -30,8 +30,8 @@ MESSAGES = {
 
 
 class WrongSetting(Mistake):
-    """An error about a setting in a table; its sentence names the setting, but not the file that it
-    is in.
+    """An error about a setting in a table; its sentence and its attribute `setting` name the
+    setting, but not the file that it is in.
     """
 
     def __init__(self, sentence: str, setting: str = "") -> None:
@@ -108,7 +108,8 @@ def validated(model: type[Model], table: object, prefix: str) -> Model:
         prefix: Text before each key in messages, such as "run." or "mine.toml: ".
 
     Raises:
-        WrongSetting: A key is unknown, or a value has the wrong type or is out of range.
+        WrongSetting: `table` is not a table, a key is unknown, or a value has the wrong type or is
+            out of range.
     """
     place = prefix.rstrip(".: ")
     if not is_table(table):
@@ -199,7 +200,8 @@ def fill_plugin(
         table: The table, as read from TOML; its `preset` gives the settings that it leaves out.
         place: The table's place, which begins messages.
         default: The kind of a table without `kind`.
-        own: A `Config` that was given from Python, for a table that names its kind.
+        own: A `Config` that was given from Python; it is used if the table names its kind, and
+            gives the settings that the table leaves out.
 
     Raises:
         WrongSetting: The kind, the preset or a key is unknown, a value has the wrong type or is out

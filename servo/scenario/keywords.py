@@ -101,7 +101,7 @@ def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
 
 def own_parts(given: Mapping[str, object]) -> dict[str, Any]:
     """Return the `Config` of each keyword that gives a component as an object of Python, such as
-    tracker=MyTracker, by keyword; keywords with a text or a table are left out.
+    tracker=MyTracker, by keyword; all other keywords are left out.
 
     Raises:
         Mistake: An object is neither a `Config` nor can be wrapped as one.

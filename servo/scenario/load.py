@@ -31,8 +31,8 @@ MOST_FRAMES = 360_000
 
 @dataclass(frozen=True, slots=True)
 class Scenario(Setup):
-    """A scenario that has been loaded: all settings of a run, and the bounds that the run's
-    measures should keep.
+    """A scenario that has been loaded: all settings of a run, the TOML table that they come from,
+    the settings drawn for the seed, and the bounds that the run's measures should keep.
     """
 
     table: Table = field(repr=False)

@@ -152,8 +152,9 @@ def digests(names: Iterable[str]) -> dict[str, str]:
 
 
 def digest_of(name: str) -> str:
-    """Return a digest (12 hex digits of SHA-256) of a file and the files that it refers to, such as
-    a model's meshes; "missing" if one of them cannot be read.
+    """Return a digest (12 hex digits of SHA-256) of a file and the files that it refers to or that
+    belong to it, such as a model's meshes or a recording's truth, or of all files in a folder;
+    "missing" if one of them cannot be read.
     """
     try:
         files = sorted(_files(name))

@@ -1,4 +1,6 @@
-"""Reading a recording: its pictures, the target's truth, and its camera."""
+"""Reads the recording that a scenario's table [recording] names: its pictures, the target's truth,
+and its camera.
+"""
 
 import functools
 from dataclasses import dataclass

@@ -41,7 +41,7 @@ VIEW = ("fovy_deg", "fx", "fy", "cx", "cy", "calibration")
 
 @dataclass(frozen=True, slots=True)
 class RecordingConfig:
-    """Settings of a recording in which the camera turns, with the target's truth and its camera."""
+    """Settings of a recording in which the camera turns: pictures, rate, truth file and lens."""
 
     pictures: FileOrFolder = ""
     """A folder of pictures, a video file or a bag, as `servobench track` reads them, or a shipped
@@ -79,7 +79,8 @@ class RecordingConfig:
         return partial(RecordingRenderer, recorded_of(self)) if self.pictures else None
 
     def remarks(self) -> list[str]:
-        """Return a sentence for an assumed field of view, and one for pictures that are enlarged.
+        """Return a sentence if the recording's field of view is taken to be 60 degrees because
+        nothing gives it, and one if its pictures are enlarged; none without a recording.
 
         Raises:
             Mistake: The recording cannot be read.
@@ -105,13 +106,13 @@ class RecordingConfig:
 
 @dataclass(frozen=True)
 class MovedByRecording:
-    """Settings of the motion of a recorded target."""
+    """Settings of the motion of a recorded target: the recording, whose truth gives the motion."""
 
     kind = "recorded"
     recording: RecordingConfig
 
     def build(self, rng: np.random.Generator) -> RecordedMotion:
-        """Return the motion; uses no random numbers.
+        """Return the motion of the target in the recording; uses no random numbers.
 
         Raises:
             Mistake: The recording cannot be read.
@@ -121,13 +122,13 @@ class MovedByRecording:
 
 @dataclass(frozen=True)
 class ShownByRecording:
-    """Settings of a recorded target, which only the recording shows."""
+    """Settings of a recorded target: the recording, whose pictures alone show the target."""
 
     kind = "recorded"
     recording: RecordingConfig
 
     def build(self, rng: np.random.Generator) -> Target:
-        """Return the target; uses no random numbers.
+        """Return the target of the recording; uses no random numbers.
 
         Raises:
             Mistake: The recording cannot be read.
@@ -145,12 +146,14 @@ def recorded_parts(config: RecordingConfig) -> dict[str, object]:
 
 
 def with_recording(table: Table, place: str) -> Table:
-    """Return a scenario's table whose run, camera, robot and start are those of its recording, if
-    it has one: the recording's rate and duration, a head whose ranges end where the view would
-    leave the recording, and a start that looks at the target.
+    """Return a scenario's table in which a recording, if it names one, gives the settings of
+    camera, run, robot, world and start that the user left out: the recording's rate, duration and
+    focal length, a head whose ranges end where the view would leave the recording, measured
+    visibility, and a start that looks at the target.
 
     Args:
-        table: The scenario's table; settings of the user stay.
+        table: The scenario's table, which is returned unchanged without a recording; settings of
+            the user stay.
         place: The scenario's file, or the option that names the recording, for messages.
 
     Raises:

@@ -112,7 +112,8 @@ def names_of(path: str) -> list[str]:
 
 
 def assignment(item: str) -> tuple[str, object]:
-    """Split "a.b=value", as given to --set, into path and value, which is a text if it is not TOML.
+    """Split "a.b=value", as given to --set, into path and value, which is a text if it is not TOML,
+    or if the path ends in `kind`.
 
     >>> assignment("tracker.kind=frozen")
     ('tracker.kind', 'frozen')
@@ -227,7 +228,8 @@ def _value(text: str) -> object:
 
 
 def plain(value: object) -> object:
-    """Convert a value of Python or NumPy to the types of TOML.
+    """Convert a value of Python or NumPy to the types of TOML; a value of another type is returned
+    unchanged.
 
     Texts become `Trusted`: the user wrote them on the command line or in Python, so they may name
     modules to import and programs to start, which texts of a file may not.

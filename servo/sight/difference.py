@@ -26,8 +26,8 @@ class Difference:
 
     def measure(self, error: Array, own: Array, dt: float) -> tuple[Array, NDArray[np.bool_]]:
         """Return de/dt (k,) of the target's own motion after a picture, and True (k,) for each
-        feature that was measured in this picture and in the last one; de/dt of the other features
-        keeps its last value, at first zero.
+        feature that was measured in this picture and in that of the previous call; de/dt of the
+        other features keeps its last value, at first zero.
 
         Args:
             error: Feature error (k,); nan for features that were not measured.

@@ -27,8 +27,9 @@ from tracking.types import Estimate, Region, State, Status
 class SightConfig:
     """Settings of the sources from which the target's plane and depth are computed.
 
-    The sources are the target's size, the robot's posture with the height of the table [m], or
-    depth pictures.
+    The plane is parallel to the image, known from the robot's posture, fitted to the target's
+    positions so far, or fitted to depth pictures. The depth comes from the target's size, from the
+    posture and the height of the table over the room's origin [m], or from depth pictures.
     """
 
     plane: Literal["parallel", "known", "estimated", "picture"] = "parallel"
@@ -53,8 +54,9 @@ class SightConfig:
 
 @final
 class EstimateToSight:
-    """Converts a tracker's estimates to views of the target, with the camera's intrinsics and the
-    target's metric size.
+    """Converts a tracker's estimates, and goals, to views of the target, with the camera's
+    intrinsics and the target's metric size; computes also how a motion of the camera moves the
+    target in the picture.
     """
 
     def __init__(
@@ -99,11 +101,13 @@ class EstimateToSight:
         measured.
 
         Args:
-            estimate: The tracker's estimate.
+            estimate: The tracker's estimate. If it has corners, plane and pose are computed from
+                them.
             posture: Pose, twist and joints of the robot when the picture was taken.
             goal: The desired view of the target, which is stored in the result.
-            depth: Depth picture (H, W) [m]. With too few depths of the target, its depth is
-                computed from its size, and its plane is taken as parallel to the image.
+            depth: Depth picture (H, W) [m]; used only if the settings take plane or depth from it.
+                With too few depths of the target, its depth is computed from its size, and its
+                plane is taken as parallel to the image.
         """
         is_placed, is_turned, is_sized = certain(estimate, self._region)
         if estimate.status is not Status.LOCKED or not is_placed:
@@ -144,7 +148,7 @@ class EstimateToSight:
 
     def goal_of(self, corners: Array) -> Sight:
         """Return the desired view of a target that the camera faces, from its corners (4, 2) [px]
-        at the goal.
+        at the goal, in the order of the outline.
         """
         seen = self._camera.normalise(corners)
         m = shape_moments.of_polygon(seen)

@@ -1,4 +1,4 @@
-"""Exact view of a rectangle (moments, corners, plane) from its pose in the camera frame."""
+"""Exact view of a rectangle (moments, corners, plane, pose) from its pose in the camera frame."""
 
 from servo.sight import shape_moments
 from servo.types import Plane, Sight
@@ -7,7 +7,8 @@ from sim.types import Array, Pose
 
 
 def corners_in(T_camera_object: Pose, outline: Array) -> Array:
-    """Return the corners (4, 3) of a rectangle in the camera frame [m].
+    """Return the corners (4, 3) of a rectangle in the camera frame [m], in the order of the
+    outline.
 
     Args:
         T_camera_object: Pose of the rectangle in the camera frame [m]: origin in its centre, x

@@ -77,7 +77,10 @@ class PlaneFit:
 
     def normal(self, T_base_camera: Pose) -> Array:
         """Return the unit normal (3,) of the fitted plane in the camera frame, pointing away from
-        the camera.
+        the camera. The first call stores the optical axis m0 at the start.
+
+        Args:
+            T_base_camera: Pose of the camera in the robot's base frame.
         """
         if self._prior is None:
             self._prior = T_base_camera.rotation[:, 2].copy()

@@ -8,7 +8,8 @@ from sim.types import Array
 
 def point_rows(x: Array, y: Array, near: Array) -> tuple[Array, Array]:
     """Return the interaction matrices (n, 6) of x and of y, for points (n,) in normalised image
-    coordinates.
+    coordinates: each row times a camera twist in the camera frame [m/s, rad/s] is dx/dt or dy/dt of
+    a point at rest.
 
     Chaumette and Hutchinson 2006 (Visual servo control, part I: basic approaches, IEEE Robotics
     and Automation Magazine 13), equation 11.

@@ -28,7 +28,7 @@ WAIT = 1.0
 @final
 class SizeGate:
     """Refuses sizes in a tracker's estimates that change more from picture to picture than camera
-    and target can have moved.
+    and target can have moved, and states a likely size instead.
     """
 
     def __init__(self, scale: float) -> None:
@@ -41,7 +41,8 @@ class SizeGate:
 
     def judged(self, estimate: Estimate, ego: float, interval: float) -> Estimate:
         """Return the estimate; if its scale is refused, with the scale to use instead in
-        `likely_scale`. Call it once for each picture.
+        `likely_scale`. After a refusal, scales are refused until they have fitted for 1 s. To be
+        called once for each picture.
 
         Args:
             estimate: The tracker's estimate of this picture.

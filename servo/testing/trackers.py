@@ -49,8 +49,8 @@ class _Subject:
 @contract
 def check_tracker(tracker: object, picture: Image | None = None) -> None:
     """Check that a tracker works as `tracking.types.Tracker` requires: valid estimates, the same
-    results for the same pictures, loss of a target that is gone, no exceptions for unusual
-    pictures.
+    results for the same pictures, pictures that stay unchanged and are not kept, loss of a target
+    that is gone, no exceptions for unusual pictures, and a ValueError for an empty region.
 
     Args:
         tracker: A `Config` (class or instance), the name of a kind, "module:Name", or a class that

@@ -124,7 +124,8 @@ def _check_jacobian(machine: Robot, data: Any, home: Array) -> None:
 @contract
 def check_target(target: object) -> None:
     """Check that a target works as `sim.models.target.Target` requires: its model can be added to
-    the room, moves as one rigid body, and has a valid reference rectangle.
+    the room, is visible, moves as one rigid body, and has a valid reference rectangle with sides
+    from 1 mm to 2 m.
 
     Args:
         target: A `Config` (class or instance), the name of a kind, or "module:Name".
