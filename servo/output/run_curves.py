@@ -80,7 +80,9 @@ class RunCurves:
 
     @property
     def unsure(self) -> NDArray[np.bool_]:
-        """Flags (n,): true where the frame was dropped or the tracker was not LOCKED."""
+        """Flags (n,): true where the camera delivered no picture (the frame was dropped) or the
+        tracker was not LOCKED.
+        """
         locked = self._column("status", str) == Status.LOCKED.name
         return ~((self["fresh"] > 0) & locked)
 

@@ -68,7 +68,9 @@ class Shape:
 
 
 def shapes_of(model: mujoco.MjModel) -> list[Shape]:
-    """Return all visible geoms of a model as shapes, except for planes, which are endless."""
+    """Return all visible boxes, spheres, ellipsoids, cylinders, capsules and meshes of a model as
+    shapes. Planes, which are endless, and height fields are left out.
+    """
     found: list[Shape] = []
     for g in range(model.ngeom):
         kind = KINDS.get(mujoco.mjtGeom(model.geom_type[g]))
@@ -151,7 +153,8 @@ def _mesh(model: mujoco.MjModel, mesh: int, picture: Image | None) -> Surface:
 
 def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, rr.AsComponents]]:
     """Yield entity path and Rerun archetype of shapes: one pair for each mesh, and one for all
-    other shapes of a kind on one body; `bodies` are the entity paths of the bodies by number.
+    other shapes of a kind on one body. Wholly transparent shapes are left out. `bodies` are the
+    entity paths of the bodies by number.
     """
     groups: dict[tuple[int, str], list[Shape]] = defaultdict(list)
     for number, shape in enumerate(s for s in shapes if s.rgba[3] > 0):
@@ -214,7 +217,8 @@ def _archetype(kind: str, members: list[Shape]) -> rr.AsComponents:
 
 def outline_strips(corners: Array) -> list[Array]:
     """Return the outline of a target with corners (4, 2) as two lines, in the corners' unit: a
-    closed quadrangle (5, 2), and a tick (2, 2) that ends in the middle of the target's front side.
+    closed quadrangle (5, 2), and a tick (2, 2) that ends in the middle of the target's front side,
+    which is between the second and third corner.
     """
     front = (corners[1] + corners[2]) / 2
     nose = np.stack([(corners.mean(axis=0) + front) / 2, front])
