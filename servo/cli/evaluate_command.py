@@ -177,8 +177,8 @@ def _write(
 
 
 def print_ranks(console: Console, ranks: Sequence[Rank]) -> None:
-    """Print the ranking of all trackers, and below it a table of their success AUC by family of
-    sequences, if it has at most eight columns.
+    """Print the ranking of all trackers, and below it a table of their success AUC by sequence, if
+    it has at most eight columns.
     """
     print_table(console, bench_section.trackers_table(ranks))
     families = bench_section.families_table(ranks)

@@ -1,5 +1,5 @@
 """Figures of a study: errors over time, share of runs whose tracker is still on the target over
-time, and errors against the axes.
+time, errors and success rates against the axes, and heat maps over two axes.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -61,7 +61,7 @@ DISTANCES = {
 
 def figures(study: StudyResults) -> list[Figure]:
     """Return figures of the errors, and of the share of runs still on the target, over time; each
-    compared value has a colour.
+    value of the compared axis has a colour.
 
     Runs of different scenarios or durations are in different figures.
     """

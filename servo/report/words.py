@@ -51,8 +51,8 @@ class Table:
 
 
 def shown(value: object) -> str:
-    """Return a value as text: a float with three significant digits, or all of its integer part; a
-    dash for None, nan and infinite values; yes or no for a bool.
+    """Return a value as text: a float with three significant digits, or from 100 to a million as a
+    whole number with commas; a dash for None, nan and infinite values; yes or no for a bool.
     """
     if value is None:
         return NOTHING

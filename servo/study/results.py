@@ -224,7 +224,8 @@ def moved(cells: Sequence[Cell]) -> list[str]:
 def comparisons(
     key: str | None, axes: Sequence[str], rows: Sequence[Row], *, drawn: bool = False
 ) -> list[Compared]:
-    """Compare every pair of values of an axis by McNemar's test on success, with Holm's correction.
+    """Compare every pair of values of an axis by McNemar's test on success, with Holm's correction;
+    the first value of a pair has the higher success rate.
 
     Two values are compared in each unit (independent observation, such as a seed) over pairs of
     runs of the same scenario, seed and values of the other axes.
