@@ -111,7 +111,9 @@ class Printer:
         return len(text)
 
     def flush(self) -> None:
-        """Flush the stream; keep its error in `refused` in place of raising it."""
+        """Flush the stream; keep its error in `refused` in place of raising it, except that of a
+        closed pipe, which is ignored.
+        """
         self._try(lambda: self._stream.flush())
 
     def __getattr__(self, name: str) -> Any:

@@ -123,7 +123,7 @@ def run_study(
         The exit code: 1 if a run failed or a bound was missed, else 0.
 
     Raises:
-        Mistake: The folder cannot be used.
+        Mistake: A tracker cannot be started, or the folder or the scheduler cannot be used.
         Refused: A file cannot be written, or the workers cannot work.
     """
     most = MOST_VALUES if study.expect else MOST_TRIED

@@ -90,7 +90,7 @@ def load(folder: Path) -> StudyResults:
 
     Raises:
         Mistake: A file is missing or damaged.
-        Refused: A file changed while it was read.
+        Refused: The database of the study cannot be read.
     """
     plan = StudyFile.read(folder / StudyFile.FILE)
     store = Store(folder)

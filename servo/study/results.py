@@ -79,7 +79,8 @@ class Units:
         """Return the mean of a measure over the units (independent observations), with its 95 %
         interval; None without values.
 
-        The value of a unit is the mean over its runs. Shares are in percent.
+        The value of a unit is the mean over its runs. Shares are in percent, but the success rate
+        is from 0 to 1.
         """
         scores = [found.mean() for rows in self.rows.values() if len(found := values(rows, name))]
         if not scores:
