@@ -68,9 +68,7 @@ class Shape:
 
 
 def shapes_of(model: mujoco.MjModel) -> list[Shape]:
-    """Return all visible boxes, spheres, ellipsoids, cylinders, capsules and meshes of a model as
-    shapes. Planes, which are endless, and height fields are left out.
-    """
+    """Return all visible geoms of a model as shapes, except for planes, which are endless."""
     found: list[Shape] = []
     for g in range(model.ngeom):
         kind = KINDS.get(mujoco.mjtGeom(model.geom_type[g]))
