@@ -132,7 +132,7 @@ def expected_worlds(benchmark: Benchmark, row: Row) -> list[World]:
 
 def sample(worlds: Sequence[World], rng: np.random.Generator) -> list[World]:
     """Draw the worlds (random scenarios) that an audit repeats: a tenth of the given ones, and ten
-    at least.
+    at least (all if there are fewer).
 
     An audit draws them when it begins, so that the author of the results cannot know them.
     """

@@ -113,8 +113,9 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Slow:
-    """Further runs of all contestants in one condition's worlds (random scenarios): a setting that
-    slows the tracker, and its values [ms a picture].
+    """Further runs of all contestants but the two references ("still" and "truth") in one
+    condition's worlds (random scenarios): a setting that slows the tracker, and its values [ms a
+    picture].
     """
 
     condition: str

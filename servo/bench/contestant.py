@@ -164,8 +164,8 @@ def scale_of(benchmark: Benchmark) -> list[Contestant]:
 
 
 def home_of(benchmark: Benchmark) -> list[Contestant]:
-    """Return the contestants of a benchmark that come with servobench: all trackers that use
-    pictures only, or the control laws that the benchmark's file lists.
+    """Return the contestants of a benchmark that come with servobench: all trackers that follow any
+    target by pictures alone, or the control laws that the benchmark's file lists.
     """
     if benchmark.contestant == "law":
         return [Contestant(name, s, Division.HOME) for name, s in benchmark.home.items()]

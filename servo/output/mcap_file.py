@@ -144,8 +144,9 @@ class McapFile:
 
         Args:
             at: Time of the frame [ns].
-            image: RGB (H, W, 3); None: there is no picture.
+            image: RGB (H, W, 3); None: there is no picture, and only the others are written.
             corners: Corners (4, 2) [px] of outlines by their RGB colour; the last is the estimate.
+                Annotations leave out outlines with a corner that is not finite.
             particles: Particles (n, 2 or more), x and y first [px]; None: the tracker has none.
         """
         header = ros2.header(at, FRAME)

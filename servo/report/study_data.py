@@ -61,8 +61,8 @@ class StudyResults:
         return next(iter(self.axes), None)
 
     def units(self, rows: list[Row]) -> Units:
-        """Return the rows of runs, grouped by the independent units (scenarios, draws or seeds)
-        over which intervals are computed.
+        """Return the rows of runs, grouped by the independent units (scenarios, draws or seeds;
+        else all runs together) over which intervals are computed.
         """
         return Units.of(rows, self.axes, bool(self.plan.draws))
 

@@ -158,8 +158,8 @@ def _lasting(runs: Sequence[Series]) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def against(study: StudyResults) -> list[Figure]:
-    """Return figures of error and success rate against each axis of numbers; each value of the
-    compared axis has a colour.
+    """Return figures of the mean rms error and of the success rate, with 95 % intervals, against
+    each axis of numbers (the first six); each value of the compared axis has a colour.
     """
     numeric = [key for key in study.axes if _numeric(study.axes[key])]
     found: list[Figure] = []

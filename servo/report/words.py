@@ -90,8 +90,8 @@ def basis(interval: Interval, unit: str) -> str:
 
 
 def counted(interval: Interval | None, unit: str) -> str:
-    """Return the number of an interval's units with their noun, such as "7 recordings"; `unit` is
-    this noun in the singular.
+    """Return the number of an interval's units with their noun, such as "7 recordings"; 0 without
+    an interval. `unit` is this noun in the singular.
     """
     count = interval.units if interval else 0
     return f"{count} {unit}{'' if count == 1 else 's'}"

@@ -140,8 +140,8 @@ class StudiedScenario:
         """Run the scenario with the settings of a job, and return the record; no file is written.
 
         Raises:
-            Mistake: A setting is not valid, a package that the scenario needs is missing on this
-                machine, or a file is missing or has changed since the study began.
+            Mistake: A setting is not valid, a component fails, a package that the scenario needs is
+                missing on this machine, or a file is missing or has changed since the study began.
         """
         check_rules(
             *(
