@@ -44,8 +44,9 @@ def errors_file(row: Path) -> Path:
 
 
 def errors_parquet(records: Sequence[Record]) -> bytes:
-    """Return the contents of a Parquet file with the error in each picture of some runs, in target
-    sizes (square root of the target's area in the goal picture).
+    """Return the contents of a Parquet file with a row for each run: its world, the time of the
+    tracker [ms], and the error in each picture in target sizes (square root of the target's area in
+    the goal picture).
     """
     columns = {
         WORLD: [r.settings[WORLD] for r in records],
@@ -83,8 +84,9 @@ def audit(
         errors: The errors of all runs of the row; None if they were not sent.
 
     Returns:
-        A sentence for each contradiction of the row to the benchmark or to itself, and a sentence
-        for each part of the row that could not be compared.
+        A sentence for each contradiction of the row to the benchmark, to `errors` or, for a shipped
+        contestant, to its settings; and a sentence for each part of the row that could not be
+        compared, or if settings or files of a user's contestant differ.
     """
     worlds = expected_worlds(benchmark, row)
     other = {world.key for world in worlds} ^ row.worlds.keys()
@@ -120,8 +122,8 @@ def audit(
 
 def expected_worlds(benchmark: Benchmark, row: Row) -> list[World]:
     """Return the worlds (random scenarios) that a contestant's results (`row`) should contain: all
-    worlds of the set of seeds that the row names, or only its first ones if the row is of a run
-    with --quick.
+    worlds of the set of seeds that the row names or, if the row has no more worlds than a run with
+    --quick, the first two of each condition.
     """
     band = Band(row.band, row.value, row.digest)
     quick = benchmark.every_world(band, QUICK)
@@ -130,7 +132,7 @@ def expected_worlds(benchmark: Benchmark, row: Row) -> list[World]:
 
 def sample(worlds: Sequence[World], rng: np.random.Generator) -> list[World]:
     """Draw the worlds (random scenarios) that an audit repeats: a tenth of the given ones, and ten
-    at least.
+    at least (all if there are fewer).
 
     An audit draws them when it begins, so that the author of the results cannot know them.
     """
@@ -182,7 +184,8 @@ def compare_run(
     benchmark: Benchmark, row: Row, errors: Errors | None, record: Record
 ) -> WorldComparison:
     """Compare the record of a new run of a world with a contestant's published results and, if
-    given, with the errors in its pictures.
+    given, with the errors in its pictures. A run with a slowed tracker is compared with the errors
+    only; without them it counts as equal.
     """
     world, ms = record.settings[WORLD], float(record.settings[SLOW])
     now = np.asarray(record.series[ERROR], np.float32).astype(float)

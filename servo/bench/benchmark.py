@@ -1,5 +1,5 @@
-"""A public benchmark: frozen conditions, the worlds (random scenarios) drawn from them, and a
-hash.
+"""A public benchmark: frozen conditions, the worlds (random scenarios) drawn from them, and a hash
+that tells versions apart.
 """
 
 import copy
@@ -49,9 +49,9 @@ OF_CONTESTANTS = {"tracker": ("tracker",), "law": ("features", "controller")}
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A condition of a benchmark, such as "rain": its settings, the ranges from which other
-    settings are drawn uniformly for each world (random scenario), and factors, of which each world
-    has one level with its settings.
+    """A condition of a benchmark, such as "fast": settings that all its worlds (random scenarios)
+    share, ranges from which further settings are drawn uniformly for each world, and factors: each
+    world has one level of each factor, with the settings of this level.
     """
 
     name: str
@@ -59,15 +59,15 @@ class Condition:
     ranges: dict[str, tuple[float, float]]
     """The two ends of each setting that is drawn uniformly."""
     factors: dict[str, dict[str, Settings]]
-    """Settings of each level of each factor, by the names of both."""
+    """The settings of a level of a factor: `factors[factor][level]`."""
     size: str | None = None
     """The key in `ranges` whose value measures how large the task is."""
 
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A world of a benchmark: a scenario with the settings of a condition (such as "rain"), with
-    other settings drawn from the condition's ranges, and with a seed of its own.
+    """A world of a benchmark: a random scenario, with the settings of a condition (such as "fast"),
+    the drawn ones, and those of one level of each factor; and the seed of its run.
     """
 
     condition: str
@@ -75,21 +75,22 @@ class World:
     """Place in its condition, from 0."""
     seed: int
     settings: Settings
+    """Settings by dotted key, which change the benchmark's scenario."""
     levels: dict[str, str]
-    """The level of each factor."""
+    """Name of the world's level, by factor."""
     size: float = float("nan")
     """Size of the task: the value of the condition's setting `size`; nan without one."""
 
     @property
     def key(self) -> str:
-        """Name of the world from its condition and number, such as "rain-03". It is unique within a
+        """Name of the world from its condition and number, such as "fast-03". It is unique within a
         band ("dev", "v1" or "sealed"); worlds of other bands can have the same name.
         """
         return f"{self.condition}-{self.number:02}"
 
 
 def condition_of(world: str) -> str:
-    """Return the condition's name in the key of a world: "rain" of "rain-03"."""
+    """Return the condition's name in the key of a world: "fast" of "fast-03"."""
     return world.rpartition("-")[0]
 
 
@@ -112,8 +113,9 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Slow:
-    """Further runs of all contestants in one condition's worlds (random scenarios): a setting that
-    slows the tracker, and its values [ms a picture].
+    """Further runs of all contestants but the two references ("still" and "truth") in one
+    condition's worlds (random scenarios): a setting that slows the tracker, and its values [ms a
+    picture].
     """
 
     condition: str
@@ -173,7 +175,7 @@ class Benchmark:
 
     def settings(self) -> Settings:
         """Return, by dotted key, every setting that all contestants share, defaults included, and
-        the constants of the measures.
+        the constants of the measures, with their values in this version of servobench.
         """
         found = parse(copy.deepcopy(self.scenario), self.name, self.name).settings()
         for part in OF_CONTESTANTS[self.contestant]:
@@ -182,7 +184,10 @@ class Benchmark:
 
     def resolved(self, contestant: Settings) -> Settings:
         """Return, by dotted key, every setting of the tables that a contestant may set, such as
-        [tracker], defaults included.
+        [tracker]: those in `contestant`, and the defaults of all others.
+
+        Raises:
+            Mistake: A setting of the contestant is wrong.
         """
         world = self.every_world(Band(), 1)[0]
         found = self.scenario_of(world, contestant).settings()
@@ -238,7 +243,9 @@ class Benchmark:
         return [SEALED_FROM + int.from_bytes(d[:8], "big") % SEALED_SEEDS for d in digests]
 
     def table_of(self, world: World, contestant: Settings) -> Table:
-        """Return the TOML table of a world's scenario, with the settings of a contestant."""
+        """Return the TOML table of a world's scenario, with the settings of a contestant by dotted
+        key, which replace those of the world.
+        """
         table = copy.deepcopy(self.scenario)
         for settings in (world.settings, contestant):
             for key in sorted(settings, key=lambda key: not key.endswith("kind")):
@@ -247,7 +254,7 @@ class Benchmark:
         return table
 
     def scenario_of(self, world: World, contestant: Settings) -> Scenario:
-        """Return the scenario of a world with the settings of a contestant.
+        """Return the scenario of a world with the settings of a contestant by dotted key.
 
         Raises:
             Mistake: A setting of the contestant is wrong.
@@ -275,7 +282,7 @@ def parsed(
 
     Args:
         name: The benchmark's name.
-        text: Contents of the benchmark's file.
+        text: Contents of the benchmark's TOML file.
         settings: Value of each setting when the benchmark was frozen.
         rendering: Digest of the first pictures of the published runs ("v1").
         measures: Constants of the measures, for the first versions only; later versions have these

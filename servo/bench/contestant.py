@@ -1,5 +1,5 @@
-"""The contestants of a benchmark: trackers or control laws that come with servobench, by name, and
-those of a user, by class or command.
+"""The contestants of a benchmark: the trackers or control laws that come with servobench, and those
+of a user: a class, a command, or files of networks.
 """
 
 import hashlib
@@ -164,8 +164,8 @@ def scale_of(benchmark: Benchmark) -> list[Contestant]:
 
 
 def home_of(benchmark: Benchmark) -> list[Contestant]:
-    """Return the contestants of a benchmark that come with servobench: trackers, or control
-    laws.
+    """Return the contestants of a benchmark that come with servobench: all trackers that follow any
+    target by pictures alone, or the control laws that the benchmark's file lists.
     """
     if benchmark.contestant == "law":
         return [Contestant(name, s, Division.HOME) for name, s in benchmark.home.items()]

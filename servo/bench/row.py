@@ -105,8 +105,8 @@ class Row(Made):
 
     @property
     def rendering(self) -> str:
-        """Digest of the first pictures of all worlds in these results; empty if no pictures were
-        rendered.
+        """Digest of the first pictures of all worlds in these results (12 hex digits); empty if no
+        pictures were rendered.
         """
         scores = sorted(self.worlds.items())
         seen = [f"{key} {score.picture}" for key, score in scores if score.picture]
@@ -128,9 +128,10 @@ def area_within(errors: Array, most: float) -> float:
 def world_score(benchmark: Benchmark, record: Record) -> WorldScore:
     """Return the result of a contestant in a world, from the record of the run.
 
-    With the benchmark's score "held", the score is `area_within` of the errors. With "arrives", it
-    is 1 if the camera ends within 10 mm and 1 degree of its goal and no corner of the target was
-    ever outside the picture, where a detector would have lost it, else 0.
+    With the benchmark's score "held", the score is `area_within` of the errors, up to 2 target
+    sizes. With "arrives", it is 1 if the run did not end early, the camera ends within 10 mm and 1
+    degree of its goal, and no corner of the target was ever outside the picture, where a detector
+    would have lost it; else 0.
     """
     first, last = (record.settings[name][:DIGITS] for name in (PICTURE, LAST))
     if benchmark.score == "held":
@@ -142,8 +143,9 @@ def world_score(benchmark: Benchmark, record: Record) -> WorldScore:
 
 
 def score_errors(errors: Array) -> WorldScore:
-    """Return a tracker's result in one world, its score and whether it held the target, from the
-    error in each picture (n,) [target sizes].
+    """Return a tracker's result in one world from the error in each picture (n,) [target sizes]:
+    its score, `area_within` up to 2 target sizes, and whether it held the target: an error of at
+    most 1 in 95 % of the pictures.
     """
     errors = np.asarray(errors, float)
     held = float(np.mean(errors <= HELD_SIZE)) >= HELD_SHARE
@@ -160,7 +162,9 @@ def curve_of(errors: Sequence[Array]) -> list[float]:
 
 
 def is_within(record: Record, position: float, rotation: float) -> bool:
-    """Return True if a run's camera ended within a distance [mm] and an angle [deg] of its goal."""
+    """Return True if a run's camera ended within a distance [mm] and an angle [deg] of its goal;
+    False if this was not measured.
+    """
     near = record.measures["end_position_mm"] <= position
     return bool(near and record.measures["end_rotation_deg"] <= rotation)
 
@@ -174,6 +178,13 @@ def row_of(
 ) -> Row:
     """Return the published results (the row) of a contestant, from the records of all runs; records
     of other contestants are left out.
+
+    Args:
+        benchmark: The benchmark.
+        band: The set of worlds that the runs are of.
+        contestant: The contestant.
+        records: Records of the contestant's runs, and perhaps of others.
+        command: The command line that made the runs, which the row names.
     """
     own = [r for r in records if r.settings[CONTESTANT] == contestant.name]
     at_once = [r for r in own if r.settings[SLOW] == 0.0]
@@ -201,7 +212,8 @@ def row_of(
 
 def slow_of(benchmark: Benchmark, errors: Mapping[tuple[str, float], Array]) -> dict[str, float]:
     """Return the share of worlds (0 to 1) in which the target was held, by the time that the
-    tracker takes for a picture [ms].
+    tracker takes for a picture [ms], as a text such as "33"; empty if the benchmark has no runs
+    with slowed trackers.
 
     Args:
         benchmark: The benchmark, whose `slow` names the condition that counts, if any.

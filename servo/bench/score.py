@@ -58,8 +58,9 @@ class Standing:
         return self.row.contestant
 
     def mean_in(self, condition: str) -> float:
-        """Return the contestant's mean points in the worlds of a condition (about 0 for a camera
-        that stands still, 100 for the best reference); nan if it has no result there.
+        """Return the contestant's mean points in the worlds of a condition: about 0 for a camera
+        that stands still, 100 for the true state in place of a tracker, or for a law that always
+        arrives; nan if it has no result there.
         """
         of = [p for key, p in self.points.items() if condition_of(key) == condition]
         return float(np.mean(of)) if of else float("nan")
@@ -90,8 +91,8 @@ def points_of(row: Row, null: Row, perfect: Row | None) -> dict[str, float]:
 
 
 def standings(rows: Sequence[Row]) -> list[Standing]:
-    """Rank the contestants whose results are given, the best first; the reference contestants,
-    whose results define the scores 0 and 100, are left out.
+    """Rank the contestants whose results are given, the best first; the reference contestants
+    "still" and "truth", whose results define the scores 0 and 100, are left out.
 
     Ranks are intervals: each pair is compared over the worlds of both by Student's paired test,
     with Holm's correction for all pairs. The test compares means, as the score does: signed ranks
@@ -171,7 +172,7 @@ def _gaps(first: Mapping[str, float], second: Mapping[str, float]) -> Array:
 @dataclass(frozen=True, slots=True)
 class Effect:
     """The mean points of all contestants in the worlds at one level of a factor, such as one kind
-    of light.
+    of ground, with an interval over these worlds.
     """
 
     factor: str
@@ -214,8 +215,9 @@ def _levels(worlds: Sequence[World]) -> dict[tuple[str, str], list[str]]:
 
 @dataclass(frozen=True, slots=True)
 class Difficulty:
-    """Numbers of worlds (random scenarios) in which no contestant, or every one, holds the target,
-    so that the world does not distinguish contestants, and the number of all compared worlds.
+    """Numbers of worlds (random scenarios) in which no contestant, or every one but the tracker
+    `frozen`, holds the target, so that the world does not distinguish contestants; and the number
+    of all worlds in which these contestants have a result.
     """
 
     nobody: int
@@ -226,8 +228,8 @@ class Difficulty:
 
     @staticmethod
     def of(table: Sequence[Standing]) -> "Difficulty | None":
-        """Count the worlds in which no contestant, or every one, holds the target; return None for
-        fewer than three contestants.
+        """Count the worlds in which no contestant, or every one, holds the target. The tracker
+        `frozen` is left out; return None if fewer than three others remain.
         """
         rows = [standing.row.worlds for standing in table if standing.name != FROZEN]
         if len(rows) < FEWEST_CONTESTANTS:
@@ -238,8 +240,9 @@ class Difficulty:
 
 
 def by_size(row: Row, worlds: Sequence[World], condition: str, parts: int) -> list[float]:
-    """Return the share of a condition's worlds in which the goal was reached, in `parts` groups of
-    equal number by size of the task, the smallest first; nan for an empty group.
+    """Return the share (0 to 1) of a condition's worlds in which the goal was reached, in `parts`
+    groups of about equal number by size of the task, the smallest first; nan for an empty group.
+    Worlds without a result in `row` are left out.
     """
     own = sorted(
         (w for w in worlds if w.condition == condition and w.key in row.worlds),

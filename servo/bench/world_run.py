@@ -52,9 +52,14 @@ class WorldRun:
         return {"benchmark": self.benchmark, "scenario": self.table}
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the contestant in the world, and return the record with the error of each picture.
+        """Run the contestant in the world, and return the record: its measures, the error in each
+        picture, digests of the first and last picture and, if a tracker does not hold the target, a
+        contact sheet. If the simulation becomes unstable, the run ends there.
 
         No file is written into `folder`.
+
+        Raises:
+            PartFailed: A component, such as the tracker, raised an exception.
         """
         scenario = parse(self.table, str(job.settings[WORLD]), self.benchmark)
         sheet = Sheet(scenario.frames)
@@ -101,8 +106,9 @@ def errors_of(run: Columns, frames: int) -> Array:
 def jobs_of(
     benchmark: Benchmark, contestants: Sequence[Contestant], worlds: Sequence[World]
 ) -> list[Job]:
-    """Return a job for each contestant in each world (random scenario), and, in the condition that
-    `benchmark.slow` names, further jobs in which the tracker takes longer for a picture.
+    """Return a job for each contestant in each world (random scenario). In the worlds of the
+    condition that `benchmark.slow` names, there are further jobs in which the tracker takes longer
+    for a picture, but not for the two reference contestants.
     """
     of = f"{benchmark.name} {benchmark.hash}"
     slow = benchmark.slow

@@ -62,18 +62,20 @@ def run(
         band: The set of worlds: "dev" to tune on (also None), or "v1" of the published table.
         sealed: A public value from which other worlds are drawn; None: those of the band.
         quick: Whether to run only two worlds of each condition.
-        submit: A file to write for the only contestant's row.
-        verify: The file of a row to verify.
+        submit: A JSON file to write for the only contestant's row, with the errors in a Parquet
+            file beside it; not written if a run failed.
+        verify: The file of a row to verify in place of running the contestants.
         workers: Number of processes.
         out: The folder; None: runs/benchmark-NAME.
-        quiet: Whether to print nothing but mistakes.
+        quiet: Whether to print on stderr only: mistakes and failed runs.
         dry_run: Whether to print only how many runs there are and how long they take.
 
     Returns:
         The exit code: 1 if a run failed or a verified row is wrong, else 0.
 
     Raises:
-        Mistake: A contestant is wrong, or the folder cannot be used.
+        Mistake: A contestant or the row to verify is wrong, a setting of this version differs from
+            the frozen benchmark, or the folder cannot be used.
         Refused: A file cannot be written, or the workers cannot work.
     """
     console = Console(quiet=quiet)

@@ -40,7 +40,9 @@ NO_BOUNDS = "No verdict: this scenario has no bounds."
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckFile(Made):
-    """The JSON file that `servobench check --json` writes: the results of all runs."""
+    """The JSON file that `servobench check --json` writes: the results of all runs, and the shares
+    of drawn seeds that ended as expected.
+    """
 
     FILE: ClassVar[str] = "check.json"
     KIND: ClassVar[str] = "check"

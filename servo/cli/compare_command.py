@@ -61,7 +61,7 @@ def run(
         out: The folder; None: runs/compare.
         measures: Names of the measures in the tables, with commas between them; None: a few.
         dry_run: Whether to print only how many runs there are and how long they take.
-        quiet: Whether to print nothing but mistakes.
+        quiet: Whether to print on stderr only: mistakes and failed runs.
 
     Returns:
         The exit code: 1 if a run failed, else 0.

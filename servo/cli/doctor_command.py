@@ -24,7 +24,8 @@ def run() -> int:
     second of this machine.
 
     Returns:
-        The exit code: 1 if a package is broken, else 0.
+        The exit code: 1 if a package with plug-ins cannot be loaded or several packages of OpenCV
+        are installed, else 0.
     """
     console = Console()
     opengl = gl.is_there()

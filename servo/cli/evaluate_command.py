@@ -42,7 +42,8 @@ def run(
     quiet: bool,
     dry_run: bool = False,
 ) -> int:
-    """Compare trackers on the sequences of a suite, and write and print tables and curves.
+    """Compare trackers on the sequences of a suite, or for the suite "closed_loop" in the simulated
+    loop, and write and print tables; for sequences write curves and contact sheets, too.
 
     Args:
         suite: A shipped suite, a folder of sequences, or a TOML file.
@@ -50,11 +51,11 @@ def run(
         seeds: Number of seeds: 0, 1, 2, ...
         workers: Number of processes.
         out: The folder; None: runs/evaluate-SUITE.
-        quiet: Whether to print nothing but mistakes.
+        quiet: Whether to print on stderr only: mistakes, failed runs and missed bounds.
         dry_run: Whether to print only how many runs there are and how long they take.
 
     Returns:
-        The exit code: 1 if a run failed, else 0.
+        The exit code: 1 if a run failed (or a bound of "closed_loop" was missed), else 0.
 
     Raises:
         Mistake: The suite or a tracker is wrong, or the folder cannot be used.
@@ -134,6 +135,9 @@ def subjects_of(suite: str, trackers: str | None) -> list[TrackedSequence]:
     Args:
         suite: A shipped suite, a folder of sequences, or a TOML file.
         trackers: The trackers, with commas between them; None: all, or those of the file.
+
+    Raises:
+        Mistake: The suite or a tracker is wrong.
     """
     entries, listed = suites.suite(suite)
     chosen = listed if listed and trackers is None else suites.contenders(trackers)
@@ -173,8 +177,8 @@ def _write(
 
 
 def print_ranks(console: Console, ranks: Sequence[Rank]) -> None:
-    """Print the ranking of all trackers, and a table of their success AUC by sequence, if it has at
-    most eight columns.
+    """Print the ranking of all trackers, and below it a table of their success AUC by sequence, if
+    it has at most eight columns.
     """
     print_table(console, bench_section.trackers_table(ranks))
     families = bench_section.families_table(ranks)

@@ -30,7 +30,8 @@ def run(first: str, second: str, out: Path, quiet: bool) -> None:
         quiet: Whether to print nothing but mistakes.
 
     Raises:
-        Mistake: A run cannot be repeated, or the file cannot be written.
+        Mistake: A run cannot be repeated, the frame rates of the two cameras differ, or the film
+            exists already or cannot be written.
     """
     Outputs(video=out).check()
     console = Console(quiet=quiet)

@@ -34,8 +34,9 @@ failure. Values that the user has set stay."""
 
 
 def guarded(command: Callable[[], object]) -> None:
-    """Run a command; print a failure as one sentence on stderr, and exit with 2 for a mistake of
-    the user or 1 for a failure of the machine.
+    """Run a command with its output through `Printer` and without messages of libraries; print a
+    failure as one sentence on stderr, and exit with 2 for a mistake of the user or 1 for a failure
+    of the machine.
     """
     os.environ.update(ENVIRONMENT | os.environ)
     os.environ["MPLBACKEND"] = "agg"  # plots never open a window
@@ -110,7 +111,9 @@ class Printer:
         return len(text)
 
     def flush(self) -> None:
-        """Flush the stream; keep its error in `refused` in place of raising it."""
+        """Flush the stream; keep its error in `refused` in place of raising it, except that of a
+        closed pipe, which is ignored.
+        """
         self._try(lambda: self._stream.flush())
 
     def __getattr__(self, name: str) -> Any:
@@ -198,8 +201,8 @@ def ending_signals() -> Generator[list[StopSignal]]:
 
 
 def stop(cause: KeyboardInterrupt, more: str = "") -> NoReturn:
-    """Print that Ctrl-C or another signal stopped the command, then `more`, and exit with the
-    signal's code.
+    """Print on stderr that Ctrl-C or another signal stopped the command, then `more`, and exit with
+    the signal's code.
 
     This function imports nothing: the signal may have interrupted an import, which then cannot be
     repeated.

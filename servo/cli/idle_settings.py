@@ -43,7 +43,10 @@ class Need:
 
 
 def idle_settings(episode: Episode) -> list[str]:
-    """Return a sentence for each setting that the user gave and that has no effect in a run."""
+    """Return a sentence for each setting or disturbance that the user gave and that has no effect
+    in a run, and one if the weights of the law let the camera stand still. Of a scenario that was
+    built in Python, nothing is returned.
+    """
     scenario = episode.scenario
     if not isinstance(scenario, Scenario):
         return []

@@ -72,8 +72,8 @@ def duration(seconds: float) -> str:
 def print_estimate(
     jobs: Sequence[Job], workers: int, console: Console, store: Store | None = None
 ) -> int:
-    """Do a few of the missing runs, and print how many runs there are and how long the missing ones
-    will take.
+    """Do a few of the missing runs without keeping their results, and print how many runs there are
+    and how long the missing ones will take.
 
     Args:
         jobs: All jobs, one for each run.
@@ -117,7 +117,8 @@ def complete_jobs(
     title: str,
     again: str,
 ) -> int:
-    """Do the jobs that have no record in a store, and show progress.
+    """Do the jobs that have no record in a store, show progress, and print on stderr why jobs
+    failed.
 
     Args:
         jobs: All jobs of the study.
@@ -135,6 +136,7 @@ def complete_jobs(
         Mistake: The user's cluster has stopped, a worker has other versions of packages, or the
             database of the study is damaged.
         Refused: The disk is full, or the workers of this machine have stopped.
+        SystemExit: Ctrl-C or another signal stopped the command.
     """
     if store.damaged:
         complain(

@@ -36,8 +36,12 @@ ADVICE = "**Which one?**"
 
 
 def run(what: str | None) -> None:
-    """Print all scenarios, studies and kinds of components if `what` is None; for the name of one
-    of these, print its settings or its first sentence.
+    """Print all scenarios, studies and kinds of components if `what` is None. For the name of a
+    part (such as "tracker") print its kinds, for a section or a kind its settings, and for a
+    scenario or study its first sentence.
+
+    Raises:
+        Mistake: Nothing of that name exists.
     """
     if what is None:
         show_all()

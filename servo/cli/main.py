@@ -205,7 +205,7 @@ def evaluate() -> None:
 def benchmark() -> None:
     """Run trackers or control laws in a public benchmark.
 
-    The same command continues a stopped one.
+    The same command continues a stopped benchmark.
     """
 
 
@@ -309,7 +309,7 @@ def compare() -> None:
 @opt.dry_run_option
 @opt.quiet_option
 def papers() -> None:
-    """Test the papers' claims again; exit 1 if one does not hold."""
+    """Test the papers' claims again; exit 1 if a verdict changes."""
 
 
 @app.command()
@@ -346,7 +346,7 @@ def report() -> None:
     "settings.",
 )
 def list_() -> None:
-    """List scenarios and kinds, or the settings of one.
+    """List scenarios, studies and kinds, or the settings of one.
 
     Kinds are those of trackers, robots, control laws and other parts; settings have units and
     defaults.
@@ -427,7 +427,7 @@ def doctor() -> None:
     "--run", is_flag=True, help="Run the tutorials too, whose notebooks then have outputs: 15 min."
 )
 def docs() -> None:
-    """Open the documentation in a browser; build it first."""
+    """Build the documentation, and open it in a browser."""
 
 
 @app.command()

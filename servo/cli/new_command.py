@@ -71,7 +71,11 @@ def run(part: str, name: str, out: Path | None, door: str | None) -> None:
         name: Name of the part and of its package, or of the first scenario.
         out: The folder to write; None: a folder of that name.
         door: How a tracker that knows nothing of servobench is connected: "class", "program" or
-            "trax"; None: the part is a package of servobench.
+            "trax"; None: the part is a package of servobench with settings of its own.
+
+    Raises:
+        Mistake: The name is not valid for a package or is taken, the folder is not empty, or `door`
+            is given for a part other than a tracker.
     """
     for path in new(part, name, out, door):
         click.echo(path)
@@ -86,7 +90,6 @@ def new(part: str, kind: str, folder: Path | None, door: str | None = None) -> l
             "scenarios".
         kind: Name of the part and of its package, or of the first scenario.
         folder: The folder to write; None: a folder of that name.
-
         door: How a tracker that knows nothing of servobench is connected: "class", "program" or
             "trax"; None: the part is a package of servobench with settings of its own.
 
@@ -94,7 +97,8 @@ def new(part: str, kind: str, folder: Path | None, door: str | None = None) -> l
         The paths of the files.
 
     Raises:
-        Mistake: The name is not valid for a package or is taken, or the folder is not empty.
+        Mistake: The name is not valid for a package or is taken, the folder is not empty, or `door`
+            is given for a part other than a tracker.
     """
     _check_name(part, kind)
     if door is not None and part != "tracker":

@@ -172,7 +172,7 @@ OUTPUTS = (
 
 
 def output_options(command: Function) -> Function:
-    """Add the options for films, logs and viewers to a command."""
+    """Add the options for films, logs and viewers to a command, and return it."""
     for option in reversed(OUTPUTS):
         command = option(command)
     return command

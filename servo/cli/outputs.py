@@ -31,7 +31,9 @@ VIEWER = "the viewer"
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """Values of the options of `run` and `track` for films (MP4), logs (MCAP) and live viewers."""
+    """Values of the options of `run` and `track` for films (MP4), logs (MCAP) and live viewers, and
+    the connection of a run to ROS 2.
+    """
 
     video: Path | None = None
     mcap: Path | None = None
@@ -93,8 +95,9 @@ class Outputs:
     def of_run(
         self, episode: Episode, viewer: LiveViewer | LightPage | None
     ) -> dict[Path | str, Sink]:
-        """Return the outputs that get each step of a run (film, log, viewer, ROS 2), by the path of
-        their file or by name.
+        """Open and return the outputs that get each step of a run (film, log, viewer, ROS 2), by
+        the path of their file or by name. The viewer shows the run in real time, or `speed` times
+        as fast.
         """
         from servo.output.film import RunFilm
 
@@ -119,8 +122,9 @@ class Outputs:
     def of_track(
         self, region: Region, source: Source, title: str, viewer: LiveViewer | LightPage | None
     ) -> dict[Path | str, Sink]:
-        """Return the outputs that get each picture of a track and its estimate (film, log, viewer),
-        by the path of their file or by name.
+        """Open and return the outputs that get each picture of a track and its estimate (film, log,
+        viewer), by the path of their file or by name. The viewer shows pictures in real time, or
+        `speed` times as fast; those of a live source at once.
         """
         from tracking.drawing.annotated_video import AnnotatedVideo
 

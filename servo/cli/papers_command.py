@@ -63,7 +63,7 @@ def run(
         out: The folder; None: runs/papers, runs/papers-quick for a quick run, or runs/papers-SEED
             for another first seed.
         dry_run: Whether to print only how many runs there are and how long they take.
-        quiet: Whether to print nothing but mistakes and changed verdicts.
+        quiet: Whether to print on stderr only: mistakes, failed runs and changed verdicts.
 
     Returns:
         The exit code: 1 if a run failed, or if a full run on the seeds that the claims' rules name

@@ -105,7 +105,8 @@ def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
     a benchmark by its name; `measures` are the columns of a study's tables.
 
     Raises:
-        Mistake: The folder is missing, unknown or damaged.
+        Mistake: The folder is missing, has no results or is damaged, or `measures` are given for
+            results that are not of `sweep` or `compare`.
     """
     if not folder.is_dir():
         if str(folder) in NAMES and measures is None:

@@ -119,7 +119,7 @@ def run_scenario(
         out: The folder; None: the next free runs/NAME-SEED.
         tracker: The tracker as on the command line, such as "kams:paper"; None: the scenario's.
         controller: The control law as on the command line; None: the scenario's.
-        quiet: Whether to print nothing but mistakes.
+        quiet: Whether to print on stderr only: mistakes and missed bounds.
         rerun: Whether to write a Rerun recording.
         outputs: Further files, viewers, and the connection to ROS 2.
 
@@ -127,7 +127,8 @@ def run_scenario(
         The exit code: 1 if a bound was missed, else 0.
 
     Raises:
-        Mistake: The scenario or a setting is wrong, or the folder cannot be used.
+        Mistake: The scenario or a setting is wrong, a component failed, or the folder cannot be
+            used.
         Refused: A file could not be written completely; the table of steps has priority.
     """
     changes = [*changes_of(tracker, controller), *changes]
@@ -328,7 +329,7 @@ def _stage_line(run: Columns, writing: Sequence[float]) -> str:
 
 
 def print_missed(console: Console, record: Record) -> None:
-    """Print the bounds that a run missed, and the command that repeats the run."""
+    """Print the bounds that a run missed, if any, and the command that repeats the run."""
     lines = missed_lines(record.missed, record.measures)
     again = f"  again: {record.command}" * bool(record.missed)
     plain(console, *(f"missed: {line}" for line in lines), again)

@@ -62,7 +62,7 @@ def run(
         workers: Number of processes on this machine.
         scheduler: Address of a Dask scheduler to work on instead; None: this machine.
         out: The folder; None: runs/sweep-STUDY.
-        quiet: Whether to print nothing but mistakes and missed bounds.
+        quiet: Whether to print on stderr only: mistakes, failed runs and missed bounds.
         dry_run: Whether to print only how many runs there are and how long they take.
         measures: Columns of the table, with commas between them; None: those that differ most.
 
@@ -123,7 +123,7 @@ def run_study(
         The exit code: 1 if a run failed or a bound was missed, else 0.
 
     Raises:
-        Mistake: The folder cannot be used.
+        Mistake: A tracker cannot be started, or the folder or the scheduler cannot be used.
         Refused: A file cannot be written, or the workers cannot work.
     """
     most = MOST_VALUES if study.expect else MOST_TRIED

@@ -72,8 +72,9 @@ def run(
 
     Args:
         source: A folder of pictures, a video, a bag, a camera or an address.
-        region: The target in the first picture, "X,Y,W,H[,DEG]" [px, deg]; None: that of the truth.
-        topic: The topic of a bag.
+        region: The target in the first picture, "X,Y,W,H[,DEG]" [px, deg]; None: that of the truth,
+            or the one that the user draws.
+        topic: The image topic of a bag; None: the only one.
         select: Whether the user draws the region.
         tracker: The tracker, such as "kams" or "kams:paper".
         changes: Changes of its settings, such as "tracker.particles=80".
@@ -83,8 +84,8 @@ def run(
         out: The folder; None: the next free runs/SOURCE-TRACKER-SEED.
         rerun: Whether to write a Rerun recording.
         rate: Pictures a second of a folder [Hz].
-        frames: Most pictures to track.
-        quiet: Whether to print nothing but mistakes.
+        frames: Most pictures to track; None: all.
+        quiet: Whether to print on stderr only: mistakes and warnings.
         shown_in: The options for films, logs and viewers.
 
     Returns:
@@ -210,7 +211,7 @@ def tracker_of(kind: str, changes: Sequence[str]) -> tuple[Table, PartConfig[Tra
         changes: Changes of settings, such as "tracker.particles=80".
 
     Raises:
-        Mistake: There is no such kind or setting.
+        Mistake: There is no such kind or setting, or a change is not of the tracker.
     """
     table: Table = {}
     for key, value in settings_of("tracker", kind).items():

@@ -18,7 +18,7 @@ def run(
     """Show a recording in Rerun's window, in a browser or as a picture.
 
     Args:
-        recording: A run's folder, or an .rrd file.
+        recording: The folder of a run or a track, or an .rrd file.
         web: Whether to show it in a browser.
         port: TCP port of the data, with `web`.
         png: A PNG file to draw instead.
@@ -29,7 +29,8 @@ def run(
         The exit code of Rerun's window; None for a browser or a picture.
 
     Raises:
-        Mistake: The file is no recording, an option has no effect, or a port is in use.
+        Mistake: The file is no recording, an option has no effect, there is no display for a
+            window, or a port is in use.
         Refused: The viewer's server does not start, or has ended.
     """
     if port is not None and not web:

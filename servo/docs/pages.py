@@ -1,4 +1,6 @@
-"""A Sphinx extension that makes pages from the code: settings, measures, gallery and notebooks."""
+"""A Sphinx extension that makes pages from the code: settings, measures, gallery, results of the
+benchmarks, and tutorials as notebooks.
+"""
 
 from __future__ import annotations
 

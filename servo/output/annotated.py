@@ -18,11 +18,11 @@ BAND = 24
 
 
 def annotated(step: Step) -> Image:
-    """Return the picture of a step as RGB (H, W, 3), about 640 px wide, with outlines and a line of
-    text.
+    """Return the picture of a step as RGB (H, W, 3), with outlines and a line of text; a picture
+    narrower than 640 px is enlarged by a whole number to about this width.
 
-    The outlines are those of truth, goal and estimate. The text gives time [s], status of the
-    tracker, and distance of the true centre from the goal [px].
+    The outlines are those of truth (white), goal (red) and estimate (the colour of its status). The
+    text gives time [s], status of the tracker, and distance of the true centre from the goal [px].
     """
     image = step.frame.image
     factor = max(1, round(WIDTH / image.shape[1]))

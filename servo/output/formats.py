@@ -48,7 +48,8 @@ class Document:
     """Format number; it increases by one when older versions cannot read the file any more."""
 
     def write(self, folder: Path, name: str | None = None) -> Path:
-        """Write the file into a folder, under its usual name if none is given, and return its path.
+        """Write the file into a folder, under its usual name if none is given, and return its path;
+        an older file of this name is replaced.
 
         Raises:
             OSError: The file cannot be written.
@@ -65,7 +66,8 @@ class Document:
 
         Raises:
             OtherFormat: The file has another format number, or has none.
-            Mistake: The file cannot be read, is not JSON, is of another kind, or lacks a key.
+            Mistake: The file cannot be read, is not JSON, is of another kind, lacks a key, or has a
+                value of the wrong type.
         """
         encoded = content(path)
         head = _parsed(path, encoded, dict[str, object])
@@ -134,8 +136,8 @@ def command_line(command: str, *words: str, **options: object) -> str:
     Args:
         command: Subcommand, such as "run".
         words: Positional arguments.
-        options: Options by name. True gives a flag; a list or tuple repeats the option for each of
-            its values; None and False leave the option out.
+        options: Options by name, with "_" in place of "-". True gives a flag; a list or tuple
+            repeats the option for each of its values; None and False leave the option out.
     """
     given: list[str] = []
     for name, value in options.items():

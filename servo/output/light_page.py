@@ -107,7 +107,7 @@ class LightPage:
             webbrowser.open(self.page)
 
     def wait(self) -> None:
-        """Wait until Ctrl-C, while the page is served."""
+        """Serve the page until Ctrl-C, which raises KeyboardInterrupt."""
         threading.Event().wait()
 
     def stop(self) -> None:
@@ -129,7 +129,9 @@ class LightPage:
 
 
 class ThrottledSink:
-    """A sink that passes on at most ten frames a second (wall clock), and drops the others."""
+    """A sink that passes on at most ten frames a second (wall clock) to another sink, and drops the
+    others.
+    """
 
     def __init__(self, sink: Sink) -> None:
         self._sink = sink
@@ -138,6 +140,8 @@ class ThrottledSink:
         self.abandon = sink.abandon
 
     def add(self, *given: object) -> None:
-        """Pass a frame on if 0.1 s have passed since the last one that was passed on."""
+        """Pass a frame on if 0.1 s have passed since the last one that was passed on (or, for the
+        first, since this object was made); else drop it.
+        """
         if self._timer.due():
             self._sink.add(*given)

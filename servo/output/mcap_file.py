@@ -88,8 +88,8 @@ def check_installed() -> None:
 
 
 class McapFile:
-    """Writer of an MCAP log with the messages of each frame: picture, outlines, poses, and a row of
-    numbers; `at` is the frame's time [ns].
+    """Writer of an MCAP log with the messages of each frame: picture, depth picture, calibration,
+    outlines, poses, and a row of numbers; `at` is the frame's time [ns].
     """
 
     def __init__(self, path: Path, topic: str, columns: Mapping[str, str]) -> None:
@@ -144,8 +144,9 @@ class McapFile:
 
         Args:
             at: Time of the frame [ns].
-            image: RGB (H, W, 3); None: there is no picture.
+            image: RGB (H, W, 3); None: there is no picture, and only the others are written.
             corners: Corners (4, 2) [px] of outlines by their RGB colour; the last is the estimate.
+                Annotations leave out outlines with a corner that is not finite.
             particles: Particles (n, 2 or more), x and y first [px]; None: the tracker has none.
         """
         header = ros2.header(at, FRAME)
@@ -246,7 +247,7 @@ class McapFile:
             self._file.check()
 
     def abandon(self) -> None:
-        """Close the file after an error; data that the disk refuses is lost."""
+        """Close the file after an error, with all data that the disk takes."""
         self._writer.close()  # else it complains on stderr when it is deleted
         self._file.close()
 
@@ -357,8 +358,9 @@ class TrackMcap(McapFile):
         self._zero = 0
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a tracked picture with outlines, and its row; `truth` are the true corners (4, 2)
-        [px], or None.
+        """Write a tracked picture, the outlines of estimate and truth, the particles, and the row
+        of numbers. The messages have the time of the picture's stamp, if it has one, else of its
+        frame. `truth` are the true corners (4, 2) [px], or None.
 
         Raises:
             OSError: The file cannot be written.

@@ -29,14 +29,20 @@ MARGINS = 0.6
 
 def figure(curves: RunCurves, title: str) -> Drawing:
     """Return one figure of a run: over time the feature errors, the distances of the true centre
-    from goal and estimate [px], and the target's own motion.
+    from goal and estimate [px], and the target's own motion; shaded where the tracker is not sure
+    or a frame was dropped.
     """
     motions = map(curves.motion, curves.moving)
     return _drawn(curves, title, [curves.errors(), curves.distances(), *motions])
 
 
 def draw(curves: RunCurves, title: str, folder: Path) -> list[Path]:
-    """Write target_motion.png and errors.png into a folder; return their paths in this order."""
+    """Write target_motion.png and errors.png, with this title, into a folder; return their paths in
+    this order.
+
+    Raises:
+        OSError: A file cannot be written.
+    """
     motion = save(motion_figure(curves, title), folder, "target_motion.png")
     return [motion, save(error_figure(curves, title), folder, "errors.png")]
 

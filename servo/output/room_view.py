@@ -68,8 +68,9 @@ class RoomView:
         self.look(middle + distance * back / np.linalg.norm(back), middle)
 
     def render(self, bodies: Array) -> Image:
-        """Return an RGB picture (H, W, 3) of all n bodies at their poses (n, 3, 4) in the world:
-        rotation matrix and translation [m], as in `World.bodies`.
+        """Return an RGB picture (H, W, 3) of the n bodies of the model, without the world body, at
+        their poses (n, 3, 4) in the world: rotation matrix and translation [m], as in
+        `World.bodies`.
         """
         model = self._model
         data = self._data

@@ -80,7 +80,9 @@ class RunCurves:
 
     @property
     def unsure(self) -> NDArray[np.bool_]:
-        """Flags (n,): true where the frame was dropped or the tracker was not LOCKED."""
+        """Flags (n,): true where the camera delivered no picture (the frame was dropped) or the
+        tracker was not LOCKED.
+        """
         locked = self._column("status", str) == Status.LOCKED.name
         return ~((self["fresh"] > 0) & locked)
 
@@ -102,9 +104,9 @@ class RunCurves:
         return Panel("Feature errors", "feature error s - s*", lines)
 
     def motion(self, feature: str) -> Panel:
-        """Return the plot of the rate of change of a feature that the target's own motion causes:
-        measured, estimated and true; the true rate is nan in the first frame. Outliers of the
-        measured rate may lie outside the plot's limits.
+        """Return the plot of the rate of change of a feature that the target's own motion causes,
+        in the feature's unit per second: measured, estimated and true; the true rate is nan in the
+        first frame. Outliers of the measured rate may lie outside the plot's limits.
         """
         unit = self.units[feature]
         lines = {

@@ -23,10 +23,12 @@ RECORDING = "run.rrd"
 
 
 def prepare(asked: Path | None, name: str) -> Path:
-    """Make an empty folder for a run and return it: the one asked for, or the next free runs/NAME.
+    """Make a folder for a run and return it: the one asked for, which may exist if it is empty, or
+    runs/NAME, or the next free one of runs/NAME-2, runs/NAME-3, ...
 
     Raises:
         Mistake: The folder is not empty, cannot be written, or has a name that is not UTF-8.
+        Refused: The disk is full, or fails.
     """
     _check_name(asked or Path(name))
     with writing(asked or Path("runs") / name):
@@ -144,7 +146,12 @@ class RunFolder:
         return self._sinks.refused
 
     def add(self, step: Step) -> None:
-        """Write a step into the table, and give it to the recording and the other sinks."""
+        """Write a step into the table, and give it to the recording and the other sinks; the error
+        of a sink is kept in `refused`.
+
+        Raises:
+            OSError: The rows cannot be written.
+        """
         self._table.add(step)
         self._sinks.add(step)
 
@@ -162,7 +169,8 @@ class RunFolder:
                 raise Refused(f"{self.folder / TABLE}: {error.strerror}; {kept}") from None
 
     def finish(self, report: Document) -> list[Path]:
-        """Write report and plots, and return the paths of all files of the run.
+        """Write report.json and the two plots, and return the paths of all files of the run. Call
+        it after `close`.
 
         Raises:
             Refused: A file cannot be written; steps.parquet is complete.

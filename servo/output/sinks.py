@@ -60,19 +60,21 @@ class Sinks:
         return bool(self._sinks)
 
     def add(self, *given: object) -> None:
-        """Give a frame (a run's `Step`, or a track's `Shot` with the true corners) to each sink; a
-        sink that fails is abandoned, and raises nothing.
+        """Give a frame (a run's `Step`, or a track's `Shot` with the true corners) to each sink. A
+        sink that raises an OSError or `Refused` is abandoned; `refused` keeps the first such error.
         """
         for name, sink in list(self._sinks.items()):
             self._guarded(name, lambda sink=sink: sink.add(*given))
 
     def close(self) -> None:
-        """Finish all sinks."""
+        """Finish all sinks; the first OSError or `Refused` is kept in `refused`."""
         with closing(*(partial(self._guarded, name, s.close) for name, s in self._sinks.items())):
             pass
 
     def end(self, reason: str) -> None:
-        """Abandon all sinks for this reason, such as "the disk is full"."""
+        """Abandon all sinks for this reason, such as "the disk is full"; `refused` keeps it unless
+        a sink failed before.
+        """
         for name in list(self._sinks):
             self._end(name, reason)
 
@@ -100,7 +102,9 @@ class Timer:
         self._due = time.monotonic() + seconds
 
     def due(self) -> bool:
-        """Return whether the period is over, and begin the next one if so."""
+        """Return whether the period since the last time it was over, or since the timer was made,
+        is over; if so, begin the next one.
+        """
         now = time.monotonic()
         if now < self._due:
             return False

@@ -1,4 +1,6 @@
-"""Writer of a track's files: rows as CSV and as Parquet, report, and optionally a recording."""
+"""Writer of a track's files: rows as CSV and as Parquet, and optionally a recording and other
+outputs; and the contents of its report.
+"""
 
 import shutil
 import time
@@ -77,8 +79,8 @@ class TrackFolder:
         return self._sinks.refused
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a tracked picture and its estimate; `truth` are the target's true corners (4, 2)
-        [px], or None.
+        """Write a tracked picture and its estimate. If less than 256 kB are free on the disk, all
+        outputs but the rows are ended. `truth` are the target's true corners (4, 2) [px], or None.
 
         Raises:
             OSError: The row cannot be written.

@@ -1,6 +1,4 @@
-"""The section of an HTML report about `servobench evaluate`: trackers compared on sequences or in
-the closed loop.
-"""
+"""The section of an HTML report about `servobench evaluate`: trackers compared on sequences."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -36,7 +36,8 @@ COLUMNS = {
 
 
 def section(folder: Path, study: StudyFile) -> Section:
-    """Return the section of an HTML report about a folder that `servobench benchmark` wrote.
+    """Return the section of an HTML report about a folder that `servobench benchmark` wrote; while
+    no contestant has run in all worlds, it lists the runs so far.
 
     Args:
         folder: The folder.
@@ -206,8 +207,8 @@ def is_home(row: Row) -> bool:
 
 
 def difficulty_of(rows: Sequence[Row]) -> str:
-    """Return a sentence with the numbers of worlds in which nobody and in which everybody
-    succeeded; an empty text for few rows.
+    """Return a sentence with the numbers of worlds in which nobody and in which everybody but the
+    tracker `frozen` succeeded; an empty text for fewer than three such contestants.
     """
     found = Difficulty.of(standings(rows))
     if found is None:

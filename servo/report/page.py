@@ -135,8 +135,8 @@ class PageImage:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A part of a section of a report, under a heading: texts, tables, figures and pictures in this
-    order.
+    """A part of a section of a report, under a heading: texts, a list, code, tables, figures and
+    pictures in this order; `folded`: closed until the reader opens it.
     """
 
     title: str

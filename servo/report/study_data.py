@@ -61,8 +61,8 @@ class StudyResults:
         return next(iter(self.axes), None)
 
     def units(self, rows: list[Row]) -> Units:
-        """Return the rows of runs, grouped by the independent units (scenarios, draws or seeds)
-        over which intervals are computed.
+        """Return the rows of runs, grouped by the independent units (scenarios, draws or seeds;
+        else all runs together) over which intervals are computed.
         """
         return Units.of(rows, self.axes, bool(self.plan.draws))
 
@@ -90,7 +90,7 @@ def load(folder: Path) -> StudyResults:
 
     Raises:
         Mistake: A file is missing or damaged.
-        Refused: A file changed while it was read.
+        Refused: The database of the study cannot be read.
     """
     plan = StudyFile.read(folder / StudyFile.FILE)
     store = Store(folder)

@@ -1,5 +1,5 @@
 """Figures of a study: errors over time, share of runs whose tracker is still on the target over
-time, and errors against the axes.
+time, errors and success rates against the axes, and heat maps over two axes.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -61,7 +61,7 @@ DISTANCES = {
 
 def figures(study: StudyResults) -> list[Figure]:
     """Return figures of the errors, and of the share of runs still on the target, over time; each
-    compared value has a colour.
+    value of the compared axis has a colour.
 
     Runs of different scenarios or durations are in different figures.
     """
@@ -158,8 +158,8 @@ def _lasting(runs: Sequence[Series]) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def against(study: StudyResults) -> list[Figure]:
-    """Return figures of error and success rate against each axis of numbers; each value of the
-    compared axis has a colour.
+    """Return figures of the mean rms error and of the success rate, with 95 % intervals, against
+    each axis of numbers (the first six); each value of the compared axis has a colour.
     """
     numeric = [key for key in study.axes if _numeric(study.axes[key])]
     found: list[Figure] = []

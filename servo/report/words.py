@@ -51,8 +51,8 @@ class Table:
 
 
 def shown(value: object) -> str:
-    """Return a value as text: a float with three significant digits, or all of its integer part; a
-    dash for None, nan and infinite values; yes or no for a bool.
+    """Return a value as text: a float with three significant digits, or from 100 to a million as a
+    whole number with commas; a dash for None, nan and infinite values; yes or no for a bool.
     """
     if value is None:
         return NOTHING
@@ -90,8 +90,8 @@ def basis(interval: Interval, unit: str) -> str:
 
 
 def counted(interval: Interval | None, unit: str) -> str:
-    """Return the number of an interval's units with their noun, such as "7 recordings"; `unit` is
-    this noun in the singular.
+    """Return the number of an interval's units with their noun, such as "7 recordings"; 0 without
+    an interval. `unit` is this noun in the singular.
     """
     count = interval.units if interval else 0
     return f"{count} {unit}{'' if count == 1 else 's'}"

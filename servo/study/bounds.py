@@ -44,8 +44,8 @@ class MissedBound:
 
 def unjudged(scenario: Scenario, success: bool) -> str:
     """Return a sentence if bounds exist but give this run no verdict: they are for another tracker,
-    or the run failed and only a share of seeds must succeed. Otherwise return "", also without
-    bounds.
+    or the run did not end as expected and only a share of seeds must. Otherwise return "", also
+    without bounds.
 
     Args:
         scenario: The scenario of the run.

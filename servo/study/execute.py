@@ -60,6 +60,7 @@ class Workers(ExitStack):
 
         Raises:
             ClusterLost: The cluster has stopped working.
+            Mistake: No scheduler with workers answers at the address.
             Refused: The processes cannot be started.
         """
         if self.scheduler is None and self.count == 1:
@@ -92,6 +93,7 @@ def execute(
 
     Raises:
         ClusterLost: The cluster has stopped working.
+        Mistake: No scheduler with workers answers at the address.
         Refused: The processes cannot be started.
     """
     return workers.do(jobs, partial(_run, folder=folder))
@@ -106,13 +108,14 @@ def _run(job: Job, folder: Path) -> Record:
 
 
 def tried(jobs: Sequence[Job]) -> tuple[float, list[tuple[Job, Failure]]]:
-    """Run the first few jobs in this process to measure their time; their records are dropped.
+    """Run up to five jobs, evenly spaced among all, in this process to measure their time; their
+    records are dropped. No other job is begun after 15 s, or after one that fails.
 
     Args:
-        jobs: All jobs, at least one, of which up to five are run.
+        jobs: All jobs, at least one.
 
     Returns:
-        Mean time of a job [s], and the jobs that failed with their reasons. The very first run
+        Mean time of a job [s], and the job that failed, if any, with the reason. The very first run
         compiles code, so its time counts only if no other job was run.
     """
     some = jobs[:: -(-len(jobs) // TRIED)]
@@ -139,7 +142,8 @@ def complete(
 
     Raises:
         ClusterLost: The cluster has stopped working.
-        Mistake: A worker has other versions of packages, or the database is damaged.
+        Mistake: A worker has other versions of packages, the database is damaged, or no scheduler
+            with workers answers at the address.
         Refused: The disk is full, or the processes cannot be started.
     """
     missing = (job for job in jobs if job.key not in store.done)

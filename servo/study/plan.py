@@ -133,8 +133,9 @@ class Study:
 def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...]]:
     """Return the axes and the drawn settings in a study's table [axes].
 
-    A list of values, `{ linspace = [first, last, count] }` or "*" makes an axis; a distribution
-    such as `{ uniform = [a, b] }` makes a drawn setting.
+    A list of values, `{ linspace = [first, last, count] }` (or `geomspace`) or, for a key that ends
+    in "kind", "*" for all kinds makes an axis; a distribution such as `{ uniform = [a, b] }` makes
+    a drawn setting.
 
     Raises:
         Mistake: A setting or its values are wrong; the message begins with `place`.

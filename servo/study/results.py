@@ -79,7 +79,8 @@ class Units:
         """Return the mean of a measure over the units (independent observations), with its 95 %
         interval; None without values.
 
-        The value of a unit is the mean over its runs. Shares are in percent.
+        The value of a unit is the mean over its runs. Shares are in percent, but the success rate
+        is from 0 to 1.
         """
         scores = [found.mean() for rows in self.rows.values() if len(found := values(rows, name))]
         if not scores:
@@ -224,7 +225,8 @@ def moved(cells: Sequence[Cell]) -> list[str]:
 def comparisons(
     key: str | None, axes: Sequence[str], rows: Sequence[Row], *, drawn: bool = False
 ) -> list[Compared]:
-    """Compare every pair of values of an axis by McNemar's test on success, with Holm's correction.
+    """Compare every pair of values of an axis by McNemar's test on success, with Holm's correction;
+    the first value of a pair has the higher success rate.
 
     Two values are compared in each unit (independent observation, such as a seed) over pairs of
     runs of the same scenario, seed and values of the other axes.

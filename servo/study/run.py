@@ -95,6 +95,7 @@ class Job:
 
         Raises:
             Mistake: A setting is not valid.
+            PartFailed: A component, such as the tracker, raised an exception.
         """
         return self.subject.perform(self, folder)
 
@@ -185,7 +186,7 @@ def version_columns(found: Mapping[str, str]) -> dict[str, str]:
 
 
 class ClusterLost(RuntimeError):
-    """A Dask cluster has stopped working; the message names the cluster and the reason."""
+    """Error: a Dask cluster has stopped working; the message names the cluster and the reason."""
 
 
 @dataclass(frozen=True, slots=True)

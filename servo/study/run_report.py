@@ -16,7 +16,7 @@ from tracking.files.json_text import as_json, number
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunReport(Made):
-    """Outcome, measures, bounds and settings of a run."""
+    """The contents of the file report.json of a run: outcome, measures, bounds and settings."""
 
     FILE: ClassVar[str] = "report.json"
     KIND: ClassVar[str] = "run"

@@ -54,7 +54,9 @@ TIMES = tuple(name for name, measure in RECORDED.items() if measure.timed)
 
 @dataclass(frozen=True, slots=True)
 class LoadedScenario:
-    """A scenario that is run as it was loaded, with the seed in its settings."""
+    """A scenario that is run as it was loaded: with its own settings and seed, whatever those of
+    the job are.
+    """
 
     scenario: Scenario
 
@@ -68,7 +70,9 @@ class LoadedScenario:
         return {"scenario": self.name, "table": self.scenario.table}
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the scenario for a job, and return the record; no file is written."""
+        """Run the scenario with its own settings and seed, and return the record, which names those
+        of the job; no file is written.
+        """
         return _performed(job, self.scenario, {})
 
 
@@ -136,8 +140,8 @@ class StudiedScenario:
         """Run the scenario with the settings of a job, and return the record; no file is written.
 
         Raises:
-            Mistake: A setting is not valid, a package that the scenario needs is missing on this
-                machine, or a file is missing or has changed since the study began.
+            Mistake: A setting is not valid, a component fails, a package that the scenario needs is
+                missing on this machine, or a file is missing or has changed since the study began.
         """
         check_rules(
             *(

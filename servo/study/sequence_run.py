@@ -108,7 +108,7 @@ class Recorded:
 
     @staticmethod
     def all_in(folder: Path, form: Format = Format.AUTO) -> list["Recorded"]:
-        """Return the sequences in a folder, whose truth files are read in a format.
+        """Return the sequences in a folder, whose truth files have the format `form`.
 
         Raises:
             ValueError: There is no sequence, or a picture or truth cannot be read.

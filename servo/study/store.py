@@ -467,7 +467,7 @@ class Store:
         already; the job is run again when the study is continued.
 
         Raises:
-            Refused: The disk is full, or memory was full in the job.
+            Refused: The disk is full, memory was full in the job, or the file cannot be written.
         """
         if failure.full:
             raise Refused(f"{self.folder}: {failure.reason}; {GOES_ON}")

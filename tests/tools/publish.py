@@ -52,10 +52,10 @@ def block(name: str, most: int | None = None) -> str:
 
 
 def _block(name: str, rendering: str, rows: list[Row], most: int | None) -> str:
-    pictures = f", pictures `{rendering}`" if rendering else ""
-    text = f"{name} `{load(name).hash}`, band v1{pictures}."
     table = standings_table(load(name), rows)
     if most is None:
+        pictures = f", pictures `{rendering}`" if rendering else ""
+        text = f"{name} `{load(name).hash}`, band v1{pictures}."
         whole = f"{text}\n\n{markdown(table)}\n\n{table.note} {difficulty_of(rows)}\n"
         return whole + (by_target(name, rows) if load(name).score == "held" else "")
     guests = [i for i in range(len(table.rows)) if table.faint and i not in table.faint]
@@ -64,8 +64,8 @@ def _block(name: str, rendering: str, rows: list[Row], most: int | None) -> str:
     columns = [0, *range(2, 4)]  # without the division
     head = [table.head[c] for c in columns]
     few = [[table.rows[i][c] for c in columns] for i in shown]
-    which = f", {len(guests)} of them guests" if guests else ""
-    text += f" {most} of {len(table.rows)} contestants{which}."
+    which = f", {len(guests)} of them by other authors" if guests else ""
+    text = f"{name}: {most} of {len(table.rows)} contestants{which}."
     return f"{text}\n\n{markdown(Table(head, few, range(1)))}\n"
 
 

@@ -51,6 +51,9 @@ class Recording(ABC):
         Args:
             app: Rerun's name of the application.
             blueprint: Layout of the viewer.
+
+        Raises:
+            OSError: The file of a recording cannot be written.
         """
 
     def refusal(self) -> Refused:
@@ -69,7 +72,11 @@ class Recording(ABC):
             raise self.refusal() from None
 
     def close(self) -> None:
-        """Send the last data, and disconnect the stream; raise the errors of `flush`."""
+        """Send the last data, and disconnect the stream.
+
+        Raises:
+            Refused: The data does not arrive within 10 s; earlier data can be read.
+        """
         self.flush()
         self._stream.disconnect()
 

@@ -68,7 +68,9 @@ def blueprint_of_run(features: Sequence[str]) -> rrb.Blueprint:
 
 
 def blueprint_of_track() -> rrb.Blueprint:
-    """Return the viewer's layout of a track: picture at the left, plots over time at the right."""
+    """Return the viewer's layout of a track: the picture at the left; at the right, over time,
+    confidence, time of the tracker [ms] and number of histograms.
+    """
     plots = [
         rrb.TimeSeriesView(origin=f"plots/{name}", name=title)
         for name, title in (

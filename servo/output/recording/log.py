@@ -113,7 +113,8 @@ class RerunLog:
         self._name_series()
 
     def add(self, step: Step) -> None:
-        """Log a step's picture, poses, values over time, and events.
+        """Log a step's events, and keep its picture, poses and values, which are sent to the
+        recording ten pictures at a time, and the rest once a second.
 
         Raises:
             Refused: The destination takes no more data, such as a full disk.

@@ -1,4 +1,6 @@
-"""Reader of the camera's pictures in a Rerun recording, with the outlines of truth and estimate."""
+"""Reader of the camera's pictures in the Rerun recording of a run, with the outlines of truth and
+estimate.
+"""
 
 import warnings
 from collections.abc import Iterator
@@ -41,7 +43,8 @@ class RecordedFrame:
 
 
 def pictures(path: Path, count: int) -> list[RecordedFrame]:
-    """Return up to `count` frames of a recording, evenly spread from the first to the last.
+    """Return up to `count` frames of a run's recording, evenly spread from the first to the last;
+    empty if it has no picture, as the recording of a track.
 
     Raises:
         Mistake: The file is missing, not a recording, or damaged.

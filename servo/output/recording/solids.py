@@ -154,7 +154,8 @@ def _mesh(model: mujoco.MjModel, mesh: int, picture: Image | None) -> Surface:
 
 def solids(shapes: list[Shape], bodies: Sequence[str]) -> Iterator[tuple[str, rr.AsComponents]]:
     """Yield entity path and Rerun archetype of shapes: one pair for each mesh, and one for all
-    other shapes of a kind on one body; `bodies` are the entity paths of the bodies by number.
+    other shapes of a kind on one body. Wholly transparent shapes are left out. `bodies` are the
+    entity paths of the bodies by number.
     """
     groups: dict[tuple[int, str], list[Shape]] = defaultdict(list)
     for number, shape in enumerate(s for s in shapes if s.rgba[3] > 0):
@@ -217,7 +218,8 @@ def _archetype(kind: str, members: list[Shape]) -> rr.AsComponents:
 
 def outline_strips(corners: Array) -> list[Array]:
     """Return the outline of a target with corners (4, 2) as two lines, in the corners' unit: a
-    closed quadrangle (5, 2), and a tick (2, 2) that ends in the middle of the target's front side.
+    closed quadrangle (5, 2), and a tick (2, 2) that ends in the middle of the target's front side,
+    which is between the second and third corner.
     """
     front = (corners[1] + corners[2]) / 2
     nose = np.stack([(corners.mean(axis=0) + front) / 2, front])

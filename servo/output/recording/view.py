@@ -31,7 +31,9 @@ DRAWN_AFTER = 3.0
 
 
 def recording_in(folder: Path) -> Path:
-    """Return the path of the recording in a folder that `run` or `track` wrote."""
+    """Return the path of the recording in a folder that `run` or `track` wrote: track.rrd if it
+    exists, else run.rrd, which may be missing.
+    """
     track = folder / "track.rrd"
     return track if track.exists() else folder / "run.rrd"
 
@@ -66,12 +68,14 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
 
     Args:
         path: File of the recording.
-        png: File to write.
+        png: File to write; an older one is replaced.
         at: Simulated time that is drawn [s].
         panel: Entity of the only panel to draw, such as "world"; None: the whole viewer.
 
     Raises:
-        Mistake: The viewer cannot start, has no such panel, or does not show the recording.
+        Mistake: The viewer cannot start, has no such panel, or does not show the recording within
+            30 s.
+        OSError: The PNG file cannot be written.
     """
     try:
         with _viewer() as viewer:

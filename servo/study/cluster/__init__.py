@@ -1,4 +1,6 @@
-"""Runs tasks in worker processes with Dask, on this machine or on an existing cluster."""
+"""Runs tasks in worker processes with Dask, on this machine or on an existing cluster. Its import
+raises a `Mistake` if Dask's files of settings cannot be read.
+"""
 
 from importlib import import_module
 

@@ -26,7 +26,8 @@ CLOSING = 2.0
 
 
 def check_address(text: str) -> str:
-    """Return the address of a scheduler as Dask writes it, such as "tcp://host:8786".
+    """Return the address of a scheduler as Dask writes it, such as "tcp://host:8786"; without a
+    protocol it is tcp.
 
     Raises:
         Mistake: The text is not HOST:PORT, with tcp:// or tls:// in front or without.

@@ -97,8 +97,8 @@ class Patience:
 
 @contextmanager
 def silence() -> Generator[None]:
-    """Within the block, use the settings of Dask that studies need (`SETTINGS`), and turn Dask's
-    log messages on stderr off.
+    """Within the block, use the settings of Dask that studies need (`SETTINGS`); turn Dask's log
+    messages on stderr off for as long as this process lasts.
     """
     for name in LOGGERS:  # Dask silences its loggers only until a cluster closes
         logging.getLogger(name).setLevel(logging.CRITICAL)
