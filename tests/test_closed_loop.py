@@ -34,6 +34,7 @@ def test_the_baseline_does_not_close_it():
     assert summary.outcome is not Outcome.CONVERGED
 
 
+@pytest.mark.wide
 def test_a_bench_in_the_closed_loop_prints_and_writes_a_table(monkeypatch, capfd, tmp_path):
     monkeypatch.chdir(tmp_path)
     arguments = ["evaluate", "closed_loop", "--trackers", "mk_ssd,kams:paper", "--seeds", "1"]

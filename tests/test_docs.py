@@ -80,6 +80,7 @@ def test_the_site_shows_every_setting_and_scenario(site):
     assert sorted(picture.stem for picture in gallery.glob("*.webp")) == shipped()
 
 
+@pytest.mark.wide
 @pytest.mark.newest
 def test_the_gallery_moves(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(ROOT / "servo" / "docs")

@@ -129,6 +129,7 @@ def ur(monkeypatch: pytest.MonkeyPatch):
     return driver("ur_robot.py").Robot("192.0.2.1", SCENARIO, T_TCP_CAMERA)
 
 
+@pytest.mark.wide
 def test_the_camera_of_a_ur_arm_makes_the_twist_that_is_asked_for(ur) -> None:
     before = HOME @ T_TCP_CAMERA
     ur.go(TWIST)

@@ -137,6 +137,7 @@ def test_a_goal_beside_a_leader_is_tilted_as_the_leader_is():
     assert np.abs(facing - end.truth.corners).max() > 2.0
 
 
+@pytest.mark.wide
 def test_a_filter_ends_the_lag_behind_a_leader():
     """Without one it is f v / (Z gain); a filter of de/dt knows no difference between a target that
     drives and a goal that does.
@@ -193,6 +194,7 @@ def test_a_wrong_place_of_the_camera_bends_the_way_and_leaves_the_end_right():
     assert summary.measures["end_position_mm"] < 2.0
 
 
+@pytest.mark.wide
 def test_a_goal_beside_the_optical_axis_is_reached():
     _, summary = measured_run(load("hand_tag", ["goal.x=-80", "goal.y=-30"]))
     assert summary.outcome.name == "CONVERGED"

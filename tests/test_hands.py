@@ -127,6 +127,7 @@ FRAME = (
 )
 
 
+@pytest.mark.wide
 def test_the_table_of_an_arm_with_one_jaw_runs_as_printed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     links = "".join(LINK.format(*link) for link in LINKS)

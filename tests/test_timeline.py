@@ -107,6 +107,7 @@ def test_the_error_at_a_reversal_is_what_the_delay_lets_it_grow_to(ms):
     assert 0.85 * most < peak < 1.05 * most
 
 
+@pytest.mark.wide
 def test_no_estimator_is_worse_than_none_with_a_slow_tracker():
     """Where the tracker keeps the car, which at this delay depends on the seed and the renderer."""
     changes = "run.duration=6.0", "run.tracker_ms=250", "measure.after=2.0"
