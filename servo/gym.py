@@ -340,8 +340,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return self._error
 
     def render(self) -> Image | None:
-        """Return the current picture (H, W, 3) with truth (white), goal (red) and estimate drawn
-        in; None unless the render mode is "rgb_array".
+        """Return the current picture, RGB (h, w, 3), enlarged to about 640 px wide, with a line of
+        text and the outlines of truth (white), goal (red) and estimate (its colour shows the
+        status); None unless the render mode is "rgb_array".
         """
         return annotated(self._now) if self.render_mode == "rgb_array" else None
 

@@ -322,12 +322,13 @@ def check_picture(image: object) -> None:
 
 
 def check_region(frame: Frame, region: Region, state: State) -> None:
-    """Check the arguments of `Tracker.start`: their types, the picture, and the numbers of region
-    and state.
+    """Check the arguments of `Tracker.start`: the picture, and the types and numbers of region and
+    state.
 
     Raises:
-        ValueError: The region is too small, has numbers that are not finite, or lies mostly outside
-            the image; the image is not a picture, or too large; or an argument has the wrong type.
+        ValueError: The region is too small, or lies mostly outside the image; a number of region or
+            state is not finite, or out of range; `region` or `state` has the wrong type; the image
+            is not a picture, or is too large.
     """
     given: list[tuple[object, type]] = [(region, Region), (state, State)]
     for value, kind in given:

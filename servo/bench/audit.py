@@ -1,5 +1,5 @@
 """Audit of a contestant's published results (its row of the benchmark's table): they are compared
-with stored errors and with new runs.
+with the errors in all pictures of its runs, which are stored beside the row, and with new runs.
 """
 
 import math

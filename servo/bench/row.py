@@ -74,7 +74,7 @@ class WorldScore:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row(Made):
     """The published results of a contestant in all worlds of a band (a set of worlds with seeds of
-    its own), as its JSON file has them.
+    its own), as the contestant's JSON file has them.
     """
 
     KIND: ClassVar[str] = "benchmark row"

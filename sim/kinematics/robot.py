@@ -277,8 +277,9 @@ class Robot:
         return step / np.log1p(step * strength / model.dof_M0[at])
 
     def posture(self, data: mujoco.MjData, twist: Array, accepted: Array | None = None) -> Posture:
-        """Return the robot's posture: camera pose, joint positions, limits and Jacobian, with the
-        poses that MuJoCo computed last in `data`.
+        """Return the robot's posture by the poses that MuJoCo computed last in `data`: the camera's
+        pose T_world_camera (T_target_camera if the robot holds the target), joint positions, limits
+        of joints and of their rates, the Jacobian, and the given twists.
 
         Args:
             data: MuJoCo's state, with the joint positions.

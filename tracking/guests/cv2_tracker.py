@@ -1,4 +1,6 @@
-"""OpenCV's own trackers by their names; OpenCV's errors become a ValueError with one sentence."""
+"""OpenCV's own trackers by their names. An error of OpenCV at the start becomes a ValueError with
+one sentence; a later one means that the target is not seen.
+"""
 
 import ctypes
 from collections.abc import Callable, Generator, Sequence

@@ -80,7 +80,8 @@ class TraxClient:
             )
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Send the first picture, in which the target is the rectangle `region` [px] at `state`.
+        """Send the first picture, in which the target is the rectangle `region` [px] at `state`,
+        and wait for the answer.
 
         Raises:
             ValueError: The server has ended, hangs, or sends another message than a state.
