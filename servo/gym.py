@@ -61,7 +61,6 @@ REDRAW = 20
 so that this many never all fail."""
 LAST_SEED = 2**31
 """Upper bound of drawn seeds."""
-DRAWS_AGAIN = "this many other seeds were tried too; a larger number tries more"
 SEED = "a seed cannot be set here: give it as reset(seed=...)"
 LEVEL_DOF = [0, 1, 2, 5]
 """Components of the twist in an action, by default: vx, vy, vz, wz."""
@@ -192,7 +191,10 @@ class ServoEnv(gymnasium.Env[Any, Any]):
                 if not scenario.drawn:
                     raise
                 if redrawn == self._redraw:
-                    raise ImpossibleStart(f"{error} (redraw = {redrawn}: {DRAWS_AGAIN})") from error
+                    raise ImpossibleStart(
+                        f"{error} (redraw = {redrawn}: so many other seeds were tried too, and "
+                        "none has a possible start; a larger redraw tries more)"
+                    ) from error
             redrawn += 1
             drawn = self._seed()
         self._end()  # only now: a run goes on where what shall follow it is refused

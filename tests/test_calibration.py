@@ -262,7 +262,7 @@ LENSES = (
     "kannala_brandt, kannala_brandt4, kannala_brandt8"
 )
 NO_LENS = f"is not known; there is {LENSES} (leave it out if it names no lens)"
-NO_YAML = "cam.yaml: this is not YAML"
+NO_YAML = "cam.yaml: this calibration is not valid YAML"
 WRONG = {
     "no matrix": ("camera_matrix", "matrix", "cam.yaml: camera_matrix: a value is missing"),
     "a matrix without data": (
@@ -382,7 +382,7 @@ WRONG = {
         "head",
         "head\ncamera_model: fisheye",
         "cam.yaml: camera_model = 'fisheye' and distortion_model = 'plumb_bob' are of different "
-        "lenses",
+        "lenses: leave one out",
     ),
     "a fisheye that is neither": (
         "head",
@@ -426,9 +426,9 @@ WRONG = {
         "480.5",
         "cam.yaml: image_height = 480.5: input should be a valid integer, got a number with a fractional part",
     ),
-    "not YAML": ("data: [520.0", "data: [520.0]]", f"{NO_YAML}: line 7 is wrong"),
-    "a Python object": ("head", "!!python/name:os.system", f"{NO_YAML}: line 3 is wrong"),
-    "a date that is none": ("head", "2024-13-45", NO_YAML),
+    "not YAML": ("data: [520.0", "data: [520.0]]", f"{NO_YAML}: correct line 7"),
+    "a Python object": ("head", "!!python/name:os.system", f"{NO_YAML}: correct line 3"),
+    "a date that is none": ("head", "2024-13-45", f"{NO_YAML}: correct it"),
     "a matrix too wide for this picture": (
         "image_width: 640",
         "image_width: 3000",

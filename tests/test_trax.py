@@ -118,7 +118,7 @@ def test_a_version_that_we_do_not_speak_is_refused(version):
     assert said in str(refused.value)
 
 
-UNKNOWN = "which is neither a rectangle nor a polygon nor a mask"
+UNKNOWN = "which is no region of TraX: expected a rectangle, a polygon or a mask"
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ UNKNOWN = "which is neither a rectangle nor a polygon nor a mask"
         ("none", "answered @@TRAX:state, which is not one region"),
         (
             "wrong",
-            'answered @@TRAX:state "m0,0,2,2,1,9", which is a mask whose runs do not fit its size',
+            'answered @@TRAX:state "m0,0,2,2,1,9", which is a mask whose runs do not fit its width and height',
         ),
         ("unsure", "reports the confidence 'high'; it must be from 0 to 1"),
         (
@@ -334,8 +334,11 @@ def test_a_target_may_be_given_anew():
         ([REGION_LINE, FRAME_LINE, "@@TRAX:state 1"], "the client sent '@@TRAX:state"),
         (['@@TRAX:initialize "40,30,-30,-20"'], "region '40,30,-30,-20' has no area"),
         (['@@TRAX:initialize "40,30,30,-20"'], "region '40,30,30,-20' has no area"),
-        (['@@TRAX:initialize "0"'], "the client's region '0' has no area"),
-        (['@@TRAX:initialize "nan,1,2,3"'], "the client's region 'nan,1,2,3' is neither a"),
+        (['@@TRAX:initialize "0"'], "the client's region '0' has no area: send one that has"),
+        (
+            ['@@TRAX:initialize "nan,1,2,3"'],
+            "the client's region 'nan,1,2,3' is of no use: it is no region",
+        ),
         (['@@TRAX:initialize "m0,0,2,2,1"'], "region 'm0,0,2,2,1' has no area"),
         (['@@TRAX:initialize "40,30,60,30,80,30"', FRAME_LINE], "the region is 40 x 0 px; both"),
         ([REGION_LINE, "@@TRAX:frame /no/such.png"], "/no/such.png: cannot read this picture"),

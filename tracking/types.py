@@ -333,7 +333,7 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
     given: list[tuple[object, type]] = [(region, Region), (state, State)]
     for value, kind in given:
         if not isinstance(value, kind):
-            raise ValueError(f"expected a {kind.__name__}, got {value!r}")
+            raise ValueError(f"Tracker.start expected a {kind.__name__}, got {value!r}")
     check_picture(frame.image)
     height, width = frame.image.shape[:2]
     if max(height, width) > LARGEST_PICTURE:
@@ -354,8 +354,8 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
         (left, top) = corners.min(axis=0).round()
         (right, bottom) = corners.max(axis=0).round()
         raise ValueError(
-            f"the region spans {left:.6g}..{right:.6g} x {top:.6g}..{bottom:.6g} px, most of it "
-            f"outside the image of {width} x {height} px"
+            f"the region spans {left:.6g}..{right:.6g} x {top:.6g}..{bottom:.6g} px; most of it "
+            f"must be inside the image of {width} x {height} px"
         )
 
 

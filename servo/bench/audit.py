@@ -67,7 +67,10 @@ def read_errors(path: Path) -> Errors:
         rows = zip(table[WORLD], table[SLOW], table[ERROR], strict=True)
         return {(str(world), float(ms)): np.array(each, float) for world, ms, each in rows}
     except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, MemoryError) as error:
-        raise Mistake(f"{path}: this is not the file of errors that --submit writes") from error
+        raise Mistake(
+            f"{path}: this is not the file of errors that `servobench benchmark --submit` writes: "
+            "write it again"
+        ) from error
 
 
 def audit(

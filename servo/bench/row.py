@@ -259,8 +259,9 @@ def check_version(benchmark: Benchmark, row: Row) -> None:
     """
     if (row.benchmark, row.hash) != (benchmark.name, benchmark.hash):
         raise Mistake(
-            f"this row is of {row.benchmark} {row.hash}, but {benchmark.name} {benchmark.hash} is "
-            "installed: results of two versions cannot be compared"
+            f"these results are of {row.benchmark} {row.hash}, but {benchmark.name} "
+            f"{benchmark.hash} is installed: results of two versions cannot be compared: run "
+            "the benchmark again"
         )
 
 

@@ -179,8 +179,8 @@ def each_joint(setting: str, given: EachJoint, names: tuple[str, ...]) -> Array:
     values = np.ravel(given).astype(np.float64)
     if len(values) not in (1, len(names)):
         raise ValueError(
-            f"{setting} has {len(values)} values; it should have one, or {len(names)} for "
-            f"{', '.join(names)}"
+            f"{setting} has {len(values)} values; it should have one for all joints, or "
+            f"{len(names)} for {', '.join(names)}"
         )
     return np.broadcast_to(values, len(names)).copy()
 
@@ -197,7 +197,11 @@ def _check_drives(model: mujoco.MjModel, design: Design) -> None:
         raise ValueError(f"{place} has no actuators: add a velocity actuator for each joint")
     for i in range(model.nu):
         if (wrong := wrong_drive(model, i)) is not None:
-            raise ValueError(f"{place}: the actuator '{own_name(model.actuator(i).name)}' {wrong}")
+            name = own_name(model.actuator(i).name)
+            raise ValueError(
+                f"{place}: the actuator '{name}' cannot be used as a velocity drive, because it "
+                f"{wrong}"
+            )
     design.mounting.check(model, place)
 
 
