@@ -322,17 +322,17 @@ WRONG = {
     "two coefficients": (
         str(list(PLUMB_BOB)),
         "[0.1, 0.2]",
-        "cam.yaml: distortion_coefficients has 2 numbers; plumb_bob has 5",
+        "cam.yaml: distortion_coefficients has 2 numbers; the lens model plumb_bob has 5",
     ),
     "six coefficients": (
         str(list(PLUMB_BOB)),
         "[0.1, 0.2, 0.0, 0.0, 0.0, 0.1]",
-        "cam.yaml: distortion_coefficients has 6 numbers; plumb_bob has 5",
+        "cam.yaml: distortion_coefficients has 6 numbers; the lens model plumb_bob has 5",
     ),
     "twelve coefficients, two of them zeros at the end": (
         str(list(PLUMB_BOB)),
         "[0.1, 0.2, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0]",
-        "cam.yaml: distortion_coefficients has 12 numbers; plumb_bob has 5",
+        "cam.yaml: distortion_coefficients has 12 numbers; the lens model plumb_bob has 5",
     ),
     "another model": ("plumb_bob", "kannala", f"cam.yaml: distortion_model = 'kannala' {NO_LENS}"),
     "a model that is no word": (
@@ -392,7 +392,7 @@ WRONG = {
     "a fisheye of five numbers": (
         "plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.28, 0.08, 1e-05, -0.0012, 0.0]",
         "Kannala-Brandt\ndistortion_coefficients: {data: [-0.28, 0.08, 1e-05, -0.0012, 0.1]}",
-        "cam.yaml: distortion_coefficients has 5 numbers; fisheye has 4",
+        "cam.yaml: distortion_coefficients has 5 numbers; the lens model fisheye has 4",
     ),
     "no distortion, and its numbers": (
         "plumb_bob",

@@ -333,7 +333,8 @@ def test_steps_without_a_column_of_a_run_are_a_mistake(ran, tmp_path, name, valu
     with pytest.raises(Mistake) as told:
         text_of(folder, tmp_path)
     assert str(told.value) == (
-        f"{folder}/steps.parquet: column '{name}' is missing or has no numbers"
+        f"{folder}/steps.parquet: column '{name}' is missing or has no numbers: run the command "
+        "that wrote it again, into a new folder"
     )
 
 

@@ -118,7 +118,7 @@ def test_a_version_that_we_do_not_speak_is_refused(version):
     assert said in str(refused.value)
 
 
-UNKNOWN = "which is no region of TraX: expected a rectangle, a polygon or a mask"
+UNKNOWN = "which is wrong: a region of TraX should be a rectangle, a polygon or a mask"
 
 
 @pytest.mark.parametrize(
@@ -135,10 +135,10 @@ UNKNOWN = "which is no region of TraX: expected a rectangle, a polygon or a mask
         ("nonsense", f'answered @@TRAX:state "here, or there", {UNKNOWN}'),
         ("nan", f'answered @@TRAX:state "nan,1,2,3", {UNKNOWN}'),
         ("three", f'answered @@TRAX:state "1,2,3", {UNKNOWN}'),
-        ("none", "answered @@TRAX:state, which is not one region"),
+        ("none", "answered @@TRAX:state, which is wrong: expected one region"),
         (
             "wrong",
-            'answered @@TRAX:state "m0,0,2,2,1,9", which is a mask whose runs do not fit its width and height',
+            'answered @@TRAX:state "m0,0,2,2,1,9", which is wrong: the mask of the region has runs that do not fit its width and height',
         ),
         ("unsure", "reports the confidence 'high'; it must be from 0 to 1"),
         (
@@ -337,7 +337,7 @@ def test_a_target_may_be_given_anew():
         (['@@TRAX:initialize "0"'], "the client's region '0' has no area: send one that has"),
         (
             ['@@TRAX:initialize "nan,1,2,3"'],
-            "the client's region 'nan,1,2,3' is of no use: it is no region",
+            "the client's region 'nan,1,2,3' is of no use: a region of TraX",
         ),
         (['@@TRAX:initialize "m0,0,2,2,1"'], "region 'm0,0,2,2,1' has no area"),
         (['@@TRAX:initialize "40,30,60,30,80,30"', FRAME_LINE], "the region is 40 x 0 px; both"),

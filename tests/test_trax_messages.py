@@ -104,7 +104,7 @@ def test_a_region_is_a_box_a_polygon_or_nothing(text, region):
 )
 def test_what_is_no_region_is_refused(text):
     with pytest.raises(
-        ValueError, match=r"^no region of TraX: expected a rectangle, a polygon or a mask$"
+        ValueError, match=r"^a region of TraX should be a rectangle, a polygon or a mask$"
     ):
         messages.region_in(text)
 

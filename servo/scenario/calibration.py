@@ -265,7 +265,8 @@ def intrinsics_of(document: Table, place: str) -> Intrinsics:
     fewest = count - 1 if model == "plumb_bob" else count  # k3 may be left out
     if any(values[count:]) or (any(values) and len(values) < fewest):
         raise Mistake(
-            f"{place}: distortion_coefficients has {len(values)} numbers; {model} has {count}"
+            f"{place}: distortion_coefficients has {len(values)} numbers; the lens model {model} "
+            f"has {count}"
         )
     values = [*values, *[0.0] * count][:count]
     return Intrinsics(*size, K[0], K[4], K[2] + MIDDLE, K[5] + MIDDLE, model, values)
