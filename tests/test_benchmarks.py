@@ -401,7 +401,7 @@ def test_a_silent_program_is_refused_before_anything_runs(monkeypatch, tmp_path,
     assert call(monkeypatch, capfd, "benchmark", *words, "--out", "o") == (
         2,
         "waiting at most 0.2 s for the first answer of 'cat'\n",
-        "servobench: TraX server 'cat' did not send 'hello' within 0.2 s\n",
+        "servobench: TraX server 'cat' failed: it did not send 'hello' within 0.2 s\n",
     )
     assert not (tmp_path / "o").exists()
 
