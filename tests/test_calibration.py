@@ -261,7 +261,7 @@ LENSES = (
     "plumb_bob, radtan, radial_tangential, rational_polynomial, rational, equidistant, fisheye, "
     "kannala_brandt, kannala_brandt4, kannala_brandt8"
 )
-NO_LENS = f"is not known; there is {LENSES} (leave it out if it names no lens)"
+NO_LENS = f"is no known lens model; there is {LENSES} (leave it out if it names no lens)"
 NO_YAML = "cam.yaml: this calibration is not valid YAML"
 WRONG = {
     "no matrix": ("camera_matrix", "matrix", "cam.yaml: camera_matrix: a value is missing"),
@@ -359,13 +359,13 @@ WRONG = {
     "a lens that is named by no usual key": (
         "head",
         "head\ncalibration_method: cv2.fisheye.calibrate",
-        "cam.yaml: calibration_method = 'cv2.fisheye.calibrate' is not known; there is "
+        "cam.yaml: calibration_method = 'cv2.fisheye.calibrate' is no known lens model; there is "
         f"{LENSES} (leave it out if it names no lens)",
     ),
     "an omnidirectional lens": (
         "head",
         "head\nflags: [CALIB_OMNIDIR]",
-        f"cam.yaml: flags = ['CALIB_OMNIDIR'] is not known; there is {LENSES} (leave it out if it "
+        f"cam.yaml: flags = ['CALIB_OMNIDIR'] is no known lens model; there is {LENSES} (leave it out if it "
         "names no lens)",
     ),
     "a model that is called after two": (

@@ -355,7 +355,7 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
         model = LENSES.get(letters)
         if model is None:
             raise Mistake(
-                f"{place}: {key} = {value!r} is not known; there is {', '.join(MODELS)} "
+                f"{place}: {key} = {value!r} is no known lens model; there is {', '.join(MODELS)} "
                 "(leave it out if it names no lens)"
             )
         named[model] = f"{key} = {value!r}"
