@@ -62,7 +62,6 @@ REDRAW = 20
 so that this many never all fail."""
 LAST_SEED = 2**31
 """Upper bound of drawn seeds."""
-DRAWS_AGAIN = "this many other seeds were tried too; a larger number tries more"
 SEED = "a seed cannot be set here: give it as reset(seed=...)"
 LEVEL_DOF = [0, 1, 2, 5]
 """Components of the twist in an action, by default: vx, vy, vz, wz."""
@@ -197,7 +196,10 @@ class ServoEnv(gymnasium.Env[Any, Any]):
                 if not scenario.drawn:
                     raise
                 if redrawn == self._redraw:
-                    raise ImpossibleStart(f"{error} (redraw = {redrawn}: {DRAWS_AGAIN})") from error
+                    raise ImpossibleStart(
+                        f"{error} (redraw = {redrawn}: so many other seeds were tried too, and "
+                        "none has a possible start; a larger redraw tries more)"
+                    ) from error
             redrawn += 1
             drawn = self._seed()
         self._end()  # only now: a run goes on where what shall follow it is refused
@@ -346,8 +348,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return self._error
 
     def render(self) -> Image | None:
-        """Return the current picture (H, W, 3) with truth (white), goal (red) and estimate drawn
-        in; None unless the render mode is "rgb_array".
+        """Return the current picture, RGB (h, w, 3), enlarged to about 640 px wide, with a line of
+        text and the outlines of truth (white), goal (red) and estimate (its colour shows the
+        status); None unless the render mode is "rgb_array".
         """
         return annotated(self._now) if self.render_mode == "rgb_array" else None
 

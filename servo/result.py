@@ -324,7 +324,7 @@ def sweep(
                 bar(len(store.done) + len(failed), f"{len(failed)} failed")
         except ClusterLost as lost:
             raise Refused(
-                f"{lost}; with a folder `out`, the next call keeps the finished runs"
+                f"{lost}; call sweep again: with a folder `out` it keeps the finished runs"
             ) from None
         if not store.done:
             raise Refused(f"every run of {plan.name} failed; the first: {failed[0]}")

@@ -113,7 +113,10 @@ class Sight:
             ValueError: There are no corners.
         """
         if self.corners is None:
-            raise ValueError("this Sight has no corners, so its points and pose cannot be computed")
+            raise ValueError(
+                "this Sight has no corners, from which its points and its pose are computed: use "
+                "them only where `corners` is not None"
+            )
         rays = np.column_stack([self.corners, np.ones(4)])
         return rays / (rays @ self.plane.vector)[:, None]
 

@@ -270,8 +270,8 @@ class Kinds(Generic[Config]):
             raise UnknownKind(which if several else there)
         if not isinstance(kind, Trusted):
             raise UnknownKind(
-                f"'{kind}' is no kind of an installed package, and a file may not name code to "
-                "import: give it with --set, or from Python"
+                f"'{kind}' is no kind of an installed package, and a TOML file may not name code "
+                "to import: give the kind with --set, or from Python"
             )
         return kind
 
@@ -337,7 +337,10 @@ def _check_config(config: ConfigClass, name: str) -> None:
         )
     presets = getattr(config, "PRESETS", {})
     if not isinstance(presets, dict) or not all(isinstance(p, dict) for p in presets.values()):
-        raise UnknownKind(f"'{name}': PRESETS should be a table of settings for each name")
+        raise UnknownKind(
+            f"'{name}': PRESETS should be a dictionary of presets by name, each a dictionary of "
+            "settings"
+        )
 
 
 def _tree_of(module: str) -> ast.Module:

@@ -62,7 +62,7 @@ class BelievedConfig:
 
     def __post_init__(self) -> None:
         if self.size_factor != 1.0 and self.goal == "shown":
-            raise ValueError('size_factor has no effect on a goal that is "shown": leave it out')
+            raise ValueError('size_factor has no effect with goal = "shown": leave size_factor out')
 
     def camera(self, camera: Camera) -> Camera:
         """Return the intrinsics that the robot believes a camera to have; the given object if they

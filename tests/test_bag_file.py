@@ -89,7 +89,7 @@ def test_a_topic_must_be_clear(two, form):
         ),
         (
             "/words",
-            "there is no topic '/words' with pictures; there is /left (5), /right/compressed (5)",
+            "this bag has no topic '/words' with pictures; it has /left (5), /right/compressed (5)",
         ),
     ):
         with pytest.raises(ValueError) as refused:
@@ -102,7 +102,7 @@ def test_a_bag_without_pictures_lists_what_it_has(tmp_path):
     with pytest.raises(ValueError) as refused:
         Bag(path, None)
     assert str(refused.value) == (
-        f"{path}: no topic has pictures; there is /words (std_msgs/String as ros1)"
+        f"{path}: this bag has no topic with pictures; it has /words (std_msgs/String as ros1)"
     )
 
 
@@ -148,7 +148,9 @@ def test_foxglove_messages_are_read(tmp_path):
 def test_a_message_of_noise_is_damaged(tmp_path):
     wrong = [b"\xff" * 50, b"\x12\xff\xff\xff\xff\x07"]  # a block of 2 GB that is not there
     path = bags.foxglove(tmp_path / "log.mcap", {"/eye": wrong})
-    assert [p.reason for p in Bag(path, None)] == 2 * ["this message is cut off or damaged"]
+    assert [p.reason for p in Bag(path, None)] == 2 * [
+        "the message with this picture is cut off or damaged"
+    ]
 
 
 def test_pictures_that_are_written_in_another_way_are_named(tmp_path):
@@ -157,7 +159,7 @@ def test_pictures_that_are_written_in_another_way_are_named(tmp_path):
     with pytest.raises(ValueError) as refused:
         Bag(path, None)
     assert str(refused.value) == (
-        f"{path}: no topic has pictures; there is /eye (foxglove.CompressedImage as json)"
+        f"{path}: this bag has no topic with pictures; it has /eye (foxglove.CompressedImage as json)"
     )
 
 
@@ -194,7 +196,9 @@ def test_a_cut_bag_is_one_sentence(two, form):
         file.write_bytes(content[: round(len(content) * part)])
         with pytest.raises(ValueError) as refused:
             list(Bag(path, "/left"))
-        assert str(refused.value).startswith(f"{path}: this bag is damaged or incomplete")
+        assert str(refused.value).startswith(
+            f"{path}: this bag is damaged or incomplete: copy or record it again"
+        )
         assert "\n" not in str(refused.value)
 
 

@@ -401,7 +401,7 @@ def test_a_silent_program_is_refused_before_anything_runs(monkeypatch, tmp_path,
     assert call(monkeypatch, capfd, "benchmark", *words, "--out", "o") == (
         2,
         "waiting at most 0.2 s for the first answer of 'cat'\n",
-        "servobench: TraX server 'cat' did not send 'hello' within 0.2 s\n",
+        "servobench: TraX server 'cat' failed: it did not send 'hello' within 0.2 s\n",
     )
     assert not (tmp_path / "o").exists()
 
@@ -817,18 +817,30 @@ def test_machines_find_the_rows_and_their_fields():
 @pytest.mark.parametrize(
     ("before", "after", "sentence"),
     [
-        ('"dev"', '"x"', "band: input should be 'dev', 'v1' or 'sealed'"),
-        (DIGEST, "x", "digest: string should match pattern '^[0-9a-f]{64}$'"),
+        (
+            '"dev"',
+            '"x"',
+            "the content of this file is wrong: band: input should be 'dev', 'v1' or 'sealed'",
+        ),
+        (
+            DIGEST,
+            "x",
+            "the content of this file is wrong: digest: string should match pattern '^[0-9a-f]{64}$'",
+        ),
         (
             '"area": 1.0',
             '"area": 1e308',
-            "worlds.plain-00.area: input should be less than or equal to 1",
+            "the content of this file is wrong: worlds.plain-00.area: input should be less than or equal to 1",
         ),
-        ('"slow": {}', '"slow": {"a": 1}', "slow.a.[key]: string should match pattern"),
+        (
+            '"slow": {}',
+            '"slow": {"a": 1}',
+            "the content of this file is wrong: slow.a.[key]: string should match pattern",
+        ),
         (
             '"curve": [',
             '"curve": [0.5, ',
-            "curve: list should have at most 41 items after validation, not 42",
+            "the content of this file is wrong: curve: list should have at most 41 items after validation, not 42",
         ),
     ],
 )

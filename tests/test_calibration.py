@@ -261,8 +261,8 @@ LENSES = (
     "plumb_bob, radtan, radial_tangential, rational_polynomial, rational, equidistant, fisheye, "
     "kannala_brandt, kannala_brandt4, kannala_brandt8"
 )
-NO_LENS = f"is not known; there is {LENSES} (leave it out if it names no lens)"
-NO_YAML = "cam.yaml: this is not YAML"
+NO_LENS = f"is no known lens model; there is {LENSES} (leave it out if it names no lens)"
+NO_YAML = "cam.yaml: this calibration is not valid YAML"
 WRONG = {
     "no matrix": ("camera_matrix", "matrix", "cam.yaml: camera_matrix: a value is missing"),
     "a matrix without data": (
@@ -322,17 +322,17 @@ WRONG = {
     "two coefficients": (
         str(list(PLUMB_BOB)),
         "[0.1, 0.2]",
-        "cam.yaml: distortion_coefficients has 2 numbers; plumb_bob has 5",
+        "cam.yaml: distortion_coefficients has 2 numbers; the lens model plumb_bob has 5",
     ),
     "six coefficients": (
         str(list(PLUMB_BOB)),
         "[0.1, 0.2, 0.0, 0.0, 0.0, 0.1]",
-        "cam.yaml: distortion_coefficients has 6 numbers; plumb_bob has 5",
+        "cam.yaml: distortion_coefficients has 6 numbers; the lens model plumb_bob has 5",
     ),
     "twelve coefficients, two of them zeros at the end": (
         str(list(PLUMB_BOB)),
         "[0.1, 0.2, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0]",
-        "cam.yaml: distortion_coefficients has 12 numbers; plumb_bob has 5",
+        "cam.yaml: distortion_coefficients has 12 numbers; the lens model plumb_bob has 5",
     ),
     "another model": ("plumb_bob", "kannala", f"cam.yaml: distortion_model = 'kannala' {NO_LENS}"),
     "a model that is no word": (
@@ -359,13 +359,13 @@ WRONG = {
     "a lens that is named by no usual key": (
         "head",
         "head\ncalibration_method: cv2.fisheye.calibrate",
-        "cam.yaml: calibration_method = 'cv2.fisheye.calibrate' is not known; there is "
+        "cam.yaml: calibration_method = 'cv2.fisheye.calibrate' is no known lens model; there is "
         f"{LENSES} (leave it out if it names no lens)",
     ),
     "an omnidirectional lens": (
         "head",
         "head\nflags: [CALIB_OMNIDIR]",
-        f"cam.yaml: flags = ['CALIB_OMNIDIR'] is not known; there is {LENSES} (leave it out if it "
+        f"cam.yaml: flags = ['CALIB_OMNIDIR'] is no known lens model; there is {LENSES} (leave it out if it "
         "names no lens)",
     ),
     "a model that is called after two": (
@@ -382,7 +382,7 @@ WRONG = {
         "head",
         "head\ncamera_model: fisheye",
         "cam.yaml: camera_model = 'fisheye' and distortion_model = 'plumb_bob' are of different "
-        "lenses",
+        "lenses: leave one out",
     ),
     "a fisheye that is neither": (
         "head",
@@ -392,7 +392,7 @@ WRONG = {
     "a fisheye of five numbers": (
         "plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.28, 0.08, 1e-05, -0.0012, 0.0]",
         "Kannala-Brandt\ndistortion_coefficients: {data: [-0.28, 0.08, 1e-05, -0.0012, 0.1]}",
-        "cam.yaml: distortion_coefficients has 5 numbers; fisheye has 4",
+        "cam.yaml: distortion_coefficients has 5 numbers; the lens model fisheye has 4",
     ),
     "no distortion, and its numbers": (
         "plumb_bob",
@@ -426,9 +426,9 @@ WRONG = {
         "480.5",
         "cam.yaml: image_height = 480.5: input should be a valid integer, got a number with a fractional part",
     ),
-    "not YAML": ("data: [520.0", "data: [520.0]]", f"{NO_YAML}: line 7 is wrong"),
-    "a Python object": ("head", "!!python/name:os.system", f"{NO_YAML}: line 3 is wrong"),
-    "a date that is none": ("head", "2024-13-45", NO_YAML),
+    "not YAML": ("data: [520.0", "data: [520.0]]", f"{NO_YAML}: correct line 7"),
+    "a Python object": ("head", "!!python/name:os.system", f"{NO_YAML}: correct line 3"),
+    "a date that is none": ("head", "2024-13-45", f"{NO_YAML}: correct it"),
     "a matrix too wide for this picture": (
         "image_width: 640",
         "image_width: 3000",

@@ -53,7 +53,7 @@ BAD = {
     ),
     "a region outside the image": (
         ["run", "still", "--set", "start.x=200"],
-        "still: first frame: the region spans 321..399 x 92..148 px, most of it outside the image "
+        "still: first frame: the region spans 321..399 x 92..148 px; most of it must be inside the image "
         "of 320 x 240 px",
     ),
     "a region of zero size": (
@@ -62,8 +62,8 @@ BAD = {
     ),
     "a start the robot cannot reach": (
         ["run", "still", "--set", "goal.depth=4"],
-        "still: start: the robot cannot bring the camera to the pose for this picture: 1.69 m and "
-        "14 deg are left, and joint 'z' is at its limit",
+        "still: start: the robot cannot bring the camera to its start pose: 1.69 m and "
+        "14 deg are left, and joint 'z' is at its limit; change [start] or [goal]",
     ),
     "an .rrd that is none": (
         ["view", "fake.rrd"],

@@ -72,11 +72,11 @@ def test_a_single_variant_stands_beside_the_scenario_as_it_is():
         ({}, "there is nothing to compare: give --tracker, --controller, --estimator or --set-of"),
         (
             {"tracker": ["a=kams"], "controller": ["a=ibvs"]},
-            "two variants are called 'a': write another name before the =",
+            "two variants are called 'a': give one another name, as in NAME=kams",
         ),
         (
             {"tracker": ["a="]},
-            "'a=': the name before the = or the part after it is missing; write NAME=KIND, NAME=module:Class, NAME='program:COMMAND', NAME='trax:COMMAND' or NAME=onnx:FILE",
+            "'a=': the name before the = or the component after it is missing; write NAME=KIND, NAME=module:Class, NAME='program:COMMAND', NAME='trax:COMMAND' or NAME=onnx:FILE",
         ),
         (
             {"set_of": ["slow"]},

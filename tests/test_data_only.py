@@ -186,7 +186,7 @@ def test_a_bench_with_an_evil_label_exits_2_and_writes_nothing(monkeypatch, capf
     code, err = call(monkeypatch, capfd, "evaluate", "suite.toml", "--out", "../out")
     assert code == 2
     assert err == (
-        f"servobench: suite.toml: trackers[0].label: '{label}' cannot name a folder: expected 1 to 60 printable "
+        f"servobench: suite.toml: trackers[0].label: the label '{label}' cannot name a folder: expected 1 to 60 printable "
         "characters without / and \\, no dot in front, and no space at either end\n"
     )
     assert outside(home, home / "nothing") == before

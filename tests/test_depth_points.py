@@ -115,7 +115,7 @@ def test_a_plane_of_the_picture_levels_a_camera_whose_tracker_sees_no_tilt(featu
         ),
         (
             ("believed.size_factor=1.2", "believed.goal=shown"),
-            'size_factor has no effect on a goal that is "shown": leave it out',
+            'size_factor has no effect with goal = "shown": leave size_factor out',
         ),
     ],
 )

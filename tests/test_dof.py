@@ -74,16 +74,16 @@ def test_where_nothing_may_move_the_inverse_is_zero():
 
 
 STANDS = (
-    "controller: dof and weights let no component of the twist move: give one that may move a "
-    'weight above 0; for a camera that stands still set controller.kind = "hold"'
+    "controller: dof and weights let no component of the twist move: give a component that dof "
+    'names a weight above 0; for a camera that stands still set controller.kind = "hold"'
 )
 REFUSED = {
     "controller.dof=[]": STANDS,
     "controller.weights=[0, 0, 0, 0, 0, 0]": STANDS,
     "controller={ kind = 'ibvs', dof = ['wz'], weights = [1, 1, 1, 1, 1, 0] }": STANDS,
-    "controller.dof=['vx', 'vy', 'vx']": "controller: dof has 'vx' twice: leave one out",
-    "controller.secondary=['level', 'level']": "controller: secondary has 'level' twice: leave one out",
-    "controller.feed_forward=['xn', 'xn']": "controller: feed_forward has 'xn' twice: leave one out",
+    "controller.dof=['vx', 'vy', 'vx']": "controller: the list dof has 'vx' twice: leave one out",
+    "controller.secondary=['level', 'level']": "controller: the list secondary has 'level' twice: leave one out",
+    "controller.feed_forward=['xn', 'xn']": "controller: the list feed_forward has 'xn' twice: leave one out",
 }
 
 

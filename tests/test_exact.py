@@ -125,7 +125,9 @@ def test_what_cannot_be_drawn_is_refused():
         '<mujoco><asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset><worldbody>'
         '<geom type="hfield" hfield="h"/><camera name="eye"/></worldbody></mujoco>'
     )
-    with pytest.raises(ValueError, match=r'^the renderer "exact" does not draw height fields; '):
+    with pytest.raises(
+        ValueError, match=r'^the model has height fields, which the renderer "exact"'
+    ):
         ExactRenderer(model, "eye", Camera(50.0, 50.0, 50.0, 50.0, 100, 100))
 
 

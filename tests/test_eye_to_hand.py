@@ -213,7 +213,7 @@ def test_each_start_is_found_from_everywhere():
     [
         (
             ["goal.depth=2.5"],
-            "hand_plate: start: the robot cannot bring the target to the pose for this picture: ",
+            "hand_plate: start: the robot cannot bring the target to its start pose: ",
         ),
     ],
 )

@@ -71,7 +71,7 @@ def test_another_format_number_is_one_sentence(file, number, tmp_path):
         type(file).read(path)
     assert str(told.value) == (
         f"{path}: this file {has}, and this version of servobench reads format {file.FORMAT}: run "
-        "its command again into a new folder, or read it with the version that wrote it"
+        "the command that wrote it again, into a new folder, or read it with the version that wrote it"
     )
 
 
@@ -83,14 +83,17 @@ def test_keys_that_are_unknown_pass_and_missing_ones_do_not(file, tmp_path):
     assert type(file).read(path) == file
     missing = list(document)[2]
     path.write_text(json.dumps({k: v for k, v in document.items() if k != missing}))
-    with pytest.raises(Mistake, match=rf"file\.json: {missing}: field required$"):
+    with pytest.raises(
+        Mistake, match=rf"file\.json: the content of this file is wrong: {missing}: field required$"
+    ):
         type(file).read(path)
 
 
 def test_a_file_of_another_kind_is_refused(tmp_path):
     path = FILES[1].write(tmp_path)
     with pytest.raises(
-        Mistake, match=r"json: this is a file of `track`, not of `run`: name another file$"
+        Mistake,
+        match=r"json: this file describes a 'track', but the file of a 'run' is needed: name another file$",
     ):
         RunReport.read(path)
 
@@ -133,7 +136,7 @@ def test_an_older_track_is_named_by_its_columns(tmp_path):
         track_file.read(path)
     assert str(told.value) == (
         f"{path}: this is not a track of format 3, which this version reads: its columns are "
-        "frame, x, y"
+        "frame, x, y; run `servobench track` again with this version"
     )
 
 

@@ -109,7 +109,7 @@ def test_an_environment_can_be_pickled_before_its_first_run():
 def test_a_start_that_cannot_be_reached_leaves_the_run_as_it_was():
     env = made(scenario="arm_line", overrides=SHORT).unwrapped
     env.reset(seed=0)
-    with pytest.raises(Mistake, match="cannot bring the camera to the pose for this picture"):
+    with pytest.raises(Mistake, match="cannot bring the camera to its start pose"):
         env.reset(seed=0, options={"start": {"x": 300, "y": 200}, "goal": {"depth": 1.5}})
     env.step(np.zeros(env.action_space.shape))
 
@@ -138,7 +138,7 @@ def test_a_drawn_start_that_cannot_be_is_drawn_again(monkeypatch):
     with pytest.raises(Mistake) as refused:
         made(redraw=0, **settings).reset(seed=7)
     assert str(refused.value) == (
-        f"{refusal} (redraw = 0: this many other seeds were tried too; a larger number tries more)"
+        f"{refusal} (redraw = 0: so many other seeds were tried too, and none has a possible start; a larger redraw tries more)"
     )
     as_written = {"overrides": [*SHORT, "tracker.kind=truth", "start.x=5", "expect={}"], "vary": {}}
     with pytest.raises(Mistake) as refused:

@@ -85,7 +85,8 @@ def test_inverted_bytes_in_a_log_end_it_with_a_sentence(tmp_path):
     assert 0 < len(found) < whole == 3 * FRAMES
     assert bag.end.lost
     assert bag.end.sentence.startswith(
-        f"{path}: {len(found)} pictures, then this bag is damaged or incomplete ("
+        f"{path}: {len(found)} pictures, then this bag is damaged or incomplete: copy "
+        "or record it again ("
     )
 
 
@@ -99,7 +100,7 @@ def test_inverted_bytes_in_a_log_that_is_not_compressed_are_noticed(tmp_path):
     at = data.index(bytes([90]) * 1000)
     data[at : at + 500] = bytes([165]) * 500
     path.write_bytes(data)
-    sentence = f"{path}: this bag is damaged or incomplete (crc validation failed in Chunk, "
+    sentence = f"{path}: this bag is damaged or incomplete: copy or record it again (crc validation failed in Chunk, "
     assert refusal(path).startswith(sentence)
 
 
@@ -126,4 +127,6 @@ def test_a_link_to_a_whole_bag_and_a_link_inside_it_are_followed(tmp_path):
 
 def test_a_message_of_one_endless_number_is_damaged_at_once(tmp_path):
     path = bags.foxglove(tmp_path / "log.mcap", {"/eye": [b"\x08" + b"\xff" * 1_000_000 + b"\x01"]})
-    assert [p.reason for p in Bag(path, None)] == ["this message is cut off or damaged"]
+    assert [p.reason for p in Bag(path, None)] == [
+        "the message with this picture is cut off or damaged"
+    ]

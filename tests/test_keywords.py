@@ -132,7 +132,11 @@ def test_a_setting_that_a_part_of_ones_own_lacks_is_refused(given, message):
     ("given", "message"),
     [
         ({"gian": 1.0}, "there is no setting 'gian'; did you mean 'gain'?"),
-        ({"qqqqqq": 1.0}, "there is no setting 'qqqqqq'; 'servobench list' names all kinds"),
+        (
+            {"qqqqqq": 1.0},
+            "there is no setting 'qqqqqq'; `servobench list KIND` (such as kams) or `servobench "
+            "list SECTION` (such as camera) prints the settings",
+        ),
         (
             {"angle_deg": 3.0},
             "angle_deg is the name of several settings, goal.angle_deg, start.angle_deg, "

@@ -168,7 +168,7 @@ def test_on_a_cluster_of_ones_own_nothing_that_dies_costs_anything(
     scheduler.kill()
     assert ended(client) == (
         2,
-        f"servobench: the scheduler {address} is gone; {finished()} of {RUNS} runs are finished; "
+        f"servobench: the scheduler {address} is gone; only {finished()} of {RUNS} runs are finished; "
         "go on with: servobench sweep mine.toml --out out\n",
     )
     assert go_on(monkeypatch, SWEEP) == 0

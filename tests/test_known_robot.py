@@ -110,17 +110,17 @@ def test_a_lag_is_of_first_order():
         (
             {"encoder_noise": (0.1, 0.2)},
             {},
-            "robot.encoder_noise has 2 values; it should have one, or 6 for ",
+            "robot.encoder_noise has 2 values; it should have one for all joints, or 6 for ",
         ),
         (
             {"acceleration": (1.0, 2.0)},
             {},
-            "robot.acceleration has 2 values; it should have one, or 6 for ",
+            "robot.acceleration has 2 values; it should have one for all joints, or 6 for ",
         ),
         (
             {},
             {"joint_offsets": (0.1,) * 7},
-            "believed.joint_offsets has 7 values; it should have one, or 6 for ",
+            "believed.joint_offsets has 7 values; it should have one for all joints, or 6 for ",
         ),
     ],
 )

@@ -242,9 +242,9 @@ def test_an_episode_of_something_else_is_a_sentence(given):
 @pytest.mark.parametrize(
     ("region", "state", "sentence"),
     [
-        ((20, 20), State(30.0, 30.0), "expected a Region, got (20, 20)"),
-        (Region(20.0, 20.0), (30, 30), "expected a State, got (30, 30)"),
-        (None, State(30.0, 30.0), "expected a Region, got None"),
+        ((20, 20), State(30.0, 30.0), "Tracker.start expected a Region, got (20, 20)"),
+        (Region(20.0, 20.0), (30, 30), "Tracker.start expected a State, got (30, 30)"),
+        (None, State(30.0, 30.0), "Tracker.start expected a Region, got None"),
     ],
 )
 def test_a_tuple_is_no_region_of_a_tracker_and_no_state(region, state, sentence):

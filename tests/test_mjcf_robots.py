@@ -283,7 +283,8 @@ def test_a_robot_that_cannot_be_downloaded_is_a_sentence(tmp_path, monkeypatch):
     monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path))
     monkeypatch.setenv("MENAGERIE_BASE_URL", tmp_path.as_uri())
     with pytest.raises(
-        ValueError, match=r": not found; without a network, set MENAGERIE_ROOT to the"
+        ValueError,
+        match=r": this robot cannot be downloaded: .*not found; without a network, set MENAGERIE_ROOT to the",
     ):
         mjcf.model_path("menagerie:universal_robots_ur5e")
 

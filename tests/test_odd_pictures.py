@@ -72,6 +72,6 @@ def test_a_region_that_is_too_small_for_mil_is_refused():
     with pytest.raises(ValueError, match="MIL") as refused:
         started("cv_mil", region=(4.0, 4.0))
     assert str(refused.value) == (
-        "the region is 4 x 4 px; OpenCV's MIL needs a side of at least 5 px"
+        "the region is 4 x 4 px; OpenCV's MIL needs a side of at least 5 px: give a larger region"
     )
     started("cv_mil", region=(4.0, 6.0))

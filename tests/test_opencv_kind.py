@@ -106,12 +106,18 @@ def test_a_model_of_another_tracker_is_named(vit, tmp_path):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"name": "Vit"}, "OpenCV's Vit needs its model files net; the number given is 0"),
+        (
+            {"name": "Vit"},
+            "the setting model gives OpenCV's tracker Vit 0 files; their number should be 1 (net)",
+        ),
         (
             {"name": "Nano", "model": "a.onnx"},
-            "OpenCV's Nano needs its model files backbone, neckhead; the number given is 1",
+            "the setting model gives OpenCV's tracker Nano 1 files; their number should be 2 (backbone, neckhead)",
         ),
-        ({"model": "a.onnx"}, "OpenCV's MIL has no model file; the number given is 1"),
+        (
+            {"model": "a.onnx"},
+            "the setting model gives OpenCV's tracker MIL 1 files; their number should be 0 (none)",
+        ),
         (
             {"least_confidence": 0.3},
             "OpenCV's MIL reports no confidence, but least_confidence = 0.3 needs one: "

@@ -183,8 +183,8 @@ def test_a_path_is_taken_from_the_command_line_and_from_python_but_not_from_a_fi
     with pytest.raises(Mistake) as refused:
         parse({"tracker": {"kind": path}}, "a", "a.toml")
     assert str(refused.value) == (
-        f"a.toml: tracker.kind: '{path}' is no kind of an installed package, and a file may not "
-        "name code to import: give it with --set, or from Python"
+        f"a.toml: tracker.kind: '{path}' is no kind of an installed package, and a TOML file "
+        "may not name code to import: give the kind with --set, or from Python"
     )
 
 
@@ -193,7 +193,9 @@ def test_a_setting_may_be_kept_out_of_files(package):
     config = TRACKERS.config_of("calm")
     config.not_from_file = ("least",)
     assert load("still", ["tracker.kind=calm"]).tracker.least == 3
-    with pytest.raises(Mistake, match=r"a.toml: tracker.least: a file may not name a command to "):
+    with pytest.raises(
+        Mistake, match=r"a.toml: tracker.least: a TOML file may not name a command to "
+    ):
         parse({"tracker": {"kind": "calm", "least": "4"}}, "a", "a.toml")
     assert module
 
@@ -216,7 +218,10 @@ def test_a_worker_that_lacks_a_package_is_named():
         job.run(Path())
     said = str(failed.value)
     assert said.startswith("the worker on ")
-    assert " lacks a package: still.toml: tracker.kind: there is no kind 'calm'; there is " in said
+    assert (
+        " lacks a package of this study; install it there: still.toml: tracker.kind: there is no kind 'calm'; there is "
+        in said
+    )
 
 
 @pytest.mark.parametrize(
@@ -229,7 +234,7 @@ def test_a_worker_that_lacks_a_package_is_named():
 )
 def test_settings_of_a_type_that_cannot_be_used_end_nothing_else(package, capsys, name, why):
     module = package("mine", odd=name, good="Other")
-    sentence = f"the settings of {module}:{name} cannot be used: {why}"
+    sentence = f"the settings of the class {module}:{name} cannot be used; correct the class: {why}"
     kinds_there = {
         schema["properties"]["kind"]["const"]
         for schema in json.loads(schema_command.text())["$defs"].values()
@@ -318,4 +323,6 @@ def test_presets_that_are_no_tables_are_a_sentence(package, tmp_path, presets):
     sys.modules.pop(module, None)
     with pytest.raises(kinds.UnknownKind) as refused:
         list_command.show("calm")
-    assert str(refused.value) == "'calm': PRESETS should be a table of settings for each name"
+    assert str(refused.value) == (
+        "'calm': PRESETS should be a dictionary of presets by name, each a dictionary of settings"
+    )

@@ -235,7 +235,7 @@ SENTENCES = {
         ["camera.width=1000", "camera.height=700"],
         "the view of 1000 x 700 px is larger than the recording: set a smaller camera.width",
     ),
-    "a longer run": (["run.duration=3"], "run.duration = 3 s: the recording lasts 0.4 s"),
+    "a longer run": (["run.duration=3"], "run.duration = 3 s is too long: set at most 0.4 s"),
     "another robot": (["robot.kind=arm"], "in a recording the camera can only turn: leave"),
     "a motion": (["motion.kind=line"], "the recording gives the motion: leave [motion] out"),
     "depth": (["camera.depth=true"], "camera.depth: a recording has no depth pictures"),

@@ -48,7 +48,7 @@ def test_a_region_mostly_outside_the_image_is_refused():
     with pytest.raises(ValueError) as refused:
         check_region(FRAME, Region(40.0, 20.0), State(201.0, 50.0))
     assert str(refused.value) == (
-        "the region spans 181..221 x 40..60 px, most of it outside the image of 200 x 100 px"
+        "the region spans 181..221 x 40..60 px; most of it must be inside the image of 200 x 100 px"
     )
 
 

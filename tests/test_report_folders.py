@@ -225,23 +225,23 @@ BAD = {
     "no folder": (None, "{}: there is no such folder"),
     "nothing known": (
         {"notes.txt": b""},
-        "{}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, `papers` or `sweep`: name a folder that one of them wrote",
+        "{}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, `papers`, `sweep` or `compare`: name a folder that one of them wrote",
     ),
     "a track": (
         {"report.json": b"{}"},
-        "{}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, `papers` or `sweep`: name a folder that one of them wrote",
+        "{}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, `papers`, `sweep` or `compare`: name a folder that one of them wrote",
     ),
     "half a file": (
         {"study.json": STUDY[:-9]},
-        "{}/study.json: this is not JSON; it may be half-written: run its command again into a new folder",
+        "{}/study.json: this is not JSON; it may be half-written: run the command that wrote it again, into a new folder",
     ),
     "a value is missing": (
         {"papers.json": b'{"format": 1, "kind": "papers"}'},
-        "{}/papers.json: command: field required",
+        "{}/papers.json: the content of this file is wrong: command: field required",
     ),
     "an empty bench": (
         {"study.json": json.dumps(json.loads(STUDY) | {"holds": "evaluate"}).encode()},
-        "{}: this folder has no finished runs; run its command again",
+        "{}: this folder has no finished runs; run the command that wrote it again",
     ),
     "papers that were stopped": (
         {"study.json": json.dumps(json.loads(STUDY) | {"holds": "papers"}).encode()},
@@ -280,7 +280,7 @@ def test_broken_pictures_and_recordings_are_mistakes(ran, tmp_path):
     (tmp_path / "run" / "run.rrd").write_bytes(whole[:100] + bytes(500))
     with pytest.raises(
         Mistake,
-        match=r"/run\.rrd: this recording is damaged: run its command again into a new folder$",
+        match=r"/run\.rrd: this recording is damaged: run the command that wrote it again, into a new folder$",
     ):
         write([tmp_path / "run"], None)
 
@@ -296,8 +296,8 @@ def test_a_picture_of_a_recording_that_cannot_be_decoded_is_a_mistake(monkeypatc
     with pytest.raises(Mistake) as found:
         reader.pictures(Path("run.rrd"), 1)
     assert str(found.value) == (
-        "run.rrd: this recording is damaged (the picture of frame 3 cannot be decoded): run its "
-        "command again into a new folder"
+        "run.rrd: this recording is damaged (the picture of frame 3 cannot be decoded): run the "
+        "command that wrote it again, into a new folder"
     )
 
 
@@ -333,7 +333,8 @@ def test_steps_without_a_column_of_a_run_are_a_mistake(ran, tmp_path, name, valu
     with pytest.raises(Mistake) as told:
         text_of(folder, tmp_path)
     assert str(told.value) == (
-        f"{folder}/steps.parquet: column '{name}' is missing or has no numbers"
+        f"{folder}/steps.parquet: column '{name}' is missing or has no numbers: run the command "
+        "that wrote it again, into a new folder"
     )
 
 
@@ -351,7 +352,8 @@ def test_a_report_without_its_settings_is_a_page_or_a_mistake(ran, tmp_path, los
         return
     with pytest.raises(Mistake) as told:
         text_of(folder, tmp_path)
-    assert str(told.value).startswith(f"{folder}/report.json: {lost}")
+    assert str(told.value).startswith(f"{folder}/report.json: the ")
+    assert lost in str(told.value)
 
 
 def test_a_table_without_a_report_is_named(ran, tmp_path):

@@ -69,7 +69,8 @@ def test_a_description_of_another_format_is_refused(monkeypatch, capfd, place):
     assert call(monkeypatch, capfd, *BENCH, "-q") == (
         2,
         "servobench: out/study.json: this file has format 3, and this version of servobench "
-        "reads format 2; choose another folder with --out\n",
+        "reads format 2, so the runs in this folder cannot be used; choose another folder with "
+        "--out\n",
     )
 
 

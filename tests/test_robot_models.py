@@ -53,17 +53,17 @@ def test_a_drive_may_be_slower_in_one_direction():
 WRONG = {
     "": "has no actuators: add a velocity actuator for each joint",
     '<position name="x" joint="x" kp="10"/>': (
-        "the actuator 'x' is not a <velocity> servo: replace it by one"
+        "the actuator 'x' cannot be used as a velocity drive, because it is not a <velocity> servo: replace it by one"
     ),
-    '<motor name="x" joint="x"/>': "the actuator 'x' is not a <velocity> servo: replace it by one",
+    '<motor name="x" joint="x"/>': "the actuator 'x' cannot be used as a velocity drive, because it is not a <velocity> servo: replace it by one",
     '<velocity name="x" joint="x" kv="10" gear="3"/>': (
-        "the actuator 'x' does not drive one joint with gear 1: give it a joint, and gear 1"
+        "the actuator 'x' cannot be used as a velocity drive, because it does not drive one joint with gear 1: give it a joint, and gear 1"
     ),
     '<velocity name="x" site="robot/eye" kv="10"/>': (
-        "the actuator 'x' does not drive one joint with gear 1: give it a joint, and gear 1"
+        "the actuator 'x' cannot be used as a velocity drive, because it does not drive one joint with gear 1: give it a joint, and gear 1"
     ),
     '<velocity name="x" joint="x" kv="10" ctrlrange="0 0.5"/>': (
-        "the actuator 'x' has the ctrlrange 0 0.5, which does not allow both directions: widen it"
+        "the actuator 'x' cannot be used as a velocity drive, because it has the ctrlrange 0 0.5, which does not allow both directions: widen it"
     ),
 }
 
@@ -116,6 +116,6 @@ def test_an_off_centre_camera_is_servoed_to_the_middle_of_the_image(edited):
 def test_a_robot_that_cannot_be_driven_is_a_sentence(edited):
     edited(r'<velocity name="yaw"([^>]*)kv="24"', r'<position name="yaw"\1kp="24"')
     with pytest.raises(
-        Mistake, match="the actuator 'yaw' is not a <velocity> servo: replace it by one"
+        Mistake, match=r"the actuator 'yaw' cannot .* is not a <velocity> servo: replace it by one"
     ):
         Episode(load("still"))

@@ -197,10 +197,10 @@ SHAPE = (
 WRONG = [
     ({"k": [0.0] * 9}, SHAPE),
     ({"k": [np.nan] * 9}, "camera_matrix.0 = nan: input should be a finite number"),
-    ({"d": [0.1] * 8, "distortion_model": "plumb_bob"}, "distortion_coefficients has 8 numbers; plumb_bob has 5"),
+    ({"d": [0.1] * 8, "distortion_model": "plumb_bob"}, "distortion_coefficients has 8 numbers; the lens model plumb_bob has 5"),
     (
         {"d": [0.0] * 5, "distortion_model": "omni"},
-        "distortion_model = 'omni' is not known; there is plumb_bob, radtan, radial_tangential, "
+        "distortion_model = 'omni' is no known lens model; there is plumb_bob, radtan, radial_tangential, "
         "rational_polynomial, rational, equidistant, fisheye, kannala_brandt, kannala_brandt4, "
         "kannala_brandt8 (leave it out if it names no lens)",
     ),

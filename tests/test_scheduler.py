@@ -176,7 +176,7 @@ def test_a_cluster_over_tls_with_dasks_own_configuration(monkeypatch, capfd, pla
     shutil.rmtree("o")
     wrong = {
         "other.pem": "no scheduler with workers answers there: [SSL: CERTIFICATE_VERIFY_FAILED] ",
-        "none.pem": "Dask's settings of TLS (none.pem, mine.pem, mine.key) cannot be used: "
+        "none.pem": "Dask's settings of TLS (none.pem, mine.pem, mine.key) cannot be used; correct them: "
         "[Errno 2] No such file or directory\n",
         "": "TLS needs certificates; name their files to Dask by "
         "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..._TLS__CLIENT__CERT and ..._TLS__CLIENT__KEY, or "

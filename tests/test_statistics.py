@@ -134,7 +134,7 @@ def test_what_has_no_spread_has_this_interval(scores, low, high):
     assert found.units == len(scores)
     assert found.known == np.isfinite(low)
     np.testing.assert_allclose([found.low, found.high], [low, high], atol=1e-6)
-    with pytest.raises(ValueError, match="an interval needs at least one score"):
+    with pytest.raises(ValueError, match="a mean with an interval needs at least one score"):
         mean_of(np.zeros(0))
 
 

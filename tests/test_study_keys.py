@@ -42,11 +42,11 @@ BAD = {
     ),
     "the same scenario twice": (
         "scenario = ['still', 'still']",
-        "scenario: 'still' and 'still' are the same file",
+        "scenario: 'still' and 'still' are the same file: leave one of them out",
     ),
     "a scenario and its path": (
         f"scenario = ['still', '{path_of('still')}']",
-        f"scenario: '{path_of('still')}' and 'still' are the same file",
+        f"scenario: '{path_of('still')}' and 'still' are the same file: leave one of them out",
     ),
     "all scenarios and one more": (
         "scenario = ['*', 'still']",
@@ -55,7 +55,7 @@ BAD = {
     ),
     "very many scenarios": (
         f"scenario = {['still'] * 100_000}",
-        "scenario: 'still' and 'still' are the same file",
+        "scenario: 'still' and 'still' are the same file: leave one of them out",
     ),
     "very many values": (
         STILL + f"axes.start.x = {list(range(100_000))}",

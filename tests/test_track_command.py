@@ -131,7 +131,7 @@ BAD = {
     ),
     "a region outside": (
         ["in", "--region", "150,30,30,20"],
-        "the region spans 150..180 x 30..50 px, most of it outside the image of 160 x 100 px",
+        "the region spans 150..180 x 30..50 px; most of it must be inside the image of 160 x 100 px",
     ),
     "no numbers": (
         ["in", "--region", "40,30,big,20"],
@@ -190,7 +190,7 @@ BAD = {
     ),
     "a log of several cameras": (
         ["cameras.mcap", "--region", REGION],
-        "cameras.mcap: this bag is damaged or incomplete",
+        "cameras.mcap: this bag is damaged or incomplete: copy or record it again",
     ),
     "a truth that is none": (
         ["in", "--region", REGION, "--truth", "in/000.png"],

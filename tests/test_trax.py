@@ -118,7 +118,7 @@ def test_a_version_that_we_do_not_speak_is_refused(version):
     assert said in str(refused.value)
 
 
-UNKNOWN = "which is neither a rectangle nor a polygon nor a mask"
+UNKNOWN = "which is wrong: a region of TraX should be a rectangle, a polygon or a mask"
 
 
 @pytest.mark.parametrize(
@@ -135,10 +135,10 @@ UNKNOWN = "which is neither a rectangle nor a polygon nor a mask"
         ("nonsense", f'answered @@TRAX:state "here, or there", {UNKNOWN}'),
         ("nan", f'answered @@TRAX:state "nan,1,2,3", {UNKNOWN}'),
         ("three", f'answered @@TRAX:state "1,2,3", {UNKNOWN}'),
-        ("none", "answered @@TRAX:state, which is not one region"),
+        ("none", "answered @@TRAX:state, which is wrong: expected one region"),
         (
             "wrong",
-            'answered @@TRAX:state "m0,0,2,2,1,9", which is a mask whose runs do not fit its size',
+            'answered @@TRAX:state "m0,0,2,2,1,9", which is wrong: the mask of the region has runs that do not fit its width and height',
         ),
         ("unsure", "reports the confidence 'high'; it must be from 0 to 1"),
         (
@@ -159,7 +159,8 @@ def test_a_server_that_fails_is_a_sentence(words, message):
     settings = config(*words.split())
     with pytest.raises(ValueError) as refused:
         follow(settings)
-    assert str(refused.value) == f"TraX server '{settings.command}' {message}"
+    failed = "" if message.startswith("declares") else "failed: it "
+    assert str(refused.value) == f"TraX server '{settings.command}' {failed}{message}"
 
 
 def test_an_answer_of_a_megabyte_is_read_whole():
@@ -334,8 +335,11 @@ def test_a_target_may_be_given_anew():
         ([REGION_LINE, FRAME_LINE, "@@TRAX:state 1"], "the client sent '@@TRAX:state"),
         (['@@TRAX:initialize "40,30,-30,-20"'], "region '40,30,-30,-20' has no area"),
         (['@@TRAX:initialize "40,30,30,-20"'], "region '40,30,30,-20' has no area"),
-        (['@@TRAX:initialize "0"'], "the client's region '0' has no area"),
-        (['@@TRAX:initialize "nan,1,2,3"'], "the client's region 'nan,1,2,3' is neither a"),
+        (['@@TRAX:initialize "0"'], "the client's region '0' has no area: send one that has"),
+        (
+            ['@@TRAX:initialize "nan,1,2,3"'],
+            "the client's region 'nan,1,2,3' is of no use: a region of TraX",
+        ),
         (['@@TRAX:initialize "m0,0,2,2,1"'], "region 'm0,0,2,2,1' has no area"),
         (['@@TRAX:initialize "40,30,60,30,80,30"', FRAME_LINE], "the region is 40 x 0 px; both"),
         ([REGION_LINE, "@@TRAX:frame /no/such.png"], "/no/such.png: cannot read this picture"),

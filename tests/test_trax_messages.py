@@ -67,7 +67,7 @@ COLOURS = np.zeros((100, 160, 3), np.uint8)
         (raw("160;100;rgb", COLOURS[..., 0]), "cannot reshape array of size 16000 into shape"),
         (raw("160;100;rgb", COLOURS[..., :2]), "cannot reshape array of size 32000 into shape"),
         (raw("160;100;gray8", COLOURS), "cannot reshape array of size 48000 into shape"),
-        (raw("160;100;bgr", COLOURS), "unknown format 'bgr'; known are rgb, gray8, gray16"),
+        (raw("160;100;bgr", COLOURS), "the format 'bgr' is unknown; known are rgb, gray8, gray16"),
         (raw("-1;100;rgb", COLOURS), "the picture has -1 x 100 px; the limit is 16384 px a side"),
         ("image:0;0;rgb;", "the picture has 0 x 0 px"),
         ("image:1", "not enough values to unpack"),
@@ -103,7 +103,9 @@ def test_a_region_is_a_box_a_polygon_or_nothing(text, region):
     ["", "a", "1,2,3", "1,2,3,4,5", "1,2", "1,,2,3", "nan,1,2,3", "1,2,inf,4", "1,2,3,4,5,nan"],
 )
 def test_what_is_no_region_is_refused(text):
-    with pytest.raises(ValueError, match=r"^neither a rectangle nor a polygon nor a mask$"):
+    with pytest.raises(
+        ValueError, match=r"^a region of TraX should be a rectangle, a polygon or a mask$"
+    ):
         messages.region_in(text)
 
 

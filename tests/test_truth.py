@@ -44,7 +44,10 @@ def test_csv_is_read_by_its_header(tmp_path, text):
     ("text", "message"),
     [
         ("", "this truth file is empty"),
-        ("1,2,3\n", "groundtruth.txt, line 1: the line has 3 numbers: expected 4 or 8"),
+        (
+            "1,2,3\n",
+            "groundtruth.txt, line 1: the line has 3 numbers: expected 4 of a box, or 8 of four corners",
+        ),
         ("1,2,3,4\n1,2,x,4\n", "groundtruth.txt, line 2: '1,2,x,4' is not a line of numbers"),
         ("a,b\n1,2\n", "groundtruth.txt: the columns are a, b; a truth needs x1..y4, or left, top"),
     ],
@@ -107,7 +110,7 @@ def test_boxes_that_leave_the_picture_but_fit_as_corners_are_not_guessed(tmp_pat
     np.testing.assert_array_equal(found[0], [[10, 20], [50, 20], [50, 80], [10, 80]])
     truth.check_boxes(found, (100, 100), "gt")  # it fits: the name decides
     truth.check_boxes(found, (40, 50), "gt")  # it fits neither way: a target that leaves
-    with pytest.raises(ValueError, match=r"^gt: as x,y,w,h the target leaves the picture; these"):
+    with pytest.raises(ValueError, match=r"^gt: read as x,y,w,h, these numbers place"):
         truth.check_boxes(found, (60, 70), "gt")
     truth.check_boxes(found[:0], (60, 70), "gt")
 
@@ -115,7 +118,10 @@ def test_boxes_that_leave_the_picture_but_fit_as_corners_are_not_guessed(tmp_pat
 def test_the_one_number_of_vots_is_an_absent_target(tmp_path):
     found = truth.read(written(tmp_path, "m10,20,3,2,0,6\n0\n0.0\n1,2,3,4\n"))
     assert np.isfinite(found).all(axis=(1, 2)).tolist() == [True, False, False, True]
-    with pytest.raises(ValueError, match="line 2: the line has 1 numbers: expected 4 or 8"):
+    with pytest.raises(
+        ValueError,
+        match="line 2: the line has 1 numbers: expected 4 of a box, or 8 of four corners",
+    ):
         truth.read(written(tmp_path, "1,2,3,4\n2\n"))
 
 
@@ -153,7 +159,7 @@ NAME = "groundtruth.txt, line 2"
             "50,20,inf,40",
             "'50,20,inf,40' is not a position in a picture: all numbers must be at most 1e+06",
         ),
-        ("", f"{NAME}: the line has 0 numbers: expected 4 or 8"),
+        ("", f"{NAME}: the line has 0 numbers: expected 4 of a box, or 8 of four corners"),
     ],
 )
 def test_a_line_that_would_be_read_as_something_else_is_refused(tmp_path, line, message):

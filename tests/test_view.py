@@ -91,7 +91,7 @@ def test_what_the_viewer_cannot_do_is_one_sentence(viewer, tmp_path, monkeypatch
     png = tmp_path / "out.png"
     viewer(*BOTH)
     assert refused(tmp_path, png, "world") == (
-        "there is no panel 'world'; there is plots/error, world/eye/image"
+        "this recording has no panel 'world'; it has plots/error, world/eye/image"
     )
     _, clock = viewer(looks=10_000)
     began = clock[0]
@@ -105,7 +105,7 @@ def test_what_the_viewer_cannot_do_is_one_sentence(viewer, tmp_path, monkeypatch
 
     monkeypatch.setattr(view.ViewerClient, "spawn", fails)
     assert refused(tmp_path, png).startswith(
-        "the viewer cannot draw in the background: without a GPU the viewer needs the packages "
+        "the viewer cannot draw without a window: without a GPU the viewer needs the packages "
         "libvulkan1"
     )
 

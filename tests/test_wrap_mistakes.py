@@ -103,7 +103,9 @@ def test_what_is_no_confidence_is_refused(sure):
 def test_other_words_than_true_and_false_are_refused():
     with pytest.raises(ValueError) as refused:
         follow(answering(("yes", (1, 2, 3, 4))))
-    assert str(refused.value) == "theirs: the first of (ok, box) is 'yes'; it must be True or False"
+    assert (
+        str(refused.value) == "theirs answered (ok, box) with 'yes' as ok; it must be True or False"
+    )
     with pytest.raises(ValueError) as refused:
         follow(answering({"box": (1, 2, 3, 4), "corners": [[0, 0], [1, 0], [1, 1], [0, 1]]}))
     assert str(refused.value) == (
@@ -166,7 +168,10 @@ def test_a_confidence_that_is_to_judge_must_be_there():
 def test_a_convention_or_a_confidence_that_is_not_there_is_refused():
     with pytest.raises(ValueError) as refused:
         wrap(Moving, convention="vot", name="theirs")
-    assert str(refused.value) == "theirs: there is no convention 'vot'; known are opencv, got10k"
+    assert (
+        str(refused.value)
+        == "theirs: there is no convention 'vot' of pictures and boxes; known are opencv, got10k"
+    )
     with pytest.raises(ValueError) as refused:
         follow(wrap(Moving, confidence="sure", name="theirs")())
     assert (

@@ -38,13 +38,16 @@ def test_a_base_that_is_too_far_away_is_a_sentence(seven, base):
     changes = ["robot.kind=mjcf", f"robot.model={seven}", f"robot.base={base}"]
     with pytest.raises(Mistake) as refused:
         Episode(load("still", changes))
-    start = "still: start: the robot cannot bring the camera to the pose for this picture: "
+    start = "still: start: the robot cannot bring the camera to its start pose: "
     sentence = (
         r"\d\.\d\d m and \d+ deg are left, and (joint 'joint\d' is at its "
         r"limit|no joint is at a limit; 'joint\d' is nearest to one)"
     )
-    hint = "; try another robot.base, or a robot.home near a posture that gets there"
-    assert re.fullmatch(re.escape(start) + sentence + hint, str(refused.value))
+    hint = (
+        "; change [start] or [goal], or try another robot.base, or a robot.home near a posture "
+        "that gets there"
+    )
+    assert re.fullmatch(re.escape(start) + sentence + re.escape(hint), str(refused.value))
 
 
 def test_a_start_that_a_seed_drew_is_named_by_it(seven):
@@ -68,7 +71,7 @@ WRONG = {
         "home has the joint lift at -90, outside of its limits -6.28 .. 6.28: correct home"
     ),
     "speed = [1.0, 2.0]": (
-        "speed has 2 values; it should have one, or 6 for pan, lift, elbow, wrist_1, wrist_2, "
+        "speed has 2 values; it should have one for all joints, or 6 for pan, lift, elbow, wrist_1, wrist_2, "
         "wrist_3"
     ),
 }
@@ -286,7 +289,7 @@ def test_a_model_that_no_file_can_be_is_a_sentence(model):
         (
             'lower="-6.28" upper="6.28"',
             'lower="6.28" upper="-6.28"',
-            "its lower limit 6.28 is above",
+            "the lower limit 6.28 of the joint 'pan' is above its upper limit -6.28: correct them",
         ),
         ("<link", "<a>" * 20_000 + "</a>" * 20_000 + "<link", "maximum recursion depth exceeded"),
     ],

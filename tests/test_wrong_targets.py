@@ -46,13 +46,21 @@ WRONG = [
         "file = 'duk': no file of this name is shipped; give duck, or a path",
     ),
     ("mesh", {"file": "a.ply"}, "a.ply: this is not a mesh of a target: give an .obj or .stl file"),
-    ("mesh", {"file": "a.obj"}, "a.obj: there is no triangle in this mesh: give another file"),
+    (
+        "mesh",
+        {"file": "a.obj"},
+        "a.obj: there is no triangle with an area in this mesh: give another file",
+    ),
     (
         "mesh",
         {"file": "b.obj"},
         "b.obj: this mesh is damaged, or not of the format that its suffix says: export it again",
     ),
-    ("mesh", {"file": "c.obj"}, "c.obj: there is no triangle in this mesh: give another file"),
+    (
+        "mesh",
+        {"file": "c.obj"},
+        "c.obj: there is no triangle with an area in this mesh: give another file",
+    ),
     (
         "mesh",
         {"file": "d.obj"},
@@ -65,7 +73,11 @@ WRONG = [
     ),
     ("mesh", {"file": "f.obj"}, "f.obj: the vertex nan 1 0 is not finite: correct it"),
     pytest.param(  # before version 5, trimesh could not read it
-        *("mesh", {"file": "g.obj"}, "g.obj: there is no triangle in this mesh: give another file"),
+        *(
+            "mesh",
+            {"file": "g.obj"},
+            "g.obj: there is no triangle with an area in this mesh: give another file",
+        ),
         marks=pytest.mark.newest,
     ),
     (
@@ -81,19 +93,31 @@ WRONG = [
         "j.obj: the mesh has no texture coordinates (vt) for the texture: add them to the file, or "
         "leave texture out",
     ),
-    ("mesh", {"file": "l.obj"}, "l.obj: there is no triangle in this mesh: give another file"),
+    (
+        "mesh",
+        {"file": "l.obj"},
+        "l.obj: there is no triangle with an area in this mesh: give another file",
+    ),
     (
         "mesh",
         {"file": "a.stl"},
         "a.stl: this mesh is damaged, or not of the format that its suffix says: export it again",
     ),
-    ("mesh", {"file": "b.stl"}, "b.stl: there is no triangle in this mesh: give another file"),
+    (
+        "mesh",
+        {"file": "b.stl"},
+        "b.stl: there is no triangle with an area in this mesh: give another file",
+    ),
     (
         "mesh",
         {"file": "c.stl"},
-        "c.stl: there is no triangle in this mesh: give another file",
+        "c.stl: there is no triangle with an area in this mesh: give another file",
     ),
-    ("mesh", {"file": "d.stl"}, "d.stl: there is no triangle in this mesh: give another file"),
+    (
+        "mesh",
+        {"file": "d.stl"},
+        "d.stl: there is no triangle with an area in this mesh: give another file",
+    ),
     (
         "mesh",
         {"colour": "blue"},

@@ -80,8 +80,9 @@ class LossJudge:
 
     def judge(self, distance: float, time: float, jump: float = math.inf) -> Status:
         """Return the status of a frame. LOCKED: the distance is at most the threshold (after a
-        frame that was not LOCKED, `hysteresis` times the threshold), and it did not rise suddenly
-        with a jump. Else UNSURE, and LOST after `patience` s.
+        frame that was not LOCKED, `hysteresis` times the threshold), and it did not rise suddenly,
+        with a jump of the estimate, within the last 0.3 s (never tested if the limit `sudden` is
+        0). Else UNSURE, and LOST after `patience` s without LOCKED.
 
         Args:
             distance: Distance from the target's appearance, 0..1; inf if the target was not found.

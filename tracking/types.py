@@ -324,17 +324,18 @@ def check_picture(image: object) -> None:
 
 
 def check_region(frame: Frame, region: Region, state: State) -> None:
-    """Check the arguments of `Tracker.start`: their types, the picture, and the numbers of region
-    and state.
+    """Check the arguments of `Tracker.start`: the picture, and the types and numbers of region and
+    state.
 
     Raises:
-        ValueError: The region is too small, has numbers that are not finite, or lies mostly outside
-            the image; the image is not a picture, or too large; or an argument has the wrong type.
+        ValueError: The region is too small, or lies mostly outside the image; a number of region or
+            state is not finite, or out of range; `region` or `state` has the wrong type; the image
+            is not a picture, or is too large.
     """
     given: list[tuple[object, type]] = [(region, Region), (state, State)]
     for value, kind in given:
         if not isinstance(value, kind):
-            raise ValueError(f"expected a {kind.__name__}, got {value!r}")
+            raise ValueError(f"Tracker.start expected a {kind.__name__}, got {value!r}")
     check_picture(frame.image)
     height, width = frame.image.shape[:2]
     if max(height, width) > LARGEST_PICTURE:
@@ -355,8 +356,8 @@ def check_region(frame: Frame, region: Region, state: State) -> None:
         (left, top) = corners.min(axis=0).round()
         (right, bottom) = corners.max(axis=0).round()
         raise ValueError(
-            f"the region spans {left:.6g}..{right:.6g} x {top:.6g}..{bottom:.6g} px, most of it "
-            f"outside the image of {width} x {height} px"
+            f"the region spans {left:.6g}..{right:.6g} x {top:.6g}..{bottom:.6g} px; most of it "
+            f"must be inside the image of {width} x {height} px"
         )
 
 

@@ -1,5 +1,5 @@
 """Audit of a contestant's published results (its row of the benchmark's table): they are compared
-with stored errors and with new runs.
+with the errors in all pictures of its runs, which are stored beside the row, and with new runs.
 """
 
 import math
@@ -68,7 +68,10 @@ def read_errors(path: Path) -> Errors:
         rows = zip(table[WORLD], table[SLOW], table[ERROR], strict=True)
         return {(str(world), float(ms)): np.array(each, float) for world, ms, each in rows}
     except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, MemoryError) as error:
-        raise Mistake(f"{path}: this is not the file of errors that --submit writes") from error
+        raise Mistake(
+            f"{path}: this is not the file of errors that `servobench benchmark --submit` writes: "
+            "write it again"
+        ) from error
 
 
 def audit(

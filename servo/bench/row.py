@@ -74,7 +74,7 @@ class WorldScore:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row(Made):
     """The published results of a contestant in all worlds of a band (a set of worlds with seeds of
-    its own), as its JSON file has them.
+    its own), as the contestant's JSON file has them.
     """
 
     KIND: ClassVar[str] = "benchmark row"
@@ -271,8 +271,9 @@ def check_version(benchmark: Benchmark, row: Row) -> None:
     """
     if (row.benchmark, row.hash) != (benchmark.name, benchmark.hash):
         raise Mistake(
-            f"this row is of {row.benchmark} {row.hash}, but {benchmark.name} {benchmark.hash} is "
-            "installed: results of two versions cannot be compared"
+            f"these results are of {row.benchmark} {row.hash}, but {benchmark.name} "
+            f"{benchmark.hash} is installed: results of two versions cannot be compared: run "
+            "the benchmark again"
         )
 
 

@@ -182,9 +182,11 @@ class Effect:
 
 
 def effects(worlds: Sequence[World], table: Sequence[Standing]) -> list[Effect]:
-    """Return the mean points at each level of the factors and of the light's direction.
+    """Return, for each level of a factor and each third of the lamp's azimuth and elevation, the
+    mean points over its worlds, with an interval.
 
-    Intervals are over worlds; a level with fewer than five worlds is left out.
+    The points of a world are the mean of all contestants in `table`. A level with fewer than five
+    worlds is left out.
     """
     found = list[Effect]()
     for (factor, level), keys in _levels(worlds).items():

@@ -99,7 +99,8 @@ def run(
         seed: The first seed of each scenario.
         seeds: Number of seeds of each scenario.
         workers: Number of processes.
-        quiet: Whether to print nothing but mistakes and missed bounds.
+        quiet: Whether to print only mistakes, failed runs, missed bounds, and why measures or
+            verdicts are missing.
         dry_run: Whether to print only how many runs there are and how long they take.
         junit: A file for JUnit's XML.
         json: A file for all measures.

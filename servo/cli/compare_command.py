@@ -151,7 +151,9 @@ def variants_of(parts: Mapping[str, Sequence[str]], set_of: Sequence[str]) -> di
     names = [name for name, _ in found]
     for name in names:
         if names.count(name) > 1:
-            raise Mistake(f"two variants are called '{name}': write another name before the =")
+            raise Mistake(
+                f"two variants are called '{name}': give one another name, as in NAME=kams"
+            )
     if not found:
         raise Mistake(
             "there is nothing to compare: give --tracker, --controller, --estimator or --set-of"

@@ -158,7 +158,7 @@ def complete_jobs(
     except KeyboardInterrupt as cause:
         stop(cause, f"{len(store.done)} of {len(jobs)} runs are finished; {again}")
     except ClusterLost as lost:
-        sentence = f"{lost}; {len(store.done)} of {len(jobs)} runs are finished; {again}"
+        sentence = f"{lost}; only {len(store.done)} of {len(jobs)} runs are finished; {again}"
         raise (Refused if workers.scheduler is None else Mistake)(sentence) from None
     for reason, paths in alike.items():
         more = f" (the first of {len(paths)} such runs)" if len(paths) > 1 else ""

@@ -1,5 +1,5 @@
-"""The command `servobench list`: print all scenarios and kinds of components (trackers, robots,
-...), or the settings of one kind or section.
+"""The command `servobench list`: print all scenarios, studies and kinds of components (trackers,
+robots, ...); or, for one name, its kinds, its settings or its description.
 """
 
 from __future__ import annotations

@@ -208,7 +208,9 @@ class Command(click.Command):
     """
 
     def invoke(self, ctx: click.Context) -> NoReturn:
-        """Call `run` with the options as arguments; exit with the code that it returns, or 0."""
+        """Call the function `run` of the module `servo.cli.NAME_command` with the options as
+        arguments (--exact becomes changes of settings); exit with the code that it returns, or 0.
+        """
         module = import_module(f"servo.cli.{self.name}_command")
         given = dict(ctx.params)
         if given.pop("exact", False):

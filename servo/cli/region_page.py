@@ -70,7 +70,7 @@ def select(
         raise Mistake("--region and --select are both given: leave out one")
     first = next(pictures, None)
     if first is None:
-        raise Mistake(f"{source}: this source has no pictures")
+        raise Mistake(f"{source}: this source has no pictures: give another one")
     if first.image is None:
         raise Mistake(f"{first.name}: the first picture cannot be read: {first.reason}")
     box = ask(first.image, source)

@@ -131,5 +131,5 @@ def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
         return run_section.section(folder)
     raise Mistake(
         f"{folder}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, "
-        "`papers` or `sweep`: name a folder that one of them wrote"
+        "`papers`, `sweep` or `compare`: name a folder that one of them wrote"
     )

@@ -185,7 +185,7 @@ def _first(shots: Iterator[Shot], source: str, out: Path | None, name: str) -> S
     except PartFailed as error:
         raise with_traceback(error, prepare(out, name)) from None
     except StopIteration:
-        raise Mistake(f"{source}: this source has no pictures") from None
+        raise Mistake(f"{source}: this source has no pictures: give another one") from None
 
 
 def _warm_up(config: PartConfig[Tracker], console: Console, *, rerun: bool) -> None:

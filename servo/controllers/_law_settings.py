@@ -82,11 +82,12 @@ class LawSettings:
             given = getattr(self, name) or ()
             twice = next((item for i, item in enumerate(given) if item in given[:i]), None)
             if twice is not None:
-                raise ValueError(f"{name} has '{twice}' twice: leave one out")
+                raise ValueError(f"the list {name} has '{twice}' twice: leave one out")
         if not self.may_move(six=True):
             raise ValueError(
-                "dof and weights let no component of the twist move: give one that may move a "
-                'weight above 0; for a camera that stands still set controller.kind = "hold"'
+                "dof and weights let no component of the twist move: give a component that dof "
+                "names a weight above 0; for a camera that stands still set controller.kind = "
+                '"hold"'
             )
 
     def may_move(self, *, six: bool) -> bool:

@@ -65,8 +65,8 @@ def _fed_forward(config: LawSettings, features: FeatureSet) -> Array:
     missing = next((name for name in chosen if name not in names), None)
     if missing is not None and chosen == PRESETS["paper"]["feed_forward"]:
         raise ValueError(
-            f'controller.feed_forward: {", ".join(chosen)} (as in preset = "paper") are '
-            f"features of 'moments'; the features of this set are {', '.join(names)}"
+            f'controller.feed_forward: {", ".join(chosen)} (as in preset = "paper") are features '
+            f'of features.kind = "moments"; name some of this kind: {", ".join(names)}'
         )
     if missing is not None:
         raise ValueError(f"controller.feed_forward: {unknown(missing, names, 'feature')}")

@@ -48,8 +48,9 @@ def _model(dt: float) -> TargetModel:
 
 @final
 class Cusum:
-    """Test for jumps of a feature's velocity, by cumulative sums (CUSUM) of the innovations upwards
-    and downwards.
+    """Test for jumps of the features' velocities by two cumulative sums (CUSUM) for each feature,
+    upwards and downwards, of the innovations over their standard deviations. From each innovation
+    `drift` is subtracted; a sum above `threshold` is a jump.
     """
 
     def __init__(self, drift: float, threshold: float) -> None:

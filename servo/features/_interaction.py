@@ -101,7 +101,10 @@ def row_theta(m: Moments, plane: Plane) -> Row:
     D = d**2 + 4 * m.mu11**2
     root = sqrt(D)
     if root <= ROUND * total:
-        raise ValueError("the shape has equal principal moments, so its angle is not defined")
+        raise ValueError(
+            "the target's shape has equal principal moments, so its angle is not defined: choose a "
+            "longer target, or features without the angle"
+        )
     q = total / root
     c = d / root
     s = 2 * m.mu11 / root

@@ -55,7 +55,10 @@ class PoseFeatures(WithRotation):
         self._camera_moves = error == "cdMc"
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (6,) of the target in a picture: t [m], theta u [rad]."""
+        """Return the features (6,) of the target in a picture: the translation t [m], of the camera
+        in the desired camera's frame ("cdMc") or of the target in the camera frame ("cMo"), and the
+        rotation vector theta u [rad] of c*Rc.
+        """
         moved = sight.aim.pose @ sight.pose.inverse()
         t = moved.translation if self._camera_moves else sight.pose.translation
         return np.concatenate([t, theta_u(moved.rotation)])

@@ -199,14 +199,14 @@ def _of_encoder(channel: LogChannel) -> Iterator[str]:
             )
     ratio = float(np.sign(_correlation(read, joint)) * np.std(read) / np.std(joint))
     if not REFUSED[0] < ratio < REFUSED[1]:
-        wrong = "the sign of the encoder's or of the joint's positions is wrong"
+        remedy = "correct the sign of the encoder's or of the joint's positions"
         if not REFUSED[0] < abs(ratio) < REFUSED[1]:
-            wrong = (
+            remedy = (
                 "divide its readings by the gear's ratio, with its sign, if the encoder turns "
                 "before a gear, else correct the unit of the encoder's or of the joint's positions"
             )
         raise Mistake(
-            f"the encoder of {channel.name} moves {ratio:.3g} times as far as its joint: {wrong}"
+            f"the encoder of {channel.name} moves {ratio:.3g} times as far as its joint: {remedy}"
         )
     rates = np.gradient(joint, times)
     late = rates @ (joint - read / ratio) / (rates @ rates)

@@ -203,7 +203,7 @@ class Episode:
 
     def _picture_at_goal(self) -> Image:
         """Return the camera's picture (H, W, 3) at the goal ("teaching by showing")."""
-        self._place_camera(StartConfig())
+        self._place_camera(StartConfig(), pose="goal")
         return self.world.look().image
 
     def _way(self) -> list[Pose]:
@@ -226,18 +226,18 @@ class Episode:
         ]
 
     def _place_camera(
-        self, start: StartConfig, way: Callable[[], list[Pose]] | None = None
+        self, start: StartConfig, way: Callable[[], list[Pose]] | None = None, pose: str = "start"
     ) -> Reach:
         seed = self.scenario.run.seed
         drawn = f", seed {seed}" * (seed != 0)  # of seed 0 nothing is drawn
-        with self._refusals(f"start{drawn}: ", ImpossibleStart):
+        with self._refusals(f"{pose}{drawn}: ", ImpossibleStart):
             reach = self._start(start, way)
             if not reach:
                 carried = self.world.robot.mounting.carried
                 hint = self.world.robot.advice
                 raise ValueError(
-                    f"the robot cannot bring the {carried} to the pose for this picture: "
-                    f"{reach}{hint}"
+                    f"the robot cannot bring the {carried} to its {pose} pose: {reach}; change "
+                    f"[start] or [goal]{hint}"
                 )
         return reach
 

@@ -117,7 +117,10 @@ def check_posture(posture: Posture) -> None:
     _check_numbers("posture.T_base_camera.rotation", R, (3, 3))
     _check_numbers("posture.T_base_camera.translation", p.T_base_camera.translation, (3,))
     if not is_rotation(R, ROUNDING):
-        raise ValueError(f"posture.T_base_camera: expected a rotation matrix, got {R.tolist()}")
+        raise ValueError(
+            "posture.T_base_camera.rotation: expected a rotation matrix (orthogonal, determinant "
+            f"1), got {R.tolist()}"
+        )
     n = np.size(p.joints)
     _check_numbers("posture.joints", p.joints, (n,))
     if np.shape(p.jacobian) != (6, n):

@@ -166,8 +166,7 @@ class RegionConfig:
 class MeasureConfig:
     """Settings of a run's measures: when errors begin to count, and which servo error is too large.
 
-    They are the time from which errors count [s], and the servo error above which the camera counts
-    as off the target [px].
+    The servo error is the distance of the target from its goal in the picture.
     """
 
     after: Time = 0.0

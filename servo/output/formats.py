@@ -18,8 +18,8 @@ LARGEST = 1_000_000_000
 ABSURD = 1e100
 """Largest number in a file; a larger one cannot be drawn."""
 Number = Annotated[float, Ge(-ABSURD), Le(ABSURD)]
-AGAIN = "run its command again into a new folder"
-HALF = f"it may be half-written: {AGAIN}"
+RUN_AGAIN = "run the command that wrote it again, into a new folder"
+HALF_WRITTEN = f"it may be half-written: {RUN_AGAIN}"
 """What to do about a file that is not as it was written, for messages."""
 T = TypeVar("T")
 
@@ -30,7 +30,7 @@ class OtherFormat(Mistake):
     def __init__(self, path: Path, found: object, number: int) -> None:
         has = "has no format number" if found is None else f"has format {found!r}"
         self.fact = f"{path}: this file {has}, and this version of servobench reads format {number}"
-        super().__init__(f"{self.fact}: {AGAIN}, or read it with the version that wrote it")
+        super().__init__(f"{self.fact}: {RUN_AGAIN}, or read it with the version that wrote it")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,8 +75,8 @@ class Document:
             raise OtherFormat(path, None, cls.FORMAT)
         if head.get("kind") != cls.KIND:
             raise Mistake(
-                f"{path}: this is a file of `{head.get('kind')}`, not of `{cls.KIND}`: name "
-                "another file"
+                f"{path}: this file describes a '{head.get('kind')}', but the file of a "
+                f"'{cls.KIND}' is needed: name another file"
             )
         check_format(path, head["format"], cls.FORMAT)
         return _parsed(path, encoded, cls)
@@ -125,9 +125,10 @@ def _parsed(path: Path, encoded: bytes, kind: type[T]) -> T:
     except ValidationError as error:
         first = error.errors()[0]
         if first["type"] == "json_invalid":
-            raise Mistake(f"{path}: this is not JSON; {HALF}") from None
+            raise Mistake(f"{path}: this is not JSON; {HALF_WRITTEN}") from None
         where = ".".join(str(part) for part in first["loc"]) or "all of it"
-        raise Mistake(f"{path}: {where}: {first['msg'][0].lower()}{first['msg'][1:]}") from None
+        reason = first["msg"][0].lower() + first["msg"][1:]
+        raise Mistake(f"{path}: the content of this file is wrong: {where}: {reason}") from None
 
 
 def command_line(command: str, *words: str, **options: object) -> str:

@@ -320,7 +320,9 @@ class RunMcap(McapFile):
         )
 
     def add(self, step: Step) -> None:
-        """Write a step: picture, depth, camera, transforms and row.
+        """Write a step: its picture with outlines and calibration (CameraInfo) and its depth
+        picture, if the camera delivered them; the estimate; the poses of base, camera and target;
+        and the step's row of steps.parquet.
 
         Raises:
             OSError: The file cannot be written.

@@ -56,8 +56,8 @@ class RoomView:
         self._looks_at = looks_at
 
     def fit(self, points: Array) -> None:
-        """Place the view's camera, with its default direction, as near as possible while all points
-        (n, 3) [m, world] are inside the picture.
+        """Place the view's camera, with its default direction, so that all points (n, 3) [m, world]
+        are inside the picture: 1.1 times as far from their middle as necessary.
         """
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         back = np.subtract(EYE, LOOKS_AT)

@@ -9,6 +9,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from servo.mistake import Mistake
+from servo.output.formats import RUN_AGAIN
 from servo.output.steps_table import TABLE, ending, ending_of_rate
 from servo.parts import FeatureSet
 from sim.types import Array
@@ -69,7 +70,9 @@ class RunCurves:
         try:
             return self.table[name].to_numpy().astype(kind)
         except (KeyError, TypeError, ValueError):
-            raise Mistake(f"{self.place}: column '{name}' is missing or has no numbers") from None
+            raise Mistake(
+                f"{self.place}: column '{name}' is missing or has no numbers: {RUN_AGAIN}"
+            ) from None
 
     @property
     def moving(self) -> list[str]:

@@ -46,8 +46,8 @@ class Sinks:
         self.paths = [name for name in sinks if isinstance(name, Path)]
 
     def begin(self, path: Path, make: Callable[[], Sink]) -> None:
-        """Add the sink that `make` returns and that writes the file at this path; an OSError of
-        `make` is stored in `refused` and not raised.
+        """Add the sink that `make` returns and that writes the file at this path. An OSError of
+        `make` is not raised; `refused` keeps it if it is the first error of these sinks.
         """
         try:
             self._sinks[path] = make()

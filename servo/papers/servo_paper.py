@@ -232,8 +232,8 @@ def _away(runs: list[Record]) -> Array:
 
 
 def longest_away(time: Array, error: Array) -> float:
-    """Return the longest uninterrupted time [s] in which the error is 4 px or more, after the first
-    frame with an error below 4 px.
+    """Return the longest time [s] from a frame with an error below 4 px to the last frame before
+    the error is below 4 px again; the time of the last frame, if the error is never below 4 px.
 
     Args:
         time: Times of the frames (n,) [s].

@@ -141,7 +141,9 @@ class TuningFile(Document):
 
 @cache
 def stored() -> TuningFile:
-    """Return the scores of all settings that were tried, from servobench's own file tuning.json."""
+    """Return the scores of all settings that were tried for each tuned tracker, from servobench's
+    own file tuning.json.
+    """
     with resources.as_file(resources.files("servo.papers") / TuningFile.FILE) as path:
         return TuningFile.read(path)
 

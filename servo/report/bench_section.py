@@ -46,7 +46,9 @@ def section(folder: Path, study: StudyFile) -> Section:
     store.find()
     records = list(store.read(sorted(store.done), long=True))
     if not records:
-        raise Mistake(f"{folder}: this folder has no finished runs; run its command again")
+        raise Mistake(
+            f"{folder}: this folder has no finished runs; run the command that wrote it again"
+        )
     ranks = ranking.ranked(records)
     best = ranks[0]
     families = families_table(ranks)

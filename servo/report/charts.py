@@ -330,6 +330,7 @@ def saved(figure: Figure, kind: str, width: float | None = None) -> bytes:
             )
         except (RuntimeError, FileNotFoundError) as error:
             raise Mistake(
-                f"a PGF figure needs TeX (xelatex), which does not work here: {error}"
+                "a PGF figure needs TeX (xelatex), which does not work here: install it, or choose "
+                f"pdf or svg: {error}"
             ) from None
     return file.getvalue()

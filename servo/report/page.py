@@ -16,7 +16,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure as Drawing
 
 from servo.mistake import Mistake
-from servo.output.formats import HALF, Made, content
+from servo.output.formats import HALF_WRITTEN, Made, content
 from servo.report.words import Badge, Cell, Table, cut
 
 LIGHT = (
@@ -123,7 +123,7 @@ class PageImage:
         raw = np.frombuffer(encoded, np.uint8)
         image = cv2.imdecode(raw, cv2.IMREAD_COLOR) if len(raw) else None
         if image is None:
-            raise Mistake(f"{place}: this is not a picture; {HALF}")
+            raise Mistake(f"{place}: this is not a picture; {HALF_WRITTEN}")
         height, width = image.shape[:2]
         if sheet and not encoded.startswith(JPEG):
             quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]

@@ -12,7 +12,7 @@ from servo.loop.measure import MEASURES, Measure
 from servo.loop.run_measures import Outcome
 from servo.loop.settings import DOES_NOT_REPEAT
 from servo.mistake import Mistake
-from servo.output.formats import HALF, check_format, content
+from servo.output.formats import HALF_WRITTEN, RUN_AGAIN, check_format, content
 from servo.output.run_curves import RunCurves
 from servo.output.run_folder import RECORDING
 from servo.output.steps_table import FORMAT, STREAM, TABLE
@@ -136,7 +136,7 @@ def _steps(path: Path) -> pa.Table:
     try:
         found = pq.read_table(raw, page_checksum_verification=True)
     except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError):
-        raise Mistake(f"{path}: this table cannot be read; {HALF}") from None
+        raise Mistake(f"{path}: this table cannot be read; {HALF_WRITTEN}") from None
     written = (found.schema.metadata or {}).get(b"format", b"").decode(errors="replace")
     check_format(path, int(written) if written.isdecimal() else written or None, FORMAT)
     return found
@@ -166,5 +166,7 @@ def _scenario(folder: Path, run: RunReport) -> Block:
     try:
         text = tomli_w.dumps(run.table).strip()
     except TypeError:  # TOML has no null
-        raise Mistake(f"{folder / run.FILE}: table: this is not the table of a scenario") from None
+        raise Mistake(
+            f"{folder / run.FILE}: the value of table is not the table of a scenario: {RUN_AGAIN}"
+        ) from None
     return Block("Scenario", ["As it ran, with all changes."], code=[text], folded=True)

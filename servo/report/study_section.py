@@ -1,4 +1,6 @@
-"""The section of an HTML report about a study: bounds, comparisons, errors, sheets, tables."""
+"""The section of an HTML report about a study: bounds, comparisons, curves over time and over the
+axes, contact sheets of pictures, tables, and the runs that failed.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -72,7 +72,8 @@ def one_of(given: object, what: str, known: Sequence[object]) -> None:
     """Check that a choice is one of the known ones; `what` is the argument's name for the message.
 
     Raises:
-        Mistake: `given` is not among `known`; the sentence names the nearest one.
+        Mistake: `given` is not among `known`; the message names the most similar choice, or all
+            choices if none is similar.
     """
     if given not in known:
         raise Mistake(unknown(str(given), [str(k) for k in known], what))

@@ -268,7 +268,8 @@ def intrinsics_of(document: Table, place: str) -> Intrinsics:
     fewest = count - 1 if model == "plumb_bob" else count  # k3 may be left out
     if any(values[count:]) or (any(values) and len(values) < fewest):
         raise Mistake(
-            f"{place}: distortion_coefficients has {len(values)} numbers; {model} has {count}"
+            f"{place}: distortion_coefficients has {len(values)} numbers; the lens model {model} "
+            f"has {count}"
         )
     values = [*values, *[0.0] * count][:count]
     return Intrinsics(*size, K[0], K[4], K[2] + MIDDLE, K[5] + MIDDLE, model, values)
@@ -290,8 +291,8 @@ def _of_yaml(text: str, path: Path) -> list[tuple[object, object]]:
                 pairs += yaml.SafeLoader("").construct_pairs(node, deep=True)
     except (ValueError, yaml.YAMLError) as error:
         mark = getattr(error, "problem_mark", None)
-        line = "" if mark is None else f": line {mark.line + 1} is wrong"
-        raise Mistake(f"{path}: this is not YAML{line}") from None
+        line = "it" if mark is None else f"line {mark.line + 1}"
+        raise Mistake(f"{path}: this calibration is not valid YAML: correct {line}") from None
     return pairs
 
 
@@ -307,7 +308,10 @@ def _of_opencv(text: str, path: Path) -> list[tuple[str, object]]:
         return [(key, _value(root.getNode(key))) for key in root.keys()]  # noqa: SIM118
     # SystemError: OpenCV failed in its constructor, as it does on a file that is cut.
     except (cv2.error, SystemError, ValueError, OverflowError):
-        raise Mistake(f"{path}: this is no file that OpenCV wrote, or it is damaged") from None
+        raise Mistake(
+            f"{path}: OpenCV cannot read this file, though it begins as one of its own: write the "
+            "calibration again, or, for a YAML file of ROS, remove the line %YAML"
+        ) from None
 
 
 def _value(node: cv2.FileNode) -> object:
@@ -354,12 +358,14 @@ def _model(document: Table, place: str, values: list[float]) -> Model:
         model = LENSES.get(letters)
         if model is None:
             raise Mistake(
-                f"{place}: {key} = {value!r} is not known; there is {', '.join(MODELS)} "
+                f"{place}: {key} = {value!r} is no known lens model; there is {', '.join(MODELS)} "
                 "(leave it out if it names no lens)"
             )
         named[model] = f"{key} = {value!r}"
     if len(named) > 1:
-        raise Mistake(f"{place}: {' and '.join(named.values())} are of different lenses")
+        raise Mistake(
+            f"{place}: {' and '.join(named.values())} are of different lenses: leave one out"
+        )
     if named:
         return next(iter(named))
     name = document.get("distortion_model")

@@ -58,7 +58,9 @@ def form(config: type[Any], *, described: bool = False) -> type[BaseModel]:
     except Exception as error:  # the annotations of other people's code are evaluated
         why = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
         name = f"{config.__module__}:{config.__qualname__}"
-        raise UnknownKind(f"the settings of {name} cannot be used: {why}") from error
+        raise UnknownKind(
+            f"the settings of the class {name} cannot be used; correct the class: {why}"
+        ) from error
 
 
 def _form_of(settings: Any, described: bool) -> type[BaseModel]:
@@ -235,8 +237,8 @@ def fill_plugin(
     for key in not_from_file(config):
         if key in given and not isinstance(given[key], Trusted):
             raise WrongSetting(
-                f"{place}.{key}: a file may not name a command to start; give it with --set or "
-                "from Python",
+                f"{place}.{key}: a TOML file may not name a command to start; give it with --set "
+                "or from Python",
                 f"{place}.{key}",
             )
     return fill(config, given, place, begin)

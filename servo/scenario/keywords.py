@@ -87,7 +87,10 @@ def _whole(name: str, known: Sequence[str], tables: Sequence[str]) -> str:
         names = dict.fromkeys([*tables, *(key.rpartition(".")[2] for key in known)])
         sentence = unknown(name, names, "setting")
         if "did you mean" not in sentence:
-            sentence = f"there is no setting '{name}'; 'servobench list' names all kinds"
+            sentence = (
+                f"there is no setting '{name}'; `servobench list KIND` (such as kams) or "
+                "`servobench list SECTION` (such as camera) prints the settings"
+            )
         raise Mistake(sentence)
     if len(found) > 1:
         table, _, key = found[0].rpartition(".")

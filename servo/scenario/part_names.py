@@ -40,7 +40,7 @@ def named_part(section: str, text: str) -> tuple[str, str]:
         parts = ["KIND", "module:Class", *(FORMS[begin] for begin in DOORS.get(section, ()))]
         *first, last = (f"NAME={part}" for part in parts)
         raise Mistake(
-            f"'{text}': the name before the = or the part after it is missing; write "
+            f"'{text}': the name before the = or the component after it is missing; write "
             f"{', '.join(first)} or {last}"
         )
     return name.strip(), what.strip()

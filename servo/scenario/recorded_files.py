@@ -119,7 +119,7 @@ def _recorded(
         )
     image = next((each.image for each in source if each.image is not None), None)
     if image is None:
-        raise ValueError(f"{path}: no picture can be decoded")
+        raise ValueError(f"{path}: no picture of this recording can be decoded: give another one")
     height, width = image.shape[:2]
     return Recorded(
         _intrinsics(config, lens, width, height), times[: len(corners)], corners, _Pictures(source)
@@ -162,6 +162,6 @@ def _intrinsics(config: RecordingConfig, lens: Path | None, width: int, height: 
     if (camera.width, camera.height) != (width, height):
         raise Mistake(
             f"{lens}: this calibration is for {camera.width} x {camera.height} px, and the "
-            f"recording has {width} x {height} px"
+            f"recording has {width} x {height} px: give the calibration of this recording"
         )
     return camera

@@ -243,7 +243,10 @@ def _duration(recorded: Recorded, table: Table, place: str) -> float:
     if not is_number(asked):
         return min(most, LONGEST)
     if asked > most + SLACK:
-        raise Mistake(f"{place}: run.duration = {asked:g} s: the recording lasts {most:.4g} s")
+        raise Mistake(
+            f"{place}: run.duration = {asked:g} s is too long: set at most {most:.4g} s, which the "
+            "recording lasts"
+        )
     return asked
 
 

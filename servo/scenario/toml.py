@@ -158,7 +158,10 @@ def put(table: Table, path: str, value: object, place: str) -> None:
     _forget(table, keys)
     if isinstance(at, list):  # a number of start.pose, but no whole disturbance
         if not name.isdecimal() or isinstance(_inside(at, name, None), dict | None):
-            raise Mistake(f"{place}: '{path}' is not a key of a table")
+            raise Mistake(
+                f"{place}: '{path}' should end with the number of an item that is there, counted "
+                "from 0, such as start.pose.2, or with a key in it, such as disturbances.0.start"
+            )
         at[int(name)] = value
         return
     _, default = PLUGINS.get(keys[0], ("", None))

@@ -265,7 +265,10 @@ def _bases(given: str | list[str], path: Path, place: str) -> tuple[StudiedScena
         except Mistake as error:
             raise Mistake(f"{place}: scenario: {error}") from None
         if file in bases:
-            raise Mistake(f"{place}: scenario: '{at}' and '{bases[file].name}' are the same file")
+            raise Mistake(
+                f"{place}: scenario: '{at}' and '{bases[file].name}' are the same file: leave one "
+                "of them out"
+            )
         bases[file] = base
     return tuple(bases.values())
 
@@ -279,7 +282,7 @@ def _seeds(given: int | list[int], place: str) -> tuple[int, ...]:
     """
     seeds = list(range(given)) if isinstance(given, int) else given
     if len(set(seeds)) < len(seeds):
-        raise Mistake(f"{place}: seeds has the same value twice")
+        raise Mistake(f"{place}: the list seeds has the same value twice: leave one out")
     return tuple(seeds)
 
 

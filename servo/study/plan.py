@@ -198,8 +198,8 @@ def named_of(table: dict[str, dict[str, Table]], place: str) -> Named:
 
 def check_key(key: str, at: str) -> None:
     """Check that a study can vary a setting or set it for all runs, which is not possible for
-    run.seed and tables such as [expect]. `at`, the setting's place in the study, begins the
-    message.
+    `scenario`, the table [run] as a whole, run.seed, and tables such as [expect]. `at`, the
+    setting's place in the study, begins the message.
 
     Raises:
         Mistake: The setting cannot be varied; the message says what to write instead.

@@ -158,7 +158,10 @@ class StudiedScenario:
         except Mistake as error:
             if not isinstance(error.__cause__, UnknownKind):
                 raise
-            raise Mistake(f"the worker on {platform.node()} lacks a package: {error}") from error
+            raise Mistake(
+                f"the worker on {platform.node()} lacks a package of this study; install it there: "
+                f"{error}"
+            ) from error
         return _performed(job, scenario, _kept(frozenset(self.files.items())))
 
     def _own(self, settings: Table) -> Table:

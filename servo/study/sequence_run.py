@@ -53,8 +53,8 @@ class Contender:
         plain_name = label.isprintable() and not set(label) & {"/", "\\"} and label == label.strip()
         if not plain_name or not 0 < len(label) <= LONGEST_LABEL or label[0] == ".":
             raise ValueError(
-                f"'{label}' cannot name a folder: expected 1 to {LONGEST_LABEL} printable "
-                "characters without / and \\, no dot in front, and no space at either end"
+                f"the label '{label}' cannot name a folder: expected 1 to {LONGEST_LABEL} "
+                "printable characters without / and \\, no dot in front, and no space at either end"
             )
 
     def describe(self) -> Table:

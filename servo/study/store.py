@@ -275,7 +275,10 @@ def _described(folder: Path, holds: str) -> StudyFile | None:
     try:
         return StudyFile.read(path)
     except OtherFormat as error:
-        raise Mistake(f"{error.fact}; choose another folder with --out") from None
+        raise Mistake(
+            f"{error.fact}, so the runs in this folder cannot be used; choose another folder with "
+            "--out"
+        ) from None
     except Mistake:
         raise Mistake(
             f"{path}: this file is damaged, so the results beside it cannot be identified; "

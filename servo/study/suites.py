@@ -187,7 +187,8 @@ def _entries(item: Table, beside: Path, place: str) -> Sequence[Entry]:
         Mistake: The table has neither or both of `path` and `kind`, or a setting is wrong.
     """
     if ("path" in item) == ("kind" in item):
-        raise Mistake(f"{place} has both a path and a kind, or neither: give one of them")
+        count = "both" if "path" in item else "neither"
+        raise Mistake(f"{place} should have either a path or a kind; it has {count}")
     if "kind" in item:
         return [_entry(item, place)]
     recorded = validated(RecordedTable, item, f"{place}.")

@@ -18,7 +18,10 @@ def renderer_of(config: CameraConfig) -> MakeRenderer:
             such a renderer.
     """
     if config.renderer == "recording":
-        raise ValueError('camera.renderer = "recording" needs a table [recording]')
+        raise ValueError(
+            'camera.renderer = "recording" needs a table [recording]: add it, or choose another '
+            "renderer"
+        )
     if config.renderer == "opengl" and gl.is_there():
         return OpenGLRenderer
     from sim.camera.exact.renderer import ExactRenderer  # loads compiled code

@@ -78,7 +78,9 @@ def backend() -> str:
     os.environ.setdefault(MESA_THREADS, "0")  # Mesa reads it when libEGL is first asked
     asked = _asked()
     if asked in OFF:
-        raise NoRenderer(f"Rendering is switched off by {CHOSEN_BY}={asked}: unset {CHOSEN_BY}.")
+        raise NoRenderer(
+            f"Rendering is switched off by the environment variable {CHOSEN_BY}={asked}: unset it."
+        )
     if sys.platform != "linux":
         return "glfw"
     name = "osmesa" if asked == "osmesa" else "egl"
@@ -119,7 +121,8 @@ def check_environment() -> None:
     asked = _asked()
     if asked not in KNOWN:
         raise NoRenderer(
-            f"there is no OpenGL back end {CHOSEN_BY}={asked}: unset {CHOSEN_BY}, or use egl."
+            f"the environment variable {CHOSEN_BY}={asked} names no OpenGL back end: unset it, or "
+            "set it to egl."
         )
     if asked in LIBRARIES:
         _require(asked)

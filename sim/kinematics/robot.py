@@ -180,8 +180,8 @@ def each_joint(setting: str, given: EachJoint, names: tuple[str, ...]) -> Array:
     values = np.ravel(given).astype(np.float64)
     if len(values) not in (1, len(names)):
         raise ValueError(
-            f"{setting} has {len(values)} values; it should have one, or {len(names)} for "
-            f"{', '.join(names)}"
+            f"{setting} has {len(values)} values; it should have one for all joints, or "
+            f"{len(names)} for {', '.join(names)}"
         )
     return np.broadcast_to(values, len(names)).copy()
 
@@ -198,7 +198,11 @@ def _check_drives(model: mujoco.MjModel, design: Design) -> None:
         raise ValueError(f"{place} has no actuators: add a velocity actuator for each joint")
     for i in range(model.nu):
         if (wrong := wrong_drive(model, i)) is not None:
-            raise ValueError(f"{place}: the actuator '{own_name(model.actuator(i).name)}' {wrong}")
+            name = own_name(model.actuator(i).name)
+            raise ValueError(
+                f"{place}: the actuator '{name}' cannot be used as a velocity drive, because it "
+                f"{wrong}"
+            )
     design.mounting.check(model, place)
 
 
@@ -278,8 +282,9 @@ class Robot:
         return step / np.log1p(step * strength / model.dof_M0[at])
 
     def posture(self, data: mujoco.MjData, twist: Array, accepted: Array | None = None) -> Posture:
-        """Return the robot's posture: camera pose, joint positions, limits and Jacobian, with the
-        poses that MuJoCo computed last in `data`.
+        """Return the robot's posture by the poses that MuJoCo computed last in `data`: the camera's
+        pose T_world_camera (T_target_camera if the robot holds the target), joint positions, limits
+        of joints and of their rates, the Jacobian, and the given twists.
 
         Args:
             data: MuJoCo's state, with the joint positions.

@@ -215,7 +215,9 @@ def read_mesh(
     # Corners that fell together leave triangles without an area, which MuJoCo refuses.
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     if not whole.any():
-        raise ValueError(f"{path}: there is no triangle in this mesh: give another file")
+        raise ValueError(
+            f"{path}: there is no triangle with an area in this mesh: give another file"
+        )
     return Triangles(
         vertices,
         faces[whole],

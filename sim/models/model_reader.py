@@ -146,8 +146,8 @@ def _check_limit(joint: Element) -> None:
     lower, upper = (float(limit.get(key, "0")) for key in ("lower", "upper"))
     if lower > upper:
         raise ValueError(
-            f"joint '{joint.get('name', '')}': its lower limit {lower:g} is above its upper "
-            f"limit {upper:g}"
+            f"the lower limit {lower:g} of the joint '{joint.get('name', '')}' is above its upper "
+            f"limit {upper:g}: correct them"
         )
 
 

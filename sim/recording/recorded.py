@@ -84,8 +84,10 @@ class Recorded:
         """Return the motion T_world_target of the flat target that `target` returns.
 
         The target stays parallel to the plane of the picture, on the ray through the outline's
-        middle, and at the depth at which it covers the outline's area. Its angle is the rotation of
-        the similarity that takes the first outline to the present one.
+        middle, and at the depth at which it covers the outline's area. Its x axis lies along the
+        outline's first edge in the first picture, and then turns by the rotation of the similarity
+        that takes the first outline to that of each picture. While the target is absent, it stays
+        where it was seen last.
         """
         middles = self._rays.mean(axis=1)
         areas = np.array([area(corners) for corners in self._rays])

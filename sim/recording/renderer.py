@@ -24,9 +24,10 @@ MIDDLE = 0.5
 
 @final
 class RecordingRenderer:
-    """A renderer (`sim.camera.renderer.Renderer`) of the pictures of a camera inside a recording.
+    """A renderer (`sim.camera.renderer.Renderer`) that cuts its pictures out of those of a
+    recording: they are what a camera sees that turns about the centre of the recording camera.
 
-    A thread reads and warps the pictures, and decodes the next one ahead.
+    A thread reads, decodes and warps the recorded pictures, the next one ahead.
     """
 
     def __init__(

@@ -37,7 +37,7 @@ CHECKOUT = (
 """End of a message: how to use robots without a download."""
 
 
-ELSEWHERE = "; try another robot.base, or a robot.home near a posture that gets there"
+ELSEWHERE = ", or try another robot.base, or a robot.home near a posture that gets there"
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +164,9 @@ def _in_menagerie(model: str) -> Path:
         file = path.stem if path.suffix else robot.default_model
         return Path(robot.xml(file))
     except (package.DownloadError, OSError) as error:
-        raise ValueError(f"{model}: {error}; without a network, {CHECKOUT}") from None
+        raise ValueError(
+            f"{model}: this robot cannot be downloaded: {error}; without a network, {CHECKOUT}"
+        ) from None
     except package.MenagerieError as error:
         raise ValueError(f"{model}: {error}") from None
 

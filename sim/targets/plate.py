@@ -25,7 +25,7 @@ class Config:
         """Return the target; uses no random numbers.
 
         Raises:
-            ValueError: There is no such picture.
+            ValueError: The picture is missing or cannot be read.
         """
         picture = picture_named(self.picture, "targets", "picture")
         spec = box((self.length, self.width, THIN), (1, 1, 1, 1), picture)

@@ -122,18 +122,19 @@ def read(path: Path) -> Track:
         header, *rows = csv.reader(io.StringIO(text, newline=""))
     except (ValueError, csv.Error):
         raise ValueError(
-            f"{path}: this is not a track file, such as `servobench track` writes"
+            f"{path}: this is not a track file: name one that `servobench track` wrote"
         ) from None
     if tuple(header) != HEADER:
         raise ValueError(
             f"{path}: this is not a track of format {FORMAT}, which this version reads: its "
-            f"columns are {', '.join(header)}"
+            f"columns are {', '.join(header)}; run `servobench track` again with this version"
         )
     try:
         return _track(rows)
     except (ValueError, IndexError):
         raise ValueError(
-            f"{path}: a row of this track lacks a number, or has a text in its place"
+            f"{path}: a row of this track lacks a number, or has a text in its place: run "
+            "`servobench track` again"
         ) from None
 
 

@@ -1,4 +1,6 @@
-"""OpenCV's own trackers by their names; OpenCV's errors become a ValueError with one sentence."""
+"""OpenCV's own trackers by their names. An error of OpenCV at the start becomes a ValueError with
+one sentence; a later one means that the target is not seen.
+"""
 
 import ctypes
 from collections.abc import Callable, Generator, Sequence
@@ -70,7 +72,7 @@ class Cv2Tracker:
         if self._name == "MIL" and max(box[2:]) < LEAST_MIL:
             raise ValueError(
                 f"the region is {box[2]} x {box[3]} px; {self._place()} needs a side of at least "
-                f"{LEAST_MIL} px"
+                f"{LEAST_MIL} px: give a larger region"
             )
         height, width = image.shape[:2]
         with self._named(f" (region: {box[2]} x {box[3]} px, picture: {width} x {height} px)"):
@@ -112,9 +114,10 @@ class Cv2Tracker:
         create = creator_of(self._name)
         parts = MODELS.get(self._name, ())
         if len(self._models) != len(parts):
-            files = f"needs its model files {', '.join(parts)}" if parts else "has no model file"
+            files = ", ".join(parts) or "none"
             raise ValueError(
-                f"OpenCV's {self._name} {files}; the number given is {len(self._models)}"
+                f"the setting model gives OpenCV's tracker {self._name} {len(self._models)} files; "
+                f"their number should be {len(parts)} ({files})"
             )
         for path in self._models:
             reading.opened(path, "model").close()  # OpenCV's own message names no file

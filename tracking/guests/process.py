@@ -216,7 +216,7 @@ class GuestProcess:
             lines = deque((line for line in log if line.strip(MARKS)), LAST_LINES)
         self._close()
         words = " | ".join(line.decode("utf-8", "replace").strip()[:200] for line in lines)
-        raise ValueError(f"{self.name} {fault}{words and f': {words}'}") from None
+        raise ValueError(f"{self.name} failed: it {fault}{words and f': {words}'}") from None
 
     def _started(self, command: str, environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
         """Return the process of the program, whose stderr goes to a file.

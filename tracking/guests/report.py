@@ -74,7 +74,7 @@ def report_in(answer: object, name: str) -> Report:
         ok, given = answer
         if not isinstance(ok, bool | int | np.bool_ | np.integer):
             raise ValueError(
-                f"{name}: the first of (ok, box) is {shown(ok)}; it must be True or False"
+                f"{name} answered (ok, box) with {shown(ok)} as ok; it must be True or False"
             )
         if not ok:
             return UNSEEN

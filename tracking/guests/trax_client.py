@@ -80,7 +80,8 @@ class TraxClient:
             )
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Send the first picture, in which the target is the rectangle `region` [px] at `state`.
+        """Send the first picture, in which the target is the rectangle `region` [px] at `state`,
+        and wait for the answer.
 
         Raises:
             ValueError: The server has ended, hangs, or sends another message than a state.
@@ -111,8 +112,8 @@ class TraxClient:
         try:
             found = region_in(*answer.arguments)
         except (TypeError, ValueError) as error:
-            reason = error if isinstance(error, ValueError) else "not one region"
-            self._server.fail(f"answered {answer.line().strip()[:80]}, which is {reason}")
+            reason = error if isinstance(error, ValueError) else "expected one region"
+            self._server.fail(f"answered {answer.line().strip()[:80]}, which is wrong: {reason}")
         is_seen = found is not None and answer.named.get(SEEN) != NOT_SEEN
         report = self._report(found) if found is not None and is_seen else UNSEEN
         if CONFIDENCE not in answer.named:

@@ -121,7 +121,7 @@ def region_in(text: str) -> Array | None:
         None where the target is not seen: for a single number, a box of zeros or an empty mask.
 
     Raises:
-        ValueError: The text has another form; the message is written to follow "The text is".
+        ValueError: The text has another form.
     """
     try:
         numbers = np.array(text.removeprefix(MASK).split(","), dtype=float)
@@ -134,7 +134,7 @@ def region_in(text: str) -> Array | None:
         return None
     polygon = count >= FEWEST_NUMBERS and count % 2 == 0
     if text.startswith(MASK) or not (polygon or count == BOX) or not np.isfinite(numbers).all():
-        raise ValueError("neither a rectangle nor a polygon nor a mask")
+        raise ValueError("a region of TraX should be a rectangle, a polygon or a mask")
     return numbers.reshape(-1, 2) if polygon else numbers
 
 
@@ -146,14 +146,14 @@ def _box_of_mask(numbers: Array) -> Array | None:
         numbers: Left, top, width, height of the mask, and the lengths of its runs.
 
     Raises:
-        ValueError: The runs do not fit the size; the message follows "The text is".
+        ValueError: The runs do not fit the size.
     """
     if not (np.abs(numbers) <= FARTHEST).all() or (numbers != numbers.round()).any():  # nan is not
-        raise ValueError("a mask with an impossible number")
+        raise ValueError("the mask of the region has a number that is not whole, or is too large")
     left, top, width, height, *runs = numbers.astype(int).tolist()
-    check_size(width, height)
+    check_size(width, height, "the mask of this region")
     if min(runs) < 0 or sum(runs) > width * height:
-        raise ValueError("a mask whose runs do not fit its size")
+        raise ValueError("the mask of the region has runs that do not fit its width and height")
     is_one = np.arange(len(runs)) % 2 == 1
     found = np.flatnonzero(np.repeat(is_one, runs))
     if not len(found):
@@ -202,7 +202,7 @@ def picture_in(text: str, depth: BitDepth | None = None) -> Image:
             width, height, kind, data = rest.split(";", 3)
             check_size(int(width), int(height))
             if kind not in BYTES:
-                raise ValueError(f"unknown format '{kind}'; known are {', '.join(BYTES)}")
+                raise ValueError(f"the format '{kind}' is unknown; known are {', '.join(BYTES)}")
             pixels = np.frombuffer(base64.b64decode(data, validate=True), np.uint8)
             image = pixels.reshape(int(height), int(width), BYTES[kind])
             if kind == "gray16":

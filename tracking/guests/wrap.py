@@ -327,7 +327,10 @@ def wrap(
         )
     if convention not in (None, *get_args(Convention)):
         there = ", ".join(get_args(Convention))
-        raise ValueError(f"{kind}: there is no convention '{convention}'; known are {there}")
+        raise ValueError(
+            f"{kind}: there is no convention '{convention}' of pictures and boxes; known are "
+            f"{there}"
+        )
     return _config_of(Wrapping(factory, convention, confidence, kind))
 
 

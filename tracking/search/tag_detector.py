@@ -74,15 +74,15 @@ class TagDetector:
     def nearest(
         self, image: Image, place: Array, number: int | None = None, around: Array | None = None
     ) -> Numbered | None:
-        """Return the number and corners (4, 2) [px] of the tag nearest to a place; None where no
-        tag is seen.
+        """Return the number and corners (4, 2) [px], clockwise from the top left of the tag's own
+        pattern, of the tag nearest to a place; None where no tag is seen with all four edges.
 
         Args:
             image: The picture, RGB (H, W, 3).
             place: The place (2,) where the tag is expected [px].
             number: Number of the tag; None: any.
-            around: Quadrangle (4, 2) [px] around which the tag is searched first; None: the whole
-                picture is searched at once.
+            around: Quadrangle (4, 2) [px] around which a tag with a given number is searched first;
+                without a number, or for None, the whole picture is searched at once.
         """
         check_picture(image)
         grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.uint8)

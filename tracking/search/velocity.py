@@ -48,8 +48,9 @@ class Velocity:
         return float(max(np.hypot(x, y) / (size * state.scale), abs(scale)))
 
     def learn(self, state: State, *, seen: bool) -> None:
-        """Update the velocity by the state that was found in the frame after the last call; keep
-        the velocity if the target is not seen.
+        """Update the velocity by the change from the state of the last call to `state`, which was
+        found in the next frame. If the target is not seen, keep the velocity, but store `state` for
+        the next call.
         """
         # A state that was not confirmed would teach the velocity the tracker's own drift.
         if seen:

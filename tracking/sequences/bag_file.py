@@ -151,11 +151,13 @@ def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
     images = [topic for topic in topics if topic.has_pictures]
     if not images:
         there = [f"{topic.name} ({topic.kind} as {topic.serialization})" for topic in topics]
-        raise ValueError(f"{path}: no topic has pictures; there is {', '.join(there) or 'none'}")
+        raise ValueError(
+            f"{path}: this bag has no topic with pictures; it has {', '.join(there) or 'no topic'}"
+        )
     found = [topic for topic in images if name in (None, topic.name)]
     there = ", ".join(f"{topic.name} ({topic.count})" for topic in images)
     if not found:
-        raise ValueError(f"{path}: there is no topic '{name}' with pictures; there is {there}")
+        raise ValueError(f"{path}: this bag has no topic '{name}' with pictures; it has {there}")
     if len(found) > 1:
         raise ValueError(
             f"{path}: there are several topics with pictures; choose one with --topic: {there}"
@@ -191,7 +193,9 @@ def _opened(path: Path) -> Generator[Contents]:
         # The libraries raise errors of many types for a damaged file, some without a text.
         reason = plain(str(error))
         quoted = f" ({reason.rstrip('.')})" if reason else ""
-        raise ValueError(f"{path}: this bag is damaged or incomplete{quoted}") from None
+        raise ValueError(
+            f"{path}: this bag is damaged or incomplete: copy or record it again{quoted}"
+        ) from None
 
 
 def _check_links(folder: Path) -> None:

@@ -94,7 +94,7 @@ def picture_of(
     try:
         message = decode(data)
     except Exception:  # the libraries raise all kinds of them for damaged bytes
-        raise ValueError("this message is cut off or damaged") from None
+        raise ValueError("the message with this picture is cut off or damaged") from None
     if hasattr(message, "header"):
         stamp = message.header.stamp.sec * SECOND + message.header.stamp.nanosec
     else:

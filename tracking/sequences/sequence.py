@@ -102,7 +102,7 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
     if is_folder(path):
         return Folder.of(pictures_in(path), rate)
     if not os.path.lexists(path):
-        raise ValueError(f"{text}: there is no such {THERE}")
+        raise ValueError(f"{text}: there is no such source: give a {THERE}")
     return Video.of(path)
 
 

@@ -62,8 +62,9 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """Report on how the reading of a source ended: a sentence for the user, whether pictures are
-    missing or damaged (`lost`), and the numbers of pictures that were dropped and damaged.
+    """Report on how the reading of a source ended: a sentence for the user, whether the source
+    broke off or is damaged (`lost`), the number of pictures that were skipped because the tracker
+    was busy (`dropped`; they do not make it `lost`), and the number of damaged ones.
     """
 
     sentence: str

@@ -41,7 +41,6 @@ LARGEST_FILE = 20_000_000
 """Largest truth file [bytes]: ten hours at 30 pictures a second."""
 MOST_LINES = 2
 """Most lines of a truth for each picture: a longer truth is refused before it is parsed."""
-DOUBT = "these numbers may be x,y,w,h or x1,y1,x2,y2"
 REMEDY = (
     "give the format of this truth: otb, vot or tld (--truth-format, or truth_format in a suite or "
     "in [recording])"
@@ -147,7 +146,7 @@ def _format_of(path: Path, rows: list[Array]) -> Format:
         return Format.TLD
     given = np.array([row for row in rows if np.isfinite(row).all()]).reshape(-1, BOX)
     if len(given) and _may_be_corners(given):
-        raise ValueError(f"{path}: {DOUBT}; {REMEDY}")
+        raise ValueError(f"{path}: these numbers may be x,y,w,h or x1,y1,x2,y2; {REMEDY}")
     return Format.VOT
 
 
@@ -193,7 +192,10 @@ def check_boxes(corners: Array, size: tuple[int, int], place: str) -> None:
     upright = len(seen) > 0 and np.allclose(corners_of(given[0]), seen[0])
     outside = (given[:, :2] + given[:, 2:] > most).any()
     if upright and outside and _may_be_corners(given) and (given[:, 2:] <= most).all():
-        raise ValueError(f"{place}: as x,y,w,h the target leaves the picture; {DOUBT}; {REMEDY}")
+        raise ValueError(
+            f"{place}: read as x,y,w,h, these numbers place the target outside the picture, and "
+            f"they may be x1,y1,x2,y2; {REMEDY}"
+        )
 
 
 def _may_be_corners(given: Array) -> bool:
@@ -263,7 +265,10 @@ def _numbers(line: str, place: str) -> Array:
     if numbers.tolist() == ABSENT:
         return np.full(BOX, np.nan)
     if len(numbers) not in (BOX, QUAD):
-        raise ValueError(f"{place}: the line has {len(numbers)} numbers: expected 4 or 8")
+        raise ValueError(
+            f"{place}: the line has {len(numbers)} numbers: expected 4 of a box, or 8 of four "
+            "corners"
+        )
     if not np.isnan(numbers).all() and not (np.abs(numbers) <= FARTHEST).all():
         raise ValueError(
             f"{place}: '{line[:LONGEST]}' is not a position in a picture: all numbers must be at "

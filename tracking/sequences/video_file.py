@@ -269,8 +269,8 @@ def only_video(container: InputContainer) -> VideoStream:
     """
     streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
     if len(streams) != 1:
-        there = "there are no pictures" if not streams else f"there are {len(streams)} videos"
-        raise ValueError(f"{there} in this file; give a file with one video")
+        count = len(streams) or "no"
+        raise ValueError(f"there are {count} videos in this file; give a file with one video")
     stream = streams[0]
     if getattr(stream, "codec_context", None) is None:  # FFmpeg has no decoder of this kind
         raise ValueError(

@@ -107,7 +107,7 @@ def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Inte
     """
     count = len(scores)
     if count == 0:
-        raise ValueError("an interval needs at least one score")
+        raise ValueError("scores is empty: a mean with an interval needs at least one score")
     mean = float(scores.mean())
     if count == 1 or not np.isfinite(scores).all():
         return Interval(mean, np.nan, np.nan, count)

@@ -27,8 +27,8 @@ PRESETS = {"paper": FILTER | SAME}
 
 @dataclass(frozen=True, slots=True)
 class Config(CloudSettings):
-    """Settings of Condensation: those of its particles and of their colour histogram, which is read
-    at `density` points along the kernel's diameter.
+    """Settings of Condensation: those of its particles, and the lattice of points at which the
+    image is read for their colour histogram, with `density` points along the kernel's diameter.
     """
 
     density: DiscPoints = 16

@@ -40,7 +40,8 @@ class Frozen:
     _state: State = SET_BY_START
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Store the first state, which `update` reports.
+        """Store the first state; `update` reports it, moved by the camera's motion if that is
+        given.
 
         Raises:
             ValueError: A side of the region is shorter than 4 px, or most of it is outside the

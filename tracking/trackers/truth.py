@@ -15,7 +15,10 @@ from sim.channels import Channel, View
 from sim.types import Array, Frame, Truth
 from tracking.types import Estimate, Region, State, Status, Trait, Traits, goes_around
 
-NO_TRUTH = "the tracker 'truth' needs the true pose of the target, which only a simulation provides"
+NO_TRUTH = (
+    "the tracker 'truth' needs the true pose of the target, which only a simulation provides: "
+    "choose another tracker"
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,8 +80,10 @@ class LiveViewer(Recording):
             while not _listens(port):
                 if time.monotonic() > end or self._server.poll() is not None:
                     self.stop()
-                    sentence = f"Rerun's server does not start at port {port}"
-                    raise Refused(f"{sentence}; choose another one with --port")
+                    raise Refused(
+                        f"Rerun's server does not start at port {port}; choose another one with "
+                        "--port"
+                    )
                 time.sleep(POLL)
 
     def begin(self, app: str, blueprint: rrb.Blueprint) -> rr.RecordingStream:

@@ -12,7 +12,7 @@ import numpy as np
 from rerun.chunk import RrdReader
 
 from servo.mistake import Mistake
-from servo.output.formats import AGAIN
+from servo.output.formats import RUN_AGAIN
 from servo.output.recording.layout import IMAGE
 from servo.output.recording.view import check
 from sim.files.picture_file import decoded
@@ -59,7 +59,7 @@ def pictures(path: Path, count: int) -> list[RecordedFrame]:
             for name, frame, time, value in _logged(path):
                 found[name][frame] = time, value
     except (RuntimeError, ValueError, OSError):
-        raise Mistake(f"{path}: this recording is damaged: {AGAIN}") from None
+        raise Mistake(f"{path}: this recording is damaged: {RUN_AGAIN}") from None
     frames = sorted(found[BLOB])
     if not frames:
         return []
@@ -93,7 +93,7 @@ def _recorded(
     except ValueError:
         raise Mistake(
             f"{path}: this recording is damaged (the picture of frame {frame} cannot be decoded): "
-            f"{AGAIN}"
+            f"{RUN_AGAIN}"
         ) from None
     truth, estimate = (_corners(found[who].get(frame)) for who in ("truth", "estimate"))
     return RecordedFrame(time, image, truth, estimate)

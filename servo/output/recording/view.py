@@ -90,11 +90,13 @@ def picture(path: Path, png: Path, at: float, panel: str | None = None) -> None:
             time.sleep(DRAWN_AFTER)
             views = {view.origin.strip("/"): view.view_id for view in viewer.get_state().views}
             if panel is not None and panel.strip("/") not in views:
-                raise Mistake(f"there is no panel '{panel}'; there is {', '.join(sorted(views))}")
+                raise Mistake(
+                    f"this recording has no panel '{panel}'; it has {', '.join(sorted(views))}"
+                )
             view = None if panel is None else views[panel.strip("/")]
             drawn = viewer.take_screenshot(view_id=view)
     except (RuntimeError, OSError):
-        raise Mistake(f"the viewer cannot draw in the background: {VULKAN}") from None
+        raise Mistake(f"the viewer cannot draw without a window: {VULKAN}") from None
     atomic.write(png.parent, png.name, drawn)
 
 

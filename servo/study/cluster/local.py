@@ -38,11 +38,12 @@ NO_WORKER = (
 
 
 def check_workers(workers: int) -> None:
-    """Check that this machine can run a number of worker processes.
+    """Check that this machine can run a number of worker processes, and raise this process's limit
+    of open files if they need more.
 
     Raises:
         Mistake: The machine has too little memory or too few processor cores for the processes.
-        Refused: The limit of open files is too low.
+        Refused: The system does not allow so many open files.
     """
     by_memory = max(1, int(MEMORY_LIMIT / WORKER_BYTES))
     most = min(by_memory, WORKERS_A_CORE * CPU_COUNT)

@@ -82,8 +82,8 @@ def security_of(address: str) -> Security:
         security.get_connection_args("client")  # reads the files
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise Mistake(
-            f"--scheduler {address}: Dask's settings of TLS ({', '.join(names)}) cannot be used: "
-            f"{error}"
+            f"--scheduler {address}: Dask's settings of TLS "
+            f"({', '.join(names) or 'distributed.comm.tls'}) cannot be used; correct them: {error}"
         ) from None
     if address.startswith("tls") and not (security.tls_ca_file and security.tls_client_cert):
         raise Mistake(

@@ -436,11 +436,12 @@ def level_of(
 
 @compiled(error_model="numpy")
 def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found: Array) -> int:
-    """Clip a triangle at the near plane: write the corners of the part in front of the camera, and
-    return their number, 0, 3 or 4.
+    """Clip a triangle at the near plane: write the corners of the part beyond the plane, and return
+    their number, 0, 3 or 4.
 
     Args:
-        seen: All corners of the body (n, 11), with the columns of `lit`.
+        seen: All corners of the body (n, 11), which `project` has projected: position in the
+            camera's frame [m], colour, texture coordinates, pixel and 1 / z.
         faces: Numbers of the corners of each triangle (m, 3).
         face: Number of the triangle.
         near: Distance of the near plane [m].

@@ -193,7 +193,8 @@ def _check(model: mujoco.MjModel) -> None:
     ):
         if count:
             raise ValueError(
-                f'the renderer "exact" does not draw {name}; camera.renderer = "opengl" does'
+                f'the model has {name}, which the renderer "exact" does not draw: remove them, or '
+                'use camera.renderer = "opengl" on a machine with OpenGL'
             )
 
 
