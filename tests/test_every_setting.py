@@ -48,6 +48,7 @@ VALUES = {
     "measure.above": 100.0,
     "ground.kind": "checker",
     "walls.picture": "brick",
+    "walls.height": 0.1,
     "clutter.number": 50,
     "clutter.alike": 0.9,
     "light.colour": [1.0, 0.5, 0.5],
