@@ -7,9 +7,8 @@ Poses of cameras are in the vision frame (x right, y down, z forward), not in Mu
 
 import os
 from collections.abc import Callable
-from concurrent.futures import Future
-from threading import Event
-from typing import Protocol, TypeVar
+from concurrent.futures import Future, wait
+from typing import Any, Protocol, TypeVar
 
 import cv2
 import mujoco
@@ -114,7 +113,7 @@ class OpenGLRenderer:
         offscreen.offheight = view.height
         self._process = os.getpid()
         self._model = model
-        self._scene = mujoco.MjvScene(model, maxgeom=2 * model.ngeom + 100)
+        self._sheets = [_Sheet(model), _Sheet(model)]
         fonts = mujoco.mjtFontScale.mjFONTSCALE_100.value
         try:
             self._context = gl.call(mujoco.MjrContext, model, fonts).result()
@@ -138,11 +137,10 @@ class OpenGLRenderer:
 
     def begin(self, data: mujoco.MjData) -> Promise:
         hidden = self._backdrop.is_hidden(data, self._camera.fixedcamid)
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = not hidden
         floor = self._backdrop.floor if hidden else []
         group = self._model.geom_group[floor]
         self._model.geom_group[floor] = ALONE
-        picture = self._draw(data, self._colours)
+        picture = self._draw(data, self._colours, sky=not hidden)
         self._model.geom_group[floor] = group
         return picture.result
 
@@ -155,8 +153,9 @@ class OpenGLRenderer:
         picture = self._draw(data, self._colours, segmented=True).result()
         self._model.geom_group[:] = group
         self._option.geomgroup[:] = shown
-        wanted = np.zeros(self._scene.ngeom + 1, bool)
-        for geom in self._scene.geoms[: self._scene.ngeom]:
+        scene = self._sheets[0].scene
+        wanted = np.zeros(scene.ngeom + 1, bool)
+        for geom in scene.geoms[: scene.ngeom]:
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.segid >= 0:
                 wanted[geom.segid + 1] = geoms[geom.objid]
         return wanted[picture.astype(np.int64) @ (1, 1 << 8, 1 << 16)]
@@ -165,35 +164,40 @@ class OpenGLRenderer:
         return self._draw(data, self._depths, segmented=True).result
 
     def _draw(
-        self, data: mujoco.MjData, read: Callable[[], T], *, segmented: bool = False
+        self,
+        data: mujoco.MjData,
+        read: Callable[[], T],
+        *,
+        segmented: bool = False,
+        sky: bool = True,
     ) -> Future[T]:
-        """Begin a picture of the scene as it is; it is drawn when this returns, but not read.
+        """Begin a picture of the scene as it is, which may change as soon as this returns.
 
         A segmented picture shows each geom in a colour of its own, without sky, shadows and
         anti-aliasing.
         """
         if os.getpid() != self._process:
             raise gl.NoRenderer(ELSEWHERE)
+        # One sheet may still be drawn while the other one is filled.
+        self._sheets.reverse()
+        sheet = self._sheets[0]
+        wait([sheet.picture])
+        sheet.scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = sky
         for flag in (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR):
-            self._scene.flags[flag] = segmented
+            sheet.scene.flags[flag] = segmented
         every = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(
-            self._model, data, self._option, None, self._camera, every, self._scene
+            self._model, data, self._option, None, self._camera, every, sheet.scene
         )
-        drawn = Event()
-        picture = gl.call(self._fill, drawn, read)
-        # The rendering thread waits for no other one until it reads the picture, the longest part.
-        drawn.wait()
+        picture = gl.call(self._fill, sheet.scene, read)
+        sheet.picture = picture
         return picture
 
-    def _fill(self, drawn: Event, read: Callable[[], T]) -> T:
-        """Render the scene and read the picture; `drawn` is set when the scene may change."""
-        try:
-            # Worlds that are open at the same time share the context, and have their own buffers.
-            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
-            mujoco.mjr_render(self._rect, self._scene, self._context)
-        finally:
-            drawn.set()
+    def _fill(self, scene: mujoco.MjvScene, read: Callable[[], T]) -> T:
+        """Render a scene and read the picture."""
+        # Worlds that are open at the same time share the context, and have their own buffers.
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
+        mujoco.mjr_render(self._rect, scene, self._context)
         gl.finish()
         return read()
 
@@ -214,6 +218,17 @@ class OpenGLRenderer:
         near, far = np.array([room.znear, room.zfar]) * self._model.stat.extent
         depth = 1 / (1 / far + buffer * (1 / near - 1 / far))
         return np.where(buffer > 0, depth, np.inf).astype(np.float32)
+
+
+class _Sheet:
+    """MuJoCo's scene, which says what is drawn in a picture, and the last picture of it: the scene
+    may be changed once this is done.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.scene = mujoco.MjvScene(model, maxgeom=2 * model.ngeom + 100)
+        self.picture: Future[Any] = Future()
+        self.picture.set_result(None)
 
 
 class Supersampled:
