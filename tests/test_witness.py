@@ -63,11 +63,11 @@ def near(estimate, state):
 
 def test_something_of_the_same_colours_is_not_the_target(lookalike):
     """The tracker without a witness is LOCKED on it in each draw; with one in 1 of 10, here in 1
-    of 4. There the thing is learned before it is doubted.
+    of 3. There the thing is learned before it is doubted.
     """
     gone = slice(GONE + 10, BACK)
-    plain = [lookalike(seed)[gone] for seed in range(4)]
-    heard = [lookalike(seed, witness=True)[gone] for seed in range(4)]
+    plain = [lookalike(seed)[gone] for seed in range(3)]
+    heard = [lookalike(seed, witness=True)[gone] for seed in range(3)]
     assert all(e.status is Status.LOCKED and near(e, BESIDE) for track in plain for e in track)
     wrong = [any(e.status is Status.LOCKED for e in track) for track in heard]
     assert sum(wrong) <= 1
@@ -88,10 +88,10 @@ def test_a_seed_gives_the_same_track_again(lookalike):
 
 
 def test_the_confidence_is_high_on_the_target_and_low_off_it(lookalike):
-    """The median of four draws, in all pictures with the target, and from half a second on after
+    """The median of three draws, in all pictures with the target, and from half a second on after
     it has gone.
     """
-    tracks = [[1 - e.distance for e in lookalike(seed, witness=True)] for seed in range(4)]
+    tracks = [[1 - e.distance for e in lookalike(seed, witness=True)] for seed in range(3)]
     confidence = np.median(tracks, axis=0)
     here = np.r_[0:GONE, BACK + 3 : FRAMES]
     assert confidence[here].min() > 0.8

@@ -15,20 +15,19 @@ from tracking.settings import (
     Spread,
     Turn,
 )
+from tracking.trackers import annealed
 from tracking.trackers._cloud import CloudSettings
 
 CELLS = 3
 """Cells along each side of the template: the nine kernels of Teuliere, Marchand, Eck."""
-VIDEO: dict[str, object] = {
-    "views": 6,
-    "scatter": 0.5,
+VIDEO: dict[str, object] = annealed.VIDEO | {
     "learn": True,
     "turn_noise": 0.0,
     "noise": 0.3,
     "scale_noise": 0.015,
     "velocity_memory": 1.0,
 }
-"""For recordings: recognised by views, without the angle, because filmed targets hardly turn."""
+"""For recordings: those of `annealed`, without the angle, because filmed targets hardly turn."""
 PRESETS = {"paper": PLAIN | {"density": 16, "scatter": 0.0}, "video": VIDEO}
 """The paper's: with so many points a side of a cell, every pixel of a common target is read."""
 
