@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 from tracking.types import Status
 
-# Weights of a logistic regression on 21 annotated recordings and their turned versions, each
-# recording left out once (tests/benchmarks/witness.py, tracking/RESULTS.md). Those of the two signs
-# that compare with the usual were set by hand: without them something painted with just the
+# Bias and the weights of answer and distance: a logistic regression of right against off pictures
+# of 21 annotated targets and their turned versions, rounded (tests/benchmarks/witness.py fits it
+# again; tracking/RESULTS.md has the figures with each recording left out). The weights of the two
+# signs that compare with the usual were set by hand: without them something painted with just the
 # target's colours is taken for it, and on the recordings they do no harm.
 BIAS = 1.4
 """Constant term of the logit of the confidence."""
