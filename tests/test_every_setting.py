@@ -148,6 +148,7 @@ LEFT_OUT = {
     "camera.distortion": "with its coefficients: test_lens",
     "camera.mounted": "another robot and another task: test_eye_to_hand",
     "tracker.scatter": "a cloud that has lost the target: test_pf_ssd",
+    "tracker.witness": "something of the target's colours: test_witness",
     "tracker.sudden": "something that begins to hide the target: test_loss",
     "tracker.least_texture": "a target without texture: test_texture",
     "camera.renderer": "the same pictures, but for shadows: test_exact",

@@ -56,7 +56,7 @@ def test_what_hides_the_target_is_not_learned_while_the_doubt_is_still_rising():
     settings = Config(frames=100, away=0, hidden=35, turn_deg=10.0, zoom=1.2)
     sequence = settings.build(np.random.default_rng(3))
     first = round(HIDDEN_AT * 100) - 17
-    tracker = create("annealed", seed=0, preset="video", particles=100)
+    tracker = create("annealed", seed=0, views=6, scatter=0.5, particles=100)
     shots = list(follow(tracker, sequence.source, sequence.region, sequence.start))
     lost = [shot.estimate.status is Status.LOST for shot in shots]
     assert lost.index(True) - first == 17
@@ -72,7 +72,7 @@ def test_a_picture_too_large_or_too_small_for_the_search_has_no_candidates():
 
 def test_plain_pictures_are_like_nothing():
     plain = np.full((60, 80, 3), 90, np.uint8)
-    tracker = create("annealed", preset="video", particles=10)
+    tracker = create("annealed", views=6, particles=10)
     tracker.start(Frame(plain, 0.0, 0), Region(20.0, 20.0), State(40.0, 30.0))
     found = tracker.update(Frame(plain, 0.03, 1))
     assert 0.5 < found.distance <= 1.0

@@ -47,3 +47,7 @@ class ParticleSettings:
     views: Annotated[int, Ge(0), Le(16)] = 0
     """Number of small pictures of the target, the first and the newest, by which it is recognised,
     judged LOST, and found again; 0: its colours alone decide."""
+    witness: bool = False
+    """Let a second witness decide with the colours where the target is, and whether it is LOCKED or
+    LOST: a correlation filter and two templates, which know the layout of its grey levels. Then
+    `views` and `scatter` are not used."""

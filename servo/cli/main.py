@@ -96,7 +96,7 @@ def check() -> None:
 )
 @click.option(
     "--tracker",
-    default="annealed",
+    default="annealed:video",
     show_default=True,
     help="The tracker (servobench list tracker): kind, kind:preset, module:Class, "
     "'program:COMMAND', 'trax:COMMAND' or onnx:FILE[,FILE].",

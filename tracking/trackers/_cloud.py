@@ -11,6 +11,7 @@ import numpy as np
 from sim.types import Array, Frame
 from tracking.appearance.bins import LabelledImage
 from tracking.appearance.model import AppearanceSettings
+from tracking.appearance.witness import Witness
 from tracking.loss import LossJudge, LossLimits
 from tracking.recognition import LIMITS, Recogniser
 from tracking.search.annealing import ONE_LAYER, Annealing, anneal
@@ -19,6 +20,7 @@ from tracking.search.particles import ParticleFilter
 from tracking.search.velocity import Velocity
 from tracking.settings import ParticleSettings
 from tracking.types import SET_BY_START, Estimate, Region, State, Status, check_region
+from tracking.verdict import Signs, Verdict
 
 DISC_LIMITS = LossLimits(floor=0.5, cap=0.75)
 """Limits of a distance of sampled histograms: of hard bins, it is never near 0."""
@@ -102,8 +104,11 @@ class ParticleTracker(ABC):
         self._loss = LossJudge(LIMITS if c.views > 0 else self._limits)
         self._status = Status.LOCKED
         self._found = state
+        self._witness = Witness(image, region, state) if c.witness else None
+        self._verdict = Verdict()
+        self._last = state
         self._recogniser = None
-        if c.views > 0:
+        if c.views > 0 and self._witness is None:
             self._recogniser = Recogniser(c.views, image, region, state, self._model)
 
     def update(self, frame: Frame, ego: Array | None = None) -> Estimate:
@@ -116,10 +121,13 @@ class ParticleTracker(ABC):
         """
         cloud = self._cloud
         lost = self._status is Status.LOST
-        strewn = lost and self._settings.scatter > 0
+        strewn = lost and self._settings.scatter > 0 and self._witness is None
         image = self._model.label(frame.image)
-        widen = WIDER if lost and self._recogniser is None else 1.0
-        evaluations = self._search(image, self._velocity.step(ego), widen)
+        change = self._velocity.step(ego)
+        if self._witness is not None:
+            self._witness.look(image.image, self._last.moved(change))
+        widen = WIDER if lost and self._recogniser is None and self._witness is None else 1.0
+        evaluations = self._search(image, change, widen)
         # After a search by views the particles lie in several places, and their mean in none.
         searched = lost and self._recogniser is not None
         proposed = cloud.best() if self._settings.method.best or searched else cloud.mean()
@@ -139,16 +147,73 @@ class ParticleTracker(ABC):
                 # A refined state moves the whole cloud with it; without refinement this is zero.
                 cloud.samples += state.vector - proposed.vector
             self._found = state
-            self._model.learn(image, state)
+            if self._witness is None or self._verdict.trusted:
+                self._model.learn(image, state)
             if self._recogniser is not None:
                 self._recogniser.learn(image, state, distance)
+        self._last = state
+        if self._witness is not None:
+            if self._verdict.trusted:
+                self._witness.learn(state)
+            if not seen:
+                # Nothing shows the size of a target that is not seen: it would drift.
+                cloud.samples[:, 3] = self._found.vector[3]
         return estimate
+
+    def _energy(self, image: LabelledImage, states: Array) -> Array:
+        """Return the energy (N,) of states (N, 4) by all witnesses: a particle is weighed by
+        exp(-gamma energy).
+        """
+        energy = self._model.energy(image, states)
+        return energy if self._witness is None else energy + self._witness.energy(states)
+
+    def _hear(
+        self, witness: Witness, image: LabelledImage, proposed: State, time: float
+    ) -> tuple[State, float, int]:
+        """Set the status by the verdict of all witnesses on the proposed state; if the target has
+        not been LOCKED for a while, also on the most similar places of the whole picture, to one
+        of which the estimate jumps if it convinces.
+
+        Args:
+            witness: The witness beside the colours.
+            image: The picture.
+            proposed: State that the particles propose.
+            time: Time of the frame [s].
+
+        Returns:
+            The state, 1 - the confidence, and the number of histograms read.
+        """
+        verdict = self._verdict
+        state = proposed
+        own = best = self._signs(witness, image, proposed)
+        places: list[State] = []
+        if verdict.searches(time):
+            places = witness.places(image.image, self._found)
+            for place in places:
+                # The templates' place is coarse: the filter knows it better.
+                witness.look(image.image, place)
+                peak = witness.peak()
+                signs = self._signs(witness, image, peak)
+                better = verdict.logit(signs) > verdict.logit(best)
+                if better and verdict.convinces(signs, own):
+                    best = signs
+                    state = peak
+            witness.look(image.image, state)
+        witness.fare(state)
+        confidence = verdict.judge(best, time, anew=state is not proposed)
+        self._status = verdict.status
+        return state, 1 - confidence, 1 + len(places)
+
+    def _signs(self, witness: Witness, image: LabelledImage, state: State) -> Signs:
+        """Return what the colours and the other witness say of a state."""
+        distance = float(self._model.distances(image, state.vector[None])[0])
+        return Signs(*witness.signs(state), distance)
 
     def _strew(self, image: LabelledImage) -> None:
         """While the target is LOST, redraw a share of the particles uniformly over the picture
         (sensor resetting), and move some to the places most like a stored view.
         """
-        if self._status is Status.LOST:
+        if self._status is Status.LOST and self._witness is None:
             height, width = image.image.shape[:2]
             self._cloud.scatter(self._settings.scatter, (width, height), self._found)
             if self._recogniser is not None:
@@ -204,7 +269,7 @@ class CloudTracker(ParticleTracker):
                 evaluations += climbed
             evaluations += len(cloud.samples)
             # ln of the likelihood exp(-gamma d^2) of Perez et al. 2002.
-            return -self._settings.gamma * model.energy(image, cloud.samples)
+            return -self._settings.gamma * self._energy(image, cloud.samples)
 
         anneal(self._cloud, change, log_likelihood, method.annealing, widen)
         return evaluations
@@ -212,6 +277,9 @@ class CloudTracker(ParticleTracker):
     def _judge(
         self, image: LabelledImage, proposed: State, time: float
     ) -> tuple[State, Array, float, int]:
+        if self._witness is not None:
+            state, distance, evaluations = self._hear(self._witness, image, proposed, time)
+            return state, self._cloud.covariance(), distance, evaluations
         if self._recogniser is None:
             distance = float(self._model.distances(image, proposed.vector[None])[0])
         else:

@@ -15,8 +15,8 @@ FIXED: dict[str, object] = condensation.FILTER | {
     "schedule": Schedule.FIXED,
 }
 """The annealing of the KAMS paper: no motion model."""
-VIDEO: dict[str, object] = {"views": 6, "scatter": 0.5}
-"""For recordings: recognised by views too."""
+VIDEO: dict[str, object] = {"witness": True}
+"""For recordings, where other things have the target's colours."""
 PRESETS = {"paper": FIXED | condensation.SAME, "video": VIDEO}
 
 

@@ -127,7 +127,7 @@ class PfSsd(ParticleTracker):
         cloud.predict(change, widen)
         # After the prediction, because particles redrawn uniformly need no motion model.
         self._strew(image)
-        cloud.weigh(-self._config.gamma * self._model.energy(image, cloud.samples))
+        cloud.weigh(-self._config.gamma * self._energy(image, cloud.samples))
         return len(cloud.samples)
 
     def _judge(
@@ -147,7 +147,15 @@ class PfSsd(ParticleTracker):
             other = self._descend(image.image, self._cloud.best())
             evaluations += other.evaluations
             end = min(end, other, key=lambda end: end.distance)
-        if self._recogniser is None:
+        if self._witness is not None:
+            both = np.stack([proposed.vector, end.state.vector])
+            ends_there = bool(np.argmin(self._energy(image, both)))
+            best = end.state if ends_there else proposed
+            state, distance, more = self._hear(self._witness, image, best, time)
+            ends_there = state is end.state
+            if not ends_there:
+                return state, self._cloud.covariance(), distance, evaluations + more
+        elif self._recogniser is None:
             jump = self._velocity.jump(end.state, self._cloud.size)
             self._status = self._loss.judge(end.distance, time, jump)
             ends_there = self._status is Status.LOCKED
