@@ -83,7 +83,8 @@ def settings_of(name):
         return ["tracker.kind=opencv", f"tracker.name={CONTRIBUTED[name]}"]
     if name.startswith("onnx:"):
         return changes_of(name, None)
-    return [f"tracker.kind={name}"]
+    kind, _, preset = name.partition(":")
+    return [f"tracker.kind={kind}", *([f"tracker.preset={preset}"] if preset else [])]
 
 
 def scenario_of(recording, name, seed):
@@ -157,7 +158,7 @@ def run(file, folders, names, seeds):
     keys = [
         (name, recording, mode, seed)
         for name in names
-        for seed in range(seeds if name in DRAW else 1)
+        for seed in range(seeds if name.partition(":")[0] in DRAW else 1)
         for recording in recordings
         for mode in MODES
     ]
