@@ -48,7 +48,7 @@ EARLY = {"start": 0.05, "duration": 0.1}
 REFUSED = (
     "the robot cannot bring the camera",
     "the robot cannot bring the target",
-    "most of it outside the image",
+    "most of it must be inside the image",
     "both sides must be at least 4 px",
     "no component of the twist move",
     "the additional modules has no tracker",

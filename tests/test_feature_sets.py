@@ -162,7 +162,7 @@ def test_a_law_that_feeds_forward_what_the_set_does_not_have_is_refused(centroid
             "photometric",
             ["controller.preset=paper"],
             'photometric: controller.feed_forward: xn, yn, an, theta (as in preset = "paper") are '
-            "features of 'moments'; the features of this set are x, y, z, rx, ry, rz",
+            'features of features.kind = "moments"; name some of this kind: x, y, z, rx, ry, rz',
         ),
     ],
 )

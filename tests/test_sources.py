@@ -96,12 +96,12 @@ def test_a_video_is_read_with_its_rate(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("gone", f"gone: there is no such {THERE}"),
+        ("gone", f"gone: there is no such source: give a {THERE}"),
         ("camera:x", "camera:x: a camera is given by its number, such as camera:0"),
         (".", ".: there are no images in this folder"),
-        ("img_%03d.png", f"img_%03d.png: there is no such {THERE}"),
-        ("file:///etc/passwd", f"file:///etc/passwd: there is no such {THERE}"),
-        ("concat:a.mp4|b.mp4", f"concat:a.mp4|b.mp4: there is no such {THERE}"),
+        ("img_%03d.png", f"img_%03d.png: there is no such source: give a {THERE}"),
+        ("file:///etc/passwd", f"file:///etc/passwd: there is no such source: give a {THERE}"),
+        ("concat:a.mp4|b.mp4", f"concat:a.mp4|b.mp4: there is no such source: give a {THERE}"),
     ],
 )
 def test_what_is_no_source_is_refused(tmp_path, monkeypatch, text, message):

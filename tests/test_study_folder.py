@@ -259,7 +259,7 @@ def test_a_folder_of_the_first_format_is_refused_in_a_sentence(small, folder):
     (folder / "study.json").write_text(json.dumps(about | {"format": 1}))
     assert refused(small, folder) == (
         f"{folder}/study.json: this file has format 1, and this version of servobench reads format "
-        "2; choose another folder with --out"
+        "2, so the runs in this folder cannot be used; choose another folder with --out"
     )
 
 
