@@ -195,8 +195,8 @@ UNCERTAIN = (
 WRONG = {
     "a reversed encoder": (
         lambda c: {ENCODER: -c[ENCODER]},
-        "the encoder of x moves -1.01 times as far as its joint: the sign of the encoder's or of the "
-        "joint's positions is wrong",
+        "the encoder of x moves -1.01 times as far as its joint: correct the sign of the encoder's "
+        "or of the joint's positions",
     ),
     "a dead encoder": (
         lambda c: {ENCODER: np.full(len(c[ENCODER]), 0.1)},
