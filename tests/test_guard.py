@@ -153,7 +153,7 @@ def test_an_encoding_that_lacks_a_character_prints_another_one(tmp_path, monkeyp
     assert b"gr?n, seed 0" in stream.buffer.getvalue()
 
 
-NO_BACK_END = "there is no OpenGL back end MUJOCO_GL=nonsense: unset MUJOCO_GL, or use egl."
+NO_BACK_END = "the environment variable MUJOCO_GL=nonsense names no OpenGL back end: unset it, or set it to egl."
 
 
 def test_an_odd_environment_is_a_sentence(tmp_path):
