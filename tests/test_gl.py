@@ -59,7 +59,8 @@ def test_the_real_probe_agrees_that_this_machine_renders(monkeypatch):
 def test_rendering_that_was_switched_off_says_so(monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", "off")
     with pytest.raises(
-        gl.NoRenderer, match=r"^Rendering is switched off by the environment variable MUJOCO_GL=off: unset it\.$"
+        gl.NoRenderer,
+        match=r"^Rendering is switched off by the environment variable MUJOCO_GL=off: unset it\.$",
     ):
         gl.backend()
 

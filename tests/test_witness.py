@@ -47,8 +47,8 @@ def lookalike():
     sequence = painted()
 
     @functools.cache
-    def track(seed, **settings):
-        tracker = create("annealed", seed=seed, particles=60, **settings)
+    def track(seed, kind="annealed", **settings):
+        tracker = create(kind, seed=seed, particles=60, **settings)
         return [
             shot.estimate
             for shot in follow(tracker, sequence.source, sequence.region, sequence.start)
@@ -77,6 +77,17 @@ def test_the_target_is_found_again_where_it_is(lookalike):
     end = lookalike(0, witness=True)[-1]
     assert end.status is Status.LOCKED
     assert near(end, State(60.0, 60.0))
+
+
+@pytest.mark.parametrize("kind", ["condensation", "kernel_pf", "texture_pf"])
+def test_a_jump_to_the_target_is_no_velocity(lookalike, kind):
+    """These trackers predict by the velocity, by which a jump would take them out of the picture."""
+    track = lookalike(0, kind, witness=True)
+    off = [np.hypot(e.state.x - 60.0, e.state.y - 60.0) for e in track]
+    assert max(off) < 100
+    assert all(
+        d < SIZE for d, e in zip(off[BACK:], track[BACK:], strict=True) if e.status is Status.LOCKED
+    )
 
 
 def test_a_seed_gives_the_same_track_again(lookalike):

@@ -199,6 +199,8 @@ class ParticleTracker(ABC):
                     best = signs
                     state = peak
             witness.look(image.image, state)
+            # The target's motion of half a second ago says nothing, and a jump is no motion.
+            self._velocity = Velocity(state, self._settings.velocity_memory)
         witness.fare(state)
         confidence = verdict.judge(best, time, anew=state is not proposed)
         self._status = verdict.status
