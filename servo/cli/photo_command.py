@@ -56,7 +56,9 @@ def run(
         Mistake: A photograph does not show the sheet, or a file cannot be read or written.
     """
     if (sheet is None) == (not pictures):
-        raise Mistake("photo: give photographs to straighten, or --sheet FILE to draw the sheet")
+        raise Mistake(
+            "photo: give either photographs to straighten, or --sheet FILE to draw the sheet"
+        )
     if sheet is None:
         camera = None if calibration is None else camera_in(calibration)
         _straighten(pictures, out, camera, side / MM / SIDE, covered)

@@ -60,7 +60,7 @@ def seen_in(image: Image, camera: Camera | None, scale: float) -> Photograph:
     if error > LARGEST_ERROR * scale * SIDE:
         raise ValueError(
             f"the tags' corners are {1e3 * error:.1f} mm from their places: the sheet is not flat, "
-            "or the lens bends the picture, which --calibration takes out"
+            "a second sheet is seen, or the lens bends the picture, which --calibration takes out"
         )
     return Photograph(image, camera, H, len(found), error, scale)
 
