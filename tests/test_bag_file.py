@@ -102,7 +102,8 @@ def test_a_bag_without_pictures_lists_what_it_has(tmp_path):
     with pytest.raises(ValueError) as refused:
         Bag(path, None)
     assert str(refused.value) == (
-        f"{path}: this bag has no topic with pictures; it has /words (std_msgs/String as ros1)"
+        f"{path}: this bag has no topic with pictures that can be read (sensor_msgs or "
+        "foxglove, raw or compressed); it has /words (std_msgs/String as ros1)"
     )
 
 
@@ -159,7 +160,8 @@ def test_pictures_that_are_written_in_another_way_are_named(tmp_path):
     with pytest.raises(ValueError) as refused:
         Bag(path, None)
     assert str(refused.value) == (
-        f"{path}: this bag has no topic with pictures; it has /eye (foxglove.CompressedImage as json)"
+        f"{path}: this bag has no topic with pictures that can be read (sensor_msgs or "
+        "foxglove, raw or compressed); it has /eye (foxglove.CompressedImage as json)"
     )
 
 

@@ -132,11 +132,11 @@ def test_the_stream_of_a_run_has_the_format_number_too(tmp_path):
 def test_an_older_track_is_named_by_its_columns(tmp_path):
     path = tmp_path / "track.csv"
     path.write_text("frame,x,y\n0,1,2\n")
-    with pytest.raises(ValueError, match="not a track of format 3, which this") as told:
+    with pytest.raises(ValueError, match="not have the columns of a track") as told:
         track_file.read(path)
     assert str(told.value) == (
-        f"{path}: this is not a track of format 3, which this version reads: its columns are "
-        "frame, x, y; run `servobench track` again with this version"
+        f"{path}: this file does not have the columns of a track of format 3, which this version "
+        "reads, but frame, x, y; run `servobench track` again with this version"
     )
 
 

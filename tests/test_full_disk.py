@@ -26,8 +26,8 @@ QUICK = "--set run.duration=2 --set tracker.kind=frozen --set estimator.kind=non
 
 
 FULL = (
-    "servobench: out: cannot write runs.sqlite: disk I/O error; the finished runs are stored; run "
-    "the same command again to continue\n"
+    "servobench: out: cannot write runs.sqlite: disk I/O error; the finished runs are stored; "
+    "remove the cause and run the same command again to continue\n"
 )
 
 

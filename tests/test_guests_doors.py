@@ -178,7 +178,7 @@ def test_a_door_is_for_trackers(tmp_path):
     with pytest.raises(Mistake) as refused:
         new("law", "mine", tmp_path / "law", "trax")
     assert str(refused.value) == (
-        "--door trax has no effect on law: leave it out, or write new tracker"
+        "--door trax has no effect on law: leave it out, or write `servobench new tracker`"
     )
 
 

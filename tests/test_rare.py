@@ -205,5 +205,5 @@ def test_too_little_memory_ends_a_study_instead_of_failing_every_run(tmp_path, e
         Store(tmp_path).fail(Job(0, SimpleNamespace(name="mine"), 0), Failure.of(error))
     assert str(told.value).startswith(f"{tmp_path}: there is too little memory, or too few ")
     assert str(told.value).endswith(
-        "the finished runs are stored; run the same command again to continue"
+        "the finished runs are stored; remove the cause and run the same command again to continue"
     )

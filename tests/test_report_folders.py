@@ -249,8 +249,8 @@ BAD = {
     ),
     "a run that was killed": (
         {"steps.arrows": b""},
-        "{}: this run was stopped before its end (report.json is missing, steps.arrows has its rows): "
-        "run it again into a new folder",
+        "{}: this run has not ended (report.json is missing, steps.arrows has its rows): wait for its "
+        "end or, if it was stopped, run it again into a new folder",
     ),
 }
 
@@ -361,6 +361,6 @@ def test_a_table_without_a_report_is_named(ran, tmp_path):
     with pytest.raises(Mistake) as told:
         text_of(tmp_path, tmp_path)
     assert str(told.value) == (
-        f"{tmp_path}: this run was stopped before its end (report.json is missing, steps.parquet has "
-        "its rows): run it again into a new folder"
+        f"{tmp_path}: this run has not ended (report.json is missing, steps.parquet has its rows): "
+        "wait for its end or, if it was stopped, run it again into a new folder"
     )

@@ -23,6 +23,10 @@ from servo.study.run import ClusterLost
 
 pytestmark = pytest.mark.processes
 
+ADVICE = (
+    "start a scheduler and a worker there, or correct the address or, for tls://, the certificates"
+)
+
 STUDY = """# mine
 # Short runs, of kinds that are quick to import.
 scenario = "still"
@@ -136,7 +140,7 @@ def test_what_is_no_scheduler_is_given_up_at_the_deadline(monkeypatch, capfd, pl
     begin = f"servobench: --scheduler {address}: no scheduler with workers answers there: "
     assert (code, said[: len(begin)]) == (2, begin)
     assert said.count("\n") == 1
-    assert said == f"{begin}{reason}\n" or serve is not silent
+    assert said == f"{begin}{reason}; {ADVICE}\n" or serve is not silent
 
 
 def test_a_cluster_over_tls_with_dasks_own_configuration(monkeypatch, capfd, place, cluster):
@@ -206,7 +210,8 @@ def test_a_cluster_whose_workers_are_gone_is_given_up_and_one_without_any(
     with pytest.raises(Mistake) as none, remote(address):
         pass
     assert str(none.value) == (
-        f"--scheduler {address}: no scheduler with workers answers there: it had no worker for 5 s"
+        f"--scheduler {address}: no scheduler with workers answers there: it had no worker for 5 s; "
+        f"{ADVICE}"
     )
 
 

@@ -386,7 +386,8 @@ def test_a_full_disk_is_one_sentence_and_leaves_what_there_is(small, folder):
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert str(said.value).startswith(f"{folder}: cannot write run 000000: d")
     assert str(said.value).endswith(
-        "; the finished runs are stored; run the same command again to continue"
+        "; the finished runs are stored; remove the cause and run the same command again to "
+        "continue"
     )
     with opened(small, folder) as kept:
         assert len(kept.done) == 4

@@ -153,11 +153,11 @@ NAME = "groundtruth.txt, line 2"
         ),
         (
             "50,20,nan,40",
-            "'50,20,nan,40' is not a position in a picture: all numbers must be at most 1e+06, or all",
+            "'50,20,nan,40' is not a position in a picture: all numbers must be from -1e+06 to 1e+06, or all",
         ),
         (
             "50,20,inf,40",
-            "'50,20,inf,40' is not a position in a picture: all numbers must be at most 1e+06",
+            "'50,20,inf,40' is not a position in a picture: all numbers must be from -1e+06 to 1e+06",
         ),
         ("", f"{NAME}: the line has 0 numbers: expected 4 of a box, or 8 of four corners"),
     ],

@@ -125,7 +125,7 @@ def test_a_playlist_in_the_clothes_of_a_video_opens_nothing(tmp_path):
 def test_two_videos_in_one_file_are_refused(tmp_path):
     path = tmp_path / "film.mkv"
     path.write_bytes(film("matroska", videos=2))
-    assert refusal(path) == "there are 2 videos in this file; give a file with one video"
+    assert refusal(path) == "there are 2 videos in this source; give one with a single video"
 
 
 def test_a_video_too_large_for_memory_is_refused_by_its_header(tmp_path, monkeypatch):
@@ -146,8 +146,9 @@ def test_a_rate_that_is_none_is_refused(tmp_path):
     path = tmp_path / "film.y4m"
     path.write_bytes(data)
     assert refusal(path) == (
-        "this video states 99999 frames a second; accepted are 0.01 to 10000: convert it to a "
-        "folder of pictures and give --rate"
+        "this video states 99999 frames a second; accepted are 0.01 to 10000 frames a second: "
+        "convert it to a folder of pictures and give their rate (--rate, or recording.rate in a "
+        "scenario)"
     )
 
 

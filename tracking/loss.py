@@ -64,9 +64,9 @@ class LossJudge:
 
     @property
     def threshold(self) -> float:
-        """Largest appearance distance, 0..1, of a target that counts as seen: the median of recent
-        good frames plus 3 robust standard deviations, clipped to the limits' floor and cap; the cap
-        after fewer than 10 good frames.
+        """Threshold of the appearance distance, 0..1, above which a target that was seen in the
+        last frame counts as not seen: the median of the last 60 good frames plus 3 robust standard
+        deviations, clipped to the limits' floor and cap; the cap after fewer than 10 good frames.
         """
         if len(self._good) < FEW:
             return self._limits.cap

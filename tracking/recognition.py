@@ -107,13 +107,14 @@ class Recogniser:
             self._views.learn(image.blurred, state)
 
     def send(self, cloud: ParticleFilter, image: LabelledImage, last: State) -> None:
-        """Move a quarter of the particles to the places in the picture that are most similar to a
-        stored view.
+        """Move a quarter of the particles to the up to five places in the picture that are most
+        similar to a stored view; none if no place is found.
 
         Args:
             cloud: The particles, of which the last ones in the array are moved.
             image: Current picture.
-            last: Last state in which the target was seen.
+            last: Last state in which the target was seen: the particles get its angle, and 0.8, 1
+                or 1.25 times its size.
         """
         places: Array = self._views.search(image.blurred, last, CANDIDATES)
         count = round(SENT * len(cloud.samples))

@@ -242,9 +242,9 @@ class Difficulty:
 
 
 def by_size(row: Row, worlds: Sequence[World], condition: str, parts: int) -> list[float]:
-    """Return the share (0 to 1) of a condition's worlds in which the goal was reached, in `parts`
-    groups of about equal number by size of the task, the smallest first; nan for an empty group.
-    Worlds without a result in `row` are left out.
+    """Return the share (0 to 1) of a condition's worlds in which the target was held, or the goal
+    reached, in `parts` groups of about equal number by size of the task, the smallest first; nan
+    for an empty group. Worlds without a result in `row` are left out.
     """
     own = sorted(
         (w for w in worlds if w.condition == condition and w.key in row.worlds),

@@ -102,7 +102,10 @@ def new(part: str, kind: str, folder: Path | None, door: str | None = None) -> l
     """
     _check_name(part, kind)
     if door is not None and part != "tracker":
-        raise Mistake(f"--door {door} has no effect on {part}: leave it out, or write new tracker")
+        raise Mistake(
+            f"--door {door} has no effect on {part}: leave it out, or write "
+            "`servobench new tracker`"
+        )
     folder = folder or Path(kind)
     with writing(folder):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):

@@ -78,7 +78,8 @@ def run(
 ) -> int:
     """Run one scenario, write its results into a folder, print a table of its measures, and return
     the exit code: 1 if a bound was missed, else 0. `ros2`: whether a controller in ROS 2 moves the
-    camera; `shown`: the options for films, logs and viewers.
+    camera; `shown`: the options for films, logs and viewers. The other arguments, with what None
+    means, and the exceptions are those of `run_scenario`.
     """
     outputs = Outputs(**shown)
     if ros2:

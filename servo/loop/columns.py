@@ -65,8 +65,8 @@ class Columns:
         return np.frombuffer(self._rows, self._kind)[name]
 
     def add(self, step: Step) -> None:
-        """Append a row with the numbers that `NUMBERS` computes from the next step of the run, and
-        update the few whole steps that are kept.
+        """Append a row for the next step of the run: the numbers of `NUMBERS`, and "other_picture";
+        and update `first`, `final` and `followed`.
         """
         row = {name: np.asarray(of(step)) for name, of in NUMBERS.items()}
         last = self.final[-1] if self.final else step

@@ -59,8 +59,9 @@ class Scene:
     """MuJoCo model of the world, for drawing it."""
 
     def true_sight(self, T_world_camera: Pose, T_world_target: Pose, goal: Sight) -> Sight:
-        """Return the exact view of the target (moments, corners, plane and pose in the camera
-        frame) from the true poses of camera and target in the world frame.
+        """Return the exact view of the target from the true poses of camera and target in the world
+        frame: moments and corners in normalised image coordinates, and plane and pose
+        T_camera_object of its reference rectangle (see `Sight.pose`) in the camera frame.
 
         Args:
             T_world_camera: True pose of the camera.

@@ -66,8 +66,8 @@ class NewestPicture:
             self._changed.notify_all()
 
     def read(self) -> Iterator[bytes]:
-        """Yield the newest frame as a JPEG file, then each newer one as it comes, until `end` is
-        called.
+        """Yield the newest frame as a JPEG file whenever there is a newer one than the last, until
+        `end` is called; a slow reader skips frames.
         """
         jpeg: bytes | None = b""
         while True:

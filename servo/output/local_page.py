@@ -45,8 +45,9 @@ class LocalServer(ThreadingHTTPServer):
 
 
 class LocalHandler(BaseHTTPRequestHandler):
-    """Handler of requests that answers only those that its server allows and that have this
-    server's name as Host, so that a page of another site gets no answer.
+    """Handler that answers only the requests that its server allows, and only with 127.0.0.1 or
+    localhost and the server's port as Host: another site cannot read answers by letting its own
+    name lead to 127.0.0.1.
     """
 
     server: LocalServer  # pyright: ignore[reportIncompatibleVariableOverride]

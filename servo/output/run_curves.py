@@ -48,7 +48,7 @@ class RunCurves:
     units: Mapping[str, str]
     """Unit of each feature by name; 1: a number without unit."""
     feed_forward: Sequence[str]
-    """Features whose motion is fed forward."""
+    """Features for which the feature set proposes feed-forward."""
     place: str = TABLE
     """The file of the table, for messages."""
 
@@ -76,8 +76,9 @@ class RunCurves:
 
     @property
     def moving(self) -> list[str]:
-        """Names of the features whose motion is drawn: those for which the law compensates the
-        target's motion (feed-forward), or all if there are none.
+        """Names of the features whose motion is drawn: those for which the feature set proposes
+        feed-forward (the setting `controller.feed_forward` does not count), or all if it proposes
+        none.
         """
         return [name for name in self.feed_forward or self.units if name in self.units]
 

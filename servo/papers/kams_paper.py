@@ -378,9 +378,10 @@ def judged(before: Array, after: Array, still: Array) -> Verdict:
     their mean distances to their nearest neighbours.
 
     Args:
-        before: Distances before the climb of each layer (sequences, layers) [px].
-        after: Distances after the climb of each layer (sequences, layers) [px].
-        still: Distances after each layer of runs without climb (sequences, layers) [px].
+        before: Distances before the climb of each layer, the broadest layer first (sequences,
+            layers) [px].
+        after: Distances after the climb of each layer, in the same order [px].
+        still: Distances after each layer of runs without climb, in the same order [px].
     """
     over_before = [ratio(a, b) for a, b in zip(after.T, before.T, strict=True)]
     over_still = [ratio(a, b) for a, b in zip(after.T, still.T, strict=True)]

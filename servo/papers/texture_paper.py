@@ -137,12 +137,12 @@ def _logarithmic(states: Array) -> Array:
 
 def judged(rho: dict[str, Array]) -> Verdict:
     """Return the verdict on the claim P2-2: at the particle filter's estimate the Bhattacharyya
-    coefficient (0 to 1, equal histograms) is at least 0.9 times that at the true state, in more
+    coefficient (0 to 1; 1: equal histograms) is at least 0.9 times that at the true state, in more
     than 90 % of the frames.
 
     Args:
-        rho: Coefficients (sequences, frames - 1) by the place where the histogram was taken: at
-            the filter's estimate, at the truth, and some pixels beside the truth.
+        rho: Coefficients (sequences, frames - 1) by the place where the histogram was taken:
+            `FOUND` (the filter's estimate), `TRUTH`, and others some pixels beside the truth.
     """
     shares = {
         place: mean_percent(np.mean(values >= ALIKE * rho[TRUTH], axis=1))

@@ -91,8 +91,8 @@ class Photograph:
         return np.linalg.svd(slopes, compute_uv=False).astype(float)
 
     def usable(self, points: Array) -> NDArray[np.bool_]:
-        """Return which points (..., 2) on the plane [m] are in the photograph, with enough
-        detail.
+        """Return which points (..., 2) of the plane, in the sheet's frame [m], are in the
+        photograph, with a resolution of more than 0.4 of that at the sheet's middle.
         """
         u, v = np.moveaxis(self.pixels(points), -1, 0)
         inside = (u > 0) & (u < self.camera.width) & (v > 0) & (v < self.camera.height)

@@ -54,7 +54,9 @@ def cells_of(number: int) -> NDArray[np.bool_]:
 
 
 def drawn(paper: str) -> Figure:
-    """Return a figure of the sheet in its true size, for the paper "a4" or "letter"."""
+    """Return a figure, in true size, of the sheet of tags to be printed on the paper "a4" or
+    "letter".
+    """
     width, height = (MM * side for side in PAPERS[paper])
     figure = Figure(figsize=(width / MM / INCH, height / MM / INCH))
     ax = figure.add_axes((0, 0, 1, 1), xlim=(-width / 2, width / 2), ylim=(-height / 2, height / 2))

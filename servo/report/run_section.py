@@ -45,8 +45,8 @@ def section(folder: Path) -> Section:
     if not path.exists():
         kept = TABLE if (folder / TABLE).exists() else STREAM
         raise Mistake(
-            f"{folder}: this run was stopped before its end ({path.name} is missing, {kept} has "
-            "its rows): run it again into a new folder"
+            f"{folder}: this run has not ended ({path.name} is missing, {kept} has its rows): wait "
+            "for its end or, if it was stopped, run it again into a new folder"
         )
     run = RunReport.read(path)
     known = Outcome.__members__.get(run.outcome)

@@ -27,8 +27,8 @@ SUCCESS_RATE = "success_rate"
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """The bounds of a scenario: upper bounds by measure, and the expected `outcome`, for its own
-    tracker and for others.
+    """The bounds of a scenario for its own tracker and for others: upper bounds by measure, the
+    expected `outcome`, and the least success rate of drawn seeds.
     """
 
     own: str

@@ -64,6 +64,7 @@ DECIDE = {
 """Keys of study.json that must be the same whenever a study is continued, and their names in
 messages."""
 GOES_ON = "the finished runs are stored; run the same command again to continue"
+MENDED = "the finished runs are stored; remove the cause and run the same command again to continue"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -245,7 +246,7 @@ def on_disk(folder: Path, action: str) -> Generator[None]:
         yield
     except (OSError, sqlite3.OperationalError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or error
-        raise Refused(f"{folder}: cannot {action}: {reason}; {GOES_ON}") from None
+        raise Refused(f"{folder}: cannot {action}: {reason}; {MENDED}") from None
     except sqlite3.DatabaseError as error:
         raise Mistake(
             f"{folder / RUNS}: this file is damaged ({error}); choose another folder with --out"
@@ -441,8 +442,9 @@ class Store:
         """Store the record of a job, and add the job's key to `done`.
 
         Raises:
-            Mistake: The worker that ran the job has other versions of packages or another source
-                than this process, or renders its pictures otherwise; or the database is damaged.
+            Mistake: The worker that ran the job has other versions of packages or other source code
+                of servobench than this process, or only one of the two renders without OpenGL; or
+                the database is damaged.
             Refused: The disk is full, or the database cannot be written.
         """
         check_rules(
@@ -473,7 +475,7 @@ class Store:
             Refused: The disk is full, memory was full in the job, or the file cannot be written.
         """
         if failure.full:
-            raise Refused(f"{self.folder}: {failure.reason}; {GOES_ON}")
+            raise Refused(f"{self.folder}: {failure.reason}; {MENDED}")
         path = self.failure_path(job)
         if path.exists() or sum(1 for _ in path.parent.glob("*")) < MOST_FAILURES:
             self.write(f"{FAILURES}/{path.name}", FailureFile.of(job, failure.error).text())

@@ -73,7 +73,8 @@ def suite(name: str) -> tuple[list[Entry], list[Contender]]:
 
 
 def contenders(text: str | None) -> list[Contender]:
-    """Return the trackers that a text lists, separated by commas; None: all general trackers.
+    """Return the trackers that a text lists, separated by commas; None: all that follow any target
+    by pictures alone, and need no program or model of the user.
 
     A tracker is "kind", "kind:preset", "package:kind" for a kind of another package, or
     "module:Name" for a class to import.

@@ -19,8 +19,8 @@ MOST = 1000
 
 def parted(name: str) -> tuple[str, str]:
     """Split a file name such as "package://arm/link.stl" into the name of its ROS package and the
-    path inside the package; the package is "" for a plain path. A leading "file://" is removed, and
-    "%20" becomes a space.
+    path inside the package; the package is "" for a plain path. A leading "file://" is removed,
+    percent codes such as "%20" are decoded, and backslashes become slashes.
     """
     plain = FILE.sub("", unquote(name).replace("\\", "/"))
     found = IN_PACKAGE.match(plain)

@@ -107,8 +107,8 @@ def reach(
         T_world_camera: The desired pose; T_target_camera if the robot holds the target.
         point: Point (3,) at which the camera looks, in the same frame [m]; None: the point 1 m
             ahead on the desired optical axis.
-        way: Function that returns the camera poses that follow, as `roll_out` takes them; None: no
-            path follows.
+        way: Function that returns the camera poses that follow, one every 0.2 s (see `roll_out`),
+            in the same frame; None: no path follows.
     """
     # Lazily: a later home is tried only when a joint of an earlier solution leaves its range.
     homes = (home for home in robot.homes if robot.converge(data, home, T_world_camera))

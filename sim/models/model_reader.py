@@ -80,7 +80,8 @@ def spec_of_urdf(path: Path, mended: Mended) -> mujoco.MjSpec:
     """Return the model in a URDF file, with absolute paths of meshes.
 
     Links show their visual shapes, or their collision shapes if no visual one can be read; `mended`
-    records the shapes that are left out, and the links whose mass or inertia is incomplete.
+    records the meshes, materials and textures that cannot be shown, and the links whose mass or
+    inertia lacks numbers, which become 0.
 
     Raises:
         ParseError: The file is not XML.

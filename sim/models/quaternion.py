@@ -9,7 +9,9 @@ from sim.types import Array
 
 
 def matrix_of(quaternion: Iterable[float]) -> Array:
-    """Return the rotation matrix (3, 3) of a quaternion (w, x, y, z), as MuJoCo converts it."""
+    """Return the rotation matrix (3, 3) of a unit quaternion (w, x, y, z), which is not
+    normalised.
+    """
     matrix = np.empty(9)
     mujoco.mju_quat2Mat(matrix, np.array(quaternion, float))
     return matrix.reshape(3, 3)

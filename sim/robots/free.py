@@ -1,8 +1,8 @@
 """Robot: a camera that moves freely and makes every commanded twist exactly, without limits of
 speed or tilt, unless the settings give its drives and encoders errors.
 
-Only where its wrist is singular (level, along the table's diagonal) the twist is not exact. Its
-position stays within 50 m of the room's origin on each axis.
+Only where its wrist is singular (the camera looks level, along the diagonal x = y of the table) the
+twist is not exact. Its position stays within 50 m of the room's origin on each axis.
 """
 
 from dataclasses import dataclass

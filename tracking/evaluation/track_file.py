@@ -126,8 +126,9 @@ def read(path: Path) -> Track:
         ) from None
     if tuple(header) != HEADER:
         raise ValueError(
-            f"{path}: this is not a track of format {FORMAT}, which this version reads: its "
-            f"columns are {', '.join(header)}; run `servobench track` again with this version"
+            f"{path}: this file does not have the columns of a track of format {FORMAT}, which "
+            f"this version reads, but {', '.join(header)}; run `servobench track` again with this "
+            "version"
         )
     try:
         return _track(rows)

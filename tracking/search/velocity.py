@@ -10,7 +10,9 @@ from tracking.types import State
 
 
 class Velocity:
-    """An exponential mean of the change (4,) of x, y [px], theta [rad] and ln scale per frame."""
+    """An exponential mean of the change (4,) of x, y [px], theta [rad] and ln scale per frame, less
+    the part that the camera's motion causes where that is given.
+    """
 
     def __init__(self, state: State, memory: float) -> None:
         """Begin at a state with the velocity 0.

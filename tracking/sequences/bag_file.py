@@ -152,7 +152,8 @@ def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
     if not images:
         there = [f"{topic.name} ({topic.kind} as {topic.serialization})" for topic in topics]
         raise ValueError(
-            f"{path}: this bag has no topic with pictures; it has {', '.join(there) or 'no topic'}"
+            f"{path}: this bag has no topic with pictures that can be read (sensor_msgs or "
+            f"foxglove, raw or compressed); it has {', '.join(there) or 'no topic'}"
         )
     found = [topic for topic in images if name in (None, topic.name)]
     there = ", ".join(f"{topic.name} ({topic.count})" for topic in images)

@@ -89,8 +89,8 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
         return Bag(path, topic)
     if topic is not None:
         raise ValueError(
-            f"{stream.shown(text)}: this is not a bag, which alone has topics: leave the topic "
-            f"'{topic}' out"
+            f"{stream.shown(text)}: this is not a bag that can be read, and only bags have topics: "
+            f"correct the name, or leave the topic '{topic}' out"
         )
     if is_address:
         return stream.stream(text)

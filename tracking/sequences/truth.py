@@ -271,8 +271,8 @@ def _numbers(line: str, place: str) -> Array:
         )
     if not np.isnan(numbers).all() and not (np.abs(numbers) <= FARTHEST).all():
         raise ValueError(
-            f"{place}: '{line[:LONGEST]}' is not a position in a picture: all numbers must be at "
-            f"most {FARTHEST:g}, or all nan for an absent target"
+            f"{place}: '{line[:LONGEST]}' is not a position in a picture: all numbers must be "
+            f"from -{FARTHEST:g} to {FARTHEST:g}, or all nan for an absent target"
         )
     return numbers
 

@@ -270,7 +270,7 @@ def only_video(container: InputContainer) -> VideoStream:
     streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
     if len(streams) != 1:
         count = len(streams) or "no"
-        raise ValueError(f"there are {count} videos in this file; give a file with one video")
+        raise ValueError(f"there are {count} videos in this source; give one with a single video")
     stream = streams[0]
     if getattr(stream, "codec_context", None) is None:  # FFmpeg has no decoder of this kind
         raise ValueError(
@@ -298,7 +298,8 @@ def _rate(stream: VideoStream) -> float:
         stated = f"{rate:g} frames a second" if rate else "no rate"
         raise ValueError(
             f"this video states {stated}; accepted are {SLOWEST:g} to "
-            f"{FASTEST:g}: convert it to a folder of pictures and give --rate"
+            f"{FASTEST:g} frames a second: convert it to a folder of pictures and give their rate "
+            "(--rate, or recording.rate in a scenario)"
         )
     return rate
 

@@ -70,7 +70,7 @@ class McNemar:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A value with the lower and the upper end of its 95 % confidence interval, nan if it is
+    """A value with the two ends of its 95 % confidence interval, both nan if the interval is
     unknown, and the number of independent repetitions behind it (0: unknown).
     """
 

@@ -66,8 +66,8 @@ class ClimbSettings(AppearanceSettings):
     @property
     @abstractmethod
     def climb(self) -> Climb:
-        """Length of a climb, whether the size is followed, and the confidence below which more
-        climbs begin.
+        """Most histograms read in one climb, whether the size is followed, and the confidence,
+        0..1, below which eight more climbs begin around the target.
         """
 
     def build(self, rng: np.random.Generator) -> "MeanShift":

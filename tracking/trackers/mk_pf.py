@@ -36,7 +36,8 @@ PRESETS = {"paper": PLAIN | {"density": 16, "scatter": 0.0}, "video": VIDEO}
 class SimilaritySettings(CloudSettings):
     """Settings of the particle filters of Teuliere, Marchand, Eck, which follow position, angle and
     size: number of particles, sharpness `gamma` of their likelihood, and standard deviations per
-    frame of position (share of the target's size), angle [rad] and ln scale.
+    frame of position (share of the target's size), angle [rad] and ln scale. `contrast` and
+    `learn` are those of `AppearanceSettings`.
     """
 
     particles: Count = 500

@@ -121,4 +121,7 @@ async def _reach(address: str, security: Security) -> Client:
             said = tasks.reason(error)
         elif not isinstance(error, TimeoutError):
             said = "the server there does not speak Dask's protocol"
-    raise Mistake(f"--scheduler {address}: no scheduler with workers answers there: {said}")
+    raise Mistake(
+        f"--scheduler {address}: no scheduler with workers answers there: {said}; start a "
+        "scheduler and a worker there, or correct the address or, for tls://, the certificates"
+    )
