@@ -12,7 +12,7 @@ from sim.types import Posture
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the controller `hold`: it has none."""
+    """The controller `hold` has no settings."""
 
     def build(self, rng: np.random.Generator) -> "Hold":
         """Return the controller, which uses no random numbers."""

@@ -48,8 +48,8 @@ class Config:
         """Return the controller with the network loaded; it uses no random numbers.
 
         Raises:
-            ValueError: ONNX Runtime is missing, the file cannot be read, or an input of the network
-                is none of picture and goal_picture (1, 3, height, width) and joints (1, n),
+            ValueError: ONNX Runtime is missing, the file cannot be read, or the network has an
+                input other than picture and goal_picture (1, 3, height, width) and joints (1, n),
                 all of 32-bit floats.
         """
         return PolicyLaw(Network(self.file, self.timeout).act)

@@ -16,7 +16,7 @@ from sim.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the estimator `difference`: it has none."""
+    """The estimator `difference` has no settings."""
 
     def build(self, rng: np.random.Generator) -> "Plain":
         """Return the estimator, which uses no random numbers."""

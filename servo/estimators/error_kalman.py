@@ -31,7 +31,7 @@ would take each reversal for the beginning of a faster motion."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the estimator `error_kalman`: it has none."""
+    """The estimator `error_kalman` has no settings."""
 
     needs = frozenset({Channel.SEEN})
 

@@ -32,7 +32,7 @@ IMPOSSIBLE = 1e-300
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the estimator `imm`: it has none."""
+    """The estimator `imm` has no settings."""
 
     needs = frozenset({Channel.SEEN})
 

@@ -33,7 +33,7 @@ THRESHOLD = 3.5
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the estimator `jump`: it has none."""
+    """The estimator `jump` has no settings."""
 
     needs = frozenset({Channel.SEEN})
 

@@ -12,7 +12,7 @@ from servo.estimators._unfiltered import Unfiltered
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the estimator `none`: it has none."""
+    """The estimator `none` has no settings."""
 
     def build(self, rng: np.random.Generator) -> "Nothing":
         """Return the estimator, which uses no random numbers."""

@@ -13,7 +13,7 @@ from sim.channels import Channel, View
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the estimator `true`: it has none."""
+    """The estimator `true` has no settings."""
 
     needs = frozenset({Channel.TRUE_MOTION})
 

@@ -9,7 +9,7 @@ import servo
 
 @dataclass(frozen=True)
 class Config:
-    """Settings of the feature set: it has none."""
+    """The feature set has no settings."""
 
     def build(self, outline):
         """Return the feature set, which is the same for any target."""

@@ -13,7 +13,7 @@ from sim.types import Array, Camera
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the feature set `decoupled`: it has none."""
+    """The feature set `decoupled` has no settings."""
 
     def build(self, outline: Array) -> "DecoupledFeatures":
         """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not

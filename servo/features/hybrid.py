@@ -20,7 +20,7 @@ NOISE = (2e-4, 2e-4, 2e-3, 5e-3, 5e-3, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the feature set `hybrid`: it has none."""
+    """The feature set `hybrid` has no settings."""
 
     def build(self, outline: Array) -> "HybridFeatures":
         """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not

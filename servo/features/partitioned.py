@@ -23,7 +23,7 @@ ALONG, ABOUT = 2, 5
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the feature set `partitioned`: it has none."""
+    """The feature set `partitioned` has no settings."""
 
     def build(self, outline: Array) -> "PartitionedFeatures":
         """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not

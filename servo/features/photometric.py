@@ -25,7 +25,7 @@ RANK_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the feature set `photometric`: it has none. The pixels' interaction matrix is
+    """The feature set `photometric` has no settings. The pixels' interaction matrix is
     taken at the goal.
     """
 

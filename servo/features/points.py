@@ -18,7 +18,7 @@ NOISE = 2e-4
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the feature set `points`: it has none."""
+    """The feature set `points` has no settings."""
 
     def build(self, outline: Array) -> "PointFeatures":
         """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not

@@ -19,7 +19,7 @@ NOISE = (2e-4, 1e-3)
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the feature set `polar`: it has none."""
+    """The feature set `polar` has no settings."""
 
     def build(self, outline: Array) -> "PolarFeatures":
         """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not

@@ -63,7 +63,7 @@ def events(before: Step | None, step: Step) -> list[Event]:
 def remarks_on_tracker(run: Columns, *, is_guest: bool = False) -> str:
     """Return sentences, without the last full stop, that count the pictures in which the tracker's
     centre, angle or size was too uncertain, or its size impossible, to be servoed, and one about a
-    size that never changed; "" if there are none, or if pixels are servoed.
+    size that never changed; "" if all was certain and possible, or if pixels are servoed.
 
     Args:
         run: The numbers of the run.

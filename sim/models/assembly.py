@@ -64,7 +64,7 @@ def build_model(
         target: The target.
         props: Names of the models that disturbances need: "second_target", "spot".
         surroundings: Ground, clutter and light; by default as they are in the room's model.
-        leader: The moving tag beside which the robot is to keep the target; None: there is none.
+        leader: The moving tag beside which the robot is to keep the target; None: no such tag.
 
     Raises:
         ValueError: MuJoCo refuses the model, or a picture of the surroundings cannot be read.

@@ -12,7 +12,7 @@ from sim.models.target import Target, target_of
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the toy car: it has none."""
+    """The toy car has no settings."""
 
     def build(self, rng: np.random.Generator) -> Target:
         """Return the target; uses no random numbers."""

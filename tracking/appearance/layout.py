@@ -55,7 +55,7 @@ class Layout:
 
         Args:
             points: Template points (P, 2) from the target's centre, at scale 1 [px].
-            parts: Number of each point's part (P,), from 0 on.
+            parts: Number of each point's part (P,), 0 to K - 1.
             kernel: Values of the kernel (P,), above 0.
             pulls: Weights in a mean-shift step (P,); None: all 1, as of Epanechnikov's kernel.
         """

@@ -20,6 +20,20 @@ LARGEST = 0.4
 
 
 @compiled(error_model="numpy", fastmath=("contract",))
+def _between(values: Levels | Array, u: float, v: float) -> float:
+    """Return the bilinearly interpolated value of an array (H, W) in column u and row v, which are
+    at least 0 and below W - 1 and H - 1.
+    """
+    j = np.uint32(u)
+    i = np.uint32(v)
+    a = u - j
+    b = v - i
+    upper = (1 - a) * values[i, j] + a * values[i, j + 1]
+    lower = (1 - a) * values[i + 1, j] + a * values[i + 1, j + 1]
+    return (1 - b) * upper + b * lower
+
+
+@compiled(error_model="numpy", fastmath=("contract",))
 def patch(grey: Levels, state: Array, points: Array) -> Array:
     """Return the grey levels (P,) at the template points of a target in a state, by bilinear
     interpolation; beyond the picture's border its last pixels go on.
@@ -37,13 +51,7 @@ def patch(grey: Levels, state: Array, points: Array) -> Array:
     for p in range(len(points)):
         u = min(max(state[0] + c * points[p, 0] - s * points[p, 1] - 0.5, 0.0), width - 1.001)
         v = min(max(state[1] + s * points[p, 0] + c * points[p, 1] - 0.5, 0.0), height - 1.001)
-        j = np.uint32(u)
-        i = np.uint32(v)
-        a = u - j
-        b = v - i
-        upper = (1 - a) * grey[i, j] + a * grey[i, j + 1]
-        lower = (1 - a) * grey[i + 1, j] + a * grey[i + 1, j + 1]
-        found[p] = (1 - b) * upper + b * lower
+        found[p] = _between(grey, u, v)
     return found
 
 
@@ -156,11 +164,5 @@ def looked_up(response: Array, states: Array, centre: Array, step: float, outsid
         u = columns // 2 + c * x + s * y
         v = rows // 2 - s * x + c * y
         if 0.0 <= u < columns - 1 and 0.0 <= v < rows - 1:
-            j = np.uint32(u)
-            i = np.uint32(v)
-            a = u - j
-            b = v - i
-            upper = (1 - a) * response[i, j] + a * response[i, j + 1]
-            lower = (1 - a) * response[i + 1, j] + a * response[i + 1, j + 1]
-            found[n] = (1 - b) * upper + b * lower
+            found[n] = _between(response, u, v)
     return found

@@ -19,7 +19,7 @@ SMALLEST_BOX = 4
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the tracker `camshift`: it has none."""
+    """The tracker `camshift` has no settings."""
 
     traits = frozenset({Trait.COLOUR})
 

@@ -14,7 +14,7 @@ from tracking.types import State, Trait
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the tracker `cv_mean_shift`: it has none."""
+    """The tracker `cv_mean_shift` has no settings."""
 
     traits = frozenset({Trait.COLOUR})
 

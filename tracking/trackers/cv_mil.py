@@ -21,7 +21,7 @@ SEED_BITS = 31
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the tracker `cv_mil`: it has none."""
+    """The tracker `cv_mil` has no settings."""
 
     needs = frozenset({Channel.PICTURE})
     traits = frozenset({Trait.TEXTURE})

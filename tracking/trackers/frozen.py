@@ -22,7 +22,7 @@ from tracking.types import (
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the tracker `frozen`: it has none."""
+    """The tracker `frozen` has no settings."""
 
     traits = frozenset[Trait]()
 

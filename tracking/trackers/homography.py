@@ -82,7 +82,7 @@ LARGEST_GROWTH = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the tracker `homography`: it has none."""
+    """The tracker `homography` has no settings."""
 
     traits = frozenset({Trait.TEXTURE, Trait.CORNERS})
 

@@ -29,7 +29,7 @@ share of the side."""
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of the tracker `tag`: it has none. The tag nearest to the region is followed."""
+    """The tracker `tag` has no settings. The tag nearest to the region is followed."""
 
     traits = frozenset({Trait.MARKER, Trait.CORNERS})
 

@@ -17,6 +17,10 @@ from sim.types import Array, Image
 Indices = NDArray[np.int64]
 Numbers = NDArray[np.int16]
 Singles = NDArray[np.float32]
+Line = tuple[int, int, int, int, int, int, int, bool]
+"""A line in a level of a texture: offset of the level in the array of all texels, its width and
+height [texel]; place from the left and its change from a pixel to the next, place from the top and
+its change [1/65536 texel]; and whether the line leaves the level, which then repeats."""
 
 SEGMENT = 32
 """Pixels of a row along which texture coordinates are interpolated linearly; a division for each
@@ -263,9 +267,8 @@ def fill(
     low = min(ceil(max(corners[0, V], corners[1, V], corners[2, V]) - 0.5), height)
     step = even[0, 1]
     mixed = texels[levels[0, 0]] * 4096
-    x = y = dx = dy = start = wide = tall = share = 0
-    coarse_x = coarse_y = coarse_dx = coarse_dy = coarse_start = coarse_wide = coarse_tall = 0
-    turns = coarse_turns = False
+    share = 0
+    line = coarse_line = line_in(levels[0], 0.0, 0.0, 0.0, 0.0, 1)
     red = int(4096.0 * corners[0, COLOUR] + 0.5)
     green = int(4096.0 * corners[0, COLOUR + 1] + 0.5)
     blue = int(4096.0 * corners[0, COLOUR + 2] + 0.5)
@@ -296,38 +299,17 @@ def fill(
                 s_down = (even[4, 2] - s * even[0, 2]) / near
                 t_down = (even[5, 2] - t * even[0, 2]) / near
                 level, share = level_of(ds, dt, s_down, t_down, levels, fine)
-                start = levels[level, 0]
-                wide = levels[level, 1]
-                tall = levels[level, 2]
-                x, dx = texel_steps(s, ds, wide)
-                y, dy = texel_steps(t, dt, tall)
-                turns = is_beyond(x, x + count * dx, wide) or is_beyond(y, y + count * dy, tall)
+                line = line_in(levels[level], s, t, ds, dt, count)
                 if share > 0:
-                    coarse_start = levels[level + 1, 0]
-                    coarse_wide = levels[level + 1, 1]
-                    coarse_tall = levels[level + 1, 2]
-                    coarse_x, coarse_dx = texel_steps(s, ds, coarse_wide)
-                    coarse_y, coarse_dy = texel_steps(t, dt, coarse_tall)
-                    coarse_turns = is_beyond(
-                        coarse_x, coarse_x + count * coarse_dx, coarse_wide
-                    ) or is_beyond(coarse_y, coarse_y + count * coarse_dy, coarse_tall)
+                    coarse_line = line_in(levels[level + 1], s, t, ds, dt, count)
             shown_row = shown[v, begin : begin + count]
             image_row = image[v, begin : begin + count]
             for c in range(count):
                 if near > near_row[c]:
                     if not plain:
-                        mixed = texel(texels, start, wide, tall, x, y, turns)
+                        mixed = texel(texels, line, c)
                         if share > 0:
-                            coarse = texel(
-                                texels,
-                                coarse_start,
-                                coarse_wide,
-                                coarse_tall,
-                                coarse_x,
-                                coarse_y,
-                                coarse_turns,
-                            )
-                            mixed = between(mixed, coarse, share)
+                            mixed = between(mixed, texel(texels, coarse_line, c), share)
                     if not flat:
                         over = 4096.0 / near
                         red = int((even[1, 0] + dv * even[1, 2] + (du + c) * even[1, 1]) * over)
@@ -339,10 +321,6 @@ def fill(
                     near_row[c] = near
                     shown_row[c] = body
                 near += step
-                x += dx
-                y += dy
-                coarse_x += coarse_dx
-                coarse_y += coarse_dy
 
 
 @compiled(error_model="numpy")
@@ -356,19 +334,33 @@ def texel_steps(at: float, change: float, size: int) -> tuple[int, int]:
 
 
 @compiled(error_model="numpy")
-def texel(texels: Indices, start: int, wide: int, tall: int, x: int, y: int, turns: bool) -> int:
-    """Return the bilinearly interpolated colour at a place in a texture's level, in units of
-    1/4096: red, green and blue in one number, 21 bits apart.
+def line_in(level: Indices, s: float, t: float, ds: float, dt: float, count: int) -> Line:
+    """Return the line in a texture's level along which some pixels of a row lie.
 
     Args:
-        texels: Pixels of all textures.
-        start: Offset of the level in `texels`.
-        wide: Width of the level [texel].
-        tall: Height of the level [texel].
-        x: Place from the left [1/65536 texel].
-        y: Place from the top [1/65536 texel].
-        turns: Whether the place may be beyond the level, which then repeats.
+        level: Offset in the array of all texels, width, height, number of levels (4,).
+        s: First texture coordinate of the first pixel, 0 to 1 over the picture.
+        t: Second texture coordinate of the first pixel.
+        ds: Change of the first texture coordinate from a pixel to the next.
+        dt: Change of the second one.
+        count: Number of pixels.
     """
+    wide = level[1]
+    tall = level[2]
+    x, dx = texel_steps(s, ds, wide)
+    y, dy = texel_steps(t, dt, tall)
+    turns = is_beyond(x, x + count * dx, wide) or is_beyond(y, y + count * dy, tall)
+    return level[0], wide, tall, x, dx, y, dy, turns
+
+
+@compiled(error_model="numpy")
+def texel(texels: Indices, line: Line, c: int) -> int:
+    """Return the bilinearly interpolated colour of pixel c of a line in a texture's level, in units
+    of 1/4096: red, green and blue in one number, 21 bits apart.
+    """
+    start, wide, tall, x, dx, y, dy, turns = line
+    x += c * dx
+    y += c * dy
     column = x >> 16
     row = y >> 16
     if turns:
