@@ -109,6 +109,17 @@ def object_frame(outline: Array) -> Pose:
     return Pose(DOWN, outline.mean(axis=0))
 
 
+def object_pose(seen: Truth, outline: Array) -> Pose:
+    """Return T_camera_object: the pose of a target's reference rectangle's own frame, as
+    `object_frame` defines it, in the camera frame.
+
+    Args:
+        seen: True poses of the camera and of the target.
+        outline: Corners (4, 3) of the rectangle in the target's frame [m].
+    """
+    return seen.T_world_camera.inverse() @ seen.T_world_target @ object_frame(outline)
+
+
 def check_above_table(T_world_camera: Pose) -> None:
     """Check that a camera is above the table.
 
@@ -141,9 +152,17 @@ def check_sight(outline: Array, T_world_camera: Pose, T_world_target: Pose) -> N
         )
 
 
-def truth_above(camera: Camera, outline: Array, pixel: Array, theta: float, depth: float) -> Truth:
+def truth_above(
+    camera: Camera,
+    outline: Array,
+    pixel: Array,
+    theta: float,
+    depth: float,
+    tilt: float = 0.0,
+    towards: float = 0.0,
+) -> Truth:
     """Return the truth of a target at the world's origin, with its nose along world x, seen by a
-    camera that looks straight down.
+    camera that looks straight down, or is tilted.
 
     Args:
         camera: Intrinsics.
@@ -151,8 +170,13 @@ def truth_above(camera: Camera, outline: Array, pixel: Array, theta: float, dept
         pixel: Projection of the rectangle's centre (2,) [px].
         theta: Direction of the target's nose in the image, from +u towards +v [rad].
         depth: Distance of the centre along the optical axis [m].
+        tilt: Angle by which the camera is then moved around the rectangle's centre [rad].
+        towards: Direction in the picture to which it is moved, from +u towards +v [rad].
     """
-    eye = camera_above(camera, outline.mean(axis=0), 0.0, pixel, theta, depth)
+    middle = outline.mean(axis=0)
+    eye = camera_above(camera, middle, 0.0, pixel, theta, depth)
+    if tilt:
+        eye = tilted(eye, middle, tilt, towards)
     return truth(camera, outline, eye, Pose.planar(0.0, 0.0, 0.0))
 
 

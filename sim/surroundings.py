@@ -1,7 +1,7 @@
 """Surroundings of the target: the ground below it, walls and clutter around it, and the light.
 
 Each is a table of a scenario, and the defaults leave the room as it is. Clutter lies flat on the
-table, so that a target may drive over it from anywhere to anywhere.
+table, so that a target may drive over it from anywhere to anywhere; with a height it stands there.
 """
 
 from collections.abc import Sequence
@@ -16,12 +16,13 @@ from annotated_types import Ge, Le
 from sim.files.picture_name import picture_named
 from sim.models.paint import PLAIN, SIDES, SQUARE, Colour, add_rectangles, rgba
 from sim.models.shapes import lay
-from sim.ranges import Degrees, File, Share
-from sim.types import Array, Image
+from sim.ranges import Degrees, File, Length, Share
+from sim.types import Array, Image, Pose
 
 WOOD = "wood"
 OWN = "picture"
 GROUND = "ground"
+CLUTTER = "clutter"
 WALLS = "walls"
 TABLE = "table"
 FLOOR = "floor"
@@ -39,6 +40,12 @@ BAR = 0.15
 """Width of a bar over its length."""
 Tile = Annotated[float, Ge(0.01), Le(10)]
 """Width on which a picture lies once [m]."""
+LEAST_HEIGHT = 0.25
+"""Least height of a standing thing over the largest."""
+LEAST_PART = 0.2
+MOST_PART = 0.5
+"""Side of the part of a picture that an object shows, over the picture's side."""
+Number = Annotated[int, Ge(0), Le(500)]
 SHAPES = ("disc", "card", "bar")
 """Shapes of the clutter; the draws count them in this order."""
 LAMP_STRENGTH = 0.5
@@ -98,19 +105,28 @@ class WallsConfig:
 
 @dataclass(frozen=True, slots=True)
 class ClutterConfig:
-    """Settings of the flat objects and toys on the table.
+    """Settings of the objects and toys on the table.
 
     `number` objects of a shape lie flat, at random places and in random colours, by the seed of the
-    run; the share `alike` of them has colours of the target. `toys` keeps the twelve objects that
-    stand on the table.
+    run; the share `alike` of them has colours of the target. With a `height` they stand on the
+    table, and cover what is below them. `toys` keeps the twelve objects that stand on the table.
     """
 
-    number: Annotated[int, Ge(0), Le(500)] = 0
-    """Number of flat objects."""
+    number: Number = 0
+    """Number of objects."""
     shape: Literal["mixed", "disc", "card", "bar"] = "mixed"
     """Shape of the objects; "mixed" draws a shape for each."""
     alike: Share = 0.0
     """Share of the objects that have colours of the target."""
+    height: Annotated[float, Ge(0), Le(1)] = 0.0
+    """Largest height of the objects [m]; each draws its own, from a quarter of it on. From 0.01 on
+    all of them are higher than a plate. 0: they are flat, and a target lies above them."""
+    within: Length | None = None
+    """The middles of the objects are at most this far from the table's middle along x and along y
+    [m]; by default they are anywhere on the table."""
+    picture: File | None = None
+    """A shipped picture's name ("brick"), a file, or "skimage:NAME": each object is then a box that
+    shows a part of it on each side; by default objects have plain colours."""
     toys: bool = True
     """Keep the twelve objects that stand on the table."""
 
@@ -226,7 +242,9 @@ def colours_of(target: mujoco.MjSpec) -> Array:
 def _strew(
     room: mujoco.MjSpec, clutter: ClutterConfig, alike: Array, rng: np.random.Generator
 ) -> None:
-    reach = room.geom(TABLE).size[:2]
+    within = clutter.within
+    reach = room.geom(TABLE).size[:2] if within is None else np.array([within, within])
+    boxes = list[Array]()
     for i in range(clutter.number):
         shape = SHAPES[rng.integers(len(SHAPES))]
         place = rng.uniform(-reach, reach)
@@ -236,6 +254,11 @@ def _strew(
         own, of_target = rng.uniform(size=3), alike[rng.integers(len(alike))]
         colour = of_target if rng.uniform() < clutter.alike else own
         height = LOWEST + (HIGHEST - LOWEST) * (i + 1) / clutter.number
+        if clutter.height:
+            height += clutter.height * rng.uniform(LEAST_HEIGHT, 1.0)
+        if clutter.picture is not None:
+            boxes.append(_sides_of_box(place, radians(turn), [length, slim * length, height]))
+            continue
         room.worldbody.add_geom(
             pos=[*place, height / 2],
             euler=[0.0, 0.0, turn],
@@ -245,8 +268,37 @@ def _strew(
         )
 
 
+    if clutter.picture is not None:
+        picture = picture_named(clutter.picture, "grounds", "clutter.picture")
+        sides = np.concatenate(boxes)
+        parts = np.array([_part(rng) for _ in sides])
+        add_rectangles(room, CLUTTER, sides, parts, picture)
+
+
+def _sides_of_box(place: Array, turn: float, size: Sequence[float]) -> Array:
+    """Return the corners (5, 4, 3) [m] of the upper side and the four walls of a box that stands on
+    the table, counter-clockwise as seen from outside.
+
+    Args:
+        place: Its middle on the table (2,) [m].
+        turn: Direction of its length, from world x towards y [rad].
+        size: Length, width and height [m].
+    """
+    seen = SIDES[[0, 2, 3, 4, 5]]
+    outwards = np.cross(seen[:, 0], seen[:, 1])
+    corners = (outwards[:, None] + SQUARE @ seen + (0, 0, 1)) * np.array(size) / 2
+    return Pose.planar(float(place[0]), float(place[1]), turn).apply(corners)
+
+
+def _part(rng: np.random.Generator) -> Array:
+    """Return the corners (4, 2) of a random part of a picture, 0 to 1 from its left and bottom."""
+    side = rng.uniform(LEAST_PART, MOST_PART)
+    corner = rng.uniform(0.0, 1.0 - side, 2)
+    return corner + side * (SQUARE + 1) / 2
+
+
 def _geom(shape: str, length: float, slim: float, height: float) -> dict[str, object]:
-    """Return type and half sizes [m] of a flat thing; `slim` is the width of a card over its
+    """Return type and half sizes [m] of a thing on the table; `slim` is the width of a card over its
     length.
     """
     if shape == "disc":

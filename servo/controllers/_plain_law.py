@@ -3,8 +3,10 @@
 A law is a class with `start` and `command`, or a function law(seen, task) that is called for each
 picture in which the target is seen and returns the twist (6,) or a `Command`; without a target the
 camera stands still. A policy is a class with a method, or a function, act(picture, goal_picture,
-posture), which is called for each picture and returns the twist (6,). Arguments with a default
-value are settings of the scenario.
+posture), which is called for each picture and returns the twist (6,). A policy act(picture,
+goal_picture, camera, posture) or act(picture, goal_picture, camera, posture, depth) gets also the
+believed intrinsics and the depth at the goal, and its posture is relative to the first picture.
+Arguments with a default value are settings of the scenario.
 """
 
 import inspect
@@ -22,11 +24,13 @@ from sim.plain_part import config_for, has_methods, plain_config
 from sim.types import Array, Image, Posture
 
 Law = Callable[..., Array | Command]
-Act = Callable[[Image, Image, Posture], Array]
+Act = Callable[..., Array]
+"""A policy's function: of picture, goal_picture, posture; or of picture, goal_picture, camera,
+posture and perhaps depth."""
 SEES_PICTURES = frozenset({Channel.PICTURE, Channel.GOAL_PICTURE})
 """Channels that a policy needs."""
-PICTURES = 3
-"""Number of arguments of a policy: picture, goal_picture, posture."""
+OF_POLICIES = (3, 4, 5)
+"""Numbers of arguments of a policy."""
 
 
 def adapted(found: Any) -> type[Any] | None:
@@ -40,7 +44,7 @@ def adapted(found: Any) -> type[Any] | None:
         return config_for(found, lambda **given: _of_object(make(**given)), needs=SEES_PICTURES)
     if not inspect.isfunction(found):
         return None
-    if _asks_for(found) == PICTURES:
+    if _asks_for(found) in OF_POLICIES:
         return config_for(
             found, lambda **given: PolicyLaw(partial(found, **given)), needs=SEES_PICTURES
         )
@@ -86,8 +90,8 @@ class FunctionLaw:
 
 @final
 class PolicyLaw:
-    """Controller that calls a policy with the camera's picture, the goal's picture and the robot's
-    posture, whether the tracker sees the target or not.
+    """Controller that calls a policy with the camera's picture, the goal's picture, the robot's
+    posture and perhaps camera and depth, whether the tracker sees the target or not.
     """
 
     def __init__(self, act: Act, reset: Callable[[], object] | None = None) -> None:
@@ -96,12 +100,15 @@ class PolicyLaw:
         Args:
             act: Function that returns the camera twist (6,) in the camera frame [m/s, rad/s] from
                 three arguments: the camera's picture (H, W, 3), the goal's picture (H, W, 3), and
-                the robot's posture.
+                the robot's posture. With four, the third is the believed `Camera`, and the posture
+                is relative to the first picture (`since`); a fifth is the believed depth at the
+                goal, on the optical axis [m].
             reset: Function that makes the policy forget the run before; it is called when a run
                 begins.
         """
         self._act = act
         self._reset = reset
+        self._takes = _asks_for(act)
 
     def start(self, task: Task) -> None:
         """Begin a run: reset the policy, and store the goal's picture.
@@ -113,7 +120,9 @@ class PolicyLaw:
             self._reset()
         if task.goal.picture is None:
             raise ValueError("there is no picture of the goal: give it to Loop.start as `goal`")
-        self._goal = task.goal.picture.image
+        self._goal = task.goal.picture
+        self._depth = 1.0 / task.goal.plane.C
+        self._first: Posture | None = None
 
     def command(self, seen: Sight | None, posture: Posture, dt: float) -> Command:
         """Return the policy's twist as a `Command`; a twist of zero for a frame without a picture.
@@ -121,7 +130,25 @@ class PolicyLaw:
         """
         if seen is None or seen.picture is None:
             return Command(np.zeros(6), mode=Mode.HOLDING)
-        return Command(_floats(self._act(seen.picture.image, self._goal, posture)))
+        given: list[object] = [seen.picture.image, self._goal.image, posture]
+        if self._takes > len(given):
+            self._first = self._first or posture
+            given[2:] = [self._goal.camera, since(self._first, posture), self._depth]
+        return Command(_floats(self._act(*given[: max(self._takes, OF_POLICIES[0])])))
+
+
+def since(first: Posture, now: Posture) -> Posture:
+    """Return a posture relative to an earlier one: `T_base_camera` is the pose in the frame of the
+    earlier camera, joints and their limits are counted from the earlier joints. So nothing tells
+    where in the room the robot is.
+    """
+    return replace(
+        now,
+        T_base_camera=first.T_base_camera.inverse() @ now.T_base_camera,
+        joints=now.joints - first.joints,
+        lower=now.lower - first.joints,
+        upper=now.upper - first.joints,
+    )
 
 
 def _floats(twist: object) -> Array:

@@ -2,13 +2,16 @@
 (Collewet, Marchand 2011).
 """
 
-from dataclasses import dataclass
-from typing import final
+from dataclasses import dataclass, replace
+from math import floor, log2
+from typing import Annotated, final
 
 import cv2
 import numpy as np
+from annotated_types import Ge, Le
 
 from servo.features._base import Features
+from servo.features._pictures import picture_of
 from servo.mistake import Mistake
 from servo.sight.point_rows import point_rows
 from servo.types import CameraImage, Sight
@@ -19,23 +22,31 @@ BORDER = 10
 """Pixels this near to the picture's edge are left out."""
 TAPS = np.array([-112, -913, -2047, 0, 2047, 913, 112]) / 8418
 """Derivative filter along a row or a column."""
+LEAST = 1e-3
+"""Smallest difference of two pictures that counts [grey levels]."""
+MOST_HALVINGS = 4
+"""From so many halvings on nothing is blurred."""
 RANK_TOLERANCE = 1e-6
 """Singular values below this share of the largest count as zero."""
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """The feature set `photometric` has no settings. The pixels' interaction matrix is
-    taken at the goal.
+    """Settings of the feature set `photometric`: the blur of both pictures far from the goal [px].
+
+    The pixels' interaction matrix is taken at the goal.
     """
 
+    blur: Annotated[float, Ge(0), Le(100)] = 0.0
+    """Standard deviation of the blur of both pictures at the start [px]; it is halved each time that
+    their difference is. Blurred pictures can be compared from farther away."""
     needs = frozenset({Channel.PICTURE, Channel.GOAL_PICTURE})
 
     def build(self, outline: Array) -> "PhotometricFeatures":
         """Return the feature set; the target's `outline`, corners (4, 3) in its frame [m], is not
         used.
         """
-        return PhotometricFeatures()
+        return PhotometricFeatures(self.blur)
 
 
 @final
@@ -46,7 +57,9 @@ class PhotometricFeatures(Features):
 
     Collewet and Marchand 2011 (Photometric visual servoing, IEEE Transactions on Robotics 27). One
     depth stands for all pixels. The method needs texture, constant light, and a start near the
-    goal.
+    goal. Blurring both pictures at first, and less and less, widens where it may start (Crombez,
+    Mouaddib, Caron, Chaumette 2019, Visual servoing with photometric Gaussian mixtures as dense
+    features, IEEE Transactions on Robotics 35, have the idea).
     """
 
     names = ("x", "y", "z", "rx", "ry", "rz")
@@ -54,8 +67,13 @@ class PhotometricFeatures(Features):
     feed_forward = ()
     noise = np.full(6, 1e-4)
 
-    def __init__(self) -> None:
+    def __init__(self, blur: float = 0.0) -> None:
+        self._widest = blur
         self._goal: Sight | None = None
+        self._first: float | None = None
+        """Difference of both pictures at the start, rms [grey levels]."""
+        self._blur: float | None = None
+        self._blurred = np.zeros((0, 0))
         self._goal_inverse = np.zeros((6, 0))
 
     def values(self, sight: Sight) -> Array:
@@ -68,11 +86,30 @@ class PhotometricFeatures(Features):
         """
         goal = sight.aim
         if goal is not self._goal:
-            L = brightness_matrix(_picture(goal), 1 / goal.plane.C)
             self._goal = goal
+            self._first = self._blur = None
+        blur = self._blur_for(sight, goal)
+        if blur != self._blur:
+            self._blur = blur
+            pictured = _blurred(picture_of(goal), blur)
+            L = brightness_matrix(pictured, 1 / goal.plane.C)
+            self._blurred = brightness(pictured)
             self._goal_inverse = np.linalg.pinv(L, rcond=RANK_TOLERANCE).astype(np.float64)
-        e = (brightness(_picture(sight)) - brightness(_picture(goal))).ravel()
+        e = (brightness(_blurred(picture_of(sight), blur)) - self._blurred).ravel()
         return self._goal_inverse @ e
+
+    def _blur_for(self, sight: Sight, goal: Sight) -> float:
+        """Return the standard deviation of the blur for a picture [px]: the widest one, halved as
+        often as the difference of both pictures has been since the start.
+        """
+        if self._widest == 0.0 or sight is goal:
+            return 0.0
+        apart = brightness(picture_of(sight)) - brightness(picture_of(goal))
+        rms = float(np.sqrt(np.mean(apart**2)))
+        if self._first is None:
+            self._first = rms
+        halvings = floor(log2(max(self._first, rms, LEAST) / max(rms, LEAST)))
+        return self._widest / 2**halvings if halvings < MOST_HALVINGS else 0.0
 
     def matrix(self, sight: Sight) -> Array:
         """Return the interaction matrix (6, 6): the identity, since the features are a displacement
@@ -122,6 +159,14 @@ def brightness_matrix(picture: CameraImage, depth: float) -> Array:
     return -(Ix[:, None] * Lx + Iy[:, None] * Ly)
 
 
+def _blurred(picture: CameraImage, blur: float) -> CameraImage:
+    """Return a picture after a Gaussian blur of a standard deviation [px]."""
+    if blur == 0.0:
+        return picture
+    image = np.asarray(cv2.GaussianBlur(picture.image, (0, 0), blur), np.uint8)
+    return replace(picture, image=image)
+
+
 def _grey(picture: CameraImage) -> Array:
     return cv2.cvtColor(picture.image, cv2.COLOR_RGB2GRAY).astype(np.float64)
 
@@ -134,9 +179,3 @@ def _inside(whole: Array) -> Array:
             "camera.height"
         )
     return whole[BORDER:-BORDER, BORDER:-BORDER]
-
-
-def _picture(sight: Sight) -> CameraImage:
-    if sight.picture is None:
-        raise ValueError("there is no picture of the goal: give it to Loop.start as `goal`")
-    return sight.picture

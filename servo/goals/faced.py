@@ -1,5 +1,5 @@
-"""Goal at which the camera faces the target, given by pixel, angle and depth; the depth may change
-to another one at constant speed, once in the run.
+"""Goal at which the camera sees the target at a pixel, an angle, a depth and a tilt; the depth may
+change to another one at constant speed, once in the run.
 """
 
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from annotated_types import Ge, Le
 from servo.sight.estimate_to_sight import EstimateToSight, SightConfig
 from servo.types import Sight
 from sim.outline import Outline
-from sim.placement import truth_above
+from sim.placement import object_pose, truth_above
 from sim.ranges import Degrees, Interval, Time
 from sim.types import Array, Camera, Frame, Pose, Truth
 from tracking.types import Region, State
@@ -27,7 +27,8 @@ class GoalConfig:
 
     The position is in px to the right of the image's centre and below it. The angle is the
     direction of the target's nose, from right towards down, in degrees. The distance is in m, and
-    can change once in the run, at constant speed.
+    can change once in the run, at constant speed. By default the camera faces the target; with a
+    tilt it sees the target from the side.
     """
 
     x: Pixels = 0.0
@@ -40,6 +41,13 @@ class GoalConfig:
     """Distance of the target's reference rectangle [m]."""
     depth_to: Depth | None = None
     """Distance to which the goal changes [m]; by default it stays."""
+    tilt_deg: Annotated[float, Ge(0), Le(80)] = 0.0
+    """Tilt of the camera [deg]: placed by the settings above, it is then moved around the target's
+    centre by this angle; the centre keeps its pixel and depth. Needs a tracker that reports
+    corners, or a method that compares pictures."""
+    tilt_towards_deg: Degrees = 0.0
+    """Direction in the picture in which the tilt moves the camera, from right towards down
+    [deg]."""
     change_start: Time = 3.0
     """Time at which the goal begins to change [s]."""
     change_duration: Interval = 3.0
@@ -55,8 +63,9 @@ class GoalConfig:
 
 @final
 class Faced:
-    """Goal at which the camera faces the target (the target's plane is parallel to the image),
-    given by the target's pixel, angle and depth; the depth may change once in the run.
+    """Goal given by the target's pixel, angle, depth and tilt in the picture; without a tilt the
+    camera faces the target (its plane is parallel to the image). The depth may change once in the
+    run.
     """
 
     def __init__(
@@ -134,6 +143,8 @@ class Faced:
 
     def _sight(self, depth: float, *, by_corners: bool) -> Sight:
         faced = self._at(depth)
+        if self._config.tilt_deg:
+            return self._to_sight.tilted_goal(faced.corners, object_pose(faced, self._outline))
         if by_corners and not self._camera.is_plain:
             return self._to_sight.goal_of(faced.corners)
         outline = Outline(self._outline)
@@ -144,13 +155,22 @@ class Faced:
         )
 
     def _at(self, depth: float) -> Truth:
-        """Return the true poses and picture of a target that the camera faces at a depth [m]. The
-        result for the last depth is cached.
+        """Return the true poses and picture of a target at the goal with a depth [m]. The result for
+        the last depth is cached.
         """
         if depth not in self._faced:
             camera = self._camera
-            faced = truth_above(camera, self._outline, self.pixel, self.theta, depth)
-            if camera.distortion is None:
+            c = self._config
+            faced = truth_above(
+                camera,
+                self._outline,
+                self.pixel,
+                self.theta,
+                depth,
+                radians(c.tilt_deg),
+                radians(c.tilt_towards_deg),
+            )
+            if camera.distortion is None and not c.tilt_deg:
                 # Without a lens these are known without the rounding of a projection.
                 size = camera.focal / depth
                 faced = replace(faced, centre=self.pixel, theta=self.theta, size=size)

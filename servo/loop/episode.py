@@ -4,7 +4,7 @@ step by step.
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from math import radians
 from time import perf_counter
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from servo.goals.faced import Faced
+from servo.goals.picture_world import AtGoalConfig
 from servo.loop.inputs import check_type
 from servo.loop.loop import Loop
 from servo.loop.part_failures import Part, PartFailed
@@ -28,7 +29,7 @@ from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
 from sim.kinematics.rollout import FORESEEN, STEP
 from sim.outline import Outline
-from sim.placement import object_frame
+from sim.placement import object_pose
 from sim.surroundings import Surroundings
 from sim.types import Array, Frame, Image, Pose, Truth
 from sim.world import Moment, Unstable, World, WorldParts
@@ -104,7 +105,7 @@ class Episode:
         self._kept = {} if kept is None else kept
         with ExitStack() as unless_ready:
             unless_ready.callback(self.close)  # the caller has nothing to close
-            self.world = self._build_world(renderer, seen=seen or shows_goal)
+            self.world = self._build_world(scenario, renderer, seen=seen or shows_goal)
             outline = self.world.outline
             with self._refusals():
                 believed = scenario.believed.outline(outline)
@@ -112,10 +113,10 @@ class Episode:
             self.goal = Faced(scenario.goal, outline, self.world.camera, self.world.camera)
             """The goal for the true camera, if there is no leader."""
             needs_goal = Channel.GOAL_PICTURE in scenario.needs
-            goal = self._picture_at_goal() if needs_goal or shows_goal else None
+            goal = self._picture_at_goal(renderer) if needs_goal or shows_goal else None
             self.goal_picture = goal
             """The picture (H, W, 3) that the camera takes at the goal, if it was taken."""
-            self.begun = self._place_camera(scenario.start, self._way)
+            self.begun = self._place_camera(self.world, scenario.start, self._way)
             """How well the robot reaches the start pose, and follows the motion with its joints."""
             moment = self.world.moment()
             first = moment.picture()
@@ -143,8 +144,18 @@ class Episode:
 
     __exit__ = close
 
-    def _build_world(self, renderer: MakeRenderer | None, *, seen: bool) -> World:
-        s = self.scenario
+    def _build_world(
+        self, s: Setup, renderer: MakeRenderer | None, *, seen: bool, clutter: str = "clutter"
+    ) -> World:
+        """Build the world of a scenario.
+
+        Args:
+            s: The scenario.
+            renderer: Function that makes the renderer; None: the one that the camera's settings
+                name.
+            seen: Whether the caller uses the pictures.
+            clutter: Name of the random stream of the clutter.
+        """
         motion = self._build(Part("motion", s.motion))
         robot = self._build(Part("robot", s.robot))
         target = self._build(Part("target", s.target))
@@ -154,7 +165,7 @@ class Episode:
         ]
         names = "sensor", "encoders", "depth"
         sensor, encoders, depth = (stream(s.run.seed, name) for name in names)
-        around = Surroundings(s.ground, s.walls, s.clutter, s.light, stream(s.run.seed, "clutter"))
+        around = Surroundings(s.ground, s.walls, s.clutter, s.light, stream(s.run.seed, clutter))
         parts = WorldParts(
             robot, target, motion, disturbances, s.camera, s.believed, s.world, around, s.leader
         )
@@ -201,10 +212,25 @@ class Episode:
             self._kept[part.place] = part.config, built
         return part.guarded(built) if hasattr(built, "at") else built
 
-    def _picture_at_goal(self) -> Image:
-        """Return the camera's picture (H, W, 3) at the goal ("teaching by showing")."""
-        self._place_camera(StartConfig(), pose="goal")
-        return self.world.look().image
+    def _picture_at_goal(self, renderer: MakeRenderer | None) -> Image:
+        """Return the camera's picture (H, W, 3) at the goal ("teaching by showing"), in a world of
+        its own if [at_goal] says that something differed.
+        """
+        s = self.scenario
+        if s.at_goal == AtGoalConfig():
+            self._place_camera(self.world, StartConfig(), pose="goal")
+            return self.world.look().image
+        then = replace(
+            s,
+            camera=s.at_goal.camera(s.camera),
+            light=s.at_goal.light(s.light),
+            clutter=s.at_goal.clutter_of(s.clutter),
+        )
+        clutter = "clutter at goal" if s.at_goal.moved else "clutter"
+        world = self._build_world(then, renderer, seen=True, clutter=clutter)
+        with closing(world):
+            self._place_camera(world, StartConfig(), pose="goal")
+            return world.look().image
 
     def _way(self) -> list[Pose]:
         """Return the desired poses of the camera in the first seconds of the run, every `STEP` s,
@@ -226,32 +252,38 @@ class Episode:
         ]
 
     def _place_camera(
-        self, start: StartConfig, way: Callable[[], list[Pose]] | None = None, pose: str = "start"
+        self,
+        world: World,
+        start: StartConfig,
+        way: Callable[[], list[Pose]] | None = None,
+        pose: str = "start",
     ) -> Reach:
         seed = self.scenario.run.seed
         drawn = f", seed {seed}" * (seed != 0)  # of seed 0 nothing is drawn
         with self._refusals(f"{pose}{drawn}: ", ImpossibleStart):
-            reach = self._start(start, way)
+            reach = self._start(world, start, way)
             if not reach:
-                carried = self.world.robot.mounting.carried
-                hint = self.world.robot.advice
+                carried = world.robot.mounting.carried
+                hint = world.robot.advice
                 raise ValueError(
                     f"the robot cannot bring the {carried} to its {pose} pose: {reach}; change "
                     f"[start] or [goal]{hint}"
                 )
         return reach
 
-    def _start(self, start: StartConfig, way: Callable[[], list[Pose]] | None) -> Reach:
+    def _start(
+        self, world: World, start: StartConfig, way: Callable[[], list[Pose]] | None
+    ) -> Reach:
         if start.pose is not None:
             turn = exp_so3(np.radians(start.pose[3:]))
-            return self.world.start_facing(Pose(turn, np.array(start.pose[:3])), way)
+            return world.start_facing(Pose(turn, np.array(start.pose[:3])), way)
         # Relative to the goal: beside a leader that of the first picture.
-        led = self.world.goal()
+        led = world.goal()
         pixel = self.goal.pixel if led is None else led.centre
         theta = self.goal.theta if led is None else led.theta
-        pose = None if led is None else self._goal_pose(led)
+        pose = None if led is None else object_pose(led, world.outline)
         depth = self.scenario.goal.depth if pose is None else float(pose.translation[2])
-        return self.world.start(
+        return world.start(
             pixel + (start.x, start.y),
             theta + radians(start.angle_deg),
             depth / start.scale,
@@ -310,19 +342,12 @@ class Episode:
         camera = before @ truth.T_world_target.inverse() @ truth.T_world_camera
         return self._scene.true_motion(camera, before, after, self.running.goal_sight, end - begin)
 
-    def _goal_pose(self, goal: Truth) -> Pose:
-        """Return the pose of the target in the camera frame at a goal, as `Sight.pose`
-        defines it.
-        """
-        seen = goal.T_world_camera.inverse() @ goal.T_world_target
-        return seen @ object_frame(self.world.outline)
-
     def _goal_sight(self, frame: Frame, goal: Truth | None) -> Sight:
         """Return the desired view of the target as the true camera has it; with a leader, that of
         the given true goal.
         """
         if goal is not None:
-            return sight_of(self._goal_pose(goal), self.world.outline)
+            return sight_of(object_pose(goal, self.world.outline), self.world.outline)
         # With the same camera believed and true, the loop has already computed it.
         believed = self.running.goal_sight
         if self.world.camera_believed is self.world.camera:

@@ -10,6 +10,7 @@ import numpy as np
 from servo.contracts import check_followed, check_same_features
 from servo.loop.part_failures import Part
 from servo.loop.settings import Setup
+from servo.mistake import Mistake
 from servo.parts import Controller, Estimator, FeatureSet, Task
 from servo.sight.difference import Difference
 from servo.types import Command, Sight
@@ -135,7 +136,14 @@ class Law:
 
         Raises:
             PartFailed: No feature can be measured.
+            Mistake: The goal is tilted, and the tracker does not report the corners that show it.
         """
+        is_blind = estimate.corners is None and not self.uses_pictures
+        if self._scenario.goal.tilt_deg and is_blind:
+            raise Mistake(
+                "goal.tilt_deg: this tracker reports a rectangle, which does not show a tilt: use a "
+                "tracker that reports corners, or leave goal.tilt_deg out"
+            )
         with self._features.naming():
             check_followed(self.features, estimate, self._goal)
 

@@ -10,6 +10,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from servo.goals.faced import Depth, GoalConfig, Pixels
+from servo.goals.picture_world import AtGoalConfig
 from servo.mistake import Mistake
 from servo.parts import Controller, Estimator, FeaturesConfig
 from servo.sight.estimate_to_sight import SightConfig
@@ -184,6 +185,7 @@ class Setup:
     world: WorldConfig
     camera: CameraConfig
     goal: GoalConfig
+    at_goal: AtGoalConfig
     leader: LeaderConfig
     start: StartConfig
     region: RegionConfig

@@ -4,6 +4,7 @@ from contextlib import suppress
 from typing import Any
 
 from servo.goals.faced import GoalConfig
+from servo.goals.picture_world import AtGoalConfig
 from servo.loop.settings import (
     MeasureConfig,
     RegionConfig,
@@ -26,6 +27,7 @@ SECTIONS: dict[str, type[Any]] = {
     "world": WorldConfig,
     "camera": CameraConfig,
     "goal": GoalConfig,
+    "at_goal": AtGoalConfig,
     "leader": LeaderConfig,
     "start": StartConfig,
     "region": RegionConfig,

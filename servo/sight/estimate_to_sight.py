@@ -13,7 +13,7 @@ from servo.sight import shape_moments
 from servo.sight.certainty import certain
 from servo.sight.depth_points import DepthPoints
 from servo.sight.exact import plane_in, sight_of
-from servo.sight.planar_pose import CornersToPose
+from servo.sight.planar_pose import CornersToPose, refined
 from servo.sight.planes import FACING, PlaneFit, level_plane, plane_of_depth, plane_of_size
 from servo.types import Moments, Plane, Sight
 from sim.channels import Channel, Channels
@@ -154,6 +154,18 @@ class EstimateToSight:
         m = shape_moments.of_polygon(seen)
         plane = plane_of_size(m, self._root_area, FACING)
         return self._with_depth_factor(Sight(m, plane, tilt_known=True, corners=seen))
+
+    def tilted_goal(self, corners: Array, about: Pose) -> Sight:
+        """Return the desired view of a target that is seen from the side.
+
+        Args:
+            corners: Corners (4, 2) of the target at the goal [px], in the order of the outline.
+            about: The target's pose at the goal for the camera that sees these corners; the
+                result's pose fits them for this converter's camera.
+        """
+        sides = Outline(self._outline)
+        size = sides.length, sides.width
+        return self.at(refined(about, self._camera.normalise(corners), size))
 
     def at(self, pose: Pose) -> Sight:
         """Return the desired view of the target at a desired pose in the camera frame,

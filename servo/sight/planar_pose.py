@@ -73,7 +73,7 @@ class CornersToPose:
             (T_base_camera @ pose, cost - least)
             for (pose, _), cost in zip(found, costs, strict=True)
         ]
-        return _refined(found[costs.index(least)][0], corners, self._size)
+        return refined(found[costs.index(least)][0], corners, self._size)
 
 
 def _candidates(corners: Array, size: tuple[float, float]) -> list[tuple[Pose, float]]:
@@ -126,9 +126,14 @@ def _prior_cost(pose: Pose, expected: Pose | None) -> float:
     return float((np.arccos(np.clip(cosine, -1, 1)) / TURN) ** 2)
 
 
-def _refined(pose: Pose, corners: Array, size: tuple[float, float]) -> Pose:
-    """Return the pose, found by iteration from the given one, that fits the corners best
-    (Levenberg, Marquardt).
+def refined(pose: Pose, corners: Array, size: tuple[float, float]) -> Pose:
+    """Return the pose T_camera_object, found by iteration from the given one, that fits the corners
+    of a rectangle best (Levenberg, Marquardt).
+
+    Args:
+        pose: Pose from which the iteration starts.
+        corners: Corners (4, 2) in normalised image coordinates, in the order of `CornersToPose.of`.
+        size: Length and width of the rectangle [m].
     """
     vector, t = cv2.solvePnPRefineLM(
         UNIT * (*size, 0.0),

@@ -115,6 +115,7 @@ class Sensor:
         ]
         """Rows, their weights, and which of the pictures they are exposed in."""
         slow = config.auto_gain
+        self._constant_gain = config.gain
         self._share = None if slow is None else 1 - exp(-1 / config.rate / slow)
         self._gain = 1.0
         self._level: float | None = None
@@ -125,12 +126,13 @@ class Sensor:
 
     def develop(self, pictures: list[Image], gain: float) -> Image:
         """Return the read-only frame (H, W, 3) from the pictures rendered in one frame interval, in
-        order of time; `gain` is a factor on their brightness. An automatic gain is applied too, and
-        adapted for the next frame.
+        order of time; `gain` is a factor on their brightness, beside the camera's own. An automatic
+        gain is applied too, and adapted for the next frame.
 
         The first interval of a run has one picture only. The lens distorts the mean of the
         pictures, which is the same as to distort each of them.
         """
+        gain *= self._constant_gain
         fixed = gain == 1.0 and self._noise is None and self._share is None
         if len(pictures) == 1 and fixed:
             image = self._lens.bend(pictures[0])

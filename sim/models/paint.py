@@ -121,15 +121,14 @@ def add_rectangles(
         spec: The model, which is changed.
         name: Name of the mesh, its geom and its material.
         corners: Corners (n, 4, 3) [m], counter-clockwise as seen from this side.
-        places: Their places in the picture (4, 2): 0..1 from its left and from its bottom, and
-            beyond where the picture is repeated.
+        places: Their places in the picture (4, 2), or of each rectangle (n, 4, 2): 0..1 from its
+            left and from its bottom, and beyond where the picture is repeated.
         picture: The picture (H, W, 3).
     """
     halves = np.array([[0, 1, 2], [0, 2, 3]])
     faces = 4 * np.arange(len(corners))[:, None, None] + halves
-    mesh = Triangles(
-        corners.reshape(-1, 3), faces.reshape(-1, 3), np.tile(places[halves], (len(corners), 1, 1))
-    )
+    of_each = np.broadcast_to(places, (len(corners), 4, 2))[:, halves]
+    mesh = Triangles(corners.reshape(-1, 3), faces.reshape(-1, 3), of_each.reshape(-1, 3, 2))
     kind = mujoco.mjtGeom.mjGEOM_MESH
     geom = spec.worldbody.add_geom(name=name, type=kind, meshname=name, **PLAIN)
     show(spec, spec.add_mesh(name=name), [geom], [(mesh, Material((), picture))])

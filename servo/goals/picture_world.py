@@ -1,0 +1,53 @@
+"""What differs in the world when the picture at the goal is taken: light, noise and clutter."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+from annotated_types import Ge, Le
+
+from sim.camera.camera import CameraConfig, Gain, Noise
+from sim.ranges import Degrees, Share
+from sim.surroundings import ClutterConfig, LightConfig, Number
+
+
+@dataclass(frozen=True, slots=True)
+class AtGoalConfig:
+    """Settings of the world in which the picture at the goal is taken; by default the run's own.
+
+    A method that compares the camera's picture with the one at the goal meets what has changed
+    since: gain and noise of the camera, the lamp, and the clutter.
+    """
+
+    gain: Gain | None = None
+    """Replaces camera.gain."""
+    noise: Noise | None = None
+    """Replaces camera.noise [grey levels of 255]."""
+    light_strength: Share | None = None
+    """Replaces light.strength."""
+    light_azimuth_deg: Degrees | None = None
+    """Replaces light.azimuth_deg [deg]."""
+    light_elevation_deg: Annotated[float, Ge(5), Le(90)] | None = None
+    """Replaces light.elevation_deg [deg]."""
+    clutter: Number | None = None
+    """Replaces clutter.number."""
+    moved: bool = False
+    """Whether the clutter stood at other places, drawn by the seed of the run."""
+
+    def camera(self, own: CameraConfig) -> CameraConfig:
+        """Return the run's camera settings with the changes of this table."""
+        gain = own.gain if self.gain is None else self.gain
+        noise = own.noise if self.noise is None else self.noise
+        return replace(own, gain=gain, noise=noise)
+
+    def light(self, own: LightConfig) -> LightConfig:
+        """Return the run's settings of the lamp with the changes of this table."""
+        given = {
+            "strength": self.light_strength,
+            "azimuth_deg": self.light_azimuth_deg,
+            "elevation_deg": self.light_elevation_deg,
+        }
+        return replace(own, **{key: value for key, value in given.items() if value is not None})
+
+    def clutter_of(self, own: ClutterConfig) -> ClutterConfig:
+        """Return the run's settings of the clutter with the changes of this table."""
+        return own if self.clutter is None else replace(own, number=self.clutter)

@@ -1,0 +1,81 @@
+"""Camera motion between two pictures of a plane, from their homography."""
+
+from collections.abc import Sequence
+from typing import final
+
+import cv2
+import numpy as np
+
+from sim.geometry import exp_so3
+from sim.types import Array
+
+SMALL = 0.02
+"""Homographies this near to the identity (largest singular value of the difference) are linearised:
+OpenCV takes still nearer ones for pure rotations."""
+
+Motion = tuple[Array, Array, Array]
+"""Rotation R (3, 3), translation over the plane's distance t (3,) and unit normal n (3,) of a
+homography H ~ R + t n^T. n is in the first camera's frame, and points away from the camera."""
+
+
+@final
+class PlaneMotion:
+    """Decomposes the homographies from one picture of a plane to others. Each has two solutions: the
+    normal of the true one is the same in each picture, that of the other one changes.
+    """
+
+    def __init__(self) -> None:
+        self._paths: list[tuple[Array, float]] = [(np.array([0.0, 0.0, 1.0]), 0.0)]
+        """Normals that are possible so far, and what their changes have cost [rad^2]. The first
+        picture decides by the smallest tilt of the plane."""
+
+    def of(self, H: Array) -> Motion | None:
+        """Return the motion that explains a homography (3, 3) in normalised image coordinates; None
+        if the plane would be behind a camera.
+        """
+        H = H / np.linalg.svd(H, compute_uv=False)[1] * np.sign(np.linalg.det(H))
+        if np.linalg.norm(H - np.eye(3), 2) < SMALL:
+            return _small(H, min(self._paths, key=lambda path: path[1])[0])
+        found = _motions(H)
+        if not found:
+            return None
+        costs = [
+            min(cost + _angle(normal, before) ** 2 for before, cost in self._paths)
+            for _, _, normal in found
+        ]
+        normals = [normal for _, _, normal in found]
+        self._paths = list(zip(normals, costs, strict=True))
+        return found[costs.index(min(costs))]
+
+
+def _motions(H: Array) -> Sequence[Motion]:
+    """Return the motions that explain a homography (3, 3), without those in which the middle of the
+    picture would be behind a camera.
+
+    Malis and Vargas 2007 (Deeper understanding of the homography decomposition for vision-based
+    control, INRIA research report 6303).
+    """
+    _, turns, shifts, normals = cv2.decomposeHomographyMat(H, np.eye(3))
+    found = list[Motion]()
+    for R, t, n in zip(turns, shifts, normals, strict=True):
+        shift = t.ravel()
+        normal = n.ravel()
+        if normal[2] > 0 and (R + np.outer(shift, normal))[2, 2] > 0:
+            found.append((R, shift, normal))
+    return found
+
+
+def _small(H: Array, normal: Array) -> Motion:
+    """Return the motion of a plane with a given normal (3,) whose homography H (3, 3) is near to
+    the identity, by least squares: H - I = [w]x + t n^T.
+    """
+    cross = np.array([np.cross(axis, np.eye(3)).T for axis in np.eye(3)])
+    columns = [*cross, *(np.outer(axis, normal) for axis in np.eye(3))]
+    rows = np.array([column.ravel() for column in columns]).T
+    found = np.linalg.lstsq(rows, (H - np.eye(3)).ravel())[0]
+    return exp_so3(found[:3]), found[3:], normal
+
+
+def _angle(first: Array, second: Array) -> float:
+    """Return the angle between two unit vectors (3,) [rad]."""
+    return float(np.arccos(np.clip(first @ second, -1.0, 1.0)))
