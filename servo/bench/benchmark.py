@@ -23,9 +23,10 @@ from sim.types import Array
 from tracking.files.json_text import as_json
 
 FOLDER = "benchmarks"
-NAMES = ("loop-v1", "servo-v1")
+NAMES = ("loop-v1", "servo-v1", "goal-v1")
 HASH_DIGITS = 16
 """Of a SHA-256: 64 bits, so that no two editions of a benchmark share them."""
+SEVERITY = "severity"
 SEALED_FROM = 1 << 20
 SEALED_SEEDS = 1 << 40
 """Sealed seeds lie above all others."""
@@ -43,7 +44,11 @@ NEAR_DEG = 10.0
 """Arrival in the wider sense that is used for learned servoing: a tenth of a path of a metre, and
 ten degrees."""
 Settings = Table
-OF_CONTESTANTS = {"tracker": ("tracker",), "law": ("features", "controller")}
+OF_CONTESTANTS = {
+    "tracker": ("tracker",),
+    "law": ("features", "controller"),
+    "pictures": ("features", "controller"),
+}
 """Tables of a scenario that a contestant sets; the hash does not cover their defaults."""
 
 
@@ -61,7 +66,12 @@ class Condition:
     factors: dict[str, dict[str, Settings]]
     """The settings of a level of a factor: `factors[factor][level]`."""
     size: str | None = None
-    """The key in `ranges` whose value measures how large the task is."""
+    """The key in `ranges` whose value measures how large the task is, or "severity"."""
+    worlds: int | None = None
+    """Number of its worlds; None: as many as the benchmark says."""
+    severity: tuple[float, float] | None = None
+    """Range of a severity that is drawn for each world: each drawn setting is moved to this share
+    of its distance from its value in `settings`; None: all are as drawn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,10 +143,12 @@ class Benchmark:
 
     name: str
     title: str
-    contestant: Literal["tracker", "law"]
-    score: Literal["held", "arrives"]
+    contestant: Literal["tracker", "law", "pictures"]
+    """What takes part: a tracker, a control law, or a law that compares the camera's picture with
+    the one at the goal."""
+    score: Literal["held", "arrives", "reaches"]
     worlds: int
-    """Worlds of a condition."""
+    """Worlds of a condition, at most."""
     seeds: dict[str, int]
     """First seed of each public band."""
     null: Settings
@@ -228,10 +240,13 @@ class Benchmark:
         factor, occurs equally often (McKay, Beckman and Conover, A comparison of three methods for
         selecting values of input variables, 1979: the Latin hypercube).
         """
-        seeds = self._seeds(condition, band)
+        seeds = self._seeds(condition, band)[: condition.worlds]
+        count = len(seeds)
         rng = np.random.default_rng([seeds[0], *condition.name.encode()])
-        columns = {key: _spread(rng, self.worlds) for key in condition.ranges}
-        levels = {name: _spread(rng, self.worlds) for name in condition.factors}
+        columns = {key: _spread(rng, count) for key in condition.ranges}
+        levels = {name: _spread(rng, count) for name in condition.factors}
+        if condition.severity is not None:
+            columns[SEVERITY] = _spread(rng, count)
         return [_world(condition, n, seed, columns, levels) for n, seed in enumerate(seeds)]
 
     def _seeds(self, condition: Condition, band: Band) -> list[int]:
@@ -307,6 +322,8 @@ def parsed(
                 for factor, levels in (table["factors"] | given.get("factors", {})).items()
             },
             given.get("size"),
+            given.get("worlds"),
+            given.get("severity") and tuple(given["severity"]),
         )
         for key, given in table["conditions"].items()
     ]
@@ -345,6 +362,7 @@ def _constants(score: str) -> Settings:
             "near_deg": NEAR_DEG,
         },
     }
+    of_scores["reaches"] = of_scores["arrives"]
     return {f"score.{name}": value for name, value in of_scores[score].items()}
 
 
@@ -365,10 +383,19 @@ def _world(
     """Return a world of a condition with the given number. `columns` and `levels` have balanced
     numbers (n,) from 0 to 1 for all n worlds, for each drawn setting and each factor.
     """
-    drawn = {
-        key: round(low + float(columns[key][number]) * (high - low), 6)
-        for key, (low, high) in condition.ranges.items()
-    }
+    severity = 1.0
+    if condition.severity is not None:
+        least, most = condition.severity
+        severity = round(least + float(columns[SEVERITY][number]) * (most - least), 6)
+    drawn: dict[str, float] = {}
+    for key, (low, high) in condition.ranges.items():
+        value = low + float(columns[key][number]) * (high - low)
+        if condition.severity is not None:
+            mild = float(str(condition.settings[key]))
+            value = mild + severity * (value - mild)
+        # A range of whole numbers is one of a number of things.
+        whole = isinstance(low, int) and isinstance(high, int)
+        drawn[key] = round(value) if whole else round(value, 6)
     chosen = {
         name: list(each)[int(levels[name][number] * len(each))]
         for name, each in condition.factors.items()
@@ -376,5 +403,6 @@ def _world(
     settings = condition.settings | drawn
     for name, level in chosen.items():
         settings |= condition.factors[name][level]
-    size = drawn.get(condition.size or "", float("nan"))
+    sizes = drawn | {SEVERITY: severity}
+    size = sizes.get(condition.size or "", float("nan"))
     return World(condition.name, number, seed, settings, chosen, size)

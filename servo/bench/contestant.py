@@ -167,7 +167,7 @@ def home_of(benchmark: Benchmark) -> list[Contestant]:
     """Return the contestants of a benchmark that come with servobench: all trackers that follow any
     target by pictures alone, or the control laws that the benchmark's file lists.
     """
-    if benchmark.contestant == "law":
+    if benchmark.contestant != "tracker":
         return [Contestant(name, s, Division.HOME) for name, s in benchmark.home.items()]
     own = [k for k in general_kinds() if ":" not in k and not TRACKERS.package_of(k)]
     return [Contestant(kind, {"tracker.kind": kind}, Division.HOME) for kind in own]
@@ -226,7 +226,7 @@ def _served(settings: Settings) -> Settings:
 
 
 def _guest(benchmark: Benchmark, home: Collection[str], text: str, served: bool) -> Contestant:
-    is_law = benchmark.contestant == "law"
+    is_law = benchmark.contestant != "tracker"
     name, what = named_part("controller" if is_law else "tracker", text)
     kinds = [*FEATURES.names(), *LAWS.names()] if is_law else TRACKERS.names()
     if what not in (*home, *kinds) and ":" not in what:

@@ -131,13 +131,13 @@ def world_score(benchmark: Benchmark, record: Record) -> WorldScore:
     With the benchmark's score "held", the score is `area_within` of the errors, up to 2 target
     sizes. With "arrives", it is 1 if the run did not end early, the camera ends within 10 mm and 1
     degree of its goal, and no corner of the target was ever outside the picture, where a detector
-    would have lost it; else 0.
+    would have lost it; else 0. "reaches" is the same, but the target may leave the picture.
     """
     first, last = (record.settings[name][:DIGITS] for name in (PICTURE, LAST))
     if benchmark.score == "held":
         return replace(score_errors(record.series[ERROR]), picture=first, last=last)
     lasts = bool(np.isfinite(record.series[ERROR][-1]))
-    seen = record.measures["out_of_view_pct"] == 0.0
+    seen = benchmark.score == "reaches" or record.measures["out_of_view_pct"] == 0.0
     arrived = lasts and seen and is_within(record, ARRIVED_MM, ARRIVED_DEG)
     return WorldScore(float(arrived), arrived, first, last)
 
@@ -206,7 +206,7 @@ def row_of(
         worlds={r.settings[WORLD]: world_score(benchmark, r) for r in at_once},
         slow={} if contestant.division is Division.SCALE else slow_of(benchmark, errors),
         curve=curve_of([r.series[ERROR] for r in at_once]),
-        measures=_measures(at_once) if benchmark.score == "arrives" else {},
+        measures={} if benchmark.score == "held" else _measures(at_once),
     )
 
 

@@ -16,10 +16,9 @@ from servo.scenario.load import parse
 from servo.scenario.toml import Table
 from servo.study.run import Job, Record
 from servo.study.scenario_run import Sheet, record_of
-from sim.channels import Channel, needs_of
+from sim.channels import Channel
 from sim.types import Array, Image
 from sim.world import Unstable
-from tracking.types import SEES_PICTURES
 
 CONTESTANT = "contestant"
 WORLD = "world"
@@ -65,7 +64,7 @@ class WorldRun:
         sheet = Sheet(scenario.frames)
         pictures: list[Image] = []
         run = Columns()
-        looks = Channel.PICTURE in needs_of(scenario.tracker, SEES_PICTURES)
+        looks = Channel.PICTURE in scenario.needs
         with Episode(scenario, seen=looks) as episode:
             try:
                 for step in episode:

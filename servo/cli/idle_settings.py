@@ -230,7 +230,7 @@ INVERTS = "this feature set computes the twist from the error by an inverse of i
 DRAWN = "the pictures are those of a recording, in which nothing is drawn"
 NEEDS = (
     Need(
-        ("camera.renderer", "camera.textures", "ground", "walls", "clutter", "light"),
+        ("camera.renderer", "camera.textures", "ground", "walls", "clutter", "light", "at_goal"),
         _of_scenario(lambda s: s.camera.renderer != "recording"),
         DRAWN,
     ),
@@ -255,13 +255,28 @@ NEEDS = (
         "leader.id is not set, so there is no leader (the second tag, which [motion] moves)",
     ),
     Need(
+        ("goal.tilt_towards_deg",),
+        _of_scenario(lambda s: s.goal.tilt_deg),
+        "goal.tilt_deg is 0, so the goal has no tilt",
+    ),
+    Need(
+        ("at_goal",),
+        lambda episode: episode.goal_picture is not None,
+        "no picture is taken at the goal: only features made of pixels, and policies, use one",
+    ),
+    Need(
+        ("at_goal.moved",),
+        _of_scenario(lambda s: s.at_goal.clutter_of(s.clutter).number),
+        "no clutter stands there when the picture at the goal is taken",
+    ),
+    Need(
         ("start.tilt_towards_deg",),
         _of_scenario(lambda s: s.start.tilt_deg),
         "start.tilt_deg is 0, so the camera starts without a tilt",
     ),
     Need(
-        ("clutter.shape", "clutter.alike"),
-        _of_scenario(lambda s: s.clutter.number),
+        ("clutter.shape", "clutter.alike", "clutter.height", "clutter.within", "clutter.picture"),
+        _of_scenario(lambda s: s.clutter.number or s.at_goal.clutter),
         "clutter.number is 0, so there is no clutter",
     ),
     Need(

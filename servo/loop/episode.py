@@ -217,8 +217,9 @@ class Episode:
         its own if [at_goal] says that something differed.
         """
         s = self.scenario
+        there = StartConfig(tilt_deg=s.goal.tilt_deg, tilt_towards_deg=s.goal.tilt_towards_deg)
         if s.at_goal == AtGoalConfig():
-            self._place_camera(self.world, StartConfig(), pose="goal")
+            self._place_camera(self.world, there, pose="goal")
             return self.world.look().image
         then = replace(
             s,
@@ -229,7 +230,7 @@ class Episode:
         clutter = "clutter at goal" if s.at_goal.moved else "clutter"
         world = self._build_world(then, renderer, seen=True, clutter=clutter)
         with closing(world):
-            self._place_camera(world, StartConfig(), pose="goal")
+            self._place_camera(world, there, pose="goal")
             return world.look().image
 
     def _way(self) -> list[Pose]:
