@@ -267,7 +267,6 @@ def _strew(
             **PLAIN | {"group": 0},
         )
 
-
     if clutter.picture is not None:
         picture = picture_named(clutter.picture, "grounds", "clutter.picture")
         sides = np.concatenate(boxes)
@@ -298,8 +297,8 @@ def _part(rng: np.random.Generator) -> Array:
 
 
 def _geom(shape: str, length: float, slim: float, height: float) -> dict[str, object]:
-    """Return type and half sizes [m] of a thing on the table; `slim` is the width of a card over its
-    length.
+    """Return type and half sizes [m] of a thing on the table; `slim` is the width of a card over
+    its length.
     """
     if shape == "disc":
         size: Sequence[float] = [length / 2, height / 2, 0]

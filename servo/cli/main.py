@@ -163,7 +163,9 @@ def evaluate() -> None:
 
 
 @app.command()
-@click.argument("name", type=click.Choice(["loop-v1", "servo-v1", "goal-v1"]), help="The benchmark.")
+@click.argument(
+    "name", type=click.Choice(["loop-v1", "servo-v1", "goal-v1"]), help="The benchmark."
+)
 @click.option(
     "--contestant",
     "--tracker",

@@ -21,7 +21,7 @@ from servo.parts import Task
 from servo.types import Command, Mode, Sight
 from sim.channels import Channel
 from sim.plain_part import config_for, has_methods, plain_config
-from sim.types import Array, Image, Posture
+from sim.types import Array, Posture
 
 Law = Callable[..., Array | Command]
 Act = Callable[..., Array]

@@ -38,8 +38,8 @@ class Config:
     """
 
     blur: Annotated[float, Ge(0), Le(100)] = 0.0
-    """Standard deviation of the blur of both pictures at the start [px]; it is halved each time that
-    their difference is. Blurred pictures can be compared from farther away."""
+    """Standard deviation of the blur of both pictures at the start [px]; it is halved when their
+    difference is. Blurred pictures can be compared from farther away."""
     needs = frozenset({Channel.PICTURE, Channel.GOAL_PICTURE})
 
     def build(self, outline: Array) -> "PhotometricFeatures":

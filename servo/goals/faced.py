@@ -155,8 +155,8 @@ class Faced:
         )
 
     def _at(self, depth: float) -> Truth:
-        """Return the true poses and picture of a target at the goal with a depth [m]. The result for
-        the last depth is cached.
+        """Return the true poses and picture of a target at the goal with a depth [m]. The result
+        for the last depth is cached.
         """
         if depth not in self._faced:
             camera = self._camera

@@ -141,8 +141,8 @@ class Law:
         is_blind = estimate.corners is None and not self.uses_pictures
         if self._scenario.goal.tilt_deg and is_blind:
             raise Mistake(
-                "goal.tilt_deg: this tracker reports a rectangle, which does not show a tilt: use a "
-                "tracker that reports corners, or leave goal.tilt_deg out"
+                "goal.tilt_deg: this tracker reports a rectangle, which does not show a tilt: use "
+                "a tracker that reports corners, or leave goal.tilt_deg out"
             )
         with self._features.naming():
             check_followed(self.features, estimate, self._goal)

@@ -20,8 +20,8 @@ homography H ~ R + t n^T. n is in the first camera's frame, and points away from
 
 @final
 class PlaneMotion:
-    """Decomposes the homographies from one picture of a plane to others. Each has two solutions: the
-    normal of the true one is the same in each picture, that of the other one changes.
+    """Decomposes the homographies from one picture of a plane to others. Each has two solutions:
+    the normal of the true one is the same in each picture, that of the other one changes.
     """
 
     def __init__(self) -> None:

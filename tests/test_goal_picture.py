@@ -1,0 +1,214 @@
+"""Goals that are seen from the side, the picture at the goal, and features that compare pictures."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+import servo
+from servo import Mistake
+from servo.controllers._plain_law import since
+from servo.loop.episode import Episode
+from servo.loop.run_measures import summarise
+from servo.scenario.load import load
+from servo.sight.picture_match import alignment
+from servo.sight.plane_motion import PlaneMotion
+from servo.types import CameraImage
+from sim.files.picture_name import picture_named
+from sim.geometry import exp_so3
+from sim.placement import object_pose
+from sim.types import Camera
+
+TILTED = (
+    "robot.kind=free",
+    "target.kind=tag",
+    "goal.tilt_deg=40",
+    "goal.tilt_towards_deg=70",
+    "goal.x=20",
+    "goal.angle_deg=30",
+)
+CAMERA = Camera(300.0, 290.0, 165.0, 118.0, 320, 240)
+
+
+def ends(name, *changes):
+    """Distance [mm] and angle [deg] from the goal at the end of a run."""
+    scenario = load(name, [*changes, "expect={}"])
+    steps = list(servo.run(scenario))
+    measures = summarise(steps, scenario.measure, 1 / scenario.camera.rate).measures
+    return measures["end_position_mm"], measures["end_rotation_deg"]
+
+
+def test_a_tilted_goal_has_the_pose_of_its_truth():
+    with Episode(load("still", [*TILTED, "tracker.kind=truth", "tracker.corners=true"])) as episode:
+        outline = episode.world.outline
+        there = object_pose(
+            episode.goal.truth(0.0, episode.world.moment().truth.T_world_camera), outline
+        )
+        pose = episode.goal.sight_at(0.0).pose
+        np.testing.assert_allclose(pose.translation, there.translation, atol=1e-9)
+        np.testing.assert_allclose(pose.rotation, there.rotation, atol=1e-9)
+        assert np.degrees(np.arccos(pose.rotation[2, 2])) == pytest.approx(40.0, abs=3.0)
+        np.testing.assert_allclose(
+            episode.world.camera.project(pose.translation), episode.goal.pixel, atol=1e-9
+        )
+
+
+def test_a_camera_arrives_at_a_tilted_goal_with_wrong_intrinsics_too():
+    corners = ("tracker.kind=truth", "tracker.corners=true", "features.kind=pose")
+    known = (*TILTED, *corners, "estimator.kind=none", "run.duration=6", "controller.gain=2")
+    assert max(ends("still", *known)) < 0.05
+    shown = ("believed.fx_factor=1.1", "believed.goal=shown")
+    assert max(ends("still", *known, *shown)) < 0.05
+
+
+def test_a_tilted_goal_needs_corners():
+    with pytest.raises(Mistake) as refused:
+        list(servo.run(load("still", [*TILTED, "tracker.kind=truth", "run.duration=0.2"])))
+    assert str(refused.value) == (
+        "goal.tilt_deg: this tracker reports a rectangle, which does not show a tilt: use a "
+        "tracker that reports corners, or leave goal.tilt_deg out"
+    )
+
+
+def pictures(*changes):
+    """The picture at the goal and the first one, of a small camera that starts at the goal."""
+    there = ("start={}", "start.tilt_deg=15", "start.tilt_towards_deg=30")
+    small = ("camera.width=80", "camera.height=60", "camera.renderer=exact", "camera.noise=0")
+    with Episode(load("goal_picture", [*there, *small, *changes, "expect={}"])) as episode:
+        return episode.goal_picture.astype(float), episode.shown[0].image.astype(float)
+
+
+def test_the_picture_at_the_goal_is_that_of_the_run_without_its_own_settings():
+    goal, first = pictures("at_goal={}")
+    assert np.abs(goal - first).max() <= 1.0
+
+
+def test_what_has_changed_since_is_in_one_of_both_pictures():
+    plain = pictures("at_goal={}")
+    bright = pictures("at_goal={}", "at_goal.gain=1.0")
+    np.testing.assert_array_equal(bright[1], plain[1])
+    assert bright[0].mean() / plain[0].mean() == pytest.approx(2.0, abs=0.05)
+    for change in (
+        "noise=9.0",
+        "light_strength=0.1",
+        "light_elevation_deg=20",
+        "clutter=0",
+        "moved=true",
+    ):
+        other = pictures("at_goal={}", f"at_goal.{change}")
+        np.testing.assert_array_equal(other[1], plain[1])
+        assert np.abs(other[0] - plain[0]).mean() > 1.0, change
+
+
+def test_standing_clutter_covers_a_plate_and_flat_clutter_does_not():
+    def covered(*changes):
+        free = pictures("at_goal={}", *changes, "clutter.number=0")[1]
+        return float(np.mean(np.abs(pictures("at_goal={}", *changes)[1] - free).max(axis=2) > 3))
+
+    many = ("clutter.number=60", "clutter.within=0.2")
+    assert covered(*many) > 0.4
+    assert covered(*many, "clutter.height=0") < 0.01
+
+
+def random_motion(rng):
+    normal = np.array([*rng.uniform(-0.6, 0.6, 2), 1.0])
+    normal /= np.linalg.norm(normal)
+    return exp_so3(rng.uniform(-0.5, 0.5, 3)), rng.uniform(-0.3, 0.3, 3), normal
+
+
+def test_the_motion_of_a_plane_is_found_from_homographies_of_one_normal():
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        normal = random_motion(rng)[2]
+        motion = PlaneMotion()
+        for _ in range(8):
+            R, t, _ = random_motion(rng)
+            found = motion.of(rng.uniform(0.5, 2) * (R + np.outer(t, normal)))
+        np.testing.assert_allclose(found[0], R, atol=1e-6)
+        np.testing.assert_allclose(found[1], t, atol=1e-6)
+        np.testing.assert_allclose(found[2], normal, atol=1e-6)
+
+
+def test_a_small_motion_is_found_with_the_normal_of_before():
+    rng = np.random.default_rng(5)
+    normal = random_motion(rng)[2]
+    motion = PlaneMotion()
+    for _ in range(8):
+        motion.of(random_motion(rng)[0] + np.outer(random_motion(rng)[1], normal))
+    turn, shift = np.array([1e-3, -2e-3, 3e-3]), np.array([2e-3, 1e-3, -1e-3])
+    found = motion.of(exp_so3(turn) + np.outer(shift, normal))
+    np.testing.assert_allclose(found[0], exp_so3(turn), atol=2e-5)
+    np.testing.assert_allclose(found[1], shift, atol=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("method", "turn", "most"),
+    [("orb", 40.0, 1.0), ("sift", 150.0, 0.5), ("affine_sift", 150.0, 0.5), ("ecc", 3.0, 1.0)],
+)
+def test_pictures_are_aligned(method, turn, most):
+    wide = picture_named("coffee", "targets", "picture")
+    goal = cv2.resize(wide, (320, 240), interpolation=cv2.INTER_AREA)
+    K = np.array([[300.0, 0, 165.0], [0, 290.0, 118.0], [0, 0, 1]])
+    R = exp_so3(np.radians([3.0, -4.0, turn]))
+    H = R + np.outer([0.02, -0.03, 0.05], [0.0, 0.0, 1.0])
+    half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])  # OpenCV counts from a pixel's middle
+    pixels = np.linalg.inv(half) @ K @ H @ np.linalg.inv(K) @ half
+    seen = cv2.warpPerspective(goal, pixels, (320, 240), flags=cv2.INTER_AREA)
+    aligned = alignment(method, CameraImage(goal, CAMERA))
+    found = aligned.find(seen)
+    if method in ("affine_sift", "ecc"):
+        found = aligned.find(seen)  # from where the picture before was
+    at = np.array([[[x, y]] for x in (-0.2, 0.0, 0.2) for y in (-0.15, 0.15)])
+    miss = cv2.perspectiveTransform(at, found) - cv2.perspectiveTransform(at, H)
+    assert np.linalg.norm(miss, axis=2).max() * 300 < most
+
+
+@pytest.mark.parametrize("method", ["orb", "sift", "affine_sift", "ecc"])
+def test_pictures_without_anything_in_common_are_not_aligned(method):
+    rng = np.random.default_rng(1)
+    goal = np.full((120, 160, 3), 90, np.uint8)
+    noise = rng.integers(0, 255, (120, 160, 3), np.uint8)
+    camera = replace(CAMERA, width=160, height=120)
+    for first, second in ((goal, noise), (noise, goal), (goal, goal)):
+        assert method == "ecc" or alignment(method, CameraImage(first, camera)).find(second) is None
+    assert alignment(method, CameraImage(noise, camera)).find(noise[::-1].copy()) is None
+
+
+def test_a_scenario_arrives_by_matched_points():
+    assert ends("goal_picture", "camera.renderer=exact", "camera.rate=8")[0] < 10.0
+
+
+def test_blurred_pictures_arrive_from_farther_away():
+    away = ("start={}", "start.x=10", "start.angle_deg=5", "start.tilt_deg=12", "camera.rate=10")
+    near = ("run.duration=4", "camera.width=160", "camera.height=120", "controller.gain=2")
+    sharp = ends("photometric", *away, *near)
+    blurred = ends("photometric", *away, *near, "features.blur=4")
+    assert blurred[0] < 3.0
+    assert sharp[0] > 10.0
+
+
+def test_a_policy_of_four_arguments_gets_the_camera_and_a_posture_since_the_start():
+    given = []
+
+    def act(picture, goal_picture, camera, posture):
+        given.append((camera, posture))
+        return np.array([0.1, 0, 0, 0, 0, 0.2])
+
+    def deep(picture, goal_picture, camera, posture, depth):
+        given.append(depth)
+        return np.zeros(6)
+
+    changes = ["run.duration=0.2", "run.latency=0", "estimator.kind=none", "tracker.kind=frozen"]
+    steps = list(servo.run(load("line", [*changes, "believed.fx_factor=1.2"], controller=act)))
+    assert given[0][0].fx == pytest.approx(1.2 * steps[0].scene.camera.fx)
+    assert np.array_equal(given[0][1].joints, np.zeros(6))
+    assert np.array_equal(given[0][1].T_base_camera.translation, np.zeros(3))
+    moved = since(steps[0].posture, steps[-1].posture)
+    np.testing.assert_allclose(
+        given[-1][1].T_base_camera.translation, moved.T_base_camera.translation
+    )
+    assert moved.T_base_camera.translation[0] > 0.005
+    given.clear()
+    list(servo.run(load("line", [*changes, "goal.depth=0.8"], controller=deep)))
+    assert given[0] == pytest.approx(0.8, abs=1e-6)
