@@ -16,7 +16,6 @@ from typing import Literal, Protocol
 import cv2
 import numpy as np
 from cv2.typing import MatLike
-from numpy.typing import NDArray
 
 from servo.types import CameraImage
 from sim.types import Array, Camera, Image
@@ -66,7 +65,7 @@ class Points:
     """
 
     pixels: Array
-    descriptors: NDArray[np.generic]
+    descriptors: MatLike
 
 
 def matrix_of(camera: Camera, size: float = 1.0) -> Array:
@@ -161,7 +160,7 @@ class ByPoints:
         if np.count_nonzero(good) < FEWEST:
             return None
         H, fits = cv2.findHomography(there[good, 0], seen.pixels[good], cv2.USAC_MAGSAC, MISS)
-        if H is None or np.count_nonzero(fits) < FEWEST:
+        if np.count_nonzero(fits) < FEWEST:  # also where there is no H
             return None
         return np.asarray(H, np.float64)
 
@@ -233,7 +232,7 @@ class ByPixels:
                 self._before.copy(),
                 cv2.MOTION_HOMOGRAPHY,
                 end,
-                None,
+                np.full(self._goal.shape, 255, np.uint8),
                 SMOOTH,
             )
         except cv2.error:  # how it says that it does not converge
@@ -246,4 +245,5 @@ class ByPixels:
 
 def _halved(picture: Image) -> Image:
     grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
-    return np.asarray(cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+    half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    return np.asarray(half, np.uint8)

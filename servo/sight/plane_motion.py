@@ -33,10 +33,10 @@ class PlaneMotion:
         """Return the motion that explains a homography (3, 3) in normalised image coordinates; None
         if the plane would be behind a camera.
         """
-        H = H / np.linalg.svd(H, compute_uv=False)[1] * np.sign(np.linalg.det(H))
-        if np.linalg.norm(H - np.eye(3), 2) < SMALL:
-            return _small(H, min(self._paths, key=lambda path: path[1])[0])
-        found = _motions(H)
+        scaled = H / np.linalg.svd(H, compute_uv=False)[1] * np.sign(np.linalg.det(H))
+        if np.linalg.norm(scaled - np.eye(3), 2) < SMALL:
+            return _small(scaled, min(self._paths, key=lambda path: path[1])[0])
+        found = _motions(scaled)
         if not found:
             return None
         costs = [
@@ -58,10 +58,9 @@ def _motions(H: Array) -> Sequence[Motion]:
     _, turns, shifts, normals = cv2.decomposeHomographyMat(H, np.eye(3))
     found = list[Motion]()
     for R, t, n in zip(turns, shifts, normals, strict=True):
-        shift = t.ravel()
-        normal = n.ravel()
-        if normal[2] > 0 and (R + np.outer(shift, normal))[2, 2] > 0:
-            found.append((R, shift, normal))
+        turn, shift, normal = (np.asarray(each, np.float64) for each in (R, t.ravel(), n.ravel()))
+        if normal[2] > 0 and (turn + np.outer(shift, normal))[2, 2] > 0:
+            found.append((turn, shift, normal))
     return found
 
 
@@ -72,7 +71,7 @@ def _small(H: Array, normal: Array) -> Motion:
     cross = np.array([np.cross(axis, np.eye(3)).T for axis in np.eye(3)])
     columns = [*cross, *(np.outer(axis, normal) for axis in np.eye(3))]
     rows = np.array([column.ravel() for column in columns]).T
-    found = np.linalg.lstsq(rows, (H - np.eye(3)).ravel())[0]
+    found = np.asarray(np.linalg.lstsq(rows, (H - np.eye(3)).ravel())[0], np.float64)
     return exp_so3(found[:3]), found[3:], normal
 
 
