@@ -1,4 +1,5 @@
-"""Rotations SO(3) and rigid motions SE(3): exponentials, logarithms, adjoints, angles, and poses
+"""Rotations SO(3) and rigid motions SE(3): exponentials, logarithms, adjoints, angles and poses;
+and inverses of small matrices.
 from roll, pitch and yaw; inverses of matrices.
 
 A twist is (v, w): linear velocity first [m/s], then angular velocity [rad/s], both in the moving
@@ -88,7 +89,7 @@ def exp_se3(xi: Array) -> Pose:
 
 def adjoint(T_a_b: Pose) -> Array:
     """Return the matrix (6, 6) that converts a rigid body's twist (v, w) in frame b to its twist in
-    frame a.
+    frame a; v is the velocity of the body at the frame's origin.
     """
     R = T_a_b.rotation
     return np.block([[R, skew(T_a_b.translation) @ R], [np.zeros((3, 3)), R]])

@@ -90,8 +90,8 @@ class BuildsItself:
 
 
 class UnknownKind(ValueError):
-    """Error: a kind (a named component, such as the tracker "kams") is unknown or cannot be loaded;
-    the message says why.
+    """Error: a kind (a named component, such as the tracker "kams") or its preset is unknown, or
+    the kind cannot be loaded; the message says why.
     """
 
 
@@ -140,7 +140,7 @@ class Kinds(Generic[Config]):
 
     def package_of(self, kind: str) -> str:
         """Return the name and version of the package that adds a kind, such as "my-package 1.2"; an
-        empty text for a kind of servobench.
+        empty text for any other name.
         """
         found = self._added().get(kind)
         return "" if found is None else f"{found.package} {found.version}"
@@ -158,7 +158,8 @@ class Kinds(Generic[Config]):
         return self.config_of(kind)(**{**begin, **settings})
 
     def config_of(self, kind: str) -> ConfigClass:
-        """Return the `Config` class of a kind: its dataclass of settings.
+        """Return the `Config` class of a kind: its dataclass of settings. A class "module:Name" is
+        imported if the text is `Trusted`.
 
         Raises:
             UnknownKind: The kind is unknown, cannot be imported, or is not a `Config`.

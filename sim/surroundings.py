@@ -81,7 +81,8 @@ class GroundConfig:
 class WallsConfig:
     """Settings of four walls around the table with a picture, repeated every `tile` metres.
 
-    They are seen from inside only.
+    They stand `distance` [m] from the table's middle, up to `height` [m] over its top, and are seen
+    from inside only. Without a `picture` there are no walls.
     """
 
     picture: File | None = None
@@ -135,8 +136,8 @@ class LightConfig:
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What surrounds the target: ground, walls, clutter and light, with the generator that draws
-    the clutter.
+    """The surroundings of the target: settings of ground, walls, clutter and light, and the
+    generator that draws the clutter.
     """
 
     ground: GroundConfig = field(default_factory=GroundConfig)

@@ -223,8 +223,8 @@ class Truth:
 
     @property
     def depth(self) -> float:
-        """Distance of the target along the optical axis [m]; below zero the target is behind the
-        camera, and `centre`, `theta`, `size` and `corners` are meaningless.
+        """Distance of the origin of the target's frame along the optical axis [m]; below zero the
+        target is behind the camera, and `centre`, `theta`, `size` and `corners` are meaningless.
         """
         return float((self.T_world_camera.inverse() @ self.T_world_target).translation[2])
 

@@ -355,7 +355,9 @@ class World:
         return picture
 
     def moment(self) -> Moment:
-        """Return the state of the world at the present time, and begin to render its picture."""
+        """Return the state of the world at the present time, and begin to render its picture. Call
+        it once a frame: it draws encoder noise.
+        """
         picture = self.begin()
         posture = self.posture()
         return Moment(

@@ -36,8 +36,11 @@ class CameraConfig:
 
     Poses are x, y, z [m] and roll, pitch, yaw [deg]: with `mounted` = "world", `pose` is that of
     the camera in the world, and `held` that of the target in the frame that the robot's camera
-    would have. `noise` is in grey levels of 255, `exposure` a fraction of the frame interval,
-    `auto_gain` a time constant [s], and depths are in m.
+    would have. `rate` is the frame rate [Hz]; a pixel is the mean of `supersample` x `supersample`
+    rendered ones; `noise` is in grey levels of 255, `exposure` a fraction of the frame interval,
+    `readout_ms` the delay from the first to the last row of a rolling shutter, rendered as `bands`
+    pictures, and `auto_gain` a time constant [s]; depths are in m, `depth_holes` in px. None: the
+    value of the robot's model, or no such effect.
     """
 
     mounted: Literal["robot", "world"] = "robot"

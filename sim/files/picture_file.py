@@ -38,8 +38,8 @@ def read_image(file: Path, depth: BitDepth | None = None) -> Image:
 
 
 def read_on_white(file: Path) -> Image:
-    """Return a picture to be shown on something as RGB (H, W, 3), at most `LARGEST_SIDE` px a side.
-    Where it is transparent, white shows through.
+    """Return the picture in a file as RGB (H, W, 3), uint8, made smaller if a side is longer than
+    `LARGEST_SIDE` (2048 px). Where it is transparent, white shows through.
 
     Raises:
         ValueError: As for `read_image`.

@@ -74,8 +74,8 @@ def wrong_drive(model: mujoco.MjModel, actuator: int) -> str | None:
 
 def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces: Array) -> None:
     """Add a velocity servo to each joint of a model; friction, damping, springs and force limits of
-    the joints are removed, and their motors' inertia is raised, at least to 0.01 kg m^2 (hinges) or
-    0.1 kg (slides).
+    the joints are removed, and the inertia of their motors is raised to half of the inertia that
+    they move, at least to 0.01 kg m^2 (hinges) or 0.1 kg (slides).
 
     Args:
         spec: A model without actuators and without further joints; it is changed.

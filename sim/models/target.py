@@ -101,7 +101,8 @@ def seen_from_above(spec: mujoco.MjSpec) -> Array:
     hits = _hits(model, data, *bounds)
     if len(hits) == 0:
         raise ValueError(
-            "no visible part of the target lies above the table's top, z = 0: move the model up"
+            "no visible part of the target lies above the table's top, z = 0: move the model up, "
+            "or give it visible shapes"
         )
     low = hits.min(axis=0)
     high = hits.max(axis=0)

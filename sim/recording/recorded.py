@@ -69,8 +69,8 @@ class Recorded:
         return self.camera.normalise(self.corners[last])
 
     def target(self) -> Target:
-        """Return a flat target with the length and width that the target's outline in the first
-        picture has at a distance of 1 m.
+        """Return a flat target whose length and width are those of the first and second edge of the
+        outline in the first picture, 1 m away along the optical axis.
         """
         first = self._rays[0]
         length, width = np.linalg.norm(first[1:3] - first[:2], axis=1) * FIRST_DEPTH

@@ -33,7 +33,7 @@ NO_BODY = -1
 
 class ExactRenderer:
     """Software renderer for a camera of a MuJoCo model, with IEEE arithmetic in a fixed order; it
-    has the methods of `Renderer`.
+    has the methods of `sim.camera.renderer.Renderer`.
 
     The sky is drawn as one more body after all geoms, which emits light and moves with the camera.
 
