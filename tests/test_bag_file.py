@@ -84,8 +84,8 @@ def test_a_topic_must_be_clear(two, form):
     for topic, sentence in (
         (
             None,
-            "there are several topics with pictures; choose one with --topic: /left (5), "
-            "/right/compressed (5)",
+            "there are several topics with pictures: /left (5), /right/compressed (5); choose one "
+            "with --topic of `servobench track`, or give a scenario a bag with one of them",
         ),
         (
             "/words",

@@ -186,7 +186,7 @@ BAD = {
     "two targets": (
         ["two"],
         "two: there are several truth files (groundtruth_rect.1.txt, groundtruth_rect.2.txt); "
-        "choose one with --truth",
+        "choose one with --truth, or with recording.truth in a scenario",
     ),
     "a log of several cameras": (
         ["cameras.mcap", "--region", REGION],

@@ -138,7 +138,7 @@ def test_a_video_too_large_for_memory_is_refused_by_its_header(tmp_path, monkeyp
 def test_a_video_whose_frames_have_no_size_is_refused(tmp_path):
     path = tmp_path / "film.gif"
     path.write_bytes(b"GIF89a" + struct.pack("<HH", 30_000, 30_000) + film("gif")[10:])
-    assert refusal(path) == "no frame of this video can be decoded: give another file"
+    assert refusal(path) == "no frame of this video can be decoded: give another source"
 
 
 def test_a_rate_that_is_none_is_refused(tmp_path):

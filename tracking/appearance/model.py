@@ -172,8 +172,9 @@ class SampledModel:
     def climb(
         self, image: LabelledImage, states: Array, *, most: int, tolerance: float, reach: float
     ) -> tuple[Array, Array, int]:
-        """Move each state to a local maximum of the similarity to the reference histogram
-        (Bhattacharyya coefficient) by mean shift; the template has one part.
+        """Move x and y of each state to a local maximum of the similarity to the reference
+        histogram (Bhattacharyya coefficient) by mean shift; angle and scale stay. The template has
+        one part.
 
         Args:
             image: The picture.

@@ -70,7 +70,7 @@ def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) ->
 
 
 def page(tiles: Sequence[Image]) -> Image:
-    """Return one image (H, W, 3) with small pictures (h, 240, 3) in rows of four."""
+    """Return one image (H, W, 3) with small pictures (h, 240, 3), at least one, in rows of four."""
     height = max(t.shape[0] for t in tiles)
     columns = min(COLUMNS, len(tiles))
     rows = -(-len(tiles) // columns)

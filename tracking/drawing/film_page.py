@@ -57,8 +57,8 @@ def panel(
     particles: Array | None = None,
     paths: Marks = (),
 ) -> Image:
-    """Return a panel (height, width, 3), an image of a fixed size that shows a picture in its
-    middle.
+    """Return a panel (height, width, 3), an image of a fixed size with a picture, scaled to fit, in
+    its middle.
 
     Args:
         image: The picture, RGB of any size; None: a black panel.

@@ -1,4 +1,6 @@
-"""What a tracker of another author reports for a picture: box, angle, corners, seen, confidence."""
+"""The report of another author's tracker for a picture (box, angle, corners, seen, confidence),
+read from the forms in which trackers answer.
+"""
 
 import reprlib
 from collections.abc import Iterable, Mapping

@@ -27,7 +27,8 @@ class Velocity:
 
     def step(self, ego: Array | None) -> Array:
         """Return the expected change (4,) of x, y [px], theta [rad] and ln scale until the next
-        frame.
+        frame. Call it once a frame, before `jump` and `learn`, because they compare with its
+        prediction.
 
         Args:
             ego: Part of that change (4,) that the camera's motion causes; None: not known.

@@ -161,7 +161,8 @@ def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
         raise ValueError(f"{path}: this bag has no topic '{name}' with pictures; it has {there}")
     if len(found) > 1:
         raise ValueError(
-            f"{path}: there are several topics with pictures; choose one with --topic: {there}"
+            f"{path}: there are several topics with pictures: {there}; choose one with --topic of "
+            "`servobench track`, or give a scenario a bag with one of them"
         )
     if not found[0].count:
         raise ValueError(f"{path}: the topic {found[0].name} has no messages; choose another one")

@@ -80,8 +80,9 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
         topic: Topic of a bag; None: the only topic with pictures.
 
     Raises:
-        ValueError: There is no such source, it has no pictures, a bag has several topics with
-            pictures or none of this name, or a topic is given for another source than a bag.
+        ValueError: There is no such source, or it cannot be read; a folder has no pictures; a bag
+            has several topics with pictures or none of this name; or a topic is given for another
+            source than a bag.
     """
     path = Path(text)
     is_address = stream.ADDRESS.match(text)
@@ -121,7 +122,8 @@ def pictures_in(folder: Path) -> Path:
 
 def truths_in(folder: Path) -> list[Path]:
     """Return the truth files of a sequence's folder, one for each target, sorted by name; an empty
-    list if it has none.
+    list if it has none. For the folder of its pictures, such as "img", the folder above is searched
+    too.
 
     Raises:
         ValueError: The folder cannot be read.
@@ -147,7 +149,8 @@ def truth_beside(source: str) -> Path | None:
     if len(found) > 1:
         names = ", ".join(path.name for path in found)
         raise ValueError(
-            f"{source}: there are several truth files ({names}); choose one with --truth"
+            f"{source}: there are several truth files ({names}); choose one with --truth, or with "
+            "recording.truth in a scenario"
         )
     return found[0] if found else None
 

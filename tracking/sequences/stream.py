@@ -80,7 +80,9 @@ class Feed:
 
 
 class LiveSource:
-    """Source of the pictures of a camera or stream, which can be read only once."""
+    """Source of the pictures of a camera or stream, which can be read only once; its iteration
+    raises ValueError if no picture comes.
+    """
 
     count: int | None = None
 

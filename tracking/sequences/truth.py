@@ -97,7 +97,7 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
     """
     lines = reading.text(path, "truth", LARGEST_FILE).rstrip().splitlines()
     if not lines:
-        raise ValueError(f"{path}: this truth file is empty")
+        raise ValueError(f"{path}: this truth has no lines: it needs one for each picture")
     if count is not None and len(lines) > MOST_LINES * (count + 1):
         raise ValueError(other_count(str(path), len(lines), count))
     has_header = (
@@ -336,5 +336,5 @@ def _of_csv(lines: list[str], path: Path) -> Array:
         numbers = ";".join(row[names.index(name)].strip() or "nan" for name in wanted)
         rows.append(_corners(_numbers(numbers, place), Format.VOT, place))
     if not rows:
-        raise ValueError(f"{path}: this truth file is empty")
+        raise ValueError(f"{path}: this truth has no lines: it needs one for each picture")
     return np.stack(rows)

@@ -87,7 +87,9 @@ class Config:
     traits = frozenset({Trait.TEXTURE, Trait.CORNERS})
 
     def build(self, rng: np.random.Generator) -> "Homography":
-        """Return the tracker, which draws the states from which it searches a lost target."""
+        """Return the tracker, which draws from the generator the states from which it searches a
+        lost target.
+        """
         return Homography(rng)
 
 
