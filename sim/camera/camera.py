@@ -265,7 +265,8 @@ def _check(camera: Camera) -> None:
         raise ValueError(
             f"camera.coefficients: the distortion {lens.model} folds back inside the picture: it "
             f"holds up to {angle:.3g} deg from the optical axis, and the picture reaches farther; "
-            "correct camera.coefficients, or use a longer focal length or a smaller picture"
+            "correct camera.coefficients or the calibration file that gives them, or use a longer "
+            "focal length or a smaller picture"
         )
     if not farthest < np.tan(np.radians(WIDEST)):
         raise ValueError(
@@ -276,5 +277,6 @@ def _check(camera: Camera) -> None:
     if not np.abs(camera.to_pixels(rays) - pixels).max() < SAME_PIXEL:
         raise ValueError(
             "camera.coefficients: the distortion cannot be inverted in the picture; correct "
-            "camera.coefficients, or use a longer focal length or a smaller picture"
+            "camera.coefficients or the calibration file that gives them, or use a longer focal "
+            "length or a smaller picture"
         )

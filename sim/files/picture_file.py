@@ -114,7 +114,7 @@ def check_size(width: int, height: int, what: str = "the picture") -> None:
     """
     if not 0 < min(width, height) <= max(width, height) <= LARGEST_PICTURE:
         raise ValueError(
-            f"{what} has {width} x {height} px; the limit is {LARGEST_PICTURE} px a side"
+            f"{what} has {width} x {height} px; both sides should be 1 to {LARGEST_PICTURE} px"
         )
 
 

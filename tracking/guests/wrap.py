@@ -129,7 +129,8 @@ class Called:
             return confidence_in(where(self._tracker), self._name)
         if not hasattr(self._tracker, where):
             raise ValueError(
-                f"{self._name} has no attribute or method '{where}', but confidence= names it"
+                f"{self._name} has no attribute or method '{where}', but confidence= names it: "
+                "correct the name"
             )
         found = getattr(self._tracker, where)
         return confidence_in(found() if callable(found) else found, self._name)
@@ -235,7 +236,8 @@ class Wrapping:
             made = factory(**arguments)
         if not is_foreign(made):
             raise ValueError(
-                f"{self.name}: {type(made).__name__} lacks init(image, box) or update(image)"
+                f"{self.name}: {type(made).__name__} lacks init(image, box) or update(image): give "
+                "it both methods"
             )
         return made, is_opencvs
 

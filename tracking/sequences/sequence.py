@@ -28,6 +28,8 @@ CAMERA_DIGITS = 3
 """Most digits of a camera's number."""
 THERE = "folder, video file, bag, camera:NUMBER, or address such as rtsp://HOST/PATH"
 """The kinds of sources, for messages."""
+SEQUENCES = "give a folder with pictures and a truth file, or a folder of such folders"
+"""End of a message about a folder without sequences."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,13 +223,13 @@ def read_all(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequ
         ValueError: There is no sequence, or a folder is incomplete or cannot be read.
     """
     if not is_folder(folder):
-        raise ValueError(f"{folder}: there is no such folder of sequences")
+        raise ValueError(f"{folder}: there is no such folder of sequences: {SEQUENCES}")
     if _is_sequence(folder):
         return read_folder(folder, rate, form)
     places = [place for place in reading.names(folder) if _is_sequence(place)]
     found = [sequence for place in places for sequence in read_folder(place, rate, form)]
     if not found:
-        raise ValueError(f"{folder}: there is no sequence (pictures with a truth file) in it")
+        raise ValueError(f"{folder}: there is no sequence in this folder: {SEQUENCES}")
     return found
 
 

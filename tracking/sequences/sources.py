@@ -197,7 +197,10 @@ class Folder:
         """
         files = images_in(folder)
         if not files:
-            raise ValueError(f"{folder}: there are no images in this folder")
+            raise ValueError(
+                f"{folder}: there are no images in this folder: give one with JPEG, PNG, BMP, "
+                "TIFF, WebP or PPM files"
+            )
         others = [file for file in files if not NUMBER.search(file.stem)]
         if not others or 2 * len(others) >= len(files):
             return Folder(tuple(files), rate)

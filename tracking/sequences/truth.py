@@ -218,7 +218,8 @@ def _corners(row: Array, form: Format, place: str) -> Array:
     """
     if form in (Format.OTB, Format.TLD) and len(row) != BOX:
         raise ValueError(
-            f"{place}: the line has {len(row)} numbers: expected 4, as in format {form.name}"
+            f"{place}: the line has {len(row)} numbers: expected 4, as in format {form.name}; "
+            f"correct the line, or {REMEDY}"
         )
     if len(row) == QUAD:
         if crosses_itself(row.reshape(4, 2)):
