@@ -1,5 +1,4 @@
-"""Rotations SO(3) and rigid motions SE(3): exponentials, logarithms, adjoints, angles and poses;
-and inverses of small matrices.
+"""Rotations SO(3) and rigid motions SE(3): exponentials, logarithms, adjoints, angles, and poses
 from roll, pitch and yaw; inverses of matrices.
 
 A twist is (v, w): linear velocity first [m/s], then angular velocity [rad/s], both in the moving

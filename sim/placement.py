@@ -56,8 +56,8 @@ def truth(
 def camera_above(
     camera: Camera, point: Array, heading: float, pixel: Array, theta: float, depth: float
 ) -> Pose:
-    """Return T_world_camera of the level camera that sees a world point at a pixel and a depth,
-    with a heading at an image angle.
+    """Return T_world_camera of the camera that looks straight down and sees a world point at a
+    pixel and a depth, with a heading at an image angle.
 
     Args:
         camera: Intrinsics.
@@ -74,11 +74,11 @@ def camera_above(
 
 
 def tilted(T_world_camera: Pose, point: Array, tilt: float, towards: float) -> Pose:
-    """Return T_world_camera after a level camera is moved around a world point, which stays at the
-    same pixel and depth.
+    """Return T_world_camera after a camera that looks straight down is moved around a world point,
+    which stays at the same pixel and depth.
 
     Args:
-        T_world_camera: The level camera.
+        T_world_camera: The camera before, which looks straight down.
         point: World point (3,) [m].
         tilt: Angle of the movement; the optical axis is then this far from straight down [rad].
         towards: Direction in the picture to which the camera moves, from +u towards +v [rad].

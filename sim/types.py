@@ -181,7 +181,8 @@ class Posture:
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
     """One picture of the camera, RGB (H, W, 3), with its time [s], its number, and perhaps depths
-    (H, W) [m]; the camera's last picture again, with `fresh` = False, if it delivered no new one.
+    along the optical axis (H, W) [m], nan or 0 where unknown; the camera's last picture again, with
+    `fresh` = False, if it delivered no new one.
     """
 
     image: Image
@@ -200,9 +201,10 @@ class Frame:
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
     """The exact pose of the target at the time of one frame, and the projection of its reference
-    rectangle into the image: centre and corners [px], direction theta [rad] and size [px/m]. The
-    corners (4, 2) are those of the rear left, front left, front right and rear right, with the nose
-    ahead.
+    rectangle into the image: centre and corners [px], direction theta of the nose, from +u towards
+    +v [rad], and size, the root of image area over metric area [px/m]. The corners (4, 2) are those
+    of the rear left, front left, front right and rear right, with the nose ahead. `visible` is the
+    fraction of the silhouette in the picture that is not hidden (None: not measured).
     """
 
     centre: Array

@@ -392,7 +392,8 @@ class World:
         """Return T_world_target at a time of the run [s].
 
         If the robot holds the target, only the motion of the goal counts: the returned pose has the
-        same error to the present goal as the held target has to the goal at that time.
+        same error to the present goal as the held target, where it is now, has to the goal at that
+        time. Without a leader it is the held target's present pose.
         """
         target = self._stage.target(time)
         now = self._stage.goal(self.data.time)

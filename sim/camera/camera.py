@@ -39,8 +39,9 @@ class CameraConfig:
     would have. `rate` is the frame rate [Hz]; a pixel is the mean of `supersample` x `supersample`
     rendered ones; `noise` is in grey levels of 255, `exposure` a fraction of the frame interval,
     `readout_ms` the delay from the first to the last row of a rolling shutter, rendered as `bands`
-    pictures, and `auto_gain` a time constant [s]; depths are in m, `depth_holes` in px. None: the
-    value of the robot's model, or no such effect.
+    pictures, `textures` the filter of textures in the renderer "exact", and `auto_gain` a time
+    constant [s]; depths are in m, `depth_holes` in px. None: the value of the robot's model, or no
+    such effect.
     """
 
     mounted: Literal["robot", "world"] = "robot"

@@ -325,9 +325,10 @@ def fill(
 
 @compiled(error_model="numpy")
 def texel_steps(at: float, change: float, size: int) -> tuple[int, int]:
-    """Convert a texture coordinate `at`, which is 0 to 1 over the picture, and its change from a
-    pixel to the next into units of 1/65536 texel, in a level of `size` texels that has a border of
-    one texel.
+    """Return the position of a texture coordinate `at`, which is 0 to 1 over the picture, in a
+    level of `size` texels with a border of one texel, and its change from a pixel to the next, both
+    in 1/65536 texel. The whole part of the position is the number, with the border, of the first of
+    the two texels that are interpolated.
     """
     # The border puts pixel 0 into column 1: half a pixel is added, not taken away.
     return int((at * size + 0.5) * 65536.0), int(change * size * 65536.0)
