@@ -144,7 +144,7 @@ class SampledModel:
 
     def distances(self, image: LabelledImage, states: Array) -> Array:
         """Return the Bhattacharyya distances d_m (N,), from 0 (alike) to 1, of the histograms at
-        states (N, 4) from the reference histograms.
+        states (N, 4), x, y [px], theta [rad], ln scale, from the reference histograms.
         """
         rho = self._coefficients(self._window(image, states), states)
         return np.sqrt(loops.squared_distances(rho))

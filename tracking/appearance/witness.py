@@ -89,8 +89,8 @@ class Witness:
         return weight * (1 - answers / MOST) + BY_TEMPLATE * (1 - alike)
 
     def signs(self, state: State) -> tuple[float, float]:
-        """Return two signs that a state shows the target: the slow filter's answer, up to about 1,
-        and the correlation with the first template, -1..1.
+        """Return two measures of whether a state shows the target: the slow filter's answer, up to
+        about 1, and the correlation with the first template, -1..1.
         """
         at = state.vector[None]
         answer = self._answers(self._filter.slow_answer, at)

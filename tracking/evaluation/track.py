@@ -105,8 +105,8 @@ class Track:
 
     @staticmethod
     def of(shots: list[Shot], region: Region) -> "Track":
-        """Return the track of pictures with their estimates; `region` is the size of the target in
-        the first picture [px].
+        """Return the track of pictures, at least one, with their estimates; `region` is the size of
+        the target in the first picture [px].
         """
         found = [shot.estimate for shot in shots]
         return Track(

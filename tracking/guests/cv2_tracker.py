@@ -1,5 +1,5 @@
-"""OpenCV's own trackers by their names. An error of OpenCV at the start becomes a ValueError with
-one sentence; a later one means that the target is not seen.
+"""OpenCV's own trackers by their names. An error of OpenCV at the start, or of a model file in the
+first update, becomes a ValueError with one sentence; a later one means that the target is not seen.
 """
 
 import ctypes

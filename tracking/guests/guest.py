@@ -1,7 +1,7 @@
 """A tracker of another author, a guest, as a `tracking.types.Tracker`.
 
-A guest's reports (`tracking.guests.report`) have the same form for a class, a program, a server of
-TraX and a network. The guest itself reports whether it sees the target.
+A guest's reports (`tracking.guests.report`) have the same form for a class, one of OpenCV's
+trackers, a program and a server of TraX. The guest itself reports whether it sees the target.
 """
 
 import math
@@ -52,7 +52,9 @@ class Guest(Protocol):
         """
 
     def update(self, frame: Frame) -> Report:
-        """Return where the tracker finds the target in the next picture."""
+        """Return the tracker's report on the next picture: whether it sees the target, and
+        where.
+        """
         ...
 
 

@@ -78,7 +78,7 @@ class TimedGuest:
         self._limited(lambda: self._guest.start(frame, region, state), self._loading, "loading")
 
     def update(self, frame: Frame) -> Report:
-        """Return the report where the tracker finds the target in the next picture.
+        """Return the tracker's report on the next picture: whether it sees the target, and where.
 
         Raises:
             ValueError: The tracker's answer has an invalid form or value, or comes too late. Its

@@ -166,7 +166,8 @@ def kernel_histograms(
         stride: Only every stride-th pixel and row is read.
 
     Returns:
-        sums (K, B, 5): for each kernel and bin the sum of k and of dk/d(x, y, theta, ln scale).
+        sums (K, B, 5): for each kernel and bin the sums of the pixels' weights k and of their
+            derivatives by x, y, theta and ln scale.
         totals (K, 5): the same over all bins.
     """
     sums = np.zeros((len(centres), levels**3, 5))

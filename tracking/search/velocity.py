@@ -51,9 +51,9 @@ class Velocity:
         return float(max(np.hypot(x, y) / (size * state.scale), abs(scale)))
 
     def learn(self, state: State, *, seen: bool) -> None:
-        """Update the velocity by the change from the state of the last call to `state`, which was
-        found in the next frame. If the target is not seen, keep the velocity, but store `state` for
-        the next call.
+        """Update the velocity by the change to `state`, which was found in the next frame, from the
+        state of the last call, moved by the camera's part that `step` was given. If the target is
+        not seen, keep the velocity, but store `state` for the next call.
         """
         # A state that was not confirmed would teach the velocity the tracker's own drift.
         if seen:

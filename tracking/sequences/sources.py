@@ -38,7 +38,8 @@ REPEATED = 0.5
 class Picture:
     """One picture of a source, RGB (H, W, 3), with its time since the first picture [s] and, if the
     source has them, its time stamp [ns] and the date and time at which it came. An image of None
-    cannot be decoded, for the reason `reason`.
+    cannot be decoded, for the reason `reason`. `notes` has sentences about the source for the user;
+    `damaged` is True if FFmpeg has concealed damage of the image.
     """
 
     name: str
@@ -113,8 +114,9 @@ class Times:
         has no stamp.
 
         A picture without a stamp, or with the stamp of the last one, comes one period of the rate
-        after the last one. Stamps that go back a little are replaced by times that follow closely
-        after each other. If the source's clock was set, times continue one period after the last.
+        after the last one (with the same stamp at most 0.5 s). Stamps that go back by less than 1 s
+        are replaced by times 0.1 ms after each other. A larger step back, or one forward by a day,
+        means that the source's clock was set: times continue one period after the last.
         """
         time = self._last + self._gap
         if stamp is not None:
