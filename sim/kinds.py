@@ -102,7 +102,11 @@ def _modules_in(paths: tuple[str, ...]) -> tuple[str, ...]:
 
 
 class Kinds(Generic[Config]):
-    """The kinds of component in one folder, and those that installed packages add to it.
+    """The kinds of component in one folder, given as its package (`folder`), and those that
+    installed packages add to it by a group of entry points (`group`).
+
+    `adapt` returns a `Config` class for an object that is not one, or None; `plain` describes such
+    objects in messages.
 
     >>> from sim import motions
     >>> motions.KINDS.config("line", speed=0.2).speed

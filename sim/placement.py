@@ -1,4 +1,6 @@
-"""Projection of the target into the picture, and camera poses that give a desired projection."""
+"""Projection of the target into the picture, camera poses that give a desired projection, and
+checks that a camera pose is possible.
+"""
 
 from math import atan2, cos, sin, sqrt
 

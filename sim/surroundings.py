@@ -1,7 +1,7 @@
 """Surroundings of the target: the ground below it, walls and clutter around it, and the light.
 
-Each is a table of a scenario, and the defaults leave the room as it is. Clutter lies flat on the
-table, so that a target may drive over it from anywhere to anywhere.
+Each is a table of a scenario, and the defaults leave the room as it is. Clutter that is added lies
+flat on the table, so that a target may drive over it from anywhere to anywhere.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,6 @@
-"""The simulated world: it renders pictures, moves robot and target, and knows the truth."""
+"""The simulated world of a run: it renders pictures, moves robot and target, and gives their exact
+poses (the truth).
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -105,7 +107,12 @@ class Moment:
 
 
 class World:
-    """The simulated world of one episode: robot, camera, table and target. Close it after use."""
+    """The simulated world of one episode: robot, camera, table and target. Close it after use.
+
+    `rng` draws the noise of the pictures, `depth` that of depth pictures, and `encoders` that of
+    the encoders (None: with seed 0); `renderer` makes the camera's renderer in place of that of the
+    settings.
+    """
 
     def __init__(
         self,
@@ -195,8 +202,8 @@ class World:
             depth: Desired distance along the optical axis, before the tilt [m].
             tilt: Angle by which the camera is then moved around the target's centre [rad].
             towards: Direction in the picture to which it is moved, from +u towards +v [rad].
-            way: Function that returns the camera poses that follow, on which no joint should reach
-                a limit; None: no path follows.
+            way: Function that returns the camera poses that follow, one every 0.2 s, on which no
+                joint should reach a limit; None: no path follows.
 
         Raises:
             ValueError: At the desired pose the camera would be below the table's top, or would not
@@ -217,8 +224,8 @@ class World:
         Args:
             T_camera_object: Pose of the rectangle's own frame: its origin in the centre, x along
                 the target's nose, z away from a viewer of its front.
-            way: Function that returns the camera poses that follow, on which no joint should reach
-                a limit; None: no path follows.
+            way: Function that returns the camera poses that follow, one every 0.2 s, on which no
+                joint should reach a limit; None: no path follows.
 
         Raises:
             ValueError: At the desired pose the camera would be below the table's top, or would not

@@ -232,7 +232,7 @@ def test_a_class_that_never_answers_ends_in_a_sentence(made, limit):
     with pytest.raises(ValueError) as late:
         follow(config)
     assert str(late.value) == (
-        f"theirs did not answer within 0.1 s: correct it, or set a longer tracker.{limit}"
+        f"theirs did not answer within 0.1 s: correct the tracker, or set a longer tracker.{limit}"
     )
 
 

@@ -23,7 +23,7 @@ class Target:
 
     Its frame has x along the nose and z up; z = 0 is the table's top. All its geoms move as one,
     without joints, and `rectangle` gives an outline whose corners (4, 3) [m] are in the right
-    order.
+    order. `found` is True if the outline was found from above, and not given.
 
     >>> spec = mujoco.MjSpec()
     >>> side = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.05, 0.05, 0.01])

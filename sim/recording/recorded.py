@@ -34,8 +34,8 @@ Shown = Iterator[tuple[float, Image | None]]
 @dataclass(frozen=True, eq=False)
 class Recorded:
     """A recording: intrinsics of its camera, the times of its n pictures since the first [s], the
-    target's corners in them (n, 4, 2) [px], nan where it is absent, and a function that iterates
-    over times and pictures.
+    target's corners in them (n, 4, 2) [px], the first edge along its nose, nan where it is absent,
+    and a function that iterates over times and pictures.
     """
 
     camera: Camera

@@ -35,9 +35,9 @@ Spectrum = NDArray[np.complex128]
 
 
 class CorrelationFilter:
-    """Two correlation filters of one target, a slow and a fast one, whose answers are averaged.
-    `learn` and `read` take the grey levels at the `points` of a window around the target; `read`
-    sets `answer`.
+    """Two correlation filters of one target of the size `region` [px], a slow and a fast one, whose
+    answers are averaged. `learn` and `read` take the grey levels at the `points` of a window around
+    the target; `read` sets `answer`.
     """
 
     def __init__(self, region: Region) -> None:

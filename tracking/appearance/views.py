@@ -27,8 +27,9 @@ APART = SIDE // 2
 
 
 class Views:
-    """Stored views of the target, which are pictures of 8 x 8 points: the first one, and the newest
-    ones that were learnt.
+    """Stored views of the target, at most `count`, which are pictures of 8 x 8 points: the one in
+    the first picture, where the target is `region` [px] at `state`, and the newest ones that were
+    learnt.
     """
 
     def __init__(self, image: Image, region: Region, state: State, count: int) -> None:

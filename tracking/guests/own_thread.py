@@ -32,8 +32,9 @@ class Call:
 
 @final
 class TimedGuest:
-    """A tracker of another author that is made and called in a thread of its own, with limits on
-    the time of its answers.
+    """A tracker of another author that is made, by `make`, and called in a thread of its own, with
+    limits on the time of its answers: `loading` until it is made and until it has started,
+    `timeout` for each picture [s]. `name` begins messages.
     """
 
     def __init__(
@@ -107,8 +108,8 @@ class TimedGuest:
         except Empty:
             self._abandon()
             raise ValueError(
-                f"{self._name} did not answer within {limit:g} s: correct it, or set a longer "
-                f"tracker.{setting}"
+                f"{self._name} did not answer within {limit:g} s: correct the tracker, or set a "
+                f"longer tracker.{setting}"
             ) from None
         if error is not None:
             raise error

@@ -11,7 +11,8 @@ from tracking.types import State
 
 class Velocity:
     """An exponential mean of the change (4,) of x, y [px], theta [rad] and ln scale per frame, less
-    the part that the camera's motion causes where that is given.
+    the part that the camera's motion causes where that is given. It begins at `state` with 0;
+    `memory`, 0..1, is the share of the old velocity in the new one.
     """
 
     def __init__(self, state: State, memory: float) -> None:

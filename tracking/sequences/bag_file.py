@@ -91,7 +91,8 @@ def is_bag(path: Path) -> bool:
 
 class Bag:
     """Source of the pictures of one topic of a bag, with the time stamps of their headers; without
-    such a stamp, with the time at which the message was recorded.
+    such a stamp, with the time at which the message was recorded. Without a `topic` it is the only
+    one with pictures.
     """
 
     end: End | None = None
@@ -165,7 +166,9 @@ def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
             "`servobench track`, or give a scenario a bag with one of them"
         )
     if not found[0].count:
-        raise ValueError(f"{path}: the topic {found[0].name} has no messages; choose another one")
+        raise ValueError(
+            f"{path}: the topic {found[0].name} has no messages; choose another topic or bag"
+        )
     return found[0]
 
 

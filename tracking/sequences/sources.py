@@ -100,7 +100,9 @@ class Source(Protocol):
 
 
 class Times:
-    """Converter of stamps to times [s]: the first time is 0, and each is later than the last."""
+    """Converter of stamps [ns] to times [s]: the first time is 0, and each is later than the last;
+    `rate` is the approximate rate of the pictures [1/s].
+    """
 
     def __init__(self, rate: float) -> None:
         """Begin before the first picture; `rate` is the approximate rate of the pictures [1/s]."""

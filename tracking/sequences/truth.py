@@ -78,7 +78,9 @@ def other_count(place: str, lines: int, pictures: int) -> str:
 
 
 def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Array:
-    """Return the target's corners (n, 4, 2) in each picture [px]; nan in pictures without it.
+    """Return the target's corners (n, 4, 2) in each picture [px], from the picture's top left
+    corner: those of a box clockwise from its top left one, others in the file's order; nan in
+    pictures without the target.
 
     The target is absent if all numbers of a line are nan or missing, if the line is VOT's 0, if its
     box has width and height 0, and, in LaSOT's layout, in the frames that two other files mark.
@@ -262,7 +264,9 @@ def _numbers(line: str, place: str) -> Array:
         numbers = np.array([float(part) for part in parts])
     except ValueError:
         hint = " (a decimal point, not a comma)" if "," in line else ""
-        raise ValueError(f"{place}: '{line[:LONGEST]}' is not a line of numbers{hint}") from None
+        raise ValueError(
+            f"{place}: '{line[:LONGEST]}' is not a line of numbers{hint}: correct it"
+        ) from None
     if numbers.tolist() == ABSENT:
         return np.full(BOX, np.nan)
     if len(numbers) not in (BOX, QUAD):
