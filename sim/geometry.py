@@ -129,7 +129,8 @@ def is_rotation(R: Array, tolerance: float) -> bool:
 
 
 def inverse(A: Array) -> Array:
-    """Return the inverse of a square matrix; on small matrices three times as fast as numpy's.
+    """Return the inverse (n, n) of a square matrix; on small matrices three times as fast as
+    numpy's.
 
     Raises:
         LinAlgError: The matrix is singular.

@@ -218,9 +218,9 @@ class Kinds(Generic[Config]):
         return getattr(importlib.import_module(config.__module__) if own else config, "PRESETS", {})
 
     def named(self, text: str) -> dict[str, str]:
-        """Return the table {"kind": ..., "preset": ...} of a scenario for the text "kind" or
-        "kind:preset"; the kind may be "package:kind" for an installed package's, or "module:Name"
-        for a class to import.
+        """Return the table of a scenario for a text: {"kind": ...} for "kind", and with "preset"
+        too for "kind:preset". The kind may be "package:kind" for an installed package's, or
+        "module:Name" for a class to import.
         """
         kind, *rest = text.split(":")
         if kind and rest and kind not in self.names():

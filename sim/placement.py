@@ -36,7 +36,7 @@ def truth(
             with the nose to the right shows them: top left, top right, bottom right, bottom left.
         T_world_camera: Pose of the camera.
         T_world_target: Pose of the target.
-        visible: Fraction of the silhouette in the picture that is not hidden, if known.
+        visible: Fraction of the silhouette in the picture that is not hidden; None: unknown.
     """
     T_camera_target = T_world_camera.inverse() @ T_world_target
     seen = camera.project(T_camera_target.apply(MARKS @ outline))

@@ -77,7 +77,9 @@ class Camera:
         return bent * (self.fx, self.fy) + (self.cx, self.cy)
 
     def project(self, points: Array) -> Array:
-        """Return the pixels (..., 2) [px] of points (..., 3) in the camera frame [m]."""
+        """Return the pixels (..., 2) [px] of points (..., 3) in the camera frame [m], which have to
+        be in front of the camera: this is not checked.
+        """
         return self.to_pixels(points[..., :2] / points[..., 2:])
 
 

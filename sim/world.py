@@ -380,7 +380,7 @@ class World:
 
     def truth(self) -> Truth:
         """Return the exact pose and projection of the target, and the fraction that `visible`
-        returns if the setting `visibility` asks for it.
+        returns if the setting `visibility` asks for it, else None.
         """
         visible = self.visible() if self._visibility else None
         target = self._stage.target(self.data.time)

@@ -463,7 +463,11 @@ def test_a_wrong_calibration_is_a_sentence(here, name):
             "cam.yaml: this is no calibration of a camera: camera_matrix is missing",
         ),
         (b"[1, 2]", "cam.yaml: this is no calibration of a camera: camera_matrix is missing"),
-        (b"\xff\xfe\x00", "cam.yaml: cannot read this calibration: it is not UTF-8 text"),
+        (
+            b"\xff\xfe\x00",
+            "cam.yaml: cannot read this calibration: it is not UTF-8 text: save it as UTF-8, or give "
+            "another file",
+        ),
         (
             b"#" * 20_001,
             "cam.yaml: cannot read this calibration: it is too large; the limit is 20,000 bytes",

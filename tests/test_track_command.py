@@ -194,7 +194,8 @@ BAD = {
     ),
     "a truth that is none": (
         ["in", "--region", REGION, "--truth", "in/000.png"],
-        "in/000.png: cannot read this truth: it is not UTF-8 text",
+        "in/000.png: cannot read this truth: it is not UTF-8 text: save it as UTF-8, or give another "
+        "file",
     ),
 }
 

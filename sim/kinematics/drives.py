@@ -33,8 +33,9 @@ def has_velocity_drives(model: mujoco.MjModel, joints: Sequence[int]) -> bool:
 
 
 def own_speed(model: mujoco.MjModel, joint: int) -> float | None:
-    """Return the largest rate that the velocity servo of a joint (by id) takes in both directions
-    [m/s or rad/s]; None without such a servo, or if its rate has no limit.
+    """Return the largest rate [m/s or rad/s] that the velocity servo of a joint (by id) takes in
+    both directions, the smaller one of its two limits; None without such a servo, or if its rate
+    has no limit.
     """
     servo = _servo_of(model, joint)
     if servo is None or not model.actuator_ctrllimited[servo]:

@@ -22,7 +22,8 @@ SETTLING = 1.0
 @dataclass(frozen=True, slots=True)
 class Rollout:
     """Result of following a camera path by joint rates: the smallest distance of a joint from a
-    limit, as a share of its range, and the joint that reaches a limit first, with its time [s].
+    limit, as a share of its range, and the joint that reaches a limit first, with its time [s]; ""
+    and inf if no joint does.
     """
 
     room: float

@@ -107,8 +107,9 @@ class Recorded:
 
 @final
 class RecordedMotion:
-    """The motion of a recorded target: a `sim.stage.Motion`. Between two pictures the target stays
-    where it was in the earlier one, as the picture does.
+    """The motion of a recorded target: a `sim.stage.Motion`. `poses` holds T_world_target for each
+    picture; between two pictures the target stays where it was in the earlier one, as the picture
+    does.
     """
 
     def __init__(self, recorded: Recorded, poses: list[Pose]) -> None:
@@ -131,5 +132,7 @@ class RecordingSettings(Protocol):
         ...
 
     def remarks(self) -> list[str]:
-        """Return remarks for the user about the recording, a sentence each."""
+        """Return remarks for the user about the recording, a sentence each; an empty list if there
+        are none.
+        """
         ...

@@ -73,7 +73,7 @@ class Comparison:
         Args:
             track: Estimates of a tracker.
             truth: True corners (n, 4, 2) [px]; nan in frames without the target.
-            states: True x, y [px], theta [rad], scale (n, 4) if they are known exactly.
+            states: True x, y [px], theta [rad], scale (n, 4); None: not known exactly.
         """
         count = min(len(track.states), len(truth))
         truth, present = truth[:count], seen_in(truth[:count])

@@ -104,7 +104,8 @@ class GuestTracker:
     """A `tracking.types.Tracker` around a tracker of another author.
 
     Reported boxes or corners give centre and size of the state, reported angles or corners its
-    rotation; the motion of the camera (`ego`) is not used.
+    rotation; the motion of the camera (`ego`) is not used. `rng` draws the seed of each tracker
+    that `start` makes.
     """
 
     _guest: Guest = SET_BY_START

@@ -111,7 +111,7 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
         try:
             return _of_csv(lines, path)
         except csv.Error as error:
-            raise ValueError(f"{path}: this is not a valid CSV file: {error}") from None
+            raise ValueError(f"{path}: this is not a valid CSV file: {error}: correct it") from None
     places = [f"{path.name}, line {i}" for i in range(1, len(lines) + 1)]
     rows = [_numbers(line.strip(), place) for line, place in zip(lines, places, strict=True)]
     if form is Format.AUTO:

@@ -96,7 +96,7 @@ class Config:
 @final
 class Homography:
     """Tracker of a textured plane: in each frame it aligns a coarse template of the target, and
-    then the full one.
+    then the full one. A lost target is also searched from states that `rng` draws.
     """
 
     _velocity: Velocity = SET_BY_START

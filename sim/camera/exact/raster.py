@@ -359,7 +359,8 @@ def line_in(level: Indices, s: float, t: float, ds: float, dt: float, count: int
 @compiled(error_model="numpy")
 def texel(texels: Indices, line: Line, c: int) -> int:
     """Return the bilinearly interpolated colour of pixel c of a line in a texture's level, in units
-    of 1/4096: red, green and blue in one number, 21 bits apart.
+    of 1/4096 grey level: red, green and blue in one number, 21 bits apart. `line` comes from
+    `line_in`.
     """
     start, wide, tall, x, dx, y, dy, turns = line
     x += c * dx
