@@ -79,8 +79,8 @@ class Perception:
                 simulation.
 
         Returns:
-            An estimate with the given state, marked as without angle and size: the tracker has not
-            yet reported whether it follows them.
+            An estimate with the state that the tracker was given, marked as without angle and size:
+            the tracker has not yet reported whether it follows them.
 
         Raises:
             PartFailed: The tracker raised an exception.
@@ -125,6 +125,9 @@ class Perception:
             interval: Time since the previous picture [s].
             truth: The true poses at that picture; None if they are not known, as outside a
                 simulation.
+
+        Raises:
+            PartFailed: The tracker raised an exception, or returned an invalid value.
         """
         # Motions over dropped frames add up until the tracker gets the next picture.
         self._carried += self._to_sight.ego(self._estimate.state, posture.twist, interval)
