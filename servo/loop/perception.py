@@ -152,7 +152,8 @@ class Perception:
     ) -> Sight | None:
         """Return the view of the target (moments, corners, plane, pose in the camera frame) from an
         estimate; None if the target is not seen, its centre is too uncertain, or its corners fit no
-        rectangle of its size. A size that is impossible or too uncertain is marked as not measured.
+        rectangle of its size. An angle or a size that the tracker does not follow or states too
+        uncertainly, and a size that is impossible, are marked as not measured.
 
         Args:
             frame: The picture of the estimate, with its depth picture if there is one.
