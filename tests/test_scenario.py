@@ -290,7 +290,8 @@ def test_bounds_of_drawn_seeds_need_draws(mine):
     with pytest.raises(Mistake) as told:
         judged()
     assert str(told.value) == (
-        "mine.toml: expect.drawn is for runs with drawn settings, and no table [vary] draws any"
+        "mine.toml: expect.drawn is for runs with drawn settings, and no table [vary] draws any: "
+        "add [vary], or leave expect.drawn out"
     )
 
 

@@ -53,4 +53,7 @@ def test_frames_and_films_that_cannot_be_are_sentences():
     assert str(refused.value) == "frame(time): expected 1 finite numbers, got ('x',)"
     with pytest.raises(Mistake) as refused:
         servo.result.Clip(b"").save("/no/film.mp4")
-    assert str(refused.value) == "/no/film.mp4: cannot write this film: No such file or directory"
+    assert (
+        str(refused.value)
+        == "/no/film.mp4: cannot write this film: No such file or directory; choose another place"
+    )

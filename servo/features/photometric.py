@@ -59,8 +59,9 @@ class PhotometricFeatures(Features):
         self._goal_inverse = np.zeros((6, 0))
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (6,), a camera displacement [m, rad], from the current picture and
-        the goal's picture, which `sight` holds.
+        """Return the features (6,): the displacement of the camera from its goal, to first order,
+        as translation [m] and rotation vector [rad] in the camera frame. They come from the current
+        picture and the goal's picture, which `sight` holds.
 
         Raises:
             ValueError: One of the pictures is missing.
@@ -138,5 +139,5 @@ def _inside(whole: Array) -> Array:
 
 def _picture(sight: Sight) -> CameraImage:
     if sight.picture is None:
-        raise ValueError("there is no picture of the goal: give it to Loop.start as `goal`")
+        raise ValueError("a picture is missing: give Loop.start that of the goal as `goal`")
     return sight.picture
