@@ -1,5 +1,5 @@
-"""Visual servoing in closed loop: features, control laws, estimators, scenarios, runs, and the
-command line.
+"""Visual servoing in closed loop: scenarios, features, estimators, control laws, runs, studies,
+their reports, benchmarks, and the command line.
 
 The names for users (`servo.__all__`) can be imported from here; the module of a name is loaded when
 the name is first used::

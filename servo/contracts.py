@@ -287,9 +287,9 @@ def check_features(features: FeatureSet, method: str, found: object, *_: object)
         found: The returned value.
 
     Raises:
-        BrokenContract: The returned value has another shape or type, `known` returned other values
-            than flags, `scales` a number that is not above 0, or another method an infinite number
-            or, except in `error`, nan.
+        BrokenContract: The value is no array of this shape; `known` returned other values than
+            flags; another method returned values that are no numbers, an infinite one, or nan
+            (which only `error` may return); or `scales` one that is not above 0.
     """
     k = len(features.names)
     shape = (k, 6) if method == "matrix" else (k,)
@@ -341,7 +341,7 @@ def check_names(features: FeatureSet) -> None:
     k = len(names)
     require(
         len(set(names)) == k and set(map(type, names)) == {str},
-        "names are {}; all must differ",
+        "names are {}; they must be different texts, at least one",
         names,
     )
     require(
@@ -352,7 +352,7 @@ def check_names(features: FeatureSet) -> None:
     )
     require(
         set(features.feed_forward) <= {*names},
-        "feed_forward names features that the set does not have",
+        "feed_forward names features that the set does not have; take only those in names",
     )
     require(
         set(features.sole_dof) <= {*names} and set(features.sole_dof.values()) <= {*DOF},
@@ -425,8 +425,8 @@ def check_command(command: object, *_: object) -> None:
     """Check the command that a controller returned.
 
     Raises:
-        BrokenContract: The command is no `Command`, or one of its fields, or of the fields of its
-            trace, is invalid.
+        BrokenContract: The command is no `Command`, one of its fields is invalid, or `features`,
+            `error`, `scales` or `own` of its trace are not the same number of numbers.
     """
     c = require_type(command, Command, "command")
     require_fields(c, COMMAND)
@@ -514,9 +514,10 @@ def check_built(place: str, built: object) -> None:
         built: The component.
 
     Raises:
-        BrokenContract: The component lacks a method or property that components of its section must
-            have, or has a wrong one (names, units or noise of features; `aim` of a controller); a
-            robot or target has another type; or a target's outline is no level rectangle.
+        BrokenContract: The component lacks a method that components of its section must have;
+            properties of a feature set do not fit its names (see `check_names`); a controller has a
+            method `aim`, or a disturbance no tuple `props`; a robot or target has another type; or
+            a target's outline is no level rectangle.
     """
     kind = type(built).__name__
     for name in _checks_of(place, built):
@@ -591,7 +592,8 @@ def check_followed(features: FeatureSet, estimate: Estimate, goal: Sight) -> Non
     missing = " nor ".join(["angle"] * (not angle) + ["size"] * (not size))
     require(
         not missing or features.known(sight).any(),
-        "the tracker follows no {} of this target, and without it none of the features is known",
+        "the tracker follows no {} of this target, and without it none of the features is known: "
+        "choose another tracker or other features",
         missing,
     )
 
@@ -654,8 +656,9 @@ def guarded(
     Args:
         part: The component that a `Config` built.
         place: Name of its section in a scenario, such as "tracker".
-        blame: Called with an exception from the component and the name of the method; it may raise
-            another one that names the component, otherwise the exception passes unchanged.
+        blame: Called with the exception of a call, also with a BrokenContract, and the name of the
+            method; it may raise another exception, which names the component. Otherwise the
+            exception passes unchanged.
         checked: False: returned values are not checked.
     """
     return cast(Built, _Guarded(part, _checks_of(place, part) if checked else {}, blame))

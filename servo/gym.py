@@ -16,8 +16,8 @@ Why this reward: d is one number in px for centre, angle, size and tilt, so that
 needed; 10 px is also the limit of the measure not_held_pct, and the slope is largest at the goal.
 It is never negative, so that losing the target never pays.
 
-The seed given to `reset` is the scenario's: it gives the run of `servobench run NAME --seed SEED`,
-with all settings that `[vary]` draws for this seed. Without a seed, one is drawn.
+The seed given to `reset` is the scenario's: the scenario is that of `servobench run NAME --seed
+SEED`, with all settings that `[vary]` draws for this seed. Without a seed, one is drawn.
 """
 
 from collections.abc import Mapping, Sequence
@@ -158,8 +158,8 @@ class ServoEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin a new run of the scenario, and return its first observation. If the start of a
-        drawn scenario is impossible, up to `redraw` further seeds are tried.
+        """End the last run, begin a new one, and return its first observation. If the start is
+        impossible in a scenario that depends on the seed, up to `redraw` further seeds are tried.
 
         Args:
             seed: Seed of the scenario, 0 for the scenario as it is written; None: a drawn one. It
@@ -168,11 +168,13 @@ class ServoEnv(gymnasium.Env[Any, Any]):
                 those of the environment) and `scenario`.
 
         Returns:
-            The first observation, and the info, which also has the seed of the run ("seed") and
-            the settings drawn for it ("drawn").
+            The first observation, and the info: that of `step`, the seed of the run ("seed"), the
+            settings drawn for it ("drawn"), the number of further seeds that were tried
+            ("redrawn"), and "goal_picture" if the environment was made with it.
 
         Raises:
-            Mistake: A setting is wrong, or would change the shape of the observations.
+            Mistake: A setting is wrong, sets the seed, or would change the shape of the
+                observations.
             ImpossibleStart: The start is impossible, also for `redraw` further seeds; these are not
                 tried if the scenario does not depend on the seed.
         """

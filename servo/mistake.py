@@ -65,7 +65,9 @@ def unwritable(place: object, error: OSError, what: str = "to this folder") -> M
         what: Words after "cannot write" in the sentence.
     """
     sentence = f"{place}: cannot write {what}: {error.strerror}"
-    return Refused(sentence) if error.errno in FULL else Mistake(sentence)
+    if error.errno in FULL:
+        return Refused(f"{sentence}; remove the cause, and run again")
+    return Mistake(f"{sentence}; choose another place")
 
 
 @contextmanager
@@ -128,18 +130,20 @@ def check_rules(*rules: tuple[bool, str]) -> None:
 
 
 def refusal(error: OSError) -> str:
-    """Return a sentence for an error of the operating system: which file, and why."""
+    """Return a sentence for an error of the operating system: the file, if the error has one, and
+    the reason.
+    """
     why = error.strerror or str(error)
     return why if error.filename is None else f"{error.filename}: {why}"
 
 
 def printable(text: str, keep: str = "\n") -> str:
-    """Return a text with escape sequences in place of control characters, so that it is safe to
-    print on a terminal.
+    """Return a text with escape sequences in place of control characters and all others that are
+    not printable, so that it is safe to print on a terminal.
 
     Args:
         text: The text.
-        keep: Control characters that stay.
+        keep: Characters that stay, by default line breaks.
     """
     return "".join(c if c.isprintable() or c in keep else ascii(c)[1:-1] for c in text)
 

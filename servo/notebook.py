@@ -37,7 +37,8 @@ def progress(title: str, total: int) -> Generator[Advance]:
         total: Number of steps of a full bar.
 
     Yields:
-        A function that sets the number of steps that are done, and a note beside the bar.
+        A function that sets the number of steps that are done, and a note beside the bar; a call
+            within 0.2 s of the last update has no effect.
     """
     if not in_notebook():
         yield _nothing

@@ -86,8 +86,9 @@ class FeatureSet(Protocol):
         ...
 
     def scales(self, goal: Array) -> Array:
-        """Return the divisors (k,) of the features at a goal (k,), 1 for angles: estimators work on
-        features over their scales, so that one set of constants holds for any target and depth.
+        """Return the numbers (k,), 1 for angles, by which errors of the features are divided before
+        an estimator gets them, so that its constants hold for any target and depth. They are
+        computed from the features (k,) at the goal.
         """
         ...
 
@@ -119,7 +120,8 @@ class FeaturesConfig(Protocol):
         """Return the feature set of a target.
 
         Args:
-            outline: Corners (4, 3) of its reference rectangle in the target's frame [m].
+            outline: Corners (4, 3) of its reference rectangle in the target's frame [m], clockwise
+                as seen from above.
         """
         ...
 

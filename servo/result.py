@@ -1,5 +1,5 @@
-"""`servo.simulate` and `servo.sweep`, and what they return: a run or a study as tables, figures and
-film.
+"""`servo.simulate` and `servo.sweep`, and what they return: a run with its measures, steps, figure
+and film, or a study with tables of its runs and cells.
 
 result = servo.simulate("reversal", gain=1.5)
 result.measures, result.steps, result.figure(), result.frame(7.7)
@@ -95,8 +95,8 @@ def simulate(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(Sequence[Step]):
-    """A finished run: its outcome, measures, tables, figures and film. As a sequence it is its
-    steps with their pictures (compressed as JPEG), without depth pictures.
+    """A finished run: its outcome, measures, steps, figure and film. As a sequence it is its steps,
+    whose pictures were compressed as JPEG in the meantime, and have no depth pictures.
     """
 
     scenario: Scenario
@@ -339,7 +339,7 @@ class Sweep:
 
     study: Study
     records: Sequence[Record]
-    """The record of each run, as `Run.record`."""
+    """The record of each finished run, as `Run.record`."""
     table: pa.Table
     """The same as a table: a row for each run."""
     failed: list[str]

@@ -61,7 +61,7 @@ class View:
         seen: bool | None = None,
     ) -> "View":
         """Return a component's view of a frame: those data whose channels are in `needs`, and None
-        for the others.
+        for the others and for what is not given.
         """
         return View(
             picture=frame.image if Channel.PICTURE in needs else None,

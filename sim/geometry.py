@@ -88,7 +88,7 @@ def exp_se3(xi: Array) -> Pose:
 
 def adjoint(T_a_b: Pose) -> Array:
     """Return the matrix (6, 6) that converts a rigid body's twist (v, w) in frame b to its twist in
-    frame a.
+    frame a; v is the velocity of the body at the frame's origin.
     """
     R = T_a_b.rotation
     return np.block([[R, skew(T_a_b.translation) @ R], [np.zeros((3, 3)), R]])
@@ -129,7 +129,8 @@ def is_rotation(R: Array, tolerance: float) -> bool:
 
 
 def inverse(A: Array) -> Array:
-    """Return the inverse of a square matrix; on small matrices three times as fast as numpy's.
+    """Return the inverse (n, n) of a square matrix; on small matrices three times as fast as
+    numpy's.
 
     Raises:
         LinAlgError: The matrix is singular.

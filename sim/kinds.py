@@ -90,8 +90,8 @@ class BuildsItself:
 
 
 class UnknownKind(ValueError):
-    """Error: a kind (a named component, such as the tracker "kams") is unknown or cannot be loaded;
-    the message says why.
+    """Error: a kind (a named component, such as the tracker "kams") or its preset is unknown, or
+    the kind cannot be loaded; the message says why.
     """
 
 
@@ -102,7 +102,11 @@ def _modules_in(paths: tuple[str, ...]) -> tuple[str, ...]:
 
 
 class Kinds(Generic[Config]):
-    """The kinds of component in one folder, and those that installed packages add to it.
+    """The kinds of component in one folder, given as its package (`folder`), and those that
+    installed packages add to it by a group of entry points (`group`).
+
+    `adapt` returns a `Config` class for an object that is not one, or None; `plain` describes such
+    objects in messages.
 
     >>> from sim import motions
     >>> motions.KINDS.config("line", speed=0.2).speed
@@ -140,7 +144,7 @@ class Kinds(Generic[Config]):
 
     def package_of(self, kind: str) -> str:
         """Return the name and version of the package that adds a kind, such as "my-package 1.2"; an
-        empty text for a kind of servobench.
+        empty text for any other name.
         """
         found = self._added().get(kind)
         return "" if found is None else f"{found.package} {found.version}"
@@ -158,7 +162,8 @@ class Kinds(Generic[Config]):
         return self.config_of(kind)(**{**begin, **settings})
 
     def config_of(self, kind: str) -> ConfigClass:
-        """Return the `Config` class of a kind: its dataclass of settings.
+        """Return the `Config` class of a kind: its dataclass of settings. A class "module:Name" is
+        imported if the text is `Trusted`.
 
         Raises:
             UnknownKind: The kind is unknown, cannot be imported, or is not a `Config`.
@@ -213,9 +218,9 @@ class Kinds(Generic[Config]):
         return getattr(importlib.import_module(config.__module__) if own else config, "PRESETS", {})
 
     def named(self, text: str) -> dict[str, str]:
-        """Return the table {"kind": ..., "preset": ...} of a scenario for the text "kind" or
-        "kind:preset"; the kind may be "package:kind" for an installed package's, or "module:Name"
-        for a class to import.
+        """Return the table of a scenario for a text: {"kind": ...} for "kind", and with "preset"
+        too for "kind:preset". The kind may be "package:kind" for an installed package's, or
+        "module:Name" for a class to import.
         """
         kind, *rest = text.split(":")
         if kind and rest and kind not in self.names():

@@ -28,8 +28,8 @@ class LeaderConfig:
 
     The tag is an AprilTag 36h11 with the number `id` (None: no leader) and a black square of the
     side `size` [m]. `on` is its pose in the frame that the scenario's motion moves, `beside` the
-    desired pose of the target that the robot holds, relative to the tag. Poses are x, y, z [m] and
-    roll, pitch, yaw [deg].
+    desired pose of the target that the robot holds, relative to the tag: x along the tag's nose, y
+    to the right and z away as its viewer sees it. Poses are x, y, z [m] and roll, pitch, yaw [deg].
     """
 
     id: Annotated[int, Ge(0), Le(586)] | None = None

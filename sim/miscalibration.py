@@ -106,8 +106,8 @@ RIGHT = BelievedConfig()
 
 @final
 class BelievedRobot:
-    """A robot that computes its kinematics from encoder readings and a model with calibration
-    errors, and whose joints have backlash.
+    """A robot that computes its kinematics from encoder readings, whose noise `rng` draws, and a
+    model with calibration errors, and whose joints have backlash.
 
     The backlash is kinematic: a motor that reverses turns freely by `backlash`, with its encoder,
     and the joint stands meanwhile, as friction would hold it. Inside the backlash nothing swings or

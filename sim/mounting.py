@@ -82,8 +82,8 @@ class CameraInHand:
         return moved
 
     def seen_from(self, target: Pose) -> Pose:
-        """Return `target` (T_world_target) unchanged: with a carried camera, camera poses are given
-        in the world frame.
+        """Return the target's pose in the frame in which camera poses are given, which is the
+        world: `target` (T_world_target) unchanged.
         """
         return target
 
@@ -132,7 +132,7 @@ class TargetInHand:
         """
 
     def check_start(self, eye: Pose) -> None:
-        """Accept every start pose: a held target may be below the table's top."""
+        """Accept every start pose T_target_camera: a held target may be below the table's top."""
 
     def eye(self, hand: Pose) -> Pose:
         """Return T_target_camera, the pose of the standing camera as seen from the held target, for
@@ -151,8 +151,8 @@ class TargetInHand:
         return hand() @ self.T_hand_target
 
     def seen_from(self, target: Pose) -> Pose:
-        """Return the identity: with a held target, camera poses are given in the target's own
-        frame. `target` (T_world_target) is not used.
+        """Return the target's pose in the frame in which camera poses are given, which is the held
+        target's own: the identity. `target` (T_world_target) is not used.
         """
         return ON_TABLE
 

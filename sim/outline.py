@@ -1,4 +1,4 @@
-"""The reference rectangle of a target: its sides [m] and area [m^2], and the area of any
+"""The reference rectangle of a target: its sides [m] and area [m^2], and the area of any convex
 quadrangle.
 """
 
@@ -12,7 +12,7 @@ from sim.types import Array
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
     """The level rectangle that stands for a target in measurements and control, by its corners (4,
-    3) in the target's frame [m].
+    3) in the target's frame [m]: rear left, front left, front right, rear right.
 
     >>> corners = np.array([[-0.1, 0.05, 0.03], [0.1, 0.05, 0.03], [0.1, -0.05, 0.03],
     ...                     [-0.1, -0.05, 0.03]])

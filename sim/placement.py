@@ -1,4 +1,6 @@
-"""Projection of the target into the picture, and camera poses that give a desired projection."""
+"""Projection of the target into the picture, camera poses that give a desired projection, and
+checks that a camera pose is possible.
+"""
 
 from math import atan2, cos, sin, sqrt
 
@@ -34,7 +36,7 @@ def truth(
             with the nose to the right shows them: top left, top right, bottom right, bottom left.
         T_world_camera: Pose of the camera.
         T_world_target: Pose of the target.
-        visible: Fraction of the silhouette in the picture that is not hidden, if known.
+        visible: Fraction of the silhouette in the picture that is not hidden; None: unknown.
     """
     T_camera_target = T_world_camera.inverse() @ T_world_target
     seen = camera.project(T_camera_target.apply(MARKS @ outline))
@@ -56,8 +58,8 @@ def truth(
 def camera_above(
     camera: Camera, point: Array, heading: float, pixel: Array, theta: float, depth: float
 ) -> Pose:
-    """Return T_world_camera of the level camera that sees a world point at a pixel and a depth,
-    with a heading at an image angle.
+    """Return T_world_camera of the camera that looks straight down and sees a world point at a
+    pixel and a depth, with a heading at an image angle.
 
     Args:
         camera: Intrinsics.
@@ -74,11 +76,11 @@ def camera_above(
 
 
 def tilted(T_world_camera: Pose, point: Array, tilt: float, towards: float) -> Pose:
-    """Return T_world_camera after a level camera is moved around a world point, which stays at the
-    same pixel and depth.
+    """Return T_world_camera after a camera that looks straight down is moved around a world point,
+    which stays at the same pixel and depth.
 
     Args:
-        T_world_camera: The level camera.
+        T_world_camera: The camera before, which looks straight down.
         point: World point (3,) [m].
         tilt: Angle of the movement; the optical axis is then this far from straight down [rad].
         towards: Direction in the picture to which the camera moves, from +u towards +v [rad].

@@ -123,7 +123,7 @@ class Stage:
         of the run.
 
         Args:
-            data: MuJoCo's state, whose mocap bodies and lights are set.
+            data: MuJoCo's state, whose mocap bodies are set; the lights are set in the model.
             time: Time of the run [s].
             eye: Pose of the camera in the world: a board hides the target on its line of sight.
         """

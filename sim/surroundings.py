@@ -1,7 +1,7 @@
 """Surroundings of the target: the ground below it, walls and clutter around it, and the light.
 
-Each is a table of a scenario, and the defaults leave the room as it is. Clutter lies flat on the
-table, so that a target may drive over it from anywhere to anywhere; with a height it stands there.
+Each is a table of a scenario, and the defaults leave the room as it is. Clutter that is added lies
+flat on the table, so that a target may drive over it; with a height it stands there.
 """
 
 from collections.abc import Sequence
@@ -88,7 +88,8 @@ class GroundConfig:
 class WallsConfig:
     """Settings of four walls around the table with a picture, repeated every `tile` metres.
 
-    They are seen from inside only.
+    They stand `distance` [m] from the table's middle, up to `height` [m] over its top, and are seen
+    from inside only. Without a `picture` there are no walls.
     """
 
     picture: File | None = None
@@ -151,8 +152,8 @@ class LightConfig:
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What surrounds the target: ground, walls, clutter and light, with the generator that draws
-    the clutter.
+    """The surroundings of the target: settings of ground, walls, clutter and light, and the
+    generator that draws the clutter.
     """
 
     ground: GroundConfig = field(default_factory=GroundConfig)

@@ -44,8 +44,9 @@ class Rates:
         return Rates(steps * rate, steps, steps // updates)
 
     def changed(self, physics_rate: float, drive_rate: float, rate: float) -> dict[str, float]:
-        """Return the rates in use [Hz] that differ from the given settings, by the settings'
-        names.
+        """Return the rates in use [Hz] that differ from the given settings, by the names
+        "world.physics_rate" and "world.drive_rate"; `rate` is the camera's, and drives that are
+        asked for less often than once a frame do not count as different.
         """
         drive = max(self.physics / self.drive_steps, rate)  # once a frame at least
         pairs = {
@@ -60,8 +61,8 @@ class Rates:
 @dataclass(frozen=True, slots=True, eq=False)
 class Band:
     """Rows of a picture that share an exposure (all rows, or some with a rolling shutter): the
-    first row, the exposure's weight in each row (n, 1, 1), and the physics steps of the frame
-    interval at which the picture is rendered for it.
+    first row, the exposure's weight in each row from there on (n, 1, 1), and the numbers of the
+    physics steps of the frame interval after which a picture is rendered for it.
     """
 
     begin: int

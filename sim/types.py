@@ -77,7 +77,9 @@ class Camera:
         return bent * (self.fx, self.fy) + (self.cx, self.cy)
 
     def project(self, points: Array) -> Array:
-        """Return the pixels (..., 2) [px] of points (..., 3) in the camera frame [m]."""
+        """Return the pixels (..., 2) [px] of points (..., 3) in the camera frame [m], which have to
+        be in front of the camera: this is not checked.
+        """
         return self.to_pixels(points[..., :2] / points[..., 2:])
 
 
@@ -181,7 +183,8 @@ class Posture:
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
     """One picture of the camera, RGB (H, W, 3), with its time [s], its number, and perhaps depths
-    (H, W) [m]; the camera's last picture again, with `fresh` = False, if it delivered no new one.
+    along the optical axis (H, W) [m], nan or 0 where unknown; the camera's last picture again, with
+    `fresh` = False, if it delivered no new one.
     """
 
     image: Image
@@ -200,9 +203,10 @@ class Frame:
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
     """The exact pose of the target at the time of one frame, and the projection of its reference
-    rectangle into the image: centre and corners [px], direction theta [rad] and size [px/m]. The
-    corners (4, 2) are those of the rear left, front left, front right and rear right, with the nose
-    ahead.
+    rectangle into the image: centre and corners [px], direction theta of the nose, from +u towards
+    +v [rad], and size, the root of image area over metric area [px/m]. The corners (4, 2) are those
+    of the rear left, front left, front right and rear right, with the nose ahead. `visible` is the
+    fraction of the silhouette in the picture that is not hidden (None: not measured).
     """
 
     centre: Array
@@ -223,8 +227,8 @@ class Truth:
 
     @property
     def depth(self) -> float:
-        """Distance of the target along the optical axis [m]; below zero the target is behind the
-        camera, and `centre`, `theta`, `size` and `corners` are meaningless.
+        """Distance of the origin of the target's frame along the optical axis [m]; below zero the
+        target is behind the camera, and `centre`, `theta`, `size` and `corners` are meaningless.
         """
         return float((self.T_world_camera.inverse() @ self.T_world_target).translation[2])
 

@@ -1,4 +1,6 @@
-"""The simulated world: it renders pictures, moves robot and target, and knows the truth."""
+"""The simulated world of a run: it renders pictures, moves robot and target, and gives their exact
+poses (the truth).
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -105,7 +107,12 @@ class Moment:
 
 
 class World:
-    """The simulated world of one episode: robot, camera, table and target. Close it after use."""
+    """The simulated world of one episode: robot, camera, table and target. Close it after use.
+
+    `rng` draws the noise of the pictures, `depth` that of depth pictures, and `encoders` that of
+    the encoders (None: with seed 0); `renderer` makes the camera's renderer in place of that of the
+    settings.
+    """
 
     def __init__(
         self,
@@ -195,8 +202,8 @@ class World:
             depth: Desired distance along the optical axis, before the tilt [m].
             tilt: Angle by which the camera is then moved around the target's centre [rad].
             towards: Direction in the picture to which it is moved, from +u towards +v [rad].
-            way: Function that returns the camera poses that follow, on which no joint should reach
-                a limit; None: no path follows.
+            way: Function that returns the camera poses that follow, one every 0.2 s, on which no
+                joint should reach a limit; None: no path follows.
 
         Raises:
             ValueError: At the desired pose the camera would be below the table's top, or would not
@@ -217,8 +224,8 @@ class World:
         Args:
             T_camera_object: Pose of the rectangle's own frame: its origin in the centre, x along
                 the target's nose, z away from a viewer of its front.
-            way: Function that returns the camera poses that follow, on which no joint should reach
-                a limit; None: no path follows.
+            way: Function that returns the camera poses that follow, one every 0.2 s, on which no
+                joint should reach a limit; None: no path follows.
 
         Raises:
             ValueError: At the desired pose the camera would be below the table's top, or would not
@@ -355,7 +362,9 @@ class World:
         return picture
 
     def moment(self) -> Moment:
-        """Return the state of the world at the present time, and begin to render its picture."""
+        """Return the state of the world at the present time, and begin to render its picture. Call
+        it once a frame: it draws encoder noise.
+        """
         picture = self.begin()
         posture = self.posture()
         return Moment(
@@ -371,7 +380,7 @@ class World:
 
     def truth(self) -> Truth:
         """Return the exact pose and projection of the target, and the fraction that `visible`
-        returns if the setting `visibility` asks for it.
+        returns if the setting `visibility` asks for it, else None.
         """
         visible = self.visible() if self._visibility else None
         target = self._stage.target(self.data.time)
@@ -390,7 +399,8 @@ class World:
         """Return T_world_target at a time of the run [s].
 
         If the robot holds the target, only the motion of the goal counts: the returned pose has the
-        same error to the present goal as the held target has to the goal at that time.
+        same error to the present goal as the held target, where it is now, has to the goal at that
+        time. Without a leader it is the held target's present pose.
         """
         target = self._stage.target(time)
         now = self._stage.goal(self.data.time)

@@ -84,8 +84,8 @@ def test_a_topic_must_be_clear(two, form):
     for topic, sentence in (
         (
             None,
-            "there are several topics with pictures; choose one with --topic: /left (5), "
-            "/right/compressed (5)",
+            "there are several topics with pictures: /left (5), /right/compressed (5); choose one "
+            "with --topic of `servobench track`, or give a scenario a bag with one of them",
         ),
         (
             "/words",
@@ -123,7 +123,8 @@ def test_a_message_that_cannot_be_read_says_why(tmp_path):
         "the pixel format of this image is '32FC1'; known are rgb8, bgr8, 8UC3, rgba8"
     )
     assert wide.reason == (
-        "a picture of 4000 x 20 px in rgb8 does not fit into 1800 bytes with rows of 90"
+        "a picture of 4000 x 20 px in rgb8 does not fit into 1800 bytes with rows of 90: "
+        "correct the sizes that the camera's driver writes"
     )
 
 
@@ -150,7 +151,7 @@ def test_a_message_of_noise_is_damaged(tmp_path):
     wrong = [b"\xff" * 50, b"\x12\xff\xff\xff\xff\x07"]  # a block of 2 GB that is not there
     path = bags.foxglove(tmp_path / "log.mcap", {"/eye": wrong})
     assert [p.reason for p in Bag(path, None)] == 2 * [
-        "the message with this picture is cut off or damaged"
+        "the message with this picture is cut off or damaged: copy or record the bag again"
     ]
 
 

@@ -218,7 +218,8 @@ BAD = {
     ),
     "an empty folder": (
         ["empty"],
-        "empty: there is no sequence (pictures with a truth file) in it",
+        "empty: there is no sequence in this folder: give a folder with pictures and a truth file, "
+        "or a folder of such folders",
     ),
 }
 

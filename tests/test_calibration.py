@@ -322,17 +322,17 @@ WRONG = {
     "two coefficients": (
         str(list(PLUMB_BOB)),
         "[0.1, 0.2]",
-        "cam.yaml: distortion_coefficients has 2 numbers; the lens model plumb_bob has 5",
+        "cam.yaml: distortion_coefficients has 2 numbers, and the lens model plumb_bob has 5: correct the numbers or the model",
     ),
     "six coefficients": (
         str(list(PLUMB_BOB)),
         "[0.1, 0.2, 0.0, 0.0, 0.0, 0.1]",
-        "cam.yaml: distortion_coefficients has 6 numbers; the lens model plumb_bob has 5",
+        "cam.yaml: distortion_coefficients has 6 numbers, and the lens model plumb_bob has 5: correct the numbers or the model",
     ),
     "twelve coefficients, two of them zeros at the end": (
         str(list(PLUMB_BOB)),
         "[0.1, 0.2, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0]",
-        "cam.yaml: distortion_coefficients has 12 numbers; the lens model plumb_bob has 5",
+        "cam.yaml: distortion_coefficients has 12 numbers, and the lens model plumb_bob has 5: correct the numbers or the model",
     ),
     "another model": ("plumb_bob", "kannala", f"cam.yaml: distortion_model = 'kannala' {NO_LENS}"),
     "a model that is no word": (
@@ -392,7 +392,7 @@ WRONG = {
     "a fisheye of five numbers": (
         "plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.28, 0.08, 1e-05, -0.0012, 0.0]",
         "Kannala-Brandt\ndistortion_coefficients: {data: [-0.28, 0.08, 1e-05, -0.0012, 0.1]}",
-        "cam.yaml: distortion_coefficients has 5 numbers; the lens model fisheye has 4",
+        "cam.yaml: distortion_coefficients has 5 numbers, and the lens model fisheye has 4: correct the numbers or the model",
     ),
     "no distortion, and its numbers": (
         "plumb_bob",
@@ -457,13 +457,23 @@ def test_a_wrong_calibration_is_a_sentence(here, name):
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        (b"", "cam.yaml: this is no calibration of a camera: camera_matrix is missing"),
+        (
+            b"",
+            "cam.yaml: this is no calibration of a camera: camera_matrix is missing: name a file of ROS or OpenCV",
+        ),
         (
             b"cam0: {intrinsics: [1, 1, 0, 0], distortion_model: equidistant}",
-            "cam.yaml: this is no calibration of a camera: camera_matrix is missing",
+            "cam.yaml: this is no calibration of a camera: camera_matrix is missing: name a file of ROS or OpenCV",
         ),
-        (b"[1, 2]", "cam.yaml: this is no calibration of a camera: camera_matrix is missing"),
-        (b"\xff\xfe\x00", "cam.yaml: cannot read this calibration: it is not UTF-8 text"),
+        (
+            b"[1, 2]",
+            "cam.yaml: this is no calibration of a camera: camera_matrix is missing: name a file of ROS or OpenCV",
+        ),
+        (
+            b"\xff\xfe\x00",
+            "cam.yaml: cannot read this calibration: it is not UTF-8 text: save it as UTF-8, or give "
+            "another file",
+        ),
         (
             b"#" * 20_001,
             "cam.yaml: cannot read this calibration: it is too large; the limit is 20,000 bytes",

@@ -129,8 +129,16 @@ UNFIT = [
     ("tracker", config_for(Ends), "SystemExit: 3"),
     ("tracker", config_for(Alone), "TypeError: Alone.update() takes 2 positional arguments"),
     ("tracker", config_for(lambda rng: sys.exit(1)), "SystemExit: 1"),
-    ("features", features(names=("x", "x")), "names are ('x', 'x'); all must differ"),
-    ("features", features(names=(1, 2)), "names are (1, 2); all must differ"),
+    (
+        "features",
+        features(names=("x", "x")),
+        "names are ('x', 'x'); they must be different texts, at least one",
+    ),
+    (
+        "features",
+        features(names=(1, 2)),
+        "names are (1, 2); they must be different texts, at least one",
+    ),
     ("features", features(units=("1",)), "there are 2 names and 1 units; give each feature a unit"),
     ("features", features(sole_dof={"x": "ux"}), "sole_dof has a key that is no feature"),
     ("features", features(noise=np.zeros(2)), "noise is not an array of 2 numbers above 0"),

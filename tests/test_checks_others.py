@@ -19,9 +19,11 @@ from sim.types import Effect, Pose
 
 NUMBERS = itertools.count()
 FEATURES = {
-    "names are ('x', 'x'); all must differ": {"names": ("x", "x")},
+    "names are ('x', 'x'); they must be different texts, at least one": {"names": ("x", "x")},
     "there are 2 names and 1 units; give each feature a unit": {"units": ("1",)},
-    "feed_forward names features that the set does not have": {"feed_forward": ("z",)},
+    "feed_forward names features that the set does not have; take only those in names": {
+        "feed_forward": ("z",)
+    },
     "sole_dof has a key that is no feature, or a value that is none of vx, vy": {
         "sole_dof": {"x": "ux"}
     },

@@ -67,7 +67,7 @@ BAD = {
     ),
     "an .rrd that is none": (
         ["view", "fake.rrd"],
-        "fake.rrd: this is not a Rerun recording (.rrd)",
+        "fake.rrd: this is not a Rerun recording (.rrd): name one",
     ),
     "an .rrd that is missing": (
         ["view", "gone.rrd"],
@@ -91,11 +91,11 @@ BAD = {
     ),
     "a folder that is a file": (
         ["run", "still", "--out", "fake.rrd"],
-        "fake.rrd: cannot write to this folder: File exists",
+        "fake.rrd: cannot write to this folder: File exists; choose another place",
     ),
     "a folder nobody can make": (
         ["run", "still", "--out", "/proc/servobench"],
-        "/proc/servobench: cannot write to this folder: No such file or directory",
+        "/proc/servobench: cannot write to this folder: No such file or directory; choose another place",
     ),
 }
 

@@ -51,6 +51,12 @@ VALUES = {
     "walls.height": 0.1,
     "clutter.number": 50,
     "clutter.alike": 0.9,
+    "clutter.picture": "brick",
+    "clutter.within": 0.2,
+    "goal.tilt_deg": 20.0,
+    "features.blur": 5.0,
+    "at_goal.clutter": 60,
+    "at_goal.light_strength": 0.3,
     "light.colour": [1.0, 0.5, 0.5],
     "target.colour": "#c03020",
     "target.picture": "pebbles",
@@ -83,6 +89,8 @@ CHANGE = ("goal.depth_to=2", "goal.change_start=0.02", "goal.change_duration=0.1
 STOPS = ("motion.go=0.1", "motion.stop=0.1", "run.duration=0.4")
 PROBED = ("controller.probe_time=0.04", "run.duration=0.6")
 TILTED = ("robot.kind=free", "start.tilt_deg=65", "camera.fovy_deg=80")
+CORNERED = ("tracker.corners=true",)
+LIT = tuple(f"at_goal.light_{name}" for name in ("strength", "azimuth_deg", "elevation_deg"))
 MATTERS = {
     "walls.picture": TILTED,
     **dict.fromkeys(
@@ -105,7 +113,16 @@ MATTERS = {
     "believed.ignore_distortion": LENS,
     "believed.goal": ("believed.fx_factor=1.2",),
     "clutter.shape": ("clutter.number=50",),
-    "clutter.alike": ("clutter.number=50",),
+    **dict.fromkeys(
+        ("clutter.alike", "clutter.height", "clutter.within", "clutter.picture"),
+        ("clutter.number=50",),
+    ),
+    "goal.tilt_deg": CORNERED,
+    "goal.tilt_towards_deg": (*CORNERED, "goal.tilt_deg=20"),
+    **dict.fromkeys(
+        ("at_goal.gain", "at_goal.noise", "at_goal.clutter", *LIT), ("features.kind=photometric",)
+    ),
+    "at_goal.moved": ("features.kind=photometric", "clutter.number=50"),
     "ground.tile": ('ground.kind="checker"',),
     "motion.go": STOPS,
     "motion.stop": STOPS,

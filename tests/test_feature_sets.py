@@ -132,13 +132,13 @@ def test_a_law_that_feeds_forward_what_the_set_does_not_have_is_refused(centroid
             "still",
             ["features.kind=points", "tracker.kind=kams"],
             "features 'points': the tracker follows no angle nor size of this target, and without it "
-            "none of the features is known",
+            "none of the features is known: choose another tracker or other features",
         ),
         (
             "turn_180_pose",
             ["tracker.kind=kams", "features.error=cMo"],
             "features 'pose': the tracker follows no angle nor size of this target, and without it "
-            "none of the features is known",
+            "none of the features is known: choose another tracker or other features",
         ),
         (
             "photometric",

@@ -84,7 +84,8 @@ def test_keys_that_are_unknown_pass_and_missing_ones_do_not(file, tmp_path):
     missing = list(document)[2]
     path.write_text(json.dumps({k: v for k, v in document.items() if k != missing}))
     with pytest.raises(
-        Mistake, match=rf"file\.json: the content of this file is wrong: {missing}: field required$"
+        Mistake,
+        match=rf"file\.json: the content of this file is wrong: {missing}: field required; run ",
     ):
         type(file).read(path)
 

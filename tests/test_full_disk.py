@@ -65,7 +65,7 @@ def test_a_recording_that_cannot_grow_costs_neither_rows_nor_report(tmp_path):
     code, err = limited(1260, f"run still --out out {QUICK} --set camera.noise=40", tmp_path)
     assert (code, err) == (
         1,
-        "servobench: out/run.rrd: this output ends too early: the disk refuses more (is a quota or a limit of file sizes "
+        "servobench: out/run.rrd: this output ends too early (run again for all of it): the disk refuses more (is a quota or a limit of file sizes "
         "reached?)\n",
     )
     assert pq.read_table(tmp_path / "out" / "steps.parquet").num_rows == 60
@@ -76,7 +76,7 @@ def test_without_room_for_the_rows_a_run_does_not_begin(tmp_path):
     code, err = limited(300, f"run still --out out --mcap out.mcap {QUICK}", tmp_path)
     assert (code, err) == (
         1,
-        "servobench: out/steps.arrows: the disk has no room for the table: File too large\n",
+        "servobench: out/steps.arrows: the disk has no room for the table: File too large: make room, or choose another folder\n",
     )
     assert list(tmp_path.rglob("*")) == [tmp_path / "out"]
 
@@ -119,7 +119,7 @@ def test_a_recording_for_which_there_is_no_room_does_not_begin(pictures):
     code, err = limited(8, "track seen --tracker frozen --out out -q --rerun", pictures)
     assert (code, err) == (
         1,
-        "servobench: out/track.rrd: this output ends too early: File too large\n",
+        "servobench: out/track.rrd: this output ends too early (run again for all of it): File too large\n",
     )
     assert len((pictures / "out" / "track.csv").read_text().splitlines()) == 91
     assert not (pictures / "out" / "track.rrd").exists()
@@ -130,7 +130,9 @@ def test_a_video_or_a_recording_that_cannot_grow_costs_no_row(pictures, extra):
     file = extra.partition(" ")[2] or "out/track.rrd"
     code, err = limited(30, f"track seen --tracker frozen --out out -q {extra}", pictures)
     assert code == 1
-    assert err.startswith(f"servobench: {file}: this output ends too early: ")
+    assert err.startswith(
+        f"servobench: {file}: this output ends too early (run again for all of it): "
+    )
     assert not (pictures / "out.mp4").exists()  # not a second of it has found room
     assert err.count("\n") == 1
     assert len((pictures / "out" / "track.csv").read_text().splitlines()) == 91
@@ -141,7 +143,9 @@ def test_a_check_keeps_the_older_file_where_the_new_one_has_no_room(here, tmp_pa
     (tmp_path / "out.xml").write_text("older")
     code, err = here(1, "check still --set run.duration=0.1 --seeds 3 --workers 1 --junit out.xml")
     assert code == 1
-    assert err.endswith("servobench: out.xml: cannot write this file: File too large\n")
+    assert err.endswith(
+        "servobench: out.xml: cannot write this file: File too large; remove the cause, and run again\n"
+    )
     assert (tmp_path / "out.xml").read_text() == "older"
     assert list(tmp_path.iterdir()) == [tmp_path / "out.xml"]
 
@@ -149,7 +153,10 @@ def test_a_check_keeps_the_older_file_where_the_new_one_has_no_room(here, tmp_pa
 def test_a_page_that_has_no_room_is_not_written(tmp_path):
     limited(100_000, f"run still --out out --no-rerun {QUICK} --set run.duration=0.1", tmp_path)
     code, err = limited(8, "report out --out page.html", tmp_path)
-    assert (code, err) == (1, "servobench: page.html: cannot write this page: File too large\n")
+    assert (code, err) == (
+        1,
+        "servobench: page.html: cannot write this page: File too large; remove the cause, and run again\n",
+    )
     assert list(tmp_path.iterdir()) == [tmp_path / "out"]
 
 

@@ -178,9 +178,7 @@ def test_settings_of_dask_that_are_broken_are_named(tmp_path):
         check=False,
         env=os.environ | {"DASK_CONFIG": str(tmp_path)},
     )
-    begin = (
-        f"servobench: Dask's settings cannot be read: A dask config file at '{tmp_path}/tls.yaml'"
-    )
+    begin = f"servobench: Dask's settings cannot be read; correct them: A dask config file at '{tmp_path}/tls.yaml'"
     assert ended.returncode == 2
     assert ended.stderr.startswith(begin)
     assert ended.stderr.count("\n") == 1

@@ -128,5 +128,5 @@ def test_a_link_to_a_whole_bag_and_a_link_inside_it_are_followed(tmp_path):
 def test_a_message_of_one_endless_number_is_damaged_at_once(tmp_path):
     path = bags.foxglove(tmp_path / "log.mcap", {"/eye": [b"\x08" + b"\xff" * 1_000_000 + b"\x01"]})
     assert [p.reason for p in Bag(path, None)] == [
-        "the message with this picture is cut off or damaged"
+        "the message with this picture is cut off or damaged: copy or record the bag again"
     ]

@@ -147,16 +147,18 @@ def test_names_of_joints_are_any_and_have_to_be_the_robots(tmp_path):
         ),
         (
             "time_s;command_x_m_s;joint_x_m\n0,0;1,5;2,0\n",
-            "cannot read this log: CSV parse error: Row #2: Expected 1 columns, got 4: 0,0;1,5;2,0",
+            "cannot read this log: CSV parse error: Row #2: Expected 1 columns, got 4: 0,0;1,5;2,0; "
+            "correct it, or save it again",
         ),
         (
             f"{PLAIN}0,1,2\n1,0,5,3\n",
-            "cannot read this log: CSV parse error: Row #3: Expected 3 columns, got 4: 1,0,5,3",
+            "cannot read this log: CSV parse error: Row #3: Expected 3 columns, got 4: 1,0,5,3; correct "
+            "it, or save it again",
         ),
         (
             f"{PLAIN}0,1,2\n1,off,3\n",
             "command_x_m_s is not one column of numbers: Failed to parse string: 'off' as a scalar "
-            "of type double",
+            "of type double; correct this column",
         ),
     ],
 )

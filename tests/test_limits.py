@@ -79,7 +79,7 @@ ABSURD = {
     ),
     "run.duration=1e9": "run.duration = 1000000000.0: input should be less than or equal to 3600",
     "run.latency=1000": "run.latency = 1000: input should be less than or equal to 100",
-    "run.seed=99999999999999999999": "an integer is too large; the limit is 9223372036854775807",
+    "run.seed=99999999999999999999": "an integer has more than 64 bits; give one from -9223372036854775808 to 9223372036854775807",
     "goal.x=1e300": "goal.x = 1e+300: input should be less than or equal to 10000",
     "motion={kind='stop_and_go', go=1e-9}": (
         "motion.go = 1e-09: input should be greater than or equal to 0.1"
@@ -104,7 +104,7 @@ ABSURD = {
         "tracker.layers = 1000000: input should be less than or equal to 50"
     ),
     "camera.rate=1000 run.duration=3600": (
-        "run.duration = 3600 s at camera.rate = 1000 Hz is 3,600,000 frames; the limit is 360,000"
+        "run.duration = 3600 s at camera.rate = 1000 Hz is 3,600,000 frames; the limit is 360,000: shorten the run, or lower the rate"
     ),
 }
 
@@ -143,11 +143,11 @@ def call(monkeypatch, capfd, *arguments):
         ),
         (
             ["check", "line", "--seeds", "1000000000000"],
-            f"this command would make 1,000,000,000,000 runs; the limit is {workers.MOST_RUNS:,}",
+            f"this command would make 1,000,000,000,000 runs; the limit is {workers.MOST_RUNS:,}: make fewer at a time",
         ),
         (
             ["evaluate", "clutter", "--trackers", "kams", "--seeds", "1000000000000"],
-            f"this command would make 4,000,000,000,000 runs; the limit is {workers.MOST_RUNS:,}",
+            f"this command would make 4,000,000,000,000 runs; the limit is {workers.MOST_RUNS:,}: make fewer at a time",
         ),
         (
             ["evaluate", "closed_loop", "--trackers", "kams", "--seeds", "1000000000000"],

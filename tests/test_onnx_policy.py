@@ -102,8 +102,13 @@ def test_a_network_that_takes_something_else_is_refused(tmp_path, shapes, senten
 
 def test_what_cannot_be_used_is_one_sentence(tmp_path, monkeypatch):
     path = tmp_path / "p.onnx"
-    assert refused(path) == f"line: controller: file = '{path}': there is no such file"
-    assert refused("") == "line: controller: file = '': there is no such file"
+    assert (
+        refused(path)
+        == f"line: controller: file = '{path}': there is no such file: name the network's file"
+    )
+    assert (
+        refused("") == "line: controller: file = '': there is no such file: name the network's file"
+    )
     path.write_bytes(b"no network at all" * 9)
     unreadable = (
         f"line: controller: file = '{path}': ONNX Runtime cannot load this network; export it"
@@ -118,7 +123,7 @@ def test_what_cannot_be_used_is_one_sentence(tmp_path, monkeypatch):
     for weights, sentence in (
         (
             np.ones((3, 6)),
-            "controller 'onnx': ONNX Runtime cannot run the network: Got invalid dimensions for",
+            "controller 'onnx': ONNX Runtime cannot run the network; correct it: Got invalid dimensions for",
         ),
         (np.ones((6, 3)), "it should be a NumPy array of six finite numbers (vx, "),
         (np.full((6, 6), np.nan), "Command.twist is [nan nan nan nan nan nan]"),

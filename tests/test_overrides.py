@@ -16,10 +16,10 @@ def mistake(name, changes):
     ("item", "message"),
     [
         ("tracker.kind", "this is not key=value, such as tracker.kind=frozen"),
-        ("run.seed.x=3", "'run.seed.x' leads through 'seed', which is not a table"),
+        ("run.seed.x=3", "'run.seed.x' leads through 'seed', which is not a table: correct it"),
         (
             "disturbances.5.start=1",
-            "'disturbances.5.start' leads through '5', which is not a table",
+            "'disturbances.5.start' leads through '5', which is not a table: correct it",
         ),
     ],
 )
@@ -81,12 +81,12 @@ def test_setting_another_kind_clears_the_rest_of_its_table():
         (
             ["disturbances.0.start=1"],
             "--set disturbances.0.start=1: 'disturbances.0.start' leads through '0', which is not "
-            "a table",
+            "a table: correct it",
         ),
         (
             ["disturbances=[{ kind = 'spot' }]", "disturbances.00.start=1"],
             "--set disturbances.00.start=1: 'disturbances.00.start' leads through '00', which is "
-            "not a table",
+            "not a table: correct it",
         ),
         (
             ["disturbances=[{ kind = 'spot' }]", "disturbances.0=1"],

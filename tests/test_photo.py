@@ -256,7 +256,8 @@ def test_a_calibration_of_another_size_is_refused(folder, plain):
     (folder / "camera.yaml").write_text(CAMERA.replace("600", "601"))
     sentence = refusal(write("a.png", plain), "--calibration", "camera.yaml")
     assert sentence == (
-        "a.png: the calibration is for 800 x 601 px, and the photograph has 800 x 600 px"
+        "a.png: the calibration is for 800 x 601 px, and the photograph has 800 x 600 px: give the "
+        "calibration of such pictures"
     )
 
 

@@ -50,7 +50,7 @@ def test_a_picture_with_too_long_a_side_is_refused(tmp_path):
     with pytest.raises(ValueError) as refused:
         read_image(tmp_path / "a.png")
     assert str(refused.value) == (
-        f"{tmp_path / 'a.png'}: the picture has 16385 x 1 px; the limit is 16384 px a side"
+        f"{tmp_path / 'a.png'}: the picture has 16385 x 1 px; both sides should be 1 to 16384 px"
     )
 
 

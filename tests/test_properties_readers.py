@@ -206,7 +206,7 @@ def test_a_recording_is_told_from_anything_else(folder, content):
     except Mistake as mistake:
         refused = str(mistake)
     right = content[:4] in view.MAGIC
-    assert refused == (None if right else f"{path}: this is not a Rerun recording (.rrd)")
+    assert refused == (None if right else f"{path}: this is not a Rerun recording (.rrd): name one")
 
 
 @given(st.text() | st.sampled_from(["a" * 5000, "\0", "\ud800", ".", "/", "camera:" + "9" * 5000]))

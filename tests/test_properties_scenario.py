@@ -166,7 +166,9 @@ def test_any_name_is_a_scenario_or_one_sentence(name):
     outcome(s.load, name)
 
 
-TOO_LARGE = "an integer is too large; the limit is 9223372036854775807"
+TOO_LARGE = (
+    "an integer has more than 64 bits; give one from -9223372036854775808 to 9223372036854775807"
+)
 TOO_DEEP = f"tables and lists are nested too deep; the limit is {DEEPEST} levels"
 
 

@@ -138,12 +138,12 @@ def test_a_4k_picture_is_a_picture(kind, size, uhd):
         (
             Region(np.nan, 20.0),
             State(80.0, 60.0),
-            "the region's width, height, x, y, theta are nan, 20, 80, 60, 0: expected numbers up to 1e+06",
+            "the region's width, height, x, y, theta are nan, 20, 80, 60, 0: expected numbers from -1e+06 to 1e+06",
         ),
         (
             Region(40.0, 20.0),
             State(80.0, 1e300),
-            "the region's width, height, x, y, theta are 40, 20, 80, 1e+300, 0: expected numbers up to 1e+06",
+            "the region's width, height, x, y, theta are 40, 20, 80, 1e+300, 0: expected numbers from -1e+06 to 1e+06",
         ),
         (
             Region(40.0, 20.0),

@@ -152,7 +152,10 @@ def test_too_many_runs_of_one_command_are_refused():
     check_number(MOST_RUNS)
     with pytest.raises(Mistake) as refused:
         check_number(MOST_RUNS + 1)
-    assert str(refused.value) == "this command would make 100,001 runs; the limit is 100,000"
+    assert (
+        str(refused.value)
+        == "this command would make 100,001 runs; the limit is 100,000: make fewer at a time"
+    )
 
 
 @pytest.mark.parametrize(

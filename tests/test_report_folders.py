@@ -222,7 +222,10 @@ STUDY = json.dumps(
     }
 ).encode()
 BAD = {
-    "no folder": (None, "{}: there is no such folder"),
+    "no folder": (
+        None,
+        "{}: there is no such folder: name one, or loop-v1 or servo-v1 without --measures",
+    ),
     "nothing known": (
         {"notes.txt": b""},
         "{}: this folder has no results of `servobench run`, `evaluate`, `benchmark`, `papers`, `sweep` or `compare`: name a folder that one of them wrote",
@@ -237,7 +240,7 @@ BAD = {
     ),
     "a value is missing": (
         {"papers.json": b'{"format": 1, "kind": "papers"}'},
-        "{}/papers.json: the content of this file is wrong: command: field required",
+        "{}/papers.json: the content of this file is wrong: command: field required; run the command that wrote it again, into a new folder",
     ),
     "an empty bench": (
         {"study.json": json.dumps(json.loads(STUDY) | {"holds": "evaluate"}).encode()},

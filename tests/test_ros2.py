@@ -197,7 +197,7 @@ SHAPE = (
 WRONG = [
     ({"k": [0.0] * 9}, SHAPE),
     ({"k": [np.nan] * 9}, "camera_matrix.0 = nan: input should be a finite number"),
-    ({"d": [0.1] * 8, "distortion_model": "plumb_bob"}, "distortion_coefficients has 8 numbers; the lens model plumb_bob has 5"),
+    ({"d": [0.1] * 8, "distortion_model": "plumb_bob"}, "distortion_coefficients has 8 numbers, and the lens model plumb_bob has 5: correct the numbers or the model"),
     (
         {"d": [0.0] * 5, "distortion_model": "omni"},
         "distortion_model = 'omni' is no known lens model; there is plumb_bob, radtan, radial_tangential, "

@@ -108,7 +108,9 @@ def test_a_missing_file_is_named():
 def test_a_file_that_is_not_text_is_named(tmp_path):
     path = tmp_path / "binary.toml"
     path.write_bytes(b"\xff\xfe\x00")
-    assert mistake(s.load, str(path)).endswith("cannot read this scenario: it is not UTF-8 text")
+    assert mistake(s.load, str(path)).endswith(
+        "cannot read this scenario: it is not UTF-8 text: save it as UTF-8, or give another file"
+    )
 
 
 def test_defaults_are_those_of_the_kinds():
@@ -288,7 +290,8 @@ def test_bounds_of_drawn_seeds_need_draws(mine):
     with pytest.raises(Mistake) as told:
         judged()
     assert str(told.value) == (
-        "mine.toml: expect.drawn is for runs with drawn settings, and no table [vary] draws any"
+        "mine.toml: expect.drawn is for runs with drawn settings, and no table [vary] draws any: "
+        "add [vary], or leave expect.drawn out"
     )
 
 

@@ -42,7 +42,7 @@ def test_a_region_of_texts_is_one_sentence():
             frame, Region("40", "30"), State(80, 60)
         )
     assert str(refused.value) == (
-        "the region's width, height, x, y, theta are '40', '30', 80, 60, 0.0: expected numbers up to 1e+06"
+        "the region's width, height, x, y, theta are '40', '30', 80, 60, 0.0: expected numbers from -1e+06 to 1e+06"
     )
 
 
@@ -53,4 +53,7 @@ def test_frames_and_films_that_cannot_be_are_sentences():
     assert str(refused.value) == "frame(time): expected 1 finite numbers, got ('x',)"
     with pytest.raises(Mistake) as refused:
         servo.result.Clip(b"").save("/no/film.mp4")
-    assert str(refused.value) == "/no/film.mp4: cannot write this film: No such file or directory"
+    assert (
+        str(refused.value)
+        == "/no/film.mp4: cannot write this film: No such file or directory; choose another place"
+    )

@@ -98,7 +98,10 @@ def test_a_video_is_read_with_its_rate(tmp_path):
     [
         ("gone", f"gone: there is no such source: give a {THERE}"),
         ("camera:x", "camera:x: a camera is given by its number, such as camera:0"),
-        (".", ".: there are no images in this folder"),
+        (
+            ".",
+            ".: there are no images in this folder: give one with JPEG, PNG, BMP, TIFF, WebP or PPM files",
+        ),
         ("img_%03d.png", f"img_%03d.png: there is no such source: give a {THERE}"),
         ("file:///etc/passwd", f"file:///etc/passwd: there is no such source: give a {THERE}"),
         ("concat:a.mp4|b.mp4", f"concat:a.mp4|b.mp4: there is no such source: give a {THERE}"),

@@ -396,7 +396,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_what_there_is(small, folder):
 def test_a_folder_that_cannot_be_made_is_one_sentence(small, study_place):
     (study_place / "file").write_text("")
     assert refused(small, study_place / "file" / "out") == (
-        f"{study_place}/file/out: cannot write to this folder: Not a directory"
+        f"{study_place}/file/out: cannot write to this folder: Not a directory; choose another place"
     )
 
 

@@ -63,7 +63,7 @@ BAD = {
     ),
     "a number and its equal": (
         STILL + "axes.start.x = [1, 1.0]",
-        "axes.start.x has the same value twice",
+        "axes.start.x has the same value twice: leave one out",
     ),
     "one key in two spellings": (
         STILL + "[axes]\n'run.latency' = [1]\n'run.latency ' = [2]",
@@ -104,7 +104,7 @@ BAD = {
     ),
     "a list that the scenario lacks": (
         STILL + "axes.disturbances.0.start = [1]",
-        "'disturbances.0.start' leads through '0', which is not a table",
+        "'disturbances.0.start' leads through '0', which is not a table: correct it",
     ),
     "very many seeds": (
         STILL + "seeds = 9_000_000_000_000_000_000",
@@ -112,7 +112,7 @@ BAD = {
     ),
     "more runs than can be written out": (
         STILL + "[axes]\n" + "\n".join(f"goal.x{i} = [1, 2]" for i in range(20_000)),
-        "this study has more runs than the limit, 1,000,000",
+        "this study has more runs than the limit, 1,000,000: give fewer values or seeds",
     ),
     "comparing what is drawn": (
         STILL + "compare = 'start.x'\naxes.start.x = { uniform = [1, 2] }",

@@ -28,7 +28,7 @@ BAD = {
     ),
     "a value twice": (
         STILL + "axes.run.latency = [1, 1]",
-        "axes.run.latency has the same value twice",
+        "axes.run.latency has the same value twice: leave one out",
     ),
     "wrong setting": (
         STILL + "axes.run.latncy = [1]",
@@ -77,7 +77,7 @@ BAD = {
     ),
     "too many runs": (
         STILL + "seeds = 1000\naxes.start.x = { linspace = [0.0, 1.0, 5000] }",
-        "this study has more runs than the limit, 1,000,000",
+        "this study has more runs than the limit, 1,000,000: give fewer values or seeds",
     ),
     "seeds": (
         STILL + "seeds = -1",

@@ -61,7 +61,8 @@ def test_a_full_machine_is_no_mistake():
     for number in (*FULL, errno.EACCES, errno.ENOTDIR):
         found = unwritable("here", OSError(number, "why"))
         assert isinstance(found, Refused if number in FULL else Mistake)
-        assert str(found) == "here: cannot write to this folder: why"
+        remedy = "remove the cause, and run again" if number in FULL else "choose another place"
+        assert str(found) == f"here: cannot write to this folder: why; {remedy}"
 
 
 def chained(*causes):
@@ -84,7 +85,9 @@ def test_a_cluster_that_cannot_start_is_one_sentence(monkeypatch, error, said):
     monkeypatch.setattr(local_cluster, "LocalCluster", refusing(error))
     with pytest.raises(Refused) as refused, local_cluster.local(1):
         pass
-    assert str(refused.value) == f"the worker processes cannot be started: {said}"
+    assert str(refused.value) == (
+        f"the worker processes cannot be started: {said}; use one worker, or remove the cause"
+    )
 
 
 def test_errors_name_their_file():

@@ -186,7 +186,7 @@ BAD = {
     "two targets": (
         ["two"],
         "two: there are several truth files (groundtruth_rect.1.txt, groundtruth_rect.2.txt); "
-        "choose one with --truth",
+        "choose one with --truth, or with recording.truth in a scenario",
     ),
     "a log of several cameras": (
         ["cameras.mcap", "--region", REGION],
@@ -194,7 +194,8 @@ BAD = {
     ),
     "a truth that is none": (
         ["in", "--region", REGION, "--truth", "in/000.png"],
-        "in/000.png: cannot read this truth: it is not UTF-8 text",
+        "in/000.png: cannot read this truth: it is not UTF-8 text: save it as UTF-8, or give another "
+        "file",
     ),
 }
 

@@ -87,7 +87,10 @@ def test_rows_have_the_names_of_the_pictures_whatever_these_are(tmp_path):
 def test_what_the_disk_refuses_is_left_and_named(tmp_path, act, done, error, reason):
     bad, good = Extra(act, error), Extra()
     files = tracked(tmp_path, {"track.mp4": bad, "track.rrd": good})
-    assert str(files.refused) == f"{tmp_path}/track.mp4: this output ends too early: {reason}"
+    assert (
+        str(files.refused)
+        == f"{tmp_path}/track.mp4: this output ends too early (run again for all of it): {reason}"
+    )
     assert bad.done == done
     assert good.done == ["begin", "add", "add", "close"]
 
@@ -95,7 +98,10 @@ def test_what_the_disk_refuses_is_left_and_named(tmp_path, act, done, error, rea
 def test_the_first_of_two_refusals_is_named(tmp_path):
     bad, worse = Extra("begin", OSError("first")), Extra("add", OSError("second"))
     files = tracked(tmp_path, {"a": worse, "b": bad})
-    assert str(files.refused) == f"{tmp_path}/b: this output ends too early: first"
+    assert (
+        str(files.refused)
+        == f"{tmp_path}/b: this output ends too early (run again for all of it): first"
+    )
 
 
 def test_after_each_row_room_is_looked_for_and_where_there_is_none_only_rows_go_on(
@@ -110,7 +116,10 @@ def test_after_each_row_room_is_looked_for_and_where_there_is_none_only_rows_go_
     monkeypatch.setattr(track_folder.shutil, "disk_usage", disk_usage)
     extra = Extra()
     files = tracked(tmp_path, {"a": extra}, 3)
-    assert str(files.refused) == f"{tmp_path}/a: this output ends too early: the disk is full"
+    assert (
+        str(files.refused)
+        == f"{tmp_path}/a: this output ends too early (run again for all of it): the disk is full"
+    )
     assert extra.done == ["begin", "abandon"]
 
 
@@ -124,7 +133,7 @@ def test_a_recording_without_room_does_not_begin(tmp_path, monkeypatch):
     files.add(shot(0), None)
     files.close()
     assert str(files.refused) == (
-        f"{tmp_path}/track.rrd: this output ends too early: No space left on device"
+        f"{tmp_path}/track.rrd: this output ends too early (run again for all of it): No space left on device"
     )
     assert sorted(path.name for path in tmp_path.iterdir()) == ["track.csv", "track.parquet"]
 

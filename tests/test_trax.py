@@ -338,7 +338,7 @@ def test_a_target_may_be_given_anew():
         (['@@TRAX:initialize "0"'], "the client's region '0' has no area: send one that has"),
         (
             ['@@TRAX:initialize "nan,1,2,3"'],
-            "the client's region 'nan,1,2,3' is of no use: a region of TraX",
+            "the client's region 'nan,1,2,3' cannot be used: a region of TraX",
         ),
         (['@@TRAX:initialize "m0,0,2,2,1"'], "region 'm0,0,2,2,1' has no area"),
         (['@@TRAX:initialize "40,30,60,30,80,30"', FRAME_LINE], "the region is 40 x 0 px; both"),

@@ -68,7 +68,10 @@ COLOURS = np.zeros((100, 160, 3), np.uint8)
         (raw("160;100;rgb", COLOURS[..., :2]), "cannot reshape array of size 32000 into shape"),
         (raw("160;100;gray8", COLOURS), "cannot reshape array of size 48000 into shape"),
         (raw("160;100;bgr", COLOURS), "the format 'bgr' is unknown; known are rgb, gray8, gray16"),
-        (raw("-1;100;rgb", COLOURS), "the picture has -1 x 100 px; the limit is 16384 px a side"),
+        (
+            raw("-1;100;rgb", COLOURS),
+            "the picture has -1 x 100 px; both sides should be 1 to 16384 px",
+        ),
         ("image:0;0;rgb;", "the picture has 0 x 0 px"),
         ("image:1", "not enough values to unpack"),
         ("image:a;b;rgb;AAAA", "invalid literal for int"),

@@ -43,7 +43,7 @@ def test_csv_is_read_by_its_header(tmp_path, text):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "this truth file is empty"),
+        ("", "this truth has no lines: it needs one for each picture"),
         (
             "1,2,3\n",
             "groundtruth.txt, line 1: the line has 3 numbers: expected 4 of a box, or 8 of four corners",

@@ -132,13 +132,15 @@ def test_a_video_too_large_for_memory_is_refused_by_its_header(tmp_path, monkeyp
     monkeypatch.setattr(picture_file, "LARGEST_PICTURE", WIDTH - 1)
     path = tmp_path / "film.mp4"
     path.write_bytes(film())
-    assert refusal(path) == "first frame: the picture has 64 x 48 px; the limit is 63 px a side"
+    assert (
+        refusal(path) == "first frame: the picture has 64 x 48 px; both sides should be 1 to 63 px"
+    )
 
 
 def test_a_video_whose_frames_have_no_size_is_refused(tmp_path):
     path = tmp_path / "film.gif"
     path.write_bytes(b"GIF89a" + struct.pack("<HH", 30_000, 30_000) + film("gif")[10:])
-    assert refusal(path) == "no frame of this video can be decoded: give another file"
+    assert refusal(path) == "no frame of this video can be decoded: give another source"
 
 
 def test_a_rate_that_is_none_is_refused(tmp_path):

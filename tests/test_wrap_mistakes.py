@@ -143,8 +143,11 @@ class Refusing(Moving):
             "theirs needs weights: give wrap a function without arguments, such as "
             "lambda: Tracker(...)",
         ),
-        (NoUpdate, "theirs: NoUpdate lacks init(image, box) or update(image)"),
-        (dict, "theirs: dict lacks init(image, box) or update(image)"),
+        (
+            NoUpdate,
+            "theirs: NoUpdate lacks init(image, box) or update(image): give it both methods",
+        ),
+        (dict, "theirs: dict lacks init(image, box) or update(image): give it both methods"),
         (
             Refusing,
             "theirs: init refused the region x, y, width, height = (40, 30, 30, 20): give another region",
@@ -175,7 +178,8 @@ def test_a_convention_or_a_confidence_that_is_not_there_is_refused():
     with pytest.raises(ValueError) as refused:
         follow(wrap(Moving, confidence="sure", name="theirs")())
     assert (
-        str(refused.value) == "theirs has no attribute or method 'sure', but confidence= names it"
+        str(refused.value)
+        == "theirs has no attribute or method 'sure', but confidence= names it: correct the name"
     )
 
 
@@ -228,7 +232,7 @@ def test_a_class_that_never_answers_ends_in_a_sentence(made, limit):
     with pytest.raises(ValueError) as late:
         follow(config)
     assert str(late.value) == (
-        f"theirs did not answer within 0.1 s: correct it, or set a longer tracker.{limit}"
+        f"theirs did not answer within 0.1 s: correct the tracker, or set a longer tracker.{limit}"
     )
 
 

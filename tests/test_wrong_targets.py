@@ -36,6 +36,10 @@ BROKEN = {
 NO_PICTURE = (
     "a.png: this picture cannot be decoded; known formats are JPEG, PNG, BMP, TIFF, WebP, PPM"
 )
+NOT_ABOVE = (
+    "no visible part of the target lies above the table's top, z = 0: move the model up, or give it "
+    "visible shapes"
+)
 WRONG = [
     ("mesh", {"file": "gone.obj"}, "gone.obj: cannot read this mesh: No such file or directory"),
     ("mesh", {"file": "."}, ".: this is not a mesh of a target: give an .obj or .stl file"),
@@ -150,17 +154,17 @@ WRONG = [
     (
         "mjcf",
         {"model": "d.xml"},
-        "d.xml: no visible part of the target lies above the table's top, z = 0: move the model up",
+        f"d.xml: {NOT_ABOVE}",
     ),
     (
         "mjcf",
         {"model": "e.xml"},
-        "e.xml: no visible part of the target lies above the table's top, z = 0: move the model up",
+        f"e.xml: {NOT_ABOVE}",
     ),
     (
         "mjcf",
         {"model": "f.xml"},
-        "f.xml: no visible part of the target lies above the table's top, z = 0: move the model up",
+        f"f.xml: {NOT_ABOVE}",
     ),
     ("mjcf", {"model": "g.xml"}, "g.xml: cannot read this target: "),
 ]

@@ -32,8 +32,10 @@ DOUBT = 0.3
 
 @dataclass(frozen=True, slots=True)
 class LossLimits:
-    """Settings of `LossJudge`: bounds of the threshold of the appearance distance, 0..1, above
-    which a target counts as not seen; and when it counts as seen again, or as lost.
+    """Settings of `LossJudge`: bounds (`floor`, `cap`) of the threshold of the appearance distance,
+    0..1, above which a target counts as not seen; the share of the threshold below which it counts
+    as seen again (`hysteresis`); the time without it after which it is LOST (`patience`) [s]; and
+    the factor on the usual distance above which a rise is sudden (`sudden`; 0: not tested).
     """
 
     floor: float = 0.25

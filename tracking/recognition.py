@@ -46,8 +46,9 @@ TINY = 1e-12
 
 
 class Recogniser:
-    """Stored views (small pictures) of one target, and the confidence, from 0 (lost) to 1
-    (certain), that the tracker follows this target.
+    """Stored views (small pictures) of one target, at most `count`, and the confidence, from 0
+    (lost) to 1 (certain), that the tracker follows this target. From the start `model` compares
+    states with the views, too.
     """
 
     def __init__(

@@ -27,7 +27,9 @@ class ParticleSettings:
     """Settings that all particle filters share: number of particles; standard deviations of their
     motion per frame (`noise` of position as a share of the target's size, `turn_noise` [rad],
     `scale_noise` of ln scale); sharpness `gamma` of the likelihood exp(-gamma d^2); share of the
-    old velocity in the new one; and how a lost target is found again.
+    old velocity in the new one; and how a lost target is found again: share of the particles
+    redrawn over the picture (`scatter`), number of stored small pictures of the target (`views`),
+    or a second witness beside its colours (`witness`).
     """
 
     particles: Count = 200

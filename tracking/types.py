@@ -100,8 +100,9 @@ class Region:
         return box @ np.array([[c, s], [-s, c]]) + (state.x, state.y)
 
     def first_corners(self, state: State) -> Array:
-        """Return the target's corners (4, 2) in the first picture [px]: `quad`, if it is known,
-        else those of the rectangle at `state`, the target's state in that picture.
+        """Return the target's corners (4, 2) in the first picture [px], in the order of `corners`:
+        `quad`, if it is known, else those of the rectangle at `state`, the target's state in that
+        picture.
         """
         return self.corners(state) if self.quad is None else self.quad
 
@@ -182,8 +183,8 @@ class Estimate:
     moved that much: the scale that it uses instead, by the camera's motion."""
 
     def outline(self, region: Region) -> Array:
-        """Return the target's corners (4, 2) in the image [px]: `corners`, if the tracker reports
-        them, else those of a region at `state`.
+        """Return the target's corners (4, 2) in the image [px], in the order of `Region.corners`:
+        `corners`, if the tracker reports them, else those of a region at `state`.
         """
         return region.corners(self.state) if self.corners is None else self.corners
 
@@ -373,8 +374,8 @@ def _check_numbers(region: Region, state: State) -> None:
     if not plain or not all(abs(number) <= FARTHEST for number in numbers):  # nan is not
         given = ", ".join(f"{number:.6g}" if plain else repr(number) for number in numbers)
         raise ValueError(
-            f"the region's width, height, x, y, theta are {given}: expected numbers up to "
-            f"{FARTHEST:g}"
+            f"the region's width, height, x, y, theta are {given}: expected numbers from "
+            f"{-FARTHEST:g} to {FARTHEST:g}"
         )
     least = math.exp(-LARGEST_LOG)
     most = math.exp(LARGEST_LOG)

@@ -1,5 +1,5 @@
-"""The verdict of all witnesses: the confidence that the tracker is on its target, and the status
-that follows from it.
+"""The verdict of a tracker's witnesses (colours, correlation filter and first picture): the
+confidence that the tracker is on its target, and the status that follows from it.
 """
 
 import math
@@ -48,7 +48,9 @@ AHEAD = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Signs:
-    """What the witnesses say of one place in one frame."""
+    """Measures of one place in one frame: the slow correlation filter's answer, up to about 1; the
+    correlation with the first picture of the target, -1..1; and the distance of the colours, 0..1.
+    """
 
     answer: float
     """Answer of the slow correlation filter, up to about 1."""
@@ -59,7 +61,7 @@ class Signs:
 
 
 class Verdict:
-    """Confidence 0..1 and status of one target, from the signs of frame after frame."""
+    """Confidence 0..1 and status of one target, from its `Signs` in frame after frame."""
 
     def __init__(self) -> None:
         self._usual: Signs | None = None
@@ -73,11 +75,15 @@ class Verdict:
         """Status of the last frame."""
 
     def searches(self, time: float) -> bool:
-        """Return True if the target has not been LOCKED for `SEARCHED` s, at a time [s]."""
+        """Return True if at a time [s] the target has not been LOCKED for 0.5 s: then it is to be
+        searched in the whole picture.
+        """
         return self._unseen_since is not None and time - self._unseen_since >= SEARCHED
 
     def logit(self, signs: Signs) -> float:
-        """Return the logit of the confidence that the target is at a place, by one frame alone."""
+        """Return the logit, -4..4, of the confidence that the target is at a place, by one frame
+        alone.
+        """
         usual = self._usual or signs
         share = min(max(signs.answer / max(usual.answer, LEAST), 0.0), 1.0)
         fall = min(max(usual.first - signs.first, 0.0), 1.0)
@@ -92,7 +98,8 @@ class Verdict:
         return self.logit(other) > least
 
     def judge(self, signs: Signs, time: float, *, anew: bool = False) -> float:
-        """Set the status of a frame, and return the confidence 0..1, smoothed over `MEMORY` s.
+        """Set `status` and `trusted` for a frame, and return the confidence 0..1, smoothed over
+        0.15 s.
 
         Args:
             signs: Signs at the tracker's place.

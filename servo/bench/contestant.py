@@ -182,13 +182,15 @@ def contestants(
         benchmark: The benchmark that they take part in.
         given: Names of shipped contestants, or name=kind:preset, name=module:Class,
             name='trax:COMMAND' or name='program:COMMAND' for a program, or name=onnx:FILE[,FILE]
-            for networks of OpenCV's trackers; empty: all shipped contestants.
+            for networks of OpenCV's trackers (for a law, one network that acts as controller);
+            empty: all shipped contestants.
         changes: Changes KEY=VALUE of every contestant's settings, which put it into the division
             OPEN. A user's tracker class runs in a process of its own, but in this process if a
             change is of a tracker's setting.
 
     Raises:
-        Mistake: There is no such contestant, or two have one name.
+        Mistake: There is no such contestant, it uses more than pictures, its name or its command is
+            missing, two have one name, or one has that of a reference ("still" or "truth").
     """
     home = {one.name: one for one in home_of(benchmark)}
     changed = dict(map(assignment, changes))
@@ -244,7 +246,10 @@ def _guest(benchmark: Benchmark, home: Collection[str], text: str, served: bool)
     kind = str(settings["tracker.kind"])
     # A class by its path is imported in the process that it runs in, never here.
     if kind in TRACKERS.names() and not follows_any_target(TRACKERS.config(kind)):
-        raise Mistake(f"the tracker '{kind}' cannot take part, because it uses more than pictures")
+        raise Mistake(
+            f"the tracker '{kind}' cannot take part, because it uses more than pictures: choose "
+            "another one"
+        )
     if kind in home:
         return Contestant(name, settings, Division.HOME)
     if served:

@@ -1,3 +1,3 @@
-"""The command line `servobench`: one module for each command. Only this package prints on the
-terminal.
+"""The command line `servobench`: one module for each command, and the options, printing and
+handling of signals that commands share.
 """

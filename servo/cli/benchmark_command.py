@@ -296,7 +296,7 @@ def _contestant(benchmark: Benchmark, row: Row, given: Sequence[Contestant] | No
     ours = {one.name: one for one in (*home_of(benchmark), *scale_of(benchmark))}
     if row.division not in (Division.HOME.name, Division.SCALE.name) or row.contestant not in ours:
         raise Mistake(
-            f"the contestant '{row.contestant}' is not shipped: name it with --contestant, as in "
-            f"the row's command: {row.command}"
+            f"the contestant '{row.contestant}' of this row is not shipped, or had changed "
+            f"settings: name it with --contestant, as in the row's command: {row.command}"
         )
     return ours[row.contestant]

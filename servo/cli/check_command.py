@@ -108,6 +108,10 @@ def run(
     Returns:
         The exit code: 1 if a bound was missed or a run failed, 2 if a run failed because of the
         user's mistake, else 0.
+
+    Raises:
+        Mistake: A scenario or a change is wrong, or a file cannot be written.
+        Refused: The workers cannot work, or the disk is full.
     """
     chosen = list(scenarios) or [n for n in catalogue.shipped() if load_scenario(n).expect]
     check_number(len(chosen) * seeds)

@@ -46,7 +46,10 @@ def build(out: Path, *, still: bool = False, run: bool = False) -> Path:
             a wrong link, or a tutorial that runs ends with an error.
     """
     if not (ROOT / "CONTRIBUTING.md").is_file():
-        raise Mistake("docs needs a checkout of servobench: this installed package has no manuals")
+        raise Mistake(
+            "docs needs a checkout of servobench: this installed package has no manuals: clone the "
+            "repository, and run docs from it"
+        )
     try:
         from sphinx.cmd.build import build_main
     except ImportError:

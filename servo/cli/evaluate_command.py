@@ -47,7 +47,8 @@ def run(
 
     Args:
         suite: A shipped suite, a folder of sequences, or a TOML file.
-        trackers: The trackers, with commas between them; None: all, or those of the file.
+        trackers: The trackers, with commas between them; None: those that the file lists, or else
+            all that follow any target by pictures alone.
         seeds: Number of seeds: 0, 1, 2, ...
         workers: Number of processes.
         out: The folder; None: runs/evaluate-SUITE.
@@ -133,8 +134,9 @@ def subjects_of(suite: str, trackers: str | None) -> list[TrackedSequence]:
     """Return each pair of a tracker and a sequence of a suite, to be run.
 
     Args:
-        suite: A shipped suite, a folder of sequences, or a TOML file.
-        trackers: The trackers, with commas between them; None: all, or those of the file.
+        suite: A shipped suite (but "closed_loop"), a folder of sequences, or a TOML file.
+        trackers: The trackers, with commas between them; None: those that the file lists, or else
+            all that follow any target by pictures alone.
 
     Raises:
         Mistake: The suite or a tracker is wrong.

@@ -192,8 +192,8 @@ def linger(viewer: LiveViewer | LightPage | None, console: Console) -> None:
 
 
 def check_place(path: Path | None, *suffixes: str) -> None:
-    """Check, if a path is given, that a file can be written or replaced there, and that its name
-    ends in one of the suffixes.
+    """Check, if a path is given, that its folder exists, that it is no link and no folder, and that
+    its name ends in one of the suffixes. Whether the file can be written is not tried.
 
     Raises:
         Mistake: The folder is missing, the path is a link or no file, or the suffix differs.

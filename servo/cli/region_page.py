@@ -72,7 +72,10 @@ def select(
     if first is None:
         raise Mistake(f"{source}: this source has no pictures: give another one")
     if first.image is None:
-        raise Mistake(f"{first.name}: the first picture cannot be read: {first.reason}")
+        raise Mistake(
+            f"{first.name}: the first picture cannot be read ({first.reason}): begin with another "
+            "one"
+        )
     box = ask(first.image, source)
     if box is None:
         raise Mistake("--select: no region was drawn; run again, or give --region X,Y,W,H[,DEG]")

@@ -52,7 +52,8 @@ def run(folders: Sequence[Path], out: Path | None, **options: Any) -> None:
 
     Args:
         folders: The folders, or names of public benchmarks for their published rows.
-        out: The page's file; None: report.html in the first folder.
+        out: The page's file; None: report.html in the first folder, or NAME.html for the name of a
+            benchmark.
         **options: Tables and figures to write too: the fields of `Printed`.
     """
     for path in write(folders, out, Printed(**options)):
@@ -64,7 +65,8 @@ def write(folders: Sequence[Path], out: Path | None, printed: Printed | None = N
 
     Args:
         folders: The folders, or names of public benchmarks for their published rows.
-        out: The page's file; None: report.html in the first folder.
+        out: The page's file; None: report.html in the first folder, or NAME.html for the name of a
+            benchmark.
         printed: Tables and figures to write beside the page.
 
     Returns:
@@ -111,7 +113,10 @@ def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
     if not folder.is_dir():
         if str(folder) in NAMES and measures is None:
             return benchmark_section.published_section(str(folder))
-        raise Mistake(f"{folder}: there is no such folder")
+        raise Mistake(
+            f"{folder}: there is no such folder: name one, or {' or '.join(NAMES)} without "
+            "--measures"
+        )
     study = None
     if (folder / StudyFile.FILE).exists():
         study = StudyFile.read(folder / StudyFile.FILE)

@@ -196,8 +196,8 @@ def _write(episode: Episode, output: RunFolder, console: Console, run: Columns) 
 def load(
     name: str, changes: Sequence[str], seed: int | None, server: Server | None = None
 ) -> Scenario:
-    """Read a scenario and check its bounds; with a `server` of ROS 2, a controller outside this
-    program replaces the scenario's.
+    """Read a scenario and check its bounds. `seed` replaces run.seed, unless it is None; with a
+    `server` of ROS 2, a controller outside this program replaces the scenario's.
 
     Raises:
         Mistake: There is no such scenario, or a setting or a bound is wrong.

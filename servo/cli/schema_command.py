@@ -45,8 +45,8 @@ def text() -> str:
 
 
 def expect_schema() -> Schema:
-    """Return the JSON Schema of the table `expect` of a scenario: the expected outcome of a run,
-    and upper bounds on its measures.
+    """Return the JSON Schema of the table `expect` of a scenario: the expected outcome of a run and
+    upper bounds on its measures, for the scenario's own tracker, for others and for drawn seeds.
     """
     ends = list(Outcome.__members__)
     one = {
@@ -81,7 +81,7 @@ def vary_schema() -> Schema:
 
 def sweep_schema() -> Schema:
     """Return the JSON Schema of the table `sweep` of a scenario, which makes a study of it: axes,
-    seeds and bounds.
+    settings of all runs, seeds, the compared axis and bounds.
     """
     share = SHARE | {"description": "Least share of runs that end as expected."}
     seed = {"type": "integer", "minimum": 0}

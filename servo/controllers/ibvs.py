@@ -118,8 +118,8 @@ class Ibvs:
 
         Raises:
             ValueError: `feed_forward` names a feature that the set does not have, the weights of
-                all components that may move with these features are 0, or a limit of the guard does
-                not fit the camera.
+                all components that may move with these features are 0, or the margin of the
+                controller `qp` leaves nothing of the picture.
         """
         c = self._config
         self._features = task.features

@@ -77,7 +77,7 @@ class Network:
         except ModuleNotFoundError:
             raise ValueError(EXTRA) from None
         if not Path(file).is_file():
-            raise ValueError(f"file = '{file}': there is no such file")
+            raise ValueError(f"file = '{file}': there is no such file: name the network's file")
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = 1  # a sum then does not depend on how many cores there are
         options.log_severity_level = 4  # what is wrong is raised as well
@@ -120,7 +120,7 @@ class Network:
                 f"the network gave no twist within {self._timeout:g} s: correct the network, or "
                 "set a longer controller.timeout"
             )
-            failed = f"ONNX Runtime cannot run the network: {_reason(error)}"
+            failed = f"ONNX Runtime cannot run the network; correct it: {_reason(error)}"
             raise ValueError(late if options.terminate else failed) from None
         finally:
             limit.cancel()

@@ -53,8 +53,8 @@ class Config:
 
     @property
     def needs(self) -> Channels:
-        """Channels of data that the estimator needs: "seen", whether the target is seen, if it
-        filters the error; none if it filters differences.
+        """Channels of data that the estimator needs: `Channel.SEEN` if it filters the error; none
+        if it filters differences.
         """
         return frozenset() if self.noise == "difference" else frozenset({Channel.SEEN})
 

@@ -10,5 +10,5 @@ def picture_of(sight: Sight) -> CameraImage:
         ValueError: It has no picture.
     """
     if sight.picture is None:
-        raise ValueError("there is no picture of the goal: give it to Loop.start as `goal`")
+        raise ValueError("a picture is missing: give Loop.start that of the goal as `goal`")
     return sight.picture

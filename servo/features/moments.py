@@ -62,9 +62,9 @@ class Config:
 
 @final
 class MomentFeatures:
-    """Feature set s = (xn, yn, an, theta) (4,) of one target: centre (xn, yn) and size an of its
-    silhouette, in m with the scaling METRIC, and the direction theta of its long axis, from right
-    towards down [rad].
+    """Feature set s = (xn, yn, an, theta) (4,) of the target's silhouette: an = K / sqrt(area),
+    which is smaller for a larger silhouette; its centre in normalised image coordinates times an;
+    and the direction theta of its long axis, from right towards down [rad].
     """
 
     names = ("xn", "yn", "an", "theta")

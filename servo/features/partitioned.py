@@ -52,8 +52,9 @@ class PartitionedFeatures(OfCorners):
     noise = np.array([NOISE] * 8 + [*NOISES])
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (10,) of the target in a picture: eight corner coordinates, ln sigma,
-        theta [rad].
+        """Return the features (10,) of the target in a picture: x and y of each corner in
+        normalised image coordinates, ln sigma for the area sigma^2, and the angle theta of the side
+        from the first corner to the second [rad].
         """
         corners = corners_of(sight)
         (dx, dy) = corners[1] - corners[0]

@@ -77,8 +77,9 @@ class PhotometricFeatures(Features):
         self._goal_inverse = np.zeros((6, 0))
 
     def values(self, sight: Sight) -> Array:
-        """Return the features (6,), a camera displacement [m, rad], from the current picture and
-        the goal's picture, which `sight` holds.
+        """Return the features (6,): the displacement of the camera from its goal, to first order,
+        as translation [m] and rotation vector [rad] in the camera frame. They come from the current
+        picture and the goal's picture, which `sight` holds.
 
         Raises:
             ValueError: One of the pictures is missing.

@@ -141,9 +141,9 @@ def read(path: Path) -> Log:
     """Read a robot's log: CSV, Parquet, or MCAP with JSON messages, such as /step of a run.
 
     Raises:
-        Mistake: The file cannot be read, it is shorter than 2 s or longer than 600 s, a column
-            contradicts its name, a position jumps, or no channel has both a command and enough
-            positions that vary.
+        Mistake: The file cannot be read; its column time_s is missing, does not increase, or spans
+            less than 2 s or more than 600 s; a used column has texts, numbers above 1e12 or
+            positions that jump; or no channel has both a command and enough positions that vary.
     """
     table = _table(path)
     names = table.column_names
@@ -267,7 +267,9 @@ def _table(path: Path) -> pa.Table:
         if isinstance(error, Mistake):
             raise
         text = " ".join(str(error).split())
-        raise Mistake(f"{path}: cannot read this log: {text}") from error
+        raise Mistake(
+            f"{path}: cannot read this log: {text}; correct it, or save it again"
+        ) from error
 
 
 def _numbers(table: pa.Table, name: str, path: Path) -> Array:
@@ -275,7 +277,9 @@ def _numbers(table: pa.Table, name: str, path: Path) -> Array:
     try:
         return np.asarray(table[name].cast(pa.float64()), np.float64)
     except (pa.ArrowException, KeyError) as error:
-        raise Mistake(f"{path}: {name} is not one column of numbers: {error.args[0]}") from error
+        raise Mistake(
+            f"{path}: {name} is not one column of numbers: {error.args[0]}; correct this column"
+        ) from error
 
 
 def _messages(data: bytes) -> list[dict[str, object]]:

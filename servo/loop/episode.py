@@ -417,7 +417,8 @@ class Episode:
     @property
     def sight(self) -> Sight | None:
         """View of the target (moments, corners, plane, pose) in the picture from which the law's
-        last command was computed; None if the target was not seen in it.
+        last command was computed; None if the target was not seen in it, or the law has not
+        computed a command yet.
         """
         return self._timeline.latest.decision.sight
 
@@ -482,7 +483,8 @@ class Episode:
 
 def run(scenario: Setup) -> Iterator[Step]:
     """Run a scenario, yield its steps one after the other, from the first frame to the last, and
-    close the world at the end.
+    close the world at the end. The exceptions are those of `Episode`, which is made when the first
+    step is asked for.
     """
     with Episode(scenario) as episode:
         yield from episode

@@ -107,8 +107,9 @@ def check_posture(posture: Posture) -> None:
     its Jacobian are allowed: a law then does not use it; so are infinite limits.
 
     Raises:
-        ValueError: A number is not finite or above 1e9, an array has another shape, a lower limit
-            is above the upper one, or the rotation is no rotation matrix.
+        ValueError: An object has the wrong type, another number is not finite or above 1e9, an
+            array has another shape, a lower limit is above the upper one, or the rotation is no
+            rotation matrix.
     """
     check_type("posture", posture, Posture)
     p = posture

@@ -119,6 +119,7 @@ class Law:
 
         Raises:
             ValueError: A setting does not fit the features.
+            PartFailed: A component raised another exception, or returned an invalid value.
         """
         self.estimator.start(self.features)
         self._difference = Difference(self.features)

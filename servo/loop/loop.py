@@ -32,17 +32,17 @@ from tracking.types import Estimate, Region, State
 
 
 class TrueMotion(Protocol):
-    """Function that returns the mean de/dt (k,) of the features that the target's own motion causes
-    between two times of a run; only a simulation has this function.
+    """Function that returns the mean de/dt (k,), in the features' units per second, that the
+    target's own motion causes between two times of a run; only a simulation has this function.
     """
 
     def __call__(self, picture: int, begin: float, end: float) -> Array:
-        """Return the mean de/dt (k,) that the target's own motion causes between two times of the
-        run [s].
+        """Return the mean de/dt (k,), in the features' units per second, that the target's own
+        motion causes between two times of the run.
 
         Args:
-            picture: Number of the picture, from 0, whose pose of the camera relative to the target
-                is assumed to stay.
+            picture: Number of a picture, from 0. The camera is assumed to keep the pose relative to
+                the target that it had in this picture, until the target moves in the interval.
             begin: Beginning of the interval [s].
             end: End of the interval [s].
         """
@@ -221,7 +221,8 @@ class Running:
 
     def begin(self, frame: Frame, region: Region, state: State) -> None:
         """Start tracker and law with the target in the first picture, and store the goal at that
-        time and a decision to stand still. `Loop.start` calls this; users do not.
+        time and a decision to stand still. `Loop.start` calls this, and documents arguments and
+        exceptions; users do not call it.
         """
         self._law.check(depths=frame.depth is not None, true_motion=self._true_motion is not None)
         self._estimate = self._perception.start(

@@ -79,8 +79,8 @@ class Perception:
                 simulation.
 
         Returns:
-            An estimate with the given state, marked as without angle and size: the tracker has not
-            yet reported whether it follows them.
+            An estimate with the state that the tracker was given, marked as without angle and size:
+            the tracker has not yet reported whether it follows them.
 
         Raises:
             PartFailed: The tracker raised an exception.
@@ -125,6 +125,9 @@ class Perception:
             interval: Time since the previous picture [s].
             truth: The true poses at that picture; None if they are not known, as outside a
                 simulation.
+
+        Raises:
+            PartFailed: The tracker raised an exception, or returned an invalid value.
         """
         # Motions over dropped frames add up until the tracker gets the next picture.
         self._carried += self._to_sight.ego(self._estimate.state, posture.twist, interval)
@@ -149,7 +152,8 @@ class Perception:
     ) -> Sight | None:
         """Return the view of the target (moments, corners, plane, pose in the camera frame) from an
         estimate; None if the target is not seen, its centre is too uncertain, or its corners fit no
-        rectangle of its size. A size that is impossible or too uncertain is marked as not measured.
+        rectangle of its size. An angle or a size that the tracker does not follow or states too
+        uncertainly, and a size that is impossible, are marked as not measured.
 
         Args:
             frame: The picture of the estimate, with its depth picture if there is one.

@@ -72,7 +72,7 @@ def summarise(steps: Columns | Iterable[Step], config: MeasureConfig, period: fl
     on, if the run ended before.
 
     Args:
-        steps: The steps of the run, or their columns.
+        steps: The steps of the run, at least one, or their columns.
         config: The time from which errors count, and the error that counts as off the target.
         period: Frame interval [s].
     """

@@ -165,9 +165,10 @@ class RegionConfig:
 
 @dataclass(frozen=True, slots=True)
 class MeasureConfig:
-    """Settings of a run's measures: when errors begin to count, and which servo error is too large.
+    """Settings of a run's measures: when errors begin to count, and which are off the target.
 
-    The servo error is the distance of the target from its goal in the picture.
+    The camera counts as off the target while the servo error, the distance of the target's centre
+    from its goal in the picture, is larger than `above`.
     """
 
     after: Time = 0.0

@@ -121,8 +121,8 @@ class Step:
     command: Command
     """The law's latest command."""
     motion_measured: Array
-    """de/dt (k,) of the target's own motion, measured over the last frame interval; nan for
-    features that were not measured twice in a row.
+    """de/dt (k,) of the target's own motion, measured between the last two pictures that the
+    tracker took; nan for features that were not measured in both.
     """
     bodies: Array
     """Poses (n, 3, 4) of the world's moving bodies, [R | t], in the order of `World.moving`."""
@@ -219,9 +219,10 @@ class Step:
 
     @property
     def target_motion_true(self) -> Array:
-        """True mean de/dt (k,) that the target's own motion caused over the last frame interval:
-        the difference of the features of its two poses, both seen from the camera's present pose,
-        over the interval; nan if the features are made of pixels.
+        """True mean de/dt (k,), in the features' units per second, that the target's own motion
+        caused over the last frame interval: the difference of the features of the target's poses at
+        its two ends, both seen from the camera's pose at this frame, over the interval; nan if the
+        features are made of pixels.
         """
         if self.goal_sight.picture is not None:
             return self._unknown
@@ -249,8 +250,8 @@ class Step:
 
     @property
     def prediction(self) -> Prediction:
-        """What the estimator returned, in the features' own units; nan if the controller uses no
-        estimator.
+        """What the estimator returned, in the features' own units; all nan if the controller's
+        command has no trace, as for a policy.
         """
         trace = self.command.trace
         unknown = self._unknown
@@ -347,7 +348,9 @@ class Step:
 
     @property
     def tracked(self) -> bool:
-        """Whether the tracker was called with a picture in this frame interval."""
+        """Whether the camera delivered a picture in this frame, and the tracker was called before
+        the next one; False for the first frame.
+        """
         return self.frame.index > 0 and self.frame.fresh and self.seconds.track > 0
 
     @property

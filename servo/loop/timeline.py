@@ -174,7 +174,10 @@ class Timeline:
 
     @property
     def is_known_ahead(self) -> bool:
-        """Whether all commands that act until the next picture are already decided."""
+        """Whether the commands that act until the next picture are known before the law decides
+        about the last one: with a latency of at least one frame, no other delay, and no commands
+        but the law's.
+        """
         return self._plain and self._schedule.run.latency >= 1
 
     def acting(self, later: int = 0) -> Array:

@@ -128,7 +128,9 @@ def _parsed(path: Path, encoded: bytes, kind: type[T]) -> T:
             raise Mistake(f"{path}: this is not JSON; {HALF_WRITTEN}") from None
         where = ".".join(str(part) for part in first["loc"]) or "all of it"
         reason = first["msg"][0].lower() + first["msg"][1:]
-        raise Mistake(f"{path}: the content of this file is wrong: {where}: {reason}") from None
+        raise Mistake(
+            f"{path}: the content of this file is wrong: {where}: {reason}; {RUN_AGAIN}"
+        ) from None
 
 
 def command_line(command: str, *words: str, **options: object) -> str:

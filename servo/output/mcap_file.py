@@ -360,9 +360,10 @@ class TrackMcap(McapFile):
         self._zero = 0
 
     def add(self, shot: Shot, truth: Array | None) -> None:
-        """Write a tracked picture, the outlines of estimate and truth, the particles, and the row
-        of numbers. The messages have the time of the picture's stamp, if it has one, else of its
-        frame. `truth` are the true corners (4, 2) [px], or None.
+        """Write a tracked picture, if it could be decoded, the outlines of estimate and truth, the
+        particles, and the row of numbers. The messages have the time of the picture's stamp; a
+        picture without one has its time since the first, shifted as the last stamp was. `truth` are
+        the true corners (4, 2) [px], or None.
 
         Raises:
             OSError: The file cannot be written.

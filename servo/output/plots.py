@@ -51,7 +51,7 @@ def motion_figure(curves: RunCurves, title: str) -> Drawing:
     """Return the figure of the target's own motion in the image over time, as rates of the features
     (like figure 9 of Teuliere, Marchand, Eck).
 
-    Each feature for which the law compensates the target's motion (or each feature, if there are
+    Each feature for which the feature set proposes feed-forward (or each feature, if there are
     none) has its own plot with the measured, estimated and true rate.
     """
     motions = [curves.motion(name) for name in curves.moving]

@@ -129,7 +129,10 @@ class RunFolder:
             ) from None
         except OSError as error:
             (folder / STREAM).unlink(missing_ok=True)
-            sentence = f"{folder / STREAM}: the disk has no room for the table: {error.strerror}"
+            sentence = (
+                f"{folder / STREAM}: the disk has no room for the table: {error.strerror}: make "
+                "room, or choose another folder"
+            )
             raise Refused(sentence) from None
         self._sinks = Sinks(more or {})
         if rerun:
@@ -165,7 +168,7 @@ class RunFolder:
             try:
                 self._table.close()
             except OSError as error:
-                kept = f"all rows are in {self.folder / STREAM}"
+                kept = f"all rows are in {self.folder / STREAM}: make room, and run again"
                 raise Refused(f"{self.folder / TABLE}: {error.strerror}; {kept}") from None
 
     def finish(self, report: Document) -> list[Path]:
@@ -181,5 +184,6 @@ class RunFolder:
             curves = RunCurves.of(pq.read_table(self.folder / TABLE), self._features)
             drawn = plots.draw(curves, title, self.folder)
         except OSError as error:
-            raise Refused(f"{refusal(error)}; all rows are in {self.folder / TABLE}") from None
+            kept = f"all rows are in {self.folder / TABLE}: make room, and run again for the rest"
+            raise Refused(f"{refusal(error)}; {kept}") from None
         return [*self._sinks.paths, self.folder / TABLE, written, *drawn]

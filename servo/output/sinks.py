@@ -91,7 +91,9 @@ class Sinks:
         self._refuse(name, reason)
 
     def _refuse(self, name: Path | str, reason: str) -> None:
-        self.refused = self.refused or Refused(f"{name}: this output ends too early: {reason}")
+        self.refused = self.refused or Refused(
+            f"{name}: this output ends too early (run again for all of it): {reason}"
+        )
 
 
 class Timer:

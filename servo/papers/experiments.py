@@ -204,8 +204,9 @@ def _drawn(scenario: str, rng: np.random.Generator) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class EstimatedLoop:
-    """A scenario in the closed loop as the subject of a job; its record also has the servo error,
-    and the target's estimated and true velocity (as rate of the feature yn), over time.
+    """A scenario in the closed loop as the subject of a job. The series of its record are the times
+    [s], the servo error [px], and the target's estimated and true velocity [m/s], as rate of the
+    feature yn.
     """
 
     name: str

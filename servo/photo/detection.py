@@ -46,7 +46,7 @@ def seen_in(image: Image, camera: Camera | None, scale: float) -> Photograph:
     if (camera.width, camera.height) != (width, height):
         raise ValueError(
             f"the calibration is for {camera.width} x {camera.height} px, and the photograph has "
-            f"{width} x {height} px"
+            f"{width} x {height} px: give the calibration of such pictures"
         )
     found = {number: each for number, each in _tags(image, DICTIONARY) if number in MIDDLES}
     if len(found) < LEAST_TAGS:
@@ -90,7 +90,7 @@ def _why_few(image: Image, count: int) -> str:
     if width > WIDEST_EDGE:
         return (
             f"no tag of the sheet is seen: the photograph is blurred, its sharpest edges are "
-            f"{width:.0f} px wide"
+            f"{width:.0f} px wide; take a sharp one"
         )
     own = sorted(number for number, _ in _tags(image, DICTIONARY))
     if own:

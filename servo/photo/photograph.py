@@ -74,16 +74,16 @@ class Photograph:
         return float(np.sqrt(np.prod(self.resolutions(np.zeros((1, 2))))))
 
     def pixels(self, points: Array) -> Array:
-        """Return the pixels (..., 2) [px] of points (..., 2) on the plane [m]; nan behind the
-        camera.
+        """Return the pixels (..., 2) [px] of points (..., 2) on the plane, in the sheet's frame
+        [m]; nan behind the camera.
         """
         seen = points @ self.H[:, :2].T + self.H[:, 2]
         depth = np.where(seen[..., 2:] > 0, seen[..., 2:], np.nan)
         return self.camera.to_pixels(seen[..., :2] / depth)
 
     def resolutions(self, points: Array) -> Array:
-        """Return the largest and the smallest resolution (..., 2) [px/m] at points (..., 2) on the
-        plane [m].
+        """Return the largest and the smallest resolution (..., 2) [px/m] over all directions at
+        points (..., 2) on the plane, in the sheet's frame [m]; 0 behind the camera.
         """
         step = 1e-4
         along = [self.pixels(points + d) - self.pixels(points - d) for d in step * np.eye(2)]
@@ -106,8 +106,8 @@ class Photograph:
         return Rectangle(*(usable.min(axis=0) - cell), *(usable.max(axis=0) + cell))
 
     def part(self, *, with_sheet: bool) -> Rectangle:
-        """Return the largest rectangle of the plane, along the sheet's axes, that the photograph
-        shows; without the sheet if asked.
+        """Return the largest rectangle of the plane, along the sheet's axes, all of which is
+        `usable`; unless `with_sheet`, it leaves out `paper`.
         """
         far = hypot(self.camera.width, self.camera.height) / (LEAST_DETAIL * self.resolution)
         around = Rectangle(-far, -far, far, far)

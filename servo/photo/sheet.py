@@ -42,8 +42,8 @@ QUARTER = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2
 
 
 def tag_corners(number: int) -> Array:
-    """Return the corners (4, 2) of a tag's black square in the sheet's frame [m], in OpenCV's
-    order.
+    """Return the corners (4, 2) of a tag's black square in the sheet's frame [m], from the upper
+    left one clockwise, as OpenCV numbers them.
     """
     return np.array(MIDDLES[number]) + SIDE * QUARTER
 

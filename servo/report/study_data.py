@@ -67,8 +67,8 @@ class StudyResults:
         return Units.of(rows, self.axes, bool(self.plan.draws))
 
     def groups(self, key: str | None) -> dict[str, list[Row]]:
-        """Return the rows of the runs, by the values of an axis in their order; all in one group if
-        `key` is None. A value whose runs have all failed has an empty group.
+        """Return the rows of the runs, by the values of an axis of `axes` in their order; all in
+        one group if `key` is None. A value whose runs have all failed has an empty group.
         """
         if key is None:
             return {"all runs": self.rows}

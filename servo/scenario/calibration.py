@@ -235,7 +235,10 @@ def _read(path: Path) -> Intrinsics:
             raise Mistake(f"{path}: {key} is given twice: leave only the calibration of one camera")
         document[key] = value
     if document.keys().isdisjoint(KEYS.values()):
-        raise Mistake(f"{path}: this is no calibration of a camera: camera_matrix is missing")
+        raise Mistake(
+            f"{path}: this is no calibration of a camera: camera_matrix is missing: name a file of "
+            "ROS or OpenCV"
+        )
     return intrinsics_of(document, str(path))
 
 
@@ -268,8 +271,8 @@ def intrinsics_of(document: Table, place: str) -> Intrinsics:
     fewest = count - 1 if model == "plumb_bob" else count  # k3 may be left out
     if any(values[count:]) or (any(values) and len(values) < fewest):
         raise Mistake(
-            f"{place}: distortion_coefficients has {len(values)} numbers; the lens model {model} "
-            f"has {count}"
+            f"{place}: distortion_coefficients has {len(values)} numbers, and the lens model "
+            f"{model} has {count}: correct the numbers or the model"
         )
     values = [*values, *[0.0] * count][:count]
     return Intrinsics(*size, K[0], K[4], K[2] + MIDDLE, K[5] + MIDDLE, model, values)

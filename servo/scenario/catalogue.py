@@ -1,4 +1,5 @@
-"""The kinds of each component of a scenario, and the names of the shipped scenarios and studies.
+"""The kinds of each component of a scenario, the names of the shipped scenarios and studies, and
+the sentence with which such a file describes itself.
 
 This file is quick to import, for `servobench list`.
 """

@@ -89,12 +89,13 @@ class Expected:
         return self.others.get(kind, self.others.get(ANY, {})) | self.changed
 
     def of(self, kind: str, *, drawn: bool = False) -> Table:
-        """Return the bounds of a run by measure, with the expected `outcome`.
+        """Return the bounds of a run by measure, with the expected `outcome`; an empty table if the
+        scenario has none for this tracker.
 
         Args:
             kind: Kind of the run's tracker.
             drawn: Whether the run's seed has drawn settings: the bounds in [expect.drawn] then
-                replace others.
+                replace others, and `success_rate` is returned if it is set.
         """
         found = self.made_for(kind)
         own, of_drawn = _parts(found)

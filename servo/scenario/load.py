@@ -227,13 +227,13 @@ def parse(
         (
             is_table(expect) and bool(expect.get("drawn")) and not file.get("vary"),
             f"{where('expect')}: expect.drawn is for runs with drawn settings, and no table [vary] "
-            "draws any",
+            "draws any: add [vary], or leave expect.drawn out",
         ),
         (
             duration * rate > MOST_FRAMES,
             f"{where('run.duration', 'camera.rate')}: run.duration = {duration:g} s at "
             f"camera.rate = {rate:g} Hz is {duration * rate:,.0f} frames; the limit is "
-            f"{MOST_FRAMES:,}",
+            f"{MOST_FRAMES:,}: shorten the run, or lower the rate",
         ),
     )
     kind = tracker_of(table)

@@ -51,7 +51,8 @@ def is_lens_assumed(config: RecordingConfig) -> bool:
     """Return whether neither the settings nor a calibration file give the camera's field of view.
 
     Raises:
-        Mistake: No such recording is shipped.
+        Mistake: `pictures` names a camera or a stream, or neither a file, a folder nor a shipped
+            recording.
     """
     with as_mistake():
         return config.fov_deg is None and _calibration(config, _path(config.pictures)) is None

@@ -1,5 +1,5 @@
-"""The table [recording] of a scenario: a recording of a real scene, in which the camera of a
-pan-tilt head turns.
+"""The table [recording] of a scenario: recorded pictures of a real scene, out of which the pictures
+of a run's camera are cut; this camera only turns, on a pan-tilt head.
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ VIEW = ("fovy_deg", "fx", "fy", "cx", "cy", "calibration")
 
 @dataclass(frozen=True, slots=True)
 class RecordingConfig:
-    """Settings of a recording in which the camera turns: pictures, rate, truth file and lens."""
+    """Settings of a recorded scene in which a run's camera turns: pictures, rate, truth, lens."""
 
     pictures: FileOrFolder = ""
     """A folder of pictures, a video file or a bag, as `servobench track` reads them, or a shipped

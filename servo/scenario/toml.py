@@ -78,10 +78,13 @@ def check(value: object, place: str, depth: int = 0) -> None:
             for item in value:
                 check(item, place, depth + 1)
         case int() if value not in INTEGERS:
-            raise Mistake(f"{place}: an integer is too large; the limit is {INTEGERS[-1]}")
+            raise Mistake(
+                f"{place}: an integer has more than 64 bits; give one from {INTEGERS[0]} to "
+                f"{INTEGERS[-1]}"
+            )
         # Halves of a character, which no Unicode text has.
         case str() if not value.isascii() and re.search("[\ud800-\udfff]", value):
-            raise Mistake(f"{place}: {value!r} is not a Unicode text")
+            raise Mistake(f"{place}: {value!r} is not a Unicode text: correct it")
         case _:
             pass
 
@@ -153,7 +156,9 @@ def put(table: Table, path: str, value: object, place: str) -> None:
     for key in above:
         inner = _inside(at, key, [] if at is table and key in LISTS else {})
         if not isinstance(inner, dict | list):
-            raise Mistake(f"{place}: '{path}' leads through '{key}', which is not a table")
+            raise Mistake(
+                f"{place}: '{path}' leads through '{key}', which is not a table: correct it"
+            )
         at = inner
     _forget(table, keys)
     if isinstance(at, list):  # a number of start.pose, but no whole disturbance
@@ -172,7 +177,8 @@ def put(table: Table, path: str, value: object, place: str) -> None:
 
 
 def with_settings(table: Table, settings: Table, place: str) -> Table:
-    """Return a copy of a scenario's table in which some settings have other values.
+    """Return a copy of a scenario's table in which some settings have other values, and the
+    distributions of these settings are removed from [vary].
 
     Args:
         table: The scenario's table.

@@ -97,8 +97,8 @@ class EstimateToSight:
     ) -> Sight | None:
         """Return the view of the target (a `Sight`) from an estimate; None if the tracker does not
         see the target, its centre is too uncertain, or the reported corners are not the picture of
-        a rectangle of the target's size. An angle or a size that is too uncertain is marked as not
-        measured.
+        a rectangle of the target's size. An angle or a size that the tracker does not follow, or
+        states too uncertainly, is marked as not measured.
 
         Args:
             estimate: The tracker's estimate. If it has corners, plane and pose are computed from

@@ -60,7 +60,7 @@ def missed_bounds(
     expect: Mapping[str, float | str],
     as_written: Mapping[str, object] | None = None,
 ) -> tuple[MissedBound, ...]:
-    """Return the bounds that a run does not keep.
+    """Return the bounds that a run does not keep; a measure that is nan or infinite keeps none.
 
     Args:
         outcome: Name of the run's outcome.

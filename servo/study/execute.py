@@ -108,15 +108,16 @@ def _run(job: Job, folder: Path) -> Record:
 
 
 def tried(jobs: Sequence[Job]) -> tuple[float, list[tuple[Job, Failure]]]:
-    """Run up to five jobs, evenly spaced among all, in this process to measure their time; their
-    records are dropped. No other job is begun after 15 s, or after one that fails.
+    """Run up to five jobs, evenly spaced among all (the first one twice), in this process to
+    measure their time; their records are dropped. No other job is begun after 15 s, or after one
+    that fails.
 
     Args:
         jobs: All jobs, at least one.
 
     Returns:
-        Mean time of a job [s], and the job that failed, if any, with the reason. The very first run
-        compiles code, so its time counts only if no other job was run.
+        Mean time of a job [s], and a list with the job that failed and its failure, empty if none
+        did. The very first run compiles code, so its time counts only if no other run was made.
     """
     some = jobs[:: -(-len(jobs) // TRIED)]
     spent: list[float] = []
@@ -144,7 +145,7 @@ def complete(
         ClusterLost: The cluster has stopped working.
         Mistake: A worker has other versions of packages, the database is damaged, or no scheduler
             with workers answers at the address.
-        Refused: The disk is full, or the processes cannot be started.
+        Refused: The disk is full, the memory was full in a job, or the processes cannot be started.
     """
     missing = (job for job in jobs if job.key not in store.done)
     for job, end in execute(missing, workers, store.folder):
@@ -162,4 +163,7 @@ def check_number(runs: int) -> None:
         Mistake: There are more than 100,000 runs.
     """
     if runs > MOST_RUNS:
-        raise Mistake(f"this command would make {runs:,} runs; the limit is {MOST_RUNS:,}")
+        raise Mistake(
+            f"this command would make {runs:,} runs; the limit is {MOST_RUNS:,}: make fewer at a "
+            "time"
+        )

@@ -140,7 +140,10 @@ def parsed(table: Table, changes: Sequence[str], path: Path, place: str, title: 
         expect=_expect(file.expect, place),
     )
     if study.size > MOST_RUNS:
-        raise Mistake(f"{place}: this study has more runs than the limit, {MOST_RUNS:,}")
+        raise Mistake(
+            f"{place}: this study has more runs than the limit, {MOST_RUNS:,}: give fewer values "
+            "or seeds"
+        )
     study = _compared(study, file.compare, place)
     _check(study, place)
     return study
@@ -201,7 +204,7 @@ def _compared(study: Study, asked: str | None, place: str) -> Study:
             asked in [draw.key for draw in study.draws],
             f"{at}: this setting is drawn at random; name an axis of the study",
         ),
-        (not keys, f"{at}: this study has no axis to compare"),
+        (not keys, f"{at}: this study has no axis to compare: leave compare out"),
     )
     check_known([asked], keys, f"{place}: compare", "axis")
     return replace(study, compare=asked)

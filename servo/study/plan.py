@@ -41,7 +41,9 @@ MOST_VALUES = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """A setting that a study varies, and the values that it takes: the study runs each of them."""
+    """A setting that a study varies, and its values; or a name of the table [named], with the names
+    of its groups of settings as values. The study runs each value.
+    """
 
     key: str
     """Name of the setting, or of the axis in [named]."""
@@ -50,7 +52,9 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """A study: scenarios that are run with all combinations of axis values, for several seeds."""
+    """A study: scenarios that are run with all combinations of axis values, for several seeds, with
+    some settings drawn at random for each seed.
+    """
 
     name: str
     title: str
@@ -134,8 +138,9 @@ def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...
     """Return the axes and the drawn settings in a study's table [axes].
 
     A list of values, `{ linspace = [first, last, count] }` (or `geomspace`) or, for a key that ends
-    in "kind", "*" for all kinds makes an axis; a distribution such as `{ uniform = [a, b] }` makes
-    a drawn setting.
+    in "kind", "*" makes an axis; a distribution such as `{ uniform = [a, b] }` makes a drawn
+    setting. "*" is all kinds; of trackers, those that follow any target by pictures alone, without
+    a program or model of the user.
 
     Raises:
         Mistake: A setting or its values are wrong; the message begins with `place`.
@@ -161,7 +166,7 @@ def axes_of(table: Table, place: str) -> tuple[tuple[Axis, ...], tuple[Draw, ...
         count = len(given)
         check_rules(
             (count > MOST_VALUES, f"{at} has {count:,} values; the limit is {MOST_VALUES:,}"),
-            (_has_equal(given), f"{at} has the same value twice"),
+            (_has_equal(given), f"{at} has the same value twice: leave one out"),
         )
         axes.append(Axis(key, tuple(given)))
     return tuple(axes), tuple(draws)

@@ -96,7 +96,8 @@ def compare(first: Sequence[Record], second: Sequence[Record], measure: str = DE
     Args:
         first: Runs of the first tracker.
         second: Runs of the second tracker.
-        measure: Name of the measure; on each sequence the tracker with the higher mean wins.
+        measure: Name of the measure, by default the number of frames until the target is lost; on
+            each sequence the tracker with the higher mean wins.
     """
     a = _scores(first, measure)
     b = _scores(second, measure)
@@ -106,7 +107,8 @@ def compare(first: Sequence[Record], second: Sequence[Record], measure: str = DE
 
 def values(records: Sequence[Record], measure: str) -> Array:
     """Return the mean of a measure on each sequence (n,), in the measure's unit, over the seeds
-    with a finite value; sequences without one are left out.
+    with a finite value; sequences without one are left out. Of a painted sequence each seed is a
+    sequence of its own.
     """
     return np.array(list(_scores(records, measure).values()), dtype=float)
 

@@ -100,8 +100,8 @@ def _types(record: Record) -> dict[str, pa.DataType]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TableRow(Mapping[str, Any]):
-    """A row of an Arrow table as a mapping from column to value. All rows share the columns, to
-    save memory.
+    """A row of an Arrow table as a mapping from column to value, with None in place of nan. All
+    rows share the columns, to save memory.
     """
 
     table: pa.Table

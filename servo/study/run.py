@@ -94,8 +94,9 @@ class Job:
         """Run this job and return its record; files such as tracks go into the study's folder.
 
         Raises:
-            Mistake: A setting is not valid.
-            PartFailed: A component, such as the tracker, raised an exception.
+            Mistake: A setting of a scenario is not valid, or one of its components failed.
+            ValueError: A sequence cannot be read, or the tracker refuses its region.
+            OSError: A track cannot be written.
         """
         return self.subject.perform(self, folder)
 

@@ -70,8 +70,8 @@ class LoadedScenario:
         return {"scenario": self.name, "table": self.scenario.table}
 
     def perform(self, job: Job, folder: Path) -> Record:
-        """Run the scenario with its own settings and seed, and return the record, which names those
-        of the job; no file is written.
+        """Run the scenario with its own settings and seed, and return the record, which has the
+        number, seed, settings and command of the job; no file is written.
         """
         return _performed(job, self.scenario, {})
 

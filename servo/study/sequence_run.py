@@ -108,7 +108,8 @@ class Recorded:
 
     @staticmethod
     def all_in(folder: Path, form: Format = Format.AUTO) -> list["Recorded"]:
-        """Return the sequences in a folder, whose truth files have the format `form`.
+        """Return the sequences in a folder, whose truth files have the format `form` (AUTO: each is
+        recognised by its name and header).
 
         Raises:
             ValueError: There is no sequence, or a picture or truth cannot be read.

@@ -56,7 +56,8 @@ def suite(name: str) -> tuple[list[Entry], list[Contender]]:
     """Return the sequences of a suite, and the trackers that its TOML file lists, if any.
 
     Args:
-        name: Name of a suite, or path of a folder of sequences or of a TOML file.
+        name: Name of a suite (but "closed_loop", which has no sequences), or path of a folder of
+            sequences or of a TOML file.
 
     Raises:
         Mistake: There is no such suite, or its file or a sequence is wrong.

@@ -79,7 +79,7 @@ def check_disturbance(disturbance: object) -> None:
 @contract
 def check_robot(robot: object) -> None:
     """Check that a robot works as `sim.kinematics.robot.Design` requires: its model can be added to
-    the room, and its Jacobian agrees with finite differences of its camera pose.
+    the room, and its Jacobian agrees with finite differences of its camera pose, at each home.
 
     Args:
         robot: A `Config` (class or instance), the name of a kind, or "module:Name".
@@ -177,5 +177,5 @@ def _scene(robot: Design | None = None, target: Target | None = None) -> Any:
         return build_model(PHYSICS_RATE, CameraConfig(), robot, target)
     except (ValueError, KeyError) as error:
         raise BrokenContract(
-            f"the model of the robot or the target cannot be added to the room: {error}"
+            f"the model of the robot or the target cannot be added to the room; correct it: {error}"
         ) from error

@@ -38,8 +38,12 @@ class CameraConfig:
 
     Poses are x, y, z [m] and roll, pitch, yaw [deg]: with `mounted` = "world", `pose` is that of
     the camera in the world, and `held` that of the target in the frame that the robot's camera
-    would have. `noise` is in grey levels of 255, `exposure` a fraction of the frame interval,
-    `auto_gain` a time constant [s], and depths are in m.
+    would have. `rate` is the frame rate [Hz]; a pixel is the mean of `supersample` x `supersample`
+    rendered ones; `noise` is in grey levels of 255, `exposure` a fraction of the frame interval,
+    `readout_ms` the delay from the first to the last row of a rolling shutter, rendered as `bands`
+    pictures, `textures` the filter of textures in the renderer "exact", and `auto_gain` a time
+    constant [s]; depths are in m, `depth_holes` in px. None: the value of the robot's model, or no
+    such effect.
     """
 
     mounted: Literal["robot", "world"] = "robot"
@@ -266,7 +270,8 @@ def _check(camera: Camera) -> None:
         raise ValueError(
             f"camera.coefficients: the distortion {lens.model} folds back inside the picture: it "
             f"holds up to {angle:.3g} deg from the optical axis, and the picture reaches farther; "
-            "correct camera.coefficients, or use a longer focal length or a smaller picture"
+            "correct camera.coefficients or the calibration file that gives them, or use a longer "
+            "focal length or a smaller picture"
         )
     if not farthest < np.tan(np.radians(WIDEST)):
         raise ValueError(
@@ -277,5 +282,6 @@ def _check(camera: Camera) -> None:
     if not np.abs(camera.to_pixels(rays) - pixels).max() < SAME_PIXEL:
         raise ValueError(
             "camera.coefficients: the distortion cannot be inverted in the picture; correct "
-            "camera.coefficients, or use a longer focal length or a smaller picture"
+            "camera.coefficients or the calibration file that gives them, or use a longer focal "
+            "length or a smaller picture"
         )

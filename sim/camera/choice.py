@@ -10,8 +10,8 @@ from sim.camera.renderer import MakeRenderer, OpenGLRenderer
 
 
 def renderer_of(config: CameraConfig) -> MakeRenderer:
-    """Return the maker of the renderer that a camera's settings name; on a machine without OpenGL,
-    that of the software renderer "exact", and a line on stderr says so.
+    """Return the function that makes the renderer of a camera's settings: OpenGL, or the software
+    renderer "exact", also on a machine without OpenGL, which a line on stderr says once.
 
     Raises:
         ValueError: `config.renderer` is "recording": only a scenario with a table [recording] has

@@ -20,7 +20,9 @@ AROUND = np.ones((3, 3), np.uint8)
 
 @final
 class DepthSensor:
-    """Converts exact depth pictures to those of a sensor with noise, holes and a limited range."""
+    """Converts exact depth pictures to those of a sensor with noise, which `rng` draws, holes and a
+    limited range.
+    """
 
     def __init__(self, config: CameraConfig, rng: np.random.Generator) -> None:
         """Store the settings of the camera; `rng` draws the noise of the depths."""

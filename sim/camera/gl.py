@@ -33,8 +33,8 @@ LIBRARIES = {
 }
 """Libraries that each back end needs on Linux, and the command that installs them."""
 NO_CONTEXT = (
-    "OpenGL made no context. macOS brings OpenGL, but gives it to a user who is logged in at the "
-    "screen only, not over ssh or to a service; servobench is tested on Linux"
+    'OpenGL made no context. On Linux set camera.renderer = "exact", which needs no OpenGL; macOS '
+    "gives OpenGL only to a user who is logged in at the screen, not over ssh or to a service"
 )
 CHOSEN_BY = "MUJOCO_GL"
 OFF = ("off", "disable", "disabled", "false", "0")

@@ -232,9 +232,9 @@ class _Sheet:
 
 
 class Supersampled:
-    """A renderer that has another renderer draw pictures which are a whole number of times as wide
-    and high, and averages blocks of their pixels; masks and depths take the middle pixel of a
-    block.
+    """A renderer with the intrinsics `view` that has another renderer, from `make`, draw pictures
+    which are `times` times as wide and high, and averages blocks of their pixels; masks and depths
+    take the middle pixel of a block.
     """
 
     def __init__(
@@ -295,8 +295,8 @@ class Unseen:
 
 
 class Backdrop:
-    """Finds out for each picture whether the table fills it: sky and floor then need not be drawn,
-    which saves a third of the rendering time.
+    """Finds out for each picture, with the intrinsics `view`, whether the table fills it: sky and
+    floor then need not be drawn, which saves a third of the rendering time.
     """
 
     def __init__(self, model: mujoco.MjModel, view: Camera) -> None:
@@ -314,7 +314,7 @@ class Backdrop:
     def is_hidden(self, data: mujoco.MjData, camera: int) -> bool:
         """Return whether the table hides sky and floor from a camera (by id): it does if the lines
         of sight through the picture's four corners all end on the table, more than 1 cm from its
-        edge, and the camera is not within 5 cm of it.
+        edge, and none of these ends is nearer than 5 cm along the optical axis.
         """
         eye = data.cam_xpos[camera]
         rays = data.cam_xmat[camera].reshape(3, 3) @ self._corners

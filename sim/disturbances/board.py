@@ -19,8 +19,8 @@ numbers, chosen by hand, the target is hidden within six pictures."""
 
 @dataclass(frozen=True, slots=True)
 class Config(BuildsItself):
-    """Settings of a board that hides the target: when it arrives and for how long it stays [s], and
-    how far beside the line of sight it stops [m].
+    """Settings of a board that hides the target: the time at which it has arrived, after a slide of
+    0.2 s, and for how long it stays [s]; and how far beside the line of sight it stops [m].
     """
 
     props = ()

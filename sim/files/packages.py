@@ -40,7 +40,8 @@ def folders_above(model: Path) -> list[Path]:
 
 
 def package_folder(model: Path, package: str, inside: str) -> Path | None:
-    """Return the folder of a ROS package near a model file; the package has to contain the file
+    """Return the folder of a ROS package near a model file: above it, beside the folders above it,
+    or up to two levels below the nearest four of them. The package has to contain the file
     `inside`. Return None if there is no such folder.
     """
     having = (folder for folder in _around(model, package) if is_file(folder / inside))

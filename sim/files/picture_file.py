@@ -38,8 +38,8 @@ def read_image(file: Path, depth: BitDepth | None = None) -> Image:
 
 
 def read_on_white(file: Path) -> Image:
-    """Return a picture to be shown on something as RGB (H, W, 3), at most `LARGEST_SIDE` px a side.
-    Where it is transparent, white shows through.
+    """Return the picture in a file as RGB (H, W, 3), uint8, made smaller if a side is longer than
+    `LARGEST_SIDE` (2048 px). Where it is transparent, white shows through.
 
     Raises:
         ValueError: As for `read_image`.
@@ -114,7 +114,7 @@ def check_size(width: int, height: int, what: str = "the picture") -> None:
     """
     if not 0 < min(width, height) <= max(width, height) <= LARGEST_PICTURE:
         raise ValueError(
-            f"{what} has {width} x {height} px; the limit is {LARGEST_PICTURE} px a side"
+            f"{what} has {width} x {height} px; both sides should be 1 to {LARGEST_PICTURE} px"
         )
 
 

@@ -75,7 +75,10 @@ def text(path: Path, what: str, most: int) -> str:
     try:
         return content(path, what, most).decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise ValueError(f"{path}: cannot read this {what}: it is not UTF-8 text") from None
+        raise ValueError(
+            f"{path}: cannot read this {what}: it is not UTF-8 text: save it as UTF-8, or give "
+            "another file"
+        ) from None
 
 
 def names(folder: Path) -> list[Path]:

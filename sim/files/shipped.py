@@ -18,7 +18,7 @@ class SameName(Notice):
 
 def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
     """Return the path of the file that a setting names: a shipped file by its bare name, else the
-    name as a path.
+    name as a path, which need not exist.
 
     A name with a slash is always a path. The full name of a shipped file, such as "duck.obj",
     selects it unless the working directory has a file of this name. If the user and servobench both
@@ -31,7 +31,8 @@ def file_of(name: str, folder: str, suffix: str, setting: str) -> Path:
         setting: Name of the setting in messages, such as "file".
 
     Raises:
-        ValueError: Neither a shipped file nor one in the working directory has this bare name.
+        ValueError: The name has neither slash nor suffix, and no shipped file and none in the
+            working directory has this name.
     """
     own = Path(name)
     files = (resources.files("scenes") / folder).iterdir()

@@ -33,8 +33,9 @@ def has_velocity_drives(model: mujoco.MjModel, joints: Sequence[int]) -> bool:
 
 
 def own_speed(model: mujoco.MjModel, joint: int) -> float | None:
-    """Return the largest rate that the velocity servo of a joint (by id) takes in both directions
-    [m/s or rad/s]; None without such a servo, or if its rate has no limit.
+    """Return the largest rate [m/s or rad/s] that the velocity servo of a joint (by id) takes in
+    both directions, the smaller one of its two limits; None without such a servo, or if its rate
+    has no limit.
     """
     servo = _servo_of(model, joint)
     if servo is None or not model.actuator_ctrllimited[servo]:
@@ -74,8 +75,8 @@ def wrong_drive(model: mujoco.MjModel, actuator: int) -> str | None:
 
 def add_drives(spec: mujoco.MjSpec, names: Sequence[str], speeds: Array, forces: Array) -> None:
     """Add a velocity servo to each joint of a model; friction, damping, springs and force limits of
-    the joints are removed, and their motors' inertia is raised, at least to 0.01 kg m^2 (hinges) or
-    0.1 kg (slides).
+    the joints are removed, and the inertia of their motors is raised to half of the inertia that
+    they move, at least to 0.01 kg m^2 (hinges) or 0.1 kg (slides).
 
     Args:
         spec: A model without actuators and without further joints; it is changed.

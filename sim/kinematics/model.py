@@ -45,8 +45,8 @@ def camera_chain(spec: mujoco.MjSpec, flange: str, camera: str) -> tuple[mujoco.
         camera: Name of a camera of the model to use instead of the flange, or an empty text.
 
     Raises:
-        ValueError: The flange or camera is missing, no joint moves it, a ball joint does, or the
-            model has a free joint.
+        ValueError: The flange or camera is missing, no joint moves it, a ball joint does, the model
+            has a free joint, or MuJoCo refuses the model.
     """
     name_all(spec)
     spec.compiler.fusestatic = False  # the flange may be any body

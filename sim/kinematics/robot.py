@@ -60,8 +60,8 @@ HALF_TURN = np.pi - 1e-5
 @dataclass(frozen=True, slots=True)
 class Drives:
     """Settings of the errors of a robot's drives and encoders: encoder noise, encoder step and
-    backlash [m or rad], lag [ms], and largest acceleration [m/s^2 or rad/s^2]. All but the lag are
-    one value for all joints, or one per joint.
+    backlash [m or rad], time constant of a lag [ms], and largest acceleration [m/s^2 or rad/s^2]
+    (None: unlimited). All but the lag are one value for all joints, or one per joint.
     """
 
     encoder_noise: EachPlay = 0.0

@@ -22,7 +22,8 @@ SETTLING = 1.0
 @dataclass(frozen=True, slots=True)
 class Rollout:
     """Result of following a camera path by joint rates: the smallest distance of a joint from a
-    limit, as a share of its range, and the joint that reaches a limit first, with its time [s].
+    limit, as a share of its range, and the joint that reaches a limit first, with its time [s]; ""
+    and inf if no joint does.
     """
 
     room: float
@@ -43,8 +44,8 @@ def roll_out(robot: Robot, data: mujoco.MjData, way: Sequence[Pose]) -> Rollout:
     Args:
         robot: The robot.
         data: MuJoCo's state; its joint positions are the start, and are restored afterwards.
-        way: Desired camera poses every 0.2 s: T_world_camera, or T_target_camera if the robot holds
-            the target.
+        way: Desired camera poses every 0.2 s, at least one: T_world_camera, or T_target_camera if
+            the robot holds the target.
 
     Returns:
         The smallest distance of a joint from a limit on the path, as a share of its range, and the

@@ -1,4 +1,6 @@
-"""The workspace of a robot's camera, found from random postures, and the twists it can follow."""
+"""The workspace of a robot's camera, found from random postures, and the camera twists that its
+joints can make.
+"""
 
 from dataclasses import dataclass
 from math import atan2, degrees

@@ -45,8 +45,10 @@ class Material:
 
 @dataclass(frozen=True, slots=True)
 class Triangles:
-    """A surface of m triangles with n vertices: points (n, 3) in the file's unit, three vertex
-    numbers per triangle (m, 3), texture coordinates (m, 3, 2) and material numbers (m,).
+    """A surface of m triangles with n vertices: points (n, 3) in the file's unit (Collada: m);
+    three vertex numbers per triangle (m, 3), counter-clockwise as seen from outside; texture
+    coordinates (m, 3, 2), 0..1 from the picture's left and bottom (None: unknown); material numbers
+    (m,); and materials and pictures that could not be read (`missing`).
 
     No two vertices are the same, and no triangle has two equal corners.
     """

@@ -85,8 +85,8 @@ PLAIN: dict[str, object] = {"mass": 0, "contype": 0, "conaffinity": 0, "group": 
 def box(size: Sequence[float], colour: Sequence[float], picture: Image | None) -> mujoco.MjSpec:
     """Return the model of a box with this length, width and height [m] that stands on z = 0.
 
-    A picture (H, W, 3) lies on its upper side, its right at the nose. Without one the box has the
-    colour: red, green, blue and opacity, 0 to 1.
+    A picture (H, W, 3) lies on its upper side, its right at the nose. Without one (None) the box
+    has the colour: red, green, blue and opacity, 0 to 1.
     """
     spec = mujoco.MjSpec()
     look: dict[str, object] = {"rgba": colour}

@@ -18,7 +18,9 @@ def matrix_of(quaternion: Iterable[float]) -> Array:
 
 
 def quaternion_of(rotation: Array) -> Array:
-    """Return the quaternion (w, x, y, z) of a rotation matrix (3, 3), as MuJoCo converts it."""
+    """Return the unit quaternion (w, x, y, z) of a rotation matrix (3, 3), with the sign that
+    MuJoCo gives it.
+    """
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, rotation.flatten())
     return quaternion

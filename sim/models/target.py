@@ -23,7 +23,7 @@ class Target:
 
     Its frame has x along the nose and z up; z = 0 is the table's top. All its geoms move as one,
     without joints, and `rectangle` gives an outline whose corners (4, 3) [m] are in the right
-    order.
+    order. `found` is True if the outline was found from above, and not given.
 
     >>> spec = mujoco.MjSpec()
     >>> side = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.05, 0.05, 0.01])
@@ -101,7 +101,8 @@ def seen_from_above(spec: mujoco.MjSpec) -> Array:
     hits = _hits(model, data, *bounds)
     if len(hits) == 0:
         raise ValueError(
-            "no visible part of the target lies above the table's top, z = 0: move the model up"
+            "no visible part of the target lies above the table's top, z = 0: move the model up, "
+            "or give it visible shapes"
         )
     low = hits.min(axis=0)
     high = hits.max(axis=0)

@@ -10,8 +10,9 @@ from sim.ranges import Degrees, Length, Speed
 
 @dataclass(frozen=True, slots=True)
 class Config(Straight):
-    """Settings of a straight line on which the target drives back and forth: its middle x, y in the
-    world [m], its direction from world x towards y [deg], its length [m], and the speed [m/s].
+    """Settings of a straight line on which the target drives back and forth, from its middle on:
+    its middle x, y in the world [m], its direction from world x towards y [deg], its length [m],
+    and the speed [m/s].
     """
 
     heading_deg: Degrees = -90.0

@@ -38,7 +38,8 @@ class Config:
 @final
 class Wander:
     """Motion along a closed path r(phi) = radius (1 + sum a_k cos(k phi + p_k)) around the middle
-    of the table, with constant d phi/dt.
+    of the table, with constant d phi/dt; k = 2, 3. `size` holds the a_k, `phases` the first phi and
+    the p_k [rad], and `sense` is 1 (counter-clockwise from above) or -1.
     """
 
     def __init__(self, config: Config, size: Array, phases: Array, sense: int) -> None:

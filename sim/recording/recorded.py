@@ -34,8 +34,8 @@ Shown = Iterator[tuple[float, Image | None]]
 @dataclass(frozen=True, eq=False)
 class Recorded:
     """A recording: intrinsics of its camera, the times of its n pictures since the first [s], the
-    target's corners in them (n, 4, 2) [px], nan where it is absent, and a function that iterates
-    over times and pictures.
+    target's corners in them (n, 4, 2) [px], the first edge along its nose, nan where it is absent,
+    and a function that iterates over times and pictures.
     """
 
     camera: Camera
@@ -69,8 +69,8 @@ class Recorded:
         return self.camera.normalise(self.corners[last])
 
     def target(self) -> Target:
-        """Return a flat target with the length and width that the target's outline in the first
-        picture has at a distance of 1 m.
+        """Return a flat target whose length and width are those of the first and second edge of the
+        outline in the first picture, 1 m away along the optical axis.
         """
         first = self._rays[0]
         length, width = np.linalg.norm(first[1:3] - first[:2], axis=1) * FIRST_DEPTH
@@ -107,8 +107,9 @@ class Recorded:
 
 @final
 class RecordedMotion:
-    """The motion of a recorded target: a `sim.stage.Motion`. Between two pictures the target stays
-    where it was in the earlier one, as the picture does.
+    """The motion of a recorded target: a `sim.stage.Motion`. `poses` holds T_world_target for each
+    picture; between two pictures the target stays where it was in the earlier one, as the picture
+    does.
     """
 
     def __init__(self, recorded: Recorded, poses: list[Pose]) -> None:
@@ -131,5 +132,7 @@ class RecordingSettings(Protocol):
         ...
 
     def remarks(self) -> list[str]:
-        """Return remarks for the user about the recording, a sentence each."""
+        """Return remarks for the user about the recording, a sentence each; an empty list if there
+        are none.
+        """
         ...

@@ -1,4 +1,4 @@
-"""How far a camera may turn inside a recording before its view would leave it."""
+"""Ranges of pan and tilt in which a camera's view stays inside a recording."""
 
 from collections.abc import Callable
 from math import degrees

@@ -22,8 +22,8 @@ INVERSION = Inversion(weakest=0.01, damping=0.01)
 
 @dataclass(frozen=True, slots=True)
 class Config(Drives):
-    """Settings of the turning camera: ranges of pan and tilt [deg], errors of drives and
-    encoders. In a recording the ranges end where the view would leave it.
+    """Settings of the turning camera: ranges of pan, to the right, and tilt, upwards [deg], and
+    errors of drives and encoders. In a recording the ranges end where the view would leave it.
     """
 
     pan: tuple[Turn, Turn] = (-85.0, 85.0)

@@ -1,4 +1,4 @@
-"""Robot from a model file of the user, MJCF or URDF, that carries the camera at its flange."""
+"""Robot from a model file, MJCF or URDF, that carries the camera (or the target) at its flange."""
 
 import functools
 import importlib
@@ -42,8 +42,10 @@ ELSEWHERE = ", or try another robot.base, or a robot.home near a posture that ge
 
 @dataclass(frozen=True, slots=True)
 class Config(Drives):
-    """Settings of a robot from a model file: its base in the room (x, y, z [m], yaw [deg]), the
-    camera's pose on the flange, start postures and largest joint rates [m/s or rad/s].
+    """Settings of a robot from a model file (`model`): its base in the room (x, y, z [m], yaw
+    [deg]); the camera's pose on the flange (`mount`: x, y, z [m], roll, pitch, yaw [deg]), or else
+    a camera of the model; start postures (`home`) [m or rad], largest joint rates [m/s or rad/s],
+    and the errors of drives and encoders.
     """
 
     model: File = "arm7"

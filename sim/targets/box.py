@@ -12,7 +12,7 @@ from sim.ranges import File, Length
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Settings of a box: length, width and height [m], and a colour or a picture."""
+    """Settings of a box: length, width and height [m], and a colour, or a picture for each side."""
 
     size: tuple[Length, Length, Length] = (0.16, 0.1, 0.04)
     """Length along the nose, width, height [m]."""

@@ -34,8 +34,9 @@ FLAT = 0.001
 
 @dataclass(frozen=True, slots=True)
 class Config(Outlined):
-    """Settings of a target from a mesh file: the mesh, its size [m], its orientation [deg], and its
-    colour or texture.
+    """Settings of a target from a mesh file: the mesh; its longest horizontal side, or its length,
+    width and height [m]; the file's axis that points up, and a turn about the vertical [deg]; and a
+    colour or texture in place of the mesh's own.
     """
 
     file: File = "duck"

@@ -18,8 +18,8 @@ MOVING = (*SIMULATION, "actuators", "joints", "cameras")
 
 @dataclass(frozen=True, slots=True)
 class Config(Outlined):
-    """Settings of a target from a model file: the model and, if wanted, its reference rectangle
-    [m].
+    """Settings of a target from a model file: the model and, if wanted, length, width and height
+    over the table of its reference rectangle [m].
     """
 
     model: File = "truck"

@@ -96,7 +96,9 @@ class ColourBins:
 
 
 class LabelledImage:
-    """One picture with the bin numbers of its pixels, computed in windows as they are needed.
+    """One picture with the bin numbers of its pixels, computed in windows as they are needed, with
+    at least the radius `farthest` [px] at scale 1. `blurred` is the picture in which stored views
+    are searched (None: the picture itself).
 
     The caller may reuse the picture's memory for the next picture, for which it makes a new object.
     """

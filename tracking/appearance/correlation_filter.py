@@ -35,8 +35,9 @@ Spectrum = NDArray[np.complex128]
 
 
 class CorrelationFilter:
-    """The slow and the fast filter of one target; they see grey levels at the points of a window
-    around it.
+    """Two correlation filters of one target of the size `region` [px], a slow and a fast one, whose
+    answers are averaged. `learn` and `read` take the grey levels at the `points` of a window around
+    the target; `read` sets `answer`.
     """
 
     def __init__(self, region: Region) -> None:
@@ -65,7 +66,9 @@ class CorrelationFilter:
         self._filters: list[tuple[Spectrum, Array]] = []
 
     def read(self, levels: Array) -> None:
-        """Set `answer` and `slow_answer` from the grey levels (P,) at the points of a window."""
+        """Set `answer` and `slow_answer` (rows, columns) from the grey levels (P,) at the `points`
+        of a window; `learn` has to come first.
+        """
         seen = self._spectrum(levels)
         answers: list[Array] = []
         for above, below in self._filters:
@@ -75,8 +78,8 @@ class CorrelationFilter:
         self.answer = np.mean(answers, axis=0)
 
     def learn(self, levels: Array) -> None:
-        """Learn the grey levels (P,) at the points of a window whose centre is the target's; the
-        first picture is learned as it is.
+        """Learn the grey levels (P,) at the `points` of a window whose centre is the target's: the
+        first call sets both filters, and each later one moves them towards the new picture.
         """
         seen = self._spectrum(levels)
         above: Spectrum = np.conj(seen) * self._wanted
@@ -90,7 +93,9 @@ class CorrelationFilter:
 
     @property
     def peak(self) -> Array:
-        """Place (2,) of the largest answer, from the centre of the window, at scale 1 [px]."""
+        """Place x, y (2,) of the largest value of `answer`, from the centre of the window, along
+        the window's axes and at scale 1 [px].
+        """
         rows, columns = self._shape
         row, column = np.unravel_index(int(np.argmax(self.answer)), self._shape)
         return self.step * np.array([float(column) - columns // 2, float(row) - rows // 2])

@@ -131,8 +131,8 @@ class TextureBins:
 
     @property
     def textures(self) -> int:
-        """Number of texture bins: uniform patterns with a middle number of ones; five for eight
-        neighbours.
+        """Number of texture bins: the uniform patterns with at least two ones and two zeros; five
+        for eight neighbours.
         """
         return self.neighbours + 1 - 2 * FEWEST
 

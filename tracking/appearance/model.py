@@ -43,8 +43,9 @@ annotated recordings (tracking/RESULTS.md)."""
 class AppearanceSettings:
     """Settings of the histograms that describe a target: colour bins of each channel (`levels`),
     correction of uneven light (`even`), share of the region's sides that is left out at its rim
-    (`inset`), weight of the surroundings' similarity to the target (`contrast`), and learning from
-    later pictures.
+    (`inset`), weight of the surroundings' similarity to the target (`contrast`), and whether bins
+    count by how well they separate the target from its surroundings, and both are learnt from later
+    pictures, too (`learn`).
     """
 
     traits = frozenset({Trait.COLOUR})
@@ -94,7 +95,8 @@ class AppearanceSettings:
 
 
 class SampledModel:
-    """The target's reference histograms, and the distance of any state from them.
+    """The target's reference histograms, learnt from the first picture, in which it is the
+    rectangle `region` [px] at `state`; and the distance of any state from them.
 
     `distances` compares histograms only. `energy` is the squared distance plus the setting
     `contrast` times the similarity between the target and the ring around the region, which keeps
@@ -144,7 +146,7 @@ class SampledModel:
 
     def distances(self, image: LabelledImage, states: Array) -> Array:
         """Return the Bhattacharyya distances d_m (N,), from 0 (alike) to 1, of the histograms at
-        states (N, 4) from the reference histograms.
+        states (N, 4), x, y [px], theta [rad], ln scale, from the reference histograms.
         """
         rho = self._coefficients(self._window(image, states), states)
         return np.sqrt(loops.squared_distances(rho))
@@ -172,8 +174,9 @@ class SampledModel:
     def climb(
         self, image: LabelledImage, states: Array, *, most: int, tolerance: float, reach: float
     ) -> tuple[Array, Array, int]:
-        """Move each state to a local maximum of the similarity to the reference histogram
-        (Bhattacharyya coefficient) by mean shift; the template has one part.
+        """Move x and y of each state to a local maximum of the similarity to the reference
+        histogram (Bhattacharyya coefficient) by mean shift; angle and scale stay. The template has
+        one part.
 
         Args:
             image: The picture.
@@ -195,8 +198,9 @@ class SampledModel:
         return found, np.sqrt(loops.squared_distances(rho[:, None])), evaluations
 
     def learn(self, image: LabelledImage, state: State) -> None:
-        """Move the reference histograms towards those at a state where the target was found; does
-        nothing unless the setting `learn` is true.
+        """Move the reference histograms, and that of the surroundings by which their bins are
+        weighed, towards those at a state where the target was found; do nothing unless the setting
+        `learn` is true.
         """
         self._reference.learn(image, state)
 

@@ -34,6 +34,7 @@ RARE = 1e-4
 class Reference:
     """Reference histograms of the target, each with the sum 1, as their square roots: `root_parts`
     (K, B) for the K parts of the template and B bins, and `root_whole` (1, B) for the whole target.
+    With `learns` bins are weighed by the surroundings, and later pictures are learnt, too.
     """
 
     root_parts: Array

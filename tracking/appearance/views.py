@@ -27,8 +27,9 @@ APART = SIDE // 2
 
 
 class Views:
-    """Stored views of the target, which are pictures of 8 x 8 points: the first one, and the newest
-    ones that were learnt.
+    """Stored views of the target, at most `count`, which are pictures of 8 x 8 points: the one in
+    the first picture, where the target is `region` [px] at `state`, and the newest ones that were
+    learnt.
     """
 
     def __init__(self, image: Image, region: Region, state: State, count: int) -> None:
@@ -48,7 +49,8 @@ class Views:
 
     def blurred(self, image: Image) -> Image:
         """Return a picture (H, W, 3) blurred for the comparison with views: each pixel is the mean
-        over the area between two points of a view.
+        over the area between two points of a view, at the size that the target had when it was
+        learnt last.
         """
         sides = (self._region.width, self._region.height)
         width, height = (
@@ -58,8 +60,8 @@ class Views:
         return np.asarray(cv2.blur(image, (width, height)), np.uint8)
 
     def likeness(self, blurred: Image, states: Array) -> Array:
-        """Return, for each of the states (N, 4), the largest correlation, -1..1, of the blurred
-        picture there with a stored view (N,).
+        """Return, for each of the states (N, 4), x, y [px], theta [rad], ln scale, the largest
+        correlation (N,), -1..1, of the blurred picture there with a stored view.
         """
         return loops.correlations(blurred, states, self._points, self._stored)
 

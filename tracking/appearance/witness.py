@@ -47,7 +47,7 @@ LARGEST = 800
 class Witness:
     """The correlation filter and the templates of one target, and the picture that they see.
 
-    In each picture `look` comes first; then `energy`, `signs` and `learn` are about that picture.
+    In each picture `look` comes first; all other methods but `places` are then about that picture.
     """
 
     def __init__(self, image: Image, region: Region, state: State) -> None:
@@ -72,7 +72,9 @@ class Witness:
         self._filter.learn(self._levels(state, self._filter.points))
 
     def look(self, image: Image, state: State) -> None:
-        """See a picture, RGB (H, W, 3), around a state at which the target is expected."""
+        """Store the grey levels of a picture, RGB (H, W, 3), around a state at which the target is
+        expected, and compute the filter's answers there.
+        """
         self._see(image, state)
         self._expected = state
         self._filter.read(self._levels(state, self._filter.points))
@@ -87,34 +89,41 @@ class Witness:
         return weight * (1 - answers / MOST) + BY_TEMPLATE * (1 - alike)
 
     def signs(self, state: State) -> tuple[float, float]:
-        """Return two signs that a state shows the target: the slow filter's answer, up to about 1,
-        and the correlation with the first template, -1..1.
+        """Return two measures of whether a state shows the target: the slow filter's answer, up to
+        about 1, and the correlation with the first template, -1..1.
         """
         at = state.vector[None]
         answer = self._answers(self._filter.slow_answer, at)
         return float(answer[0]), float(self._correlations(at)[0, 0])
 
     def learn(self, state: State) -> None:
-        """Learn the target at a state in the picture."""
+        """Update the filter and the later template from the picture, in which the target is at a
+        state; the first template stays.
+        """
         self._filter.learn(self._levels(state, self._filter.points))
         later = self._templates[1]
         later += TEMPLATE_RATE * (self._template(state) - later)
         later /= max(float(np.linalg.norm(later)), loops.LEAST)
 
     def fare(self, state: State) -> None:
-        """Judge the filter by its answer at the state that all witnesses together found."""
+        """Update the mean answer of the filter at the target, by which `energy` weighs the filter,
+        with its answer at the state that colours and witness together found in the picture.
+        """
         answer = float(self._answers(self._filter.answer, state.vector[None])[0])
         self._fared += FARED * (answer - self._fared)
 
     def peak(self) -> State:
-        """Return the state near the expected one where the filter answers most."""
+        """Return the state where the filter's answer is largest, near the expected one and with the
+        expected angle and size.
+        """
         c, s = math.cos(self._expected.theta), math.sin(self._expected.theta)
         x, y = self._expected.scale * np.array([[c, -s], [s, c]]) @ self._filter.peak
         return self._expected.moved(np.array([x, y, 0.0, 0.0]))
 
     def places(self, image: Image, last: State) -> list[State]:
-        """Return up to `PLACES` states anywhere in a picture that resemble a template most, the
-        best first; none in a picture that is too large.
+        """Return up to `PLACES` (5) states anywhere in a picture whose correlation with a template
+        is largest, and at least 0.3, the best first; none in a picture that is too large to search,
+        or smaller than the target.
 
         Args:
             image: The picture, RGB (H, W, 3).

@@ -20,7 +20,9 @@ LARGEST = (1888, 1000)
 
 class AnnotatedVideo:
     """Writer of the film of a track: its pictures with estimated and true outlines, and a chart of
-    the confidence. The size of the first picture decides that of the film.
+    the confidence. The size of the first picture decides that of the film. `to` is its MP4 file or
+    a receiver of its frames, `rate` the approximate rate of the pictures [1/s], `region` the size
+    of the target in the first picture [px], and `end` the time of the last one [s] (None: unknown).
     """
 
     def __init__(

@@ -51,7 +51,8 @@ def outline(
 
 
 def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) -> Image:
-    """Return a contact sheet (H, W, 3) of up to `count` pictures, evenly spaced in a sequence.
+    """Return a contact sheet, RGB (H, W, 3), of up to `count` pictures, evenly spaced in a
+    sequence.
 
     Args:
         source: The n pictures of the sequence.
@@ -70,7 +71,9 @@ def sheet(source: Source, truth: Array, found: Array | None, count: int = 12) ->
 
 
 def page(tiles: Sequence[Image]) -> Image:
-    """Return one image (H, W, 3) with small pictures (h, 240, 3) in rows of four."""
+    """Return one image, RGB (H, W, 3), with small pictures (h, 240, 3), at least one, in rows of
+    four.
+    """
     height = max(t.shape[0] for t in tiles)
     columns = min(COLUMNS, len(tiles))
     rows = -(-len(tiles) // columns)
@@ -83,8 +86,8 @@ def page(tiles: Sequence[Image]) -> Image:
 
 
 def tile(picture: Picture, truth: Array, found: Array | None) -> Image:
-    """Return one picture of a contact sheet (h, 240, 3): resized to a width of 240 px, with its
-    name and two outlines.
+    """Return one picture of a contact sheet, RGB (h, 240, 3): resized to a width of 240 px, with
+    its name and two outlines.
 
     Args:
         picture: The picture; black if it could not be read.

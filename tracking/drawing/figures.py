@@ -62,7 +62,8 @@ def literal(text: str) -> str:
 
 
 def save(figure: Figure, folder: Path, name: str) -> Path:
-    """Write a figure as a PNG file with a name into a folder, and return the file's path.
+    """Write a figure as a PNG file with a name into a folder, which is made if it does not exist,
+    and return the file's path.
 
     Raises:
         OSError: The file cannot be written.

@@ -57,8 +57,8 @@ def panel(
     particles: Array | None = None,
     paths: Marks = (),
 ) -> Image:
-    """Return a panel (height, width, 3), an image of a fixed size that shows a picture in its
-    middle.
+    """Return a panel (height, width, 3), an image of a fixed size with a picture, scaled to fit, in
+    its middle.
 
     Args:
         image: The picture, RGB of any size; None: a black panel.
@@ -109,7 +109,10 @@ class FrameReceiver(Protocol):
 
 
 class FilmPage:
-    """Writer of a film with a title, panels beside each other, and a chart below them."""
+    """Writer of a film with a title, a panel of the `size` (width, height) [px] for each caption,
+    beside each other, and a chart below them. `to` is its MP4 file or a receiver of its frames,
+    `rate` the approximate rate of the frames [1/s].
+    """
 
     def __init__(
         self,

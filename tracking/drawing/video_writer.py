@@ -35,7 +35,7 @@ BT709 = 1
 
 class VideoWriter:
     """Writes RGB frames (height, width, 3) to an MP4 file (H.264), each shown from its own time [s]
-    on.
+    on; sides are even numbers [px], and `rate` is the approximate rate of the frames [1/s].
     """
 
     def __init__(self, path: Path, rate: float, width: int, height: int) -> None:

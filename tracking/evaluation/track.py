@@ -88,8 +88,8 @@ def follow(
 @dataclass(frozen=True, slots=True)
 class Track:
     """A tracker's estimates for n pictures of a source: states x, y [px], theta [rad], scale (n,
-    4); corners of the outlines (n, 4, 2) [px]; confidence (n,), 0..1; computing times (n,) [ms];
-    and numbers of computed histograms (n,).
+    4); corners of the outlines (n, 4, 2) [px], in the order of `Region.corners`; confidence (n,),
+    0..1; computing times (n,) [ms]; and numbers of computed histograms (n,).
     """
 
     states: Array
@@ -105,8 +105,8 @@ class Track:
 
     @staticmethod
     def of(shots: list[Shot], region: Region) -> "Track":
-        """Return the track of pictures with their estimates; `region` is the size of the target in
-        the first picture [px].
+        """Return the track of pictures, at least one, with their estimates; `region` is the size of
+        the target in the first picture [px].
         """
         found = [shot.estimate for shot in shots]
         return Track(

@@ -46,7 +46,9 @@ LARGEST = 1_000_000_000
 
 
 class TrackFile:
-    """Writer of a track's CSV file; each row is in the file before the next picture is read."""
+    """Writer of a track's CSV file; each row is in the file before the next picture is read.
+    `region` is the size of the target in the first picture [px].
+    """
 
     def __init__(self, path: Path, region: Region) -> None:
         """Open a new file and write its header; `region` is the size of the target [px].

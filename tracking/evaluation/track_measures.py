@@ -34,7 +34,7 @@ MOST = 0.9
 
 
 class Better(Enum):
-    """Whether higher or lower values of a measure are better."""
+    """Direction in which a measure is better: higher or lower values."""
 
     HIGHER = "higher"
     LOWER = "lower"
@@ -45,9 +45,9 @@ class Comparison:
     """A track and the true corners (n, 4, 2) [px] of its target, nan where it is absent, compared
     in the m of n frames in which it is present.
 
-    Each of these frames has the offset of the estimated from the true centre (m, 2), width and
-    height of the true upright box (m, 2) [px], and the intersection over union of the upright boxes
-    and of the rotated rectangles (m,).
+    For these frames it has the offsets from the true to the estimated centre of the upright box (m,
+    2), width and height of the true upright box (m, 2) [px], and the intersection over union of the
+    upright boxes and of the outlines themselves (m,).
     """
 
     track: Track
@@ -73,7 +73,7 @@ class Comparison:
         Args:
             track: Estimates of a tracker.
             truth: True corners (n, 4, 2) [px]; nan in frames without the target.
-            states: True x, y [px], theta [rad], scale (n, 4) if they are known exactly.
+            states: True x, y [px], theta [rad], scale (n, 4); None: not known exactly.
         """
         count = min(len(track.states), len(truth))
         truth, present = truth[:count], seen_in(truth[:count])
@@ -94,7 +94,7 @@ class Comparison:
 
     @property
     def errors(self) -> Array:
-        """Distances (m,) between the true and the estimated centres [px]."""
+        """Distances (m,) between the true and the estimated centres of the upright boxes [px]."""
         return np.hypot(*self.offsets.T)
 
     def success(self) -> Array:
@@ -401,5 +401,7 @@ MEASURES = (
 
 
 def measure_all(comparison: Comparison) -> dict[str, float]:
-    """Return the value of each measure by its name; nan for a measure that does not apply."""
+    """Return the value of each of the `MEASURES` by its name, in its unit; nan for a measure that
+    does not apply.
+    """
     return {measure.name: measure.of(comparison) for measure in MEASURES}

@@ -14,8 +14,8 @@ def serve(name: str, run: Callable[..., None], *, seeded: bool = False) -> None:
 
     Args:
         name: The server's module in this package.
-        run: Function that serves a tracker; it gets the tracker's kind, and `preset`, `seed` and
-            the settings by name.
+        run: Function that serves a tracker; it gets the tracker's kind, and by name `preset`, the
+            settings and, with `seeded`, `seed`.
         seeded: Whether the command line has an option --seed.
     """
     parser = argparse.ArgumentParser(prog=f"python -m tracking.exported.{name}")

@@ -78,7 +78,10 @@ def _conversation(
             served = Served(config, asked["seed"])
             yield {} if served.gives is None else {"gives": sorted(served.gives)}
         elif served is None:
-            raise ValueError("the client sent a picture before its first line, which has the seed")
+            raise ValueError(
+                "the client sent a picture before a line with the seed: it must send that line "
+                'first, such as {"seed": 7}'
+            )
         else:
             _check_keys(asked)
             yield _answer(served, asked, _picture(requests, asked))
@@ -122,7 +125,7 @@ def _picture(requests: BinaryIO, asked: Mapping[str, Any]) -> Image:
     if len(data) < count:
         raise ValueError(
             f"the client sent only {len(data)} of the {count} bytes of a picture, then its input "
-            "ended"
+            "ended: it must send height x width x 3 bytes"
         )
     return np.frombuffer(data, np.uint8).reshape(shape)
 

@@ -17,7 +17,7 @@ from tracking.types import Region, State, Status, Tracker
 class Served:
     """A tracker of ours or of another author, as a server shows it to a client: each picture gives
     a report of where the tracker finds its target. Reports of another author's tracker pass
-    unchanged.
+    unchanged. `seed` is that of the tracker's random numbers.
     """
 
     def __init__(self, config: PartConfig[Tracker], seed: int) -> None:

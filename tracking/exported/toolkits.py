@@ -25,8 +25,8 @@ Rect = tuple[float, float, float, float]
 
 
 class Follower:
-    """Runs one of our trackers on pictures that have no times: they are assumed to come at a fixed
-    rate.
+    """Runs one of our trackers, with a seed of its random draws, on pictures that have no times:
+    they are assumed to come at a fixed rate [1/s].
     """
 
     def __init__(self, config: PartConfig[Tracker], seed: int, rate: float) -> None:
@@ -74,8 +74,9 @@ class Follower:
 
 
 class OpenCVTracker:
-    """One of our trackers with the interface of OpenCV's: BGR pictures, `init(image, rect)`, and
-    `update(image)`, which returns (ok, rect).
+    """One of our trackers, given as for `tracking.create`, with the interface of OpenCV's: BGR
+    pictures, which come at `rate` [1/s], `init(image, rect)`, and `update(image)`, which returns
+    (ok, rect).
 
     Example:
         >>> import numpy as np
@@ -133,10 +134,11 @@ class OpenCVTracker:
 
 
 class Got10kTracker:
-    """One of our trackers with the interface of the GOT-10k toolkit: `init`, `update` and `track`.
+    """One of our trackers, given as for `tracking.create`, with the interface of the GOT-10k
+    toolkit: `init`, `update` and `track`.
 
-    Pictures are RGB, as arrays or PIL images; boxes are left, top, width, height [px], with pixels
-    counted from 1.
+    Pictures are RGB, as arrays or PIL images, and come at `rate` [1/s]; boxes are left, top, width,
+    height [px], with pixels counted from 1.
     """
 
     is_deterministic = True

@@ -130,7 +130,7 @@ def _region(text: str) -> Array:
     try:
         region = region_in(text)
     except ValueError as error:
-        raise ValueError(f"the client's region {text[:40]!r} is of no use: {error}") from None
+        raise ValueError(f"the client's region {text[:40]!r} cannot be used: {error}") from None
     if region is None or (region.ndim == 1 and region[2:].min() <= 0):
         raise ValueError(f"the client's region {text[:40]!r} has no area: send one that has")
     return region

@@ -41,8 +41,8 @@ def write(root: Path, name: str, content: bytes | str) -> Path:
 
 @contextmanager
 def writing(root: Path, name: str) -> Generator[BinaryIO]:
-    """Context manager: open a binary file for the block. The file gets its name when the block ends
-    without an exception, and is removed otherwise.
+    """Context manager: open a binary file for the block. The file gets its name, and replaces an
+    older one, when the block ends without an exception, and is removed otherwise.
 
     Args:
         root: The folder to write to; made if it does not exist.

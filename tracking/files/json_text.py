@@ -17,8 +17,9 @@ def number(value: float) -> float | None:
 def as_json(value: object) -> Any:
     """Return a value converted to dict, list, str, int, float, bool or None.
 
-    A dataclass becomes a dict of its fields, an enum its value, infinity and nan become None, and
-    any other type its text.
+    A dataclass becomes a dict of its fields, an enum its value, a tuple or an array a list, a
+    number of NumPy a plain number, infinity and nan None, and a dict's key or any other value its
+    text.
     """
     match value:
         case bool() | int() | None:

@@ -1,5 +1,5 @@
-"""OpenCV's own trackers by their names. An error of OpenCV at the start becomes a ValueError with
-one sentence; a later one means that the target is not seen.
+"""OpenCV's own trackers by their names. An error of OpenCV at the start, or of a model file in the
+first update, becomes a ValueError with one sentence; a later one means that the target is not seen.
 """
 
 import ctypes
@@ -34,7 +34,8 @@ REMEDY = (
 
 
 class Cv2Tracker:
-    """One of OpenCV's own trackers, by its name, for pictures in BGR.
+    """One of OpenCV's own trackers, by its name, for pictures in BGR. `models` are the paths of its
+    model files, in the order of `MODELS`; `seed` is that of OpenCV's random numbers.
 
     An unusable model file raises an error in the first `update`. Errors of OpenCV in later updates,
     such as for a box that has left the picture, mean that the target is not seen.

@@ -1,7 +1,7 @@
 """A tracker of another author, a guest, as a `tracking.types.Tracker`.
 
-A guest's reports (`tracking.guests.report`) have the same form for a class, a program, a server of
-TraX and a network. The guest itself reports whether it sees the target.
+A guest's reports (`tracking.guests.report`) have the same form for a class, one of OpenCV's
+trackers, a program and a server of TraX. The guest itself reports whether it sees the target.
 """
 
 import math
@@ -52,7 +52,9 @@ class Guest(Protocol):
         """
 
     def update(self, frame: Frame) -> Report:
-        """Return where the tracker finds the target in the next picture."""
+        """Return the tracker's report on the next picture: whether it sees the target, and
+        where.
+        """
         ...
 
 
@@ -102,7 +104,8 @@ class GuestTracker:
     """A `tracking.types.Tracker` around a tracker of another author.
 
     Reported boxes or corners give centre and size of the state, reported angles or corners its
-    rotation; the motion of the camera (`ego`) is not used.
+    rotation; the motion of the camera (`ego`) is not used. `rng` draws the seed of each tracker
+    that `start` makes.
     """
 
     _guest: Guest = SET_BY_START

@@ -32,8 +32,9 @@ class Call:
 
 @final
 class TimedGuest:
-    """A tracker of another author that is made and called in a thread of its own, with limits on
-    the time of its answers.
+    """A tracker of another author that is made, by `make`, and called in a thread of its own, with
+    limits on the time of its answers: `loading` until it is made and until it has started,
+    `timeout` for each picture [s]. `name` begins messages.
     """
 
     def __init__(
@@ -78,7 +79,7 @@ class TimedGuest:
         self._limited(lambda: self._guest.start(frame, region, state), self._loading, "loading")
 
     def update(self, frame: Frame) -> Report:
-        """Return the report where the tracker finds the target in the next picture.
+        """Return the tracker's report on the next picture: whether it sees the target, and where.
 
         Raises:
             ValueError: The tracker's answer has an invalid form or value, or comes too late. Its
@@ -107,8 +108,8 @@ class TimedGuest:
         except Empty:
             self._abandon()
             raise ValueError(
-                f"{self._name} did not answer within {limit:g} s: correct it, or set a longer "
-                f"tracker.{setting}"
+                f"{self._name} did not answer within {limit:g} s: correct the tracker, or set a "
+                f"longer tracker.{setting}"
             ) from None
         if error is not None:
             raise error

@@ -24,7 +24,9 @@ class Placement:
     An upright box gives the centre, and the scale as the square root of its area over that of the
     upright box around the region in the first picture; the angle keeps its first value. A box with
     an angle is compared with the region itself. Four corners give centre, angle and scale by the
-    similarity that maps the first corners to them with least squares.
+    similarity that maps the first corners to them with least squares. Angle and scale count only if
+    they are measured: as the tracker declares (`gives`; None: as its reports show); without `sizes`
+    the scale never changes.
     """
 
     turns = False

@@ -58,7 +58,8 @@ class ProcessSettings(GuestSettings):
 
 class GuestProcess:
     """A running program of another author, which gets bytes at its standard input and answers in
-    lines; it is ended when this object is deleted.
+    lines; it is ended when this object is deleted, with the bytes `goodbye`. `name` begins
+    messages, `command` is run without a shell, and `environment` is added to our own.
     """
 
     def __init__(

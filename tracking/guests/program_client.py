@@ -32,7 +32,8 @@ Answer = Mapping[str, object]
 @final
 class ProgramClient:
     """Connection to a tracker that is a program and speaks lines of JSON; the program is ended when
-    this object is deleted.
+    this object is deleted. `seed` is that of its random numbers, `loading` the longest wait for its
+    first answer, and `timeout` for each later one [s].
     """
 
     def __init__(self, command: str, seed: int, timeout: float, loading: float) -> None:

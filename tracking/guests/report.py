@@ -1,4 +1,6 @@
-"""What a tracker of another author reports for a picture: box, angle, corners, seen, confidence."""
+"""The report of another author's tracker for a picture (box, angle, corners, seen, confidence),
+read from the forms in which trackers answer.
+"""
 
 import reprlib
 from collections.abc import Iterable, Mapping
@@ -89,8 +91,8 @@ def report_in(answer: object, name: str) -> Report:
 
 
 def report_of_box(box: Array, angle: float | None = None) -> Report:
-    """Return the report of a box (4,) of left, top, width, height [px], turned by an angle [rad]; a
-    box of zeros means that the target is not seen.
+    """Return the report of a box (4,) of left, top, width, height [px], turned about its centre by
+    an angle [rad] (None: upright, not measured); a box of zeros means that the target is not seen.
     """
     return Report(box=box.round(DIGITS), angle=angle) if box.any() else UNSEEN
 

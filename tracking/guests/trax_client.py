@@ -43,7 +43,8 @@ REGIONS = frozenset({"rectangle", "polygon", "mask"})
 
 class TraxClient:
     """Connection to a tracker that is a server of the TraX protocol; the server is ended when this
-    object is deleted.
+    object is deleted. `loading` is the longest wait for its hello, `timeout` for the answer to a
+    picture [s].
     """
 
     def __init__(self, command: str, timeout: float, loading: float) -> None:

@@ -69,7 +69,9 @@ class Message:
 
 
 def message_in(line: str) -> Message | None:
-    """Return the TraX message in a received line of text; None if the line is other output."""
+    """Return the TraX message in a received line of text, a "status" as a "state"; None if the line
+    is other output.
+    """
     if not line.startswith(PREFIX):
         return None
     name, _, rest = line.removeprefix(PREFIX).strip().partition(" ")

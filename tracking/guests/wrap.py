@@ -53,7 +53,9 @@ class Foreign(Protocol):
 
 @final
 class Called:
-    """A tracker of another author in this process, called in OpenCV's or GOT-10k's convention."""
+    """A tracker of another author in this process, called in OpenCV's or GOT-10k's convention. With
+    `rounds`, the error of the whole numbers that its `init` was given is taken out of its boxes.
+    """
 
     def __init__(
         self,
@@ -87,7 +89,7 @@ class Called:
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
         """Start the tracker on the first picture with the upright box around the rectangle `region`
-        [px] at `state`.
+        [px] at `state`, cut to the picture; in whole numbers by OpenCV's convention.
 
         Raises:
             ValueError: The tracker's `init` returned False.
@@ -129,7 +131,8 @@ class Called:
             return confidence_in(where(self._tracker), self._name)
         if not hasattr(self._tracker, where):
             raise ValueError(
-                f"{self._name} has no attribute or method '{where}', but confidence= names it"
+                f"{self._name} has no attribute or method '{where}', but confidence= names it: "
+                "correct the name"
             )
         found = getattr(self._tracker, where)
         return confidence_in(found() if callable(found) else found, self._name)
@@ -175,9 +178,10 @@ def convention_of(tracker: Foreign) -> Convention:
 
 @dataclass(frozen=True, slots=True)
 class Wrapping:
-    """A class or function that makes trackers of another author, the convention of their methods
-    (None: found from the class), where their confidence is found (None: at most in their answers),
-    and their name in messages.
+    """A class or function that makes trackers of another author, or one such tracker; the
+    convention of its methods (None: as `convention_of` finds it); where its confidence is found
+    (None: at most in its answers); its name in messages; and whether it is one of OpenCV's own
+    (`rounds`).
     """
 
     factory: Any
@@ -235,7 +239,8 @@ class Wrapping:
             made = factory(**arguments)
         if not is_foreign(made):
             raise ValueError(
-                f"{self.name}: {type(made).__name__} lacks init(image, box) or update(image)"
+                f"{self.name}: {type(made).__name__} lacks init(image, box) or update(image): give "
+                "it both methods"
             )
         return made, is_opencvs
 

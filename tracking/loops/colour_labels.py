@@ -11,7 +11,8 @@ from sim.types import Image
 def labels(
     image: Image, left: int, top: int, right: int, bottom: int, levels: int
 ) -> NDArray[np.int16]:
-    """Return the bin numbers (h, w) of the pixels of a window: equal bins of red, green and blue.
+    """Return the bin numbers (h, w) of the pixels of a window: (r levels + g) levels + b, where r,
+    g and b, 0 to levels - 1, number the equal intervals in which red, green and blue lie.
 
     Args:
         image: RGB (H, W, 3).

@@ -57,7 +57,8 @@ def patch(grey: Levels, state: Array, points: Array) -> Array:
 
 @compiled(error_model="numpy", fastmath=("contract",))
 def correlations(grey: Levels, states: Array, points: Array, templates: Array) -> Array:
-    """Return the correlations (N, M), -1..1, of a picture at N states with M templates.
+    """Return the correlations (N, M), -1..1, of a picture at N states with M templates; 0 where the
+    picture has no contrast.
 
     Args:
         grey: Picture (H, W), at least 2 x 2 pixels.
@@ -112,7 +113,7 @@ def _normalise(found: Levels) -> None:
 @compiled(error_model="numpy", fastmath=("contract",))
 def gradients(levels: Array) -> Levels:
     """Return histograms of gradients (9, R, C) by their orientation, of cells of 2 x 2 pixels; each
-    is divided by the mean strength of the 3 x 3 cells around it.
+    is divided by the mean strength of the 3 x 3 cells around it, and values above 0.4 are cut off.
 
     Args:
         levels: Grey levels (2 R, 2 C).

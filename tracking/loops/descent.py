@@ -166,7 +166,8 @@ def kernel_histograms(
         stride: Only every stride-th pixel and row is read.
 
     Returns:
-        sums (K, B, 5): for each kernel and bin the sum of k and of dk/d(x, y, theta, ln scale).
+        sums (K, B, 5): for each kernel and bin the sums of the pixels' weights k and of their
+            derivatives by x, y, theta and ln scale.
         totals (K, 5): the same over all bins.
     """
     sums = np.zeros((len(centres), levels**3, 5))
@@ -307,13 +308,14 @@ def solved(A: Array, b: Array) -> Array:
 
 @compiled(error_model="numpy")
 def damped_step(gradient: Array, curvature: Array, damping: float, units: Array) -> Array:
-    """Return Levenberg's step (4,): -(H + damping * mean of its diagonal)^-1 g, in given units.
+    """Return Levenberg's step (4,) of x, y [px], theta [rad] and ln scale: -(H + damping * mean of
+    its diagonal)^-1 g, computed with each coordinate divided by its unit.
 
     Args:
         gradient: Gradient (4,).
         curvature: Curvature (4, 4).
         damping: Damping relative to the mean of the scaled diagonal.
-        units: Unit of each coordinate (4,).
+        units: Unit of each coordinate (4,), by which the damping weighs the coordinates.
     """
     H = np.empty((4, 4))
     g = np.empty(4)

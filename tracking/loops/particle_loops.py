@@ -44,7 +44,9 @@ def effective_size(weights: Array) -> float:
 
 @compiled()
 def mean(samples: Array, weights: Array) -> Array:
-    """Return the weighted mean (D,) of samples (N, D); angles must be continuous, not wrapped."""
+    """Return the mean (D,) of samples (N, D) with weights (N,) that sum to 1; angles must be
+    continuous, not wrapped.
+    """
     found = np.zeros(samples.shape[1])
     for n in range(len(samples)):
         for d in range(len(found)):

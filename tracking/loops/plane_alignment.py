@@ -101,8 +101,8 @@ def partition(values: Array, rank: int) -> None:
 
 @compiled(error_model="numpy")
 def sigma_of(error: Array) -> float:
-    """Return the robust standard deviation of errors (n,) [grey levels]; some may be nan, and at
-    least two are not.
+    """Return the robust standard deviation of errors (n,) [grey levels], or 1 if it is smaller; at
+    least two errors have to be other than nan.
     """
     size = np.abs(error[~np.isnan(error)])
     rank = 1.0 + (len(size) - 1) * QUANTILE  # counted from 1, as NumPy's `quantile` rounds it
@@ -115,7 +115,9 @@ def sigma_of(error: Array) -> float:
 
 @compiled(error_model="numpy")
 def tukey(error: Array, sigma: float) -> Array:
-    """Return Tukey's biweights (n,), 0..1, of errors (n,) with a standard deviation sigma."""
+    """Return Tukey's biweights (n,), 0..1, of errors (n,) with a standard deviation sigma; 0 for
+    nan.
+    """
     limit = TUKEY * sigma
     weights = np.zeros(len(error))
     for i in range(len(error)):

@@ -205,7 +205,8 @@ def mean_shift(
     most: int,
     tolerance: float,
 ) -> tuple[Array, Array, int]:
-    """Move each state (N, 4) to a maximum of the coefficient with a reference, by mean shift.
+    """Move x and y of each state (N, 4) to a local maximum of the Bhattacharyya coefficient with a
+    reference, by mean shift; angle and scale stay.
 
     Args:
         window: Labels (h, w), and left and top of their part of the image [px].

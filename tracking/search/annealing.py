@@ -27,7 +27,10 @@ COOLING = 0.5
 
 
 class Schedule(StrEnum):
-    """Rule for the exponents beta of the annealing layers, from the broadest layer to the last."""
+    """Rule for the exponents beta of the annealing layers, from the broadest layer to the last:
+    "survival", with which half of the particles survive each layer, or "fixed", a geometric series
+    that ends at 1.
+    """
 
     SURVIVAL = "survival"
     """The share `SURVIVAL` of the particles survives each layer (Deutscher, Blake, Reid)."""

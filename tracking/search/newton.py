@@ -94,8 +94,9 @@ changes. Discs and cylinders from above have at most 0.09, a plain rectangle of 
 
 
 class KernelModel:
-    """The target's reference histograms under a grid of Epanechnikov kernels, and the search for
-    the state with the most similar histograms by Newton's descent.
+    """The target's reference histograms under a grid of Epanechnikov kernels, from the first
+    picture, RGB (H, W, 3); and the search for the state with the most similar histograms by
+    Newton's descent. Without `turns` the angle is not searched.
     """
 
     def __init__(

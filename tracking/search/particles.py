@@ -12,7 +12,8 @@ from tracking.types import LARGEST_LOG, Estimate, Region, State, Status
 class ParticleFilter:
     """A set of N particles: samples (N, 4) of x, y [px], theta [rad] and ln scale, and weights
     (N,), which sum to 1. In each frame `predict`, `weigh`, `mean` and `resample` are called in this
-    order.
+    order. All samples begin at `state`; `noise` gives their standard deviations per frame: of
+    position over the target's size, of theta [rad], of ln scale.
     """
 
     def __init__(
@@ -42,7 +43,8 @@ class ParticleFilter:
 
     def predict(self, velocity: Array, widen: float = 1.0) -> None:
         """Move all samples by the expected change (4,) of x, y [px], theta [rad] and ln scale since
-        the last frame, and add normal noise, whose standard deviations are multiplied by `widen`.
+        the last frame, and add normal noise, whose standard deviations are multiplied by `widen`;
+        ln scale is clipped to -5..5.
         """
         draws = self._rng.standard_normal(self.samples.shape)
         self.samples = self.samples + velocity + widen * self._noise * draws

@@ -11,7 +11,8 @@ from tracking.types import State
 
 class Velocity:
     """An exponential mean of the change (4,) of x, y [px], theta [rad] and ln scale per frame, less
-    the part that the camera's motion causes where that is given.
+    the part that the camera's motion causes where that is given. It begins at `state` with 0;
+    `memory`, 0..1, is the share of the old velocity in the new one.
     """
 
     def __init__(self, state: State, memory: float) -> None:
@@ -27,7 +28,8 @@ class Velocity:
 
     def step(self, ego: Array | None) -> Array:
         """Return the expected change (4,) of x, y [px], theta [rad] and ln scale until the next
-        frame.
+        frame. Call it once a frame, before `jump` and `learn`, because they compare with its
+        prediction.
 
         Args:
             ego: Part of that change (4,) that the camera's motion causes; None: not known.
@@ -50,9 +52,9 @@ class Velocity:
         return float(max(np.hypot(x, y) / (size * state.scale), abs(scale)))
 
     def learn(self, state: State, *, seen: bool) -> None:
-        """Update the velocity by the change from the state of the last call to `state`, which was
-        found in the next frame. If the target is not seen, keep the velocity, but store `state` for
-        the next call.
+        """Update the velocity by the change to `state`, which was found in the next frame, from the
+        state of the last call, moved by the camera's part that `step` was given. If the target is
+        not seen, keep the velocity, but store `state` for the next call.
         """
         # A state that was not confirmed would teach the velocity the tracker's own drift.
         if seen:

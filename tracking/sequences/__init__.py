@@ -1,1 +1,3 @@
-"""Pictures from folders, videos, bags, streams and cameras, and the target's true place in them."""
+"""Pictures from folders, videos, bags, streams and cameras, painted sequences, and the target's
+true place in the pictures.
+"""

@@ -91,7 +91,8 @@ def is_bag(path: Path) -> bool:
 
 class Bag:
     """Source of the pictures of one topic of a bag, with the time stamps of their headers; without
-    such a stamp, with the time at which the message was recorded.
+    such a stamp, with the time at which the message was recorded. Without a `topic` it is the only
+    one with pictures.
     """
 
     end: End | None = None
@@ -161,10 +162,13 @@ def _chosen(path: Path, topics: list[Topic], name: str | None) -> Topic:
         raise ValueError(f"{path}: this bag has no topic '{name}' with pictures; it has {there}")
     if len(found) > 1:
         raise ValueError(
-            f"{path}: there are several topics with pictures; choose one with --topic: {there}"
+            f"{path}: there are several topics with pictures: {there}; choose one with --topic of "
+            "`servobench track`, or give a scenario a bag with one of them"
         )
     if not found[0].count:
-        raise ValueError(f"{path}: the topic {found[0].name} has no messages; choose another one")
+        raise ValueError(
+            f"{path}: the topic {found[0].name} has no messages; choose another topic or bag"
+        )
     return found[0]
 
 

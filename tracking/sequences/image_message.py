@@ -53,7 +53,7 @@ def decoder_of(kind: str, serialization: str, schema: Schema | None = None) -> D
     Args:
         kind: The type, one of `KINDS[serialization]`.
         serialization: Encoding of the messages: "ros1", "cdr" or "protobuf".
-        schema: Definition of the type in the file, which Protobuf needs.
+        schema: Definition of the type in the file, which Protobuf needs; None: the file has none.
 
     Raises:
         ValueError: Protobuf's definition is missing.
@@ -94,7 +94,9 @@ def picture_of(
     try:
         message = decode(data)
     except Exception:  # the libraries raise all kinds of them for damaged bytes
-        raise ValueError("the message with this picture is cut off or damaged") from None
+        raise ValueError(
+            "the message with this picture is cut off or damaged: copy or record the bag again"
+        ) from None
     if hasattr(message, "header"):
         stamp = message.header.stamp.sec * SECOND + message.header.stamp.nanosec
     else:
@@ -126,7 +128,7 @@ def _raw(message: Any, depth: BitDepth) -> Image:
     if not width * size <= step <= len(data) // height:
         raise ValueError(
             f"a picture of {width} x {height} px in {encoding} does not fit into {len(data)} bytes "
-            f"with rows of {step}"
+            f"with rows of {step}: correct the sizes that the camera's driver writes"
         )
     rows = data[: step * height].reshape(height, step)[:, : width * size]
     pixels = np.ascontiguousarray(rows).reshape(height, width, size)
@@ -137,7 +139,8 @@ def _raw(message: Any, depth: BitDepth) -> Image:
         image = pixels if code is None else cv2.cvtColor(pixels, code).astype(np.uint8, copy=False)
     except cv2.error:
         raise ValueError(
-            f"a picture of {width} x {height} px cannot have the pixel format {encoding}"
+            f"a picture of {width} x {height} px cannot have the pixel format {encoding}: record "
+            "another, such as rgb8"
         ) from None
     image.setflags(write=False)
     return image

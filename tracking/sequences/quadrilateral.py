@@ -36,7 +36,8 @@ def boxes(corners: Array) -> Array:
 
 
 def placement(corners: Array, *, turned: bool = False) -> tuple[Region, State]:
-    """Return the region [px] of a target with given corners, and its state in that picture.
+    """Return the region [px] of a target with given corners, and its state in the picture that they
+    are in.
 
     Args:
         corners: Corners (4, 2) [px] in order around the target, the first edge along its x axis.

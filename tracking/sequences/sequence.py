@@ -28,6 +28,8 @@ CAMERA_DIGITS = 3
 """Most digits of a camera's number."""
 THERE = "folder, video file, bag, camera:NUMBER, or address such as rtsp://HOST/PATH"
 """The kinds of sources, for messages."""
+SEQUENCES = "give a folder with pictures and a truth file, or a folder of such folders"
+"""End of a message about a folder without sequences."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +82,9 @@ def source_of(text: str, rate: float, topic: str | None = None) -> Source:
         topic: Topic of a bag; None: the only topic with pictures.
 
     Raises:
-        ValueError: There is no such source, it has no pictures, a bag has several topics with
-            pictures or none of this name, or a topic is given for another source than a bag.
+        ValueError: There is no such source, or it cannot be read; a folder has no pictures; a bag
+            has several topics with pictures or none of this name; or a topic is given for another
+            source than a bag.
     """
     path = Path(text)
     is_address = stream.ADDRESS.match(text)
@@ -121,7 +124,8 @@ def pictures_in(folder: Path) -> Path:
 
 def truths_in(folder: Path) -> list[Path]:
     """Return the truth files of a sequence's folder, one for each target, sorted by name; an empty
-    list if it has none.
+    list if it has none. For the folder of its pictures, such as "img", the folder above is searched
+    too.
 
     Raises:
         ValueError: The folder cannot be read.
@@ -147,7 +151,8 @@ def truth_beside(source: str) -> Path | None:
     if len(found) > 1:
         names = ", ".join(path.name for path in found)
         raise ValueError(
-            f"{source}: there are several truth files ({names}); choose one with --truth"
+            f"{source}: there are several truth files ({names}); choose one with --truth, or with "
+            "recording.truth in a scenario"
         )
     return found[0] if found else None
 
@@ -218,13 +223,13 @@ def read_all(folder: Path, rate: float, form: Format = Format.AUTO) -> list[Sequ
         ValueError: There is no sequence, or a folder is incomplete or cannot be read.
     """
     if not is_folder(folder):
-        raise ValueError(f"{folder}: there is no such folder of sequences")
+        raise ValueError(f"{folder}: there is no such folder of sequences: {SEQUENCES}")
     if _is_sequence(folder):
         return read_folder(folder, rate, form)
     places = [place for place in reading.names(folder) if _is_sequence(place)]
     found = [sequence for place in places for sequence in read_folder(place, rate, form)]
     if not found:
-        raise ValueError(f"{folder}: there is no sequence (pictures with a truth file) in it")
+        raise ValueError(f"{folder}: there is no sequence in this folder: {SEQUENCES}")
     return found
 
 

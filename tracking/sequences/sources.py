@@ -38,7 +38,8 @@ REPEATED = 0.5
 class Picture:
     """One picture of a source, RGB (H, W, 3), with its time since the first picture [s] and, if the
     source has them, its time stamp [ns] and the date and time at which it came. An image of None
-    cannot be decoded, for the reason `reason`.
+    cannot be decoded, for the reason `reason`. `notes` has sentences about the source for the user;
+    `damaged` is True if FFmpeg has concealed damage of the image.
     """
 
     name: str
@@ -99,7 +100,9 @@ class Source(Protocol):
 
 
 class Times:
-    """Converter of stamps to times [s]: the first time is 0, and each is later than the last."""
+    """Converter of stamps [ns] to times [s]: the first time is 0, and each is later than the last;
+    `rate` is the approximate rate of the pictures [1/s].
+    """
 
     def __init__(self, rate: float) -> None:
         """Begin before the first picture; `rate` is the approximate rate of the pictures [1/s]."""
@@ -113,8 +116,9 @@ class Times:
         has no stamp.
 
         A picture without a stamp, or with the stamp of the last one, comes one period of the rate
-        after the last one. Stamps that go back a little are replaced by times that follow closely
-        after each other. If the source's clock was set, times continue one period after the last.
+        after the last one (with the same stamp at most 0.5 s). Stamps that go back by less than 1 s
+        are replaced by times 0.1 ms after each other. A larger step back, or one forward by a day,
+        means that the source's clock was set: times continue one period after the last.
         """
         time = self._last + self._gap
         if stamp is not None:
@@ -197,7 +201,10 @@ class Folder:
         """
         files = images_in(folder)
         if not files:
-            raise ValueError(f"{folder}: there are no images in this folder")
+            raise ValueError(
+                f"{folder}: there are no images in this folder: give one with JPEG, PNG, BMP, "
+                "TIFF, WebP or PPM files"
+            )
         others = [file for file in files if not NUMBER.search(file.stem)]
         if not others or 2 * len(others) >= len(files):
             return Folder(tuple(files), rate)

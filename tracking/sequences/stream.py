@@ -80,7 +80,10 @@ class Feed:
 
 
 class LiveSource:
-    """Source of the pictures of a camera or stream, which can be read only once."""
+    """Source of the pictures of a camera or stream, which can be read only once; its iteration
+    opens the source by `opened`, and raises ValueError if no picture comes. `name` is used in
+    messages.
+    """
 
     count: int | None = None
 

@@ -78,7 +78,9 @@ def other_count(place: str, lines: int, pictures: int) -> str:
 
 
 def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Array:
-    """Return the target's corners (n, 4, 2) in each picture [px]; nan in pictures without it.
+    """Return the target's corners (n, 4, 2) in each picture [px], from the picture's top left
+    corner: those of a box clockwise from its top left one, others in the file's order; nan in
+    pictures without the target.
 
     The target is absent if all numbers of a line are nan or missing, if the line is VOT's 0, if its
     box has width and height 0, and, in LaSOT's layout, in the frames that two other files mark.
@@ -97,7 +99,7 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
     """
     lines = reading.text(path, "truth", LARGEST_FILE).rstrip().splitlines()
     if not lines:
-        raise ValueError(f"{path}: this truth file is empty")
+        raise ValueError(f"{path}: this truth has no lines: it needs one for each picture")
     if count is not None and len(lines) > MOST_LINES * (count + 1):
         raise ValueError(other_count(str(path), len(lines), count))
     has_header = (
@@ -109,7 +111,7 @@ def read(path: Path, form: Format = Format.AUTO, count: int | None = None) -> Ar
         try:
             return _of_csv(lines, path)
         except csv.Error as error:
-            raise ValueError(f"{path}: this is not a valid CSV file: {error}") from None
+            raise ValueError(f"{path}: this is not a valid CSV file: {error}: correct it") from None
     places = [f"{path.name}, line {i}" for i in range(1, len(lines) + 1)]
     rows = [_numbers(line.strip(), place) for line, place in zip(lines, places, strict=True)]
     if form is Format.AUTO:
@@ -218,7 +220,8 @@ def _corners(row: Array, form: Format, place: str) -> Array:
     """
     if form in (Format.OTB, Format.TLD) and len(row) != BOX:
         raise ValueError(
-            f"{place}: the line has {len(row)} numbers: expected 4, as in format {form.name}"
+            f"{place}: the line has {len(row)} numbers: expected 4, as in format {form.name}; "
+            f"correct the line, or {REMEDY}"
         )
     if len(row) == QUAD:
         if crosses_itself(row.reshape(4, 2)):
@@ -261,7 +264,9 @@ def _numbers(line: str, place: str) -> Array:
         numbers = np.array([float(part) for part in parts])
     except ValueError:
         hint = " (a decimal point, not a comma)" if "," in line else ""
-        raise ValueError(f"{place}: '{line[:LONGEST]}' is not a line of numbers{hint}") from None
+        raise ValueError(
+            f"{place}: '{line[:LONGEST]}' is not a line of numbers{hint}: correct it"
+        ) from None
     if numbers.tolist() == ABSENT:
         return np.full(BOX, np.nan)
     if len(numbers) not in (BOX, QUAD):
@@ -336,5 +341,5 @@ def _of_csv(lines: list[str], path: Path) -> Array:
         numbers = ";".join(row[names.index(name)].strip() or "nan" for name in wanted)
         rows.append(_corners(_numbers(numbers, place), Format.VOT, place))
     if not rows:
-        raise ValueError(f"{path}: this truth file is empty")
+        raise ValueError(f"{path}: this truth has no lines: it needs one for each picture")
     return np.stack(rows)

@@ -277,7 +277,7 @@ def only_video(container: InputContainer) -> VideoStream:
             "FFmpeg here has no decoder for the compression of this video: convert it to H.264"
         )
     if not stream.width or not stream.height:
-        raise ValueError("no frame of this video can be decoded: give another file")
+        raise ValueError("no frame of this video can be decoded: give another source")
     check_size(stream.width, stream.height, "first frame: the picture")
     return stream
 

@@ -1,4 +1,6 @@
-"""Statistics of comparisons: McNemar's test, intervals of means, and Holm's correction."""
+"""Statistics of comparisons: McNemar's test, intervals of means and of differences of shares, their
+cells in tables, and Holm's correction.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -90,7 +92,7 @@ class Interval:
 def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Interval:
     """Return the mean of the scores (n,) of n independent repetitions, with its 95 % interval.
 
-    Scores between the bounds 0 and 1 that are all 0 or 1, or equal, are a share: Wilson's interval.
+    With the bounds 0 and 1, scores that are all 0 or 1, or equal, are a share: Wilson's interval.
     Others: Student's t with its skewness removed by the cubic transformation of Hall (On the
     removal of skewness by transformation, 1992, with a = 1/3, b = 1/6). One score, or one that is
     not finite, has no interval; other equal scores have one without width. The interval covers 93
@@ -126,8 +128,8 @@ def mean_of(scores: Array, least: float = -np.inf, most: float = np.inf) -> Inte
 
 
 def mean_percent(shares: Array) -> Interval:
-    """Return the mean of shares (n,), 0 to 1, one for each independent repetition, in percent with
-    its 95 % interval.
+    """Return the mean of shares (n,), 0 to 1, one for each of at least one independent repetition,
+    in percent with its 95 % interval.
     """
     return in_percent(mean_of(shares, least=0.0, most=1.0))
 
@@ -145,7 +147,7 @@ def difference_of_shares(first: Array, second: Array) -> Interval:
     based on paired data, 2012.
 
     Args:
-        first: Successes (n,) of the first on n repetitions, 0 or 1.
+        first: Successes (n,) of the first on n repetitions, at least one, 0 or 1.
         second: Successes (n,) of the second on the same repetitions, 0 or 1.
     """
     count = len(first)

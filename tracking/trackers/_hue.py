@@ -35,7 +35,9 @@ LIMITS = LossLimits(floor=0.4, cap=0.7)
 
 
 class HueModel:
-    """Hue histogram of the target, its back-projection, and the distance of any state from it."""
+    """Hue histogram of the target, which is `region` at `state` in a first RGB picture; its
+    back-projection, and the distance of any state from it.
+    """
 
     def __init__(self, image: Image, region: Region, state: State) -> None:
         self._region = region

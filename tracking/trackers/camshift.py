@@ -38,7 +38,8 @@ class Camshift(HueTracker):
     _box: tuple[int, int, int, int] = SET_BY_START
 
     def start(self, frame: Frame, region: Region, state: State) -> None:
-        """Learn the hue histogram, and fit the first ellipse.
+        """Learn the hue histogram, and fit CamShift's first ellipse, with whose area later ones are
+        compared for the size.
 
         Raises:
             ValueError: A side of the region is shorter than 4 px, or most of it is outside the

@@ -33,8 +33,8 @@ class Config:
 
 @final
 class CvMil(HueTracker):
-    """Tracker with a box of fixed size, found by OpenCV's online boosted classifier; a hue
-    histogram gives its status.
+    """Tracker with a box of fixed size, found by OpenCV's online boosted classifier, whose random
+    numbers have the seed `seed`; a hue histogram gives its status.
     """
 
     _mil: Cv2Tracker = SET_BY_START

@@ -87,14 +87,16 @@ class Config:
     traits = frozenset({Trait.TEXTURE, Trait.CORNERS})
 
     def build(self, rng: np.random.Generator) -> "Homography":
-        """Return the tracker, which draws the states from which it searches a lost target."""
+        """Return the tracker, which draws from the generator the states from which it searches a
+        lost target.
+        """
         return Homography(rng)
 
 
 @final
 class Homography:
     """Tracker of a textured plane: in each frame it aligns a coarse template of the target, and
-    then the full one.
+    then the full one. A lost target is also searched from states that `rng` draws.
     """
 
     _velocity: Velocity = SET_BY_START

@@ -24,7 +24,8 @@ class Config(CloudSettings):
     """Settings of kernel annealed mean shift: number of particles, sharpness `gamma` of their
     likelihood, standard deviation of position in the first layer (share of the target's size),
     kernel, number and schedule of the layers, and whether the mean or the best particle is
-    reported.
+    reported. `velocity_memory` and `contrast` are those of `ParticleSettings` and
+    `AppearanceSettings`.
     """
 
     particles: Count = 40

@@ -41,9 +41,12 @@ PRESETS: dict[str, dict[str, object]] = {
 
 @dataclass(frozen=True, slots=True)
 class Config(SimilaritySettings):
-    """Settings of the particles and of Newton's descent from their mean: the largest distance d_m
-    of the mean, 0..1, with which a descent begins (`occluded`), and the largest length of a descent
-    as a share of the target's size (`trust`).
+    """Settings of the particles, and of Newton's descent from their mean: the largest distance d_m
+    of the mean, 0..1, with which a descent begins (`occluded`), its largest length as a share of
+    the target's size (`trust`), and the share of the region's sides that its kernels leave out
+    (`inset`). Particles read `density` points along each side of a cell of the template. At a
+    sudden rise of the distance to `sudden` times the usual one the target counts as not seen (0: no
+    such check).
 
     The defaults were tuned for the 60 x 30 px car at 5 to 30 Hz.
     """

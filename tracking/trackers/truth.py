@@ -53,7 +53,9 @@ class Config:
 
 @final
 class TruthTracker:
-    """An ideal tracker: the true state with noise and dropouts, LOST outside the picture."""
+    """An ideal tracker: the true state, which `see` is given, with noise and dropouts drawn from
+    `rng`; LOST outside the picture.
+    """
 
     def __init__(self, config: Config, rng: np.random.Generator) -> None:
         self._config = config

@@ -1,1 +1,1 @@
-"""Rerun recordings: writing, drawing, viewing. The only folder that imports rerun."""
+"""Rerun recordings: writing, reading, drawing, viewing. The only folder that imports rerun."""

@@ -25,11 +25,11 @@ ROOM = 1 << 18
 
 def new_stream(app: str, name: str | None) -> rr.RecordingStream:
     """Return a new Rerun stream, without a destination and with only those timelines that the
-    caller logs.
+    caller logs; from now on, Rerun raises its errors in this process (strict mode).
 
     Args:
         app: Rerun's name of the application.
-        name: Name of the recording; None: a random one.
+        name: Identifier of the recording, which viewers show as its name; None: a random one.
     """
     rr.set_strict_mode(True)
     stream = rr.RecordingStream(app, recording_id=name)

@@ -69,8 +69,8 @@ class Shape:
 
 
 def shapes_of(model: mujoco.MjModel) -> list[Shape]:
-    """Return all visible geoms of a model as shapes, except for planes, which are endless,
-    and the walls, which would hide the room.
+    """Return all visible boxes, spheres, ellipsoids, cylinders, capsules and meshes of a model as
+    shapes, except for the walls, which would hide the room.
     """
     found: list[Shape] = []
     for g in range(model.ngeom):

@@ -47,11 +47,12 @@ def check(path: Path) -> None:
     with as_mistake(), reading.opened(path, "recording") as file:
         begin = file.read(4)
     if begin not in MAGIC:
-        raise Mistake(f"{path}: this is not a Rerun recording (.rrd)")
+        raise Mistake(f"{path}: this is not a Rerun recording (.rrd): name one")
 
 
 def show(path: Path) -> int:
-    """Open a recording in Rerun's window, wait until it is closed, and return its exit code.
+    """Open a recording in Rerun's window, wait until it is closed, and return the exit code of
+    Rerun's viewer.
 
     Raises:
         Mistake: There is no display for a window.

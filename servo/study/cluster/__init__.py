@@ -9,4 +9,4 @@ from servo.mistake import Mistake
 try:
     import_module("dask.config")  # reads the user's files, such as ~/.config/dask/tls.yaml
 except ValueError as error:
-    raise Mistake(f"Dask's settings cannot be read: {error}") from None
+    raise Mistake(f"Dask's settings cannot be read; correct them: {error}") from None

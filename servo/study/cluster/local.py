@@ -102,7 +102,10 @@ def local(workers: int) -> Generator[Cluster]:
                     silence_logs=logging.CRITICAL,
                 )
         except (OSError, RuntimeError) as error:
-            raise Refused(f"the worker processes cannot be started: {reason(error)}") from None
+            raise Refused(
+                f"the worker processes cannot be started: {reason(error)}; use one worker, or "
+                "remove the cause"
+            ) from None
         with cluster, Client(cluster, set_as_default=False) as client:
             cluster.scale(workers)
             patience = Patience(LONGEST_START, NO_WORKER)

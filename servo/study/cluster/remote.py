@@ -46,7 +46,8 @@ def remote(text: str) -> Generator[Cluster]:
     """Connect to the cluster whose scheduler has an address, until the end of the block.
 
     Raises:
-        Mistake: There is no scheduler at the address, or it has no workers.
+        Mistake: The text is no address, there is no scheduler at it, the scheduler has no workers,
+            or the user's TLS settings of Dask cannot be used.
         ClusterLost: A worker has several threads.
     """
     address = check_address(text)

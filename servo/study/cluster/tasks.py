@@ -112,7 +112,8 @@ def carry_out(
     """Do tasks, one at a time on each worker; yield each task when it ends, with its result or the
     error that it raised.
 
-    If a worker dies, another worker does its task again.
+    If a worker dies, another worker does its task again; the third death during one task ends it
+    with a failure.
 
     Args:
         cluster: The cluster.
@@ -120,7 +121,8 @@ def carry_out(
         work: Function of one task.
 
     Raises:
-        ClusterLost: The scheduler has stopped, or has had no workers for a long time.
+        ClusterLost: The scheduler has stopped, has had no workers for a long time, or has a worker
+            with several threads.
     """
     waiting = iter(tasks)
     under_way: list[tuple[Task, Future[Done | Failure]]] = []

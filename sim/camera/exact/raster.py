@@ -1,9 +1,9 @@
 """Rasterisation of triangles with lights and textures, by IEEE arithmetic in a fixed order.
 
 The same scene gives the same bits on every machine: no fast-math, no sum whose order may change.
-Numbers are assigned, not slices, with which the loops take twice as long to compile.
-Colours are interpolated between corners (Gouraud shading), with perspective-correct interpolation
-and a depth buffer of 1 / z.
+The loops assign single numbers: with slices they take twice as long to compile. Colours are
+interpolated between corners (Gouraud shading), with perspective-correct interpolation and a depth
+buffer of 1 / z.
 """
 
 from math import ceil, hypot, sqrt
@@ -325,9 +325,10 @@ def fill(
 
 @compiled(error_model="numpy")
 def texel_steps(at: float, change: float, size: int) -> tuple[int, int]:
-    """Convert a texture coordinate `at`, which is 0 to 1 over the picture, and its change from a
-    pixel to the next into units of 1/65536 texel, in a level of `size` texels that has a border of
-    one texel.
+    """Return the position of a texture coordinate `at`, which is 0 to 1 over the picture, in a
+    level of `size` texels with a border of one texel, and its change from a pixel to the next, both
+    in 1/65536 texel. The whole part of the position is the number, with the border, of the first of
+    the two texels that are interpolated.
     """
     # The border puts pixel 0 into column 1: half a pixel is added, not taken away.
     return int((at * size + 0.5) * 65536.0), int(change * size * 65536.0)
@@ -335,7 +336,9 @@ def texel_steps(at: float, change: float, size: int) -> tuple[int, int]:
 
 @compiled(error_model="numpy")
 def line_in(level: Indices, s: float, t: float, ds: float, dt: float, count: int) -> Line:
-    """Return the line in a texture's level along which some pixels of a row lie.
+    """Return the line in a texture's level along which some pixels of a row lie: the level's
+    offset, width and height; column and its change, row and its change per pixel [1/65536 texel];
+    and whether the line leaves the level, which then repeats.
 
     Args:
         level: Offset in the array of all texels, width, height, number of levels (4,).
@@ -356,7 +359,8 @@ def line_in(level: Indices, s: float, t: float, ds: float, dt: float, count: int
 @compiled(error_model="numpy")
 def texel(texels: Indices, line: Line, c: int) -> int:
     """Return the bilinearly interpolated colour of pixel c of a line in a texture's level, in units
-    of 1/4096: red, green and blue in one number, 21 bits apart.
+    of 1/4096 grey level: red, green and blue in one number, 21 bits apart. `line` comes from
+    `line_in`.
     """
     start, wide, tall, x, dx, y, dy, turns = line
     x += c * dx
@@ -460,8 +464,8 @@ def cut(seen: Array, faces: Indices, face: int, near: float, view: Array, found:
 
 @compiled(error_model="numpy")
 def turn_to_second(part: Array) -> None:
-    """Replace the first triangle of a quadrangle's corners (4, 11) by the second one, which has the
-    corners 0, 2 and 3.
+    """Replace the first triangle (rows 0, 1 and 2) of a quadrangle's corners (4, 11) by the second
+    one (rows 0, 2 and 3), in place.
     """
     for i in range(CORNER):
         part[1, i] = part[2, i]
@@ -540,7 +544,7 @@ def draw(
             levels.
         fine: Whether textures are drawn finely: see `fill`.
         image: The picture (H, W, 3), written.
-        nearness: Depth buffer of 1 / z (H, W) [1/m], written.
+        nearness: Depth buffer of 1 / z (H, W) [1/m], at first zeros; written.
         shown: Number of the body that each pixel shows (H, W), written.
     """
     height, width = nearness.shape

@@ -32,8 +32,9 @@ NO_BODY = -1
 
 
 class ExactRenderer:
-    """Software renderer for a camera of a MuJoCo model, with IEEE arithmetic in a fixed order; it
-    has the methods of `Renderer`.
+    """Software renderer for a camera of a MuJoCo model (by its name) with the intrinsics `view`,
+    with IEEE arithmetic in a fixed order; it has the methods of `sim.camera.renderer.Renderer`.
+    With `fine` it mixes two levels of a texture, as OpenGL does.
 
     The sky is drawn as one more body after all geoms, which emits light and moves with the camera.
 

@@ -41,8 +41,8 @@ position [m], unit normal, and texture coordinates, 0 to 1 over the picture (3 n
 
 def solids_of(model: mujoco.MjModel) -> list[Solid]:
     """Return the triangles of each geom in a model as an array (3 n, 8), with a row for each
-    corner: position [m] and unit normal in the geom's own frame, and texture coordinates. A geom
-    whose type cannot be drawn has no rows.
+    corner, counter-clockwise as seen from outside: position [m] and unit normal in the geom's own
+    frame, and texture coordinates. A geom whose type cannot be drawn has no rows.
     """
     return [
         _mesh(model, geom) if kind == SHAPE.mjGEOM_MESH else _primitive(model, geom)

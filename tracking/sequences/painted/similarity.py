@@ -44,8 +44,8 @@ GOING = 6
 class Config:
     """Settings of a painted sequence: numbers of all pictures, of those in which the target is
     fully hidden, and of those in which it is out of the picture (`away`); its largest rotation from
-    the start [deg] and scale (`zoom`); and the standard deviation of the pictures' noise [grey
-    levels].
+    the start [deg] and scale (`zoom`; the smallest is the inverse); and the standard deviation of
+    the pictures' noise [grey levels].
     """
 
     frames: Annotated[int, Ge(20), Le(100_000)] = 200
