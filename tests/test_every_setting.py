@@ -55,7 +55,8 @@ VALUES = {
     "clutter.within": 0.2,
     "goal.tilt_deg": 20.0,
     "features.blur": 5.0,
-    "at_goal.clutter": 60,
+    "at_goal.clutter_number": 60,
+    "at_goal.camera_noise": 10.0,
     "at_goal.light_strength": 0.3,
     "light.colour": [1.0, 0.5, 0.5],
     "target.colour": "#c03020",
@@ -120,9 +121,10 @@ MATTERS = {
     "goal.tilt_deg": CORNERED,
     "goal.tilt_towards_deg": (*CORNERED, "goal.tilt_deg=20"),
     **dict.fromkeys(
-        ("at_goal.gain", "at_goal.noise", "at_goal.clutter", *LIT), ("features.kind=photometric",)
+        ("at_goal.camera_brightness", "at_goal.camera_noise", "at_goal.clutter_number", *LIT),
+        ("features.kind=photometric",),
     ),
-    "at_goal.moved": ("features.kind=photometric", "clutter.number=50"),
+    "at_goal.clutter_moved": ("features.kind=photometric", "clutter.number=50"),
     "ground.tile": ('ground.kind="checker"',),
     "motion.go": STOPS,
     "motion.stop": STOPS,
@@ -168,6 +170,7 @@ LEFT_OUT = {
     "tracker.witness": "something of the target's colours: test_witness",
     "tracker.sudden": "something that begins to hide the target: test_loss",
     "tracker.least_texture": "a target without texture: test_texture",
+    "features.method": "pictures that are large enough: test_goal_picture",
     "camera.renderer": "the same pictures, but for shadows: test_exact",
     "robot.home": "the same posture is found from everywhere: test_mjcf_robots",
     **dict.fromkeys(

@@ -86,15 +86,15 @@ def test_the_picture_at_the_goal_is_that_of_the_run_without_its_own_settings():
 
 def test_what_has_changed_since_is_in_one_of_both_pictures():
     plain = pictures("at_goal={}")
-    bright = pictures("at_goal={}", "at_goal.gain=1.0")
+    bright = pictures("at_goal={}", "at_goal.camera_brightness=1.0")
     np.testing.assert_array_equal(bright[1], plain[1])
     assert bright[0].mean() / plain[0].mean() == pytest.approx(2.0, abs=0.05)
     for change in (
-        "noise=9.0",
+        "camera_noise=9.0",
         "light_strength=0.1",
         "light_elevation_deg=20",
-        "clutter=0",
-        "moved=true",
+        "clutter_number=0",
+        "clutter_moved=true",
     ):
         other = pictures("at_goal={}", f"at_goal.{change}")
         np.testing.assert_array_equal(other[1], plain[1])

@@ -33,7 +33,7 @@ BAD = {
     "unknown key without a near one": (
         "[goal]\nzzz = 3\n",
         "mine.toml: goal: there is no key 'zzz'; there is x, y, angle_deg, depth, depth_to, "
-        "change_start, change_duration",
+        "tilt_deg, tilt_towards_deg, change_start, change_duration",
     ),
     "wrong type": (
         "[camera]\nwidth = 320.5\n",

@@ -18,7 +18,7 @@ from servo.bench.audit import (
     read_errors,
     sample,
 )
-from servo.bench.benchmark import QUICK, Band, Benchmark, World, load
+from servo.bench.benchmark import DRAFTS, QUICK, Band, Benchmark, World, load
 from servo.bench.contestant import Contestant, Division, contestants, home_of, scale_of
 from servo.bench.row import Row, check_version, file_name, row_of, shipped_rows
 from servo.bench.world_run import CONTESTANT, SLOW, WORLD, jobs_of
@@ -81,6 +81,11 @@ def run(
     console = Console(quiet=quiet)
     benchmark = load(name)
     benchmark.check_frozen()
+    if name in DRAFTS and (band == "v1" or sealed is not None or submit is not None):
+        raise Mistake(
+            f"{name} is a draft, whose conditions may still change: only its worlds to tune on can "
+            "be run: leave --band v1, --sealed and --submit out"
+        )
     chosen = contestants(benchmark, given, changes)
     gl.is_there()
     if verify is not None:

@@ -265,8 +265,8 @@ NEEDS = (
         "no picture is taken at the goal: only features made of pixels, and policies, use one",
     ),
     Need(
-        ("at_goal.moved",),
-        _of_scenario(lambda s: s.at_goal.clutter_of(s.clutter).number),
+        ("at_goal.clutter_moved",),
+        _of_scenario(lambda s: s.at_goal.clutter(s.clutter).number),
         "no clutter stands there when the picture at the goal is taken",
     ),
     Need(
@@ -276,7 +276,7 @@ NEEDS = (
     ),
     Need(
         ("clutter.shape", "clutter.alike", "clutter.height", "clutter.within", "clutter.picture"),
-        _of_scenario(lambda s: s.clutter.number or s.at_goal.clutter),
+        _of_scenario(lambda s: s.clutter.number or s.at_goal.clutter_number),
         "clutter.number is 0, so there is no clutter",
     ),
     Need(

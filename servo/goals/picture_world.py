@@ -5,7 +5,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from sim.camera.camera import CameraConfig, Gain, Noise
+from sim.camera.camera import Brightness, CameraConfig, Noise
 from sim.ranges import Degrees, Share
 from sim.surroundings import ClutterConfig, LightConfig, Number
 
@@ -15,12 +15,12 @@ class AtGoalConfig:
     """Settings of the world in which the picture at the goal is taken; by default the run's own.
 
     A method that compares the camera's picture with the one at the goal meets what has changed
-    since: gain and noise of the camera, the lamp, and the clutter.
+    since: brightness and noise of the camera's pictures, the lamp, and the clutter.
     """
 
-    gain: Gain | None = None
-    """Replaces camera.gain."""
-    noise: Noise | None = None
+    camera_brightness: Brightness | None = None
+    """Replaces camera.brightness."""
+    camera_noise: Noise | None = None
     """Replaces camera.noise [grey levels of 255]."""
     light_strength: Share | None = None
     """Replaces light.strength."""
@@ -28,16 +28,15 @@ class AtGoalConfig:
     """Replaces light.azimuth_deg [deg]."""
     light_elevation_deg: Annotated[float, Ge(5), Le(90)] | None = None
     """Replaces light.elevation_deg [deg]."""
-    clutter: Number | None = None
+    clutter_number: Number | None = None
     """Replaces clutter.number."""
-    moved: bool = False
+    clutter_moved: bool = False
     """Whether the clutter stood at other places, drawn by the seed of the run."""
 
     def camera(self, own: CameraConfig) -> CameraConfig:
         """Return the run's camera settings with the changes of this table."""
-        gain = own.gain if self.gain is None else self.gain
-        noise = own.noise if self.noise is None else self.noise
-        return replace(own, gain=gain, noise=noise)
+        given = {"brightness": self.camera_brightness, "noise": self.camera_noise}
+        return replace(own, **{key: value for key, value in given.items() if value is not None})
 
     def light(self, own: LightConfig) -> LightConfig:
         """Return the run's settings of the lamp with the changes of this table."""
@@ -48,6 +47,7 @@ class AtGoalConfig:
         }
         return replace(own, **{key: value for key, value in given.items() if value is not None})
 
-    def clutter_of(self, own: ClutterConfig) -> ClutterConfig:
+    def clutter(self, own: ClutterConfig) -> ClutterConfig:
         """Return the run's settings of the clutter with the changes of this table."""
-        return own if self.clutter is None else replace(own, number=self.clutter)
+        number = self.clutter_number
+        return own if number is None else replace(own, number=number)

@@ -225,9 +225,9 @@ class Episode:
             s,
             camera=s.at_goal.camera(s.camera),
             light=s.at_goal.light(s.light),
-            clutter=s.at_goal.clutter_of(s.clutter),
+            clutter=s.at_goal.clutter(s.clutter),
         )
-        clutter = "clutter at goal" if s.at_goal.moved else "clutter"
+        clutter = "clutter at goal" if s.at_goal.clutter_moved else "clutter"
         world = self._build_world(then, renderer, seen=True, clutter=clutter)
         with closing(world):
             self._place_camera(world, there, pose="goal")

@@ -19,7 +19,7 @@ NEAREST, FARTHEST = 0.1, 10.0
 """Default range of a depth camera [m]."""
 SAME_PIXEL = 1e-6
 """A border pixel must come back as exactly as this [px]; absurd coefficients fail."""
-Gain = Annotated[float, Ge(0), Le(100)]
+Brightness = Annotated[float, Ge(0), Le(100)]
 Noise = Annotated[float, Ge(0), Le(100)]
 Kind = Literal["opengl", "exact", "recording"]
 """Renderers."""
@@ -87,7 +87,7 @@ class CameraConfig:
     """Each pixel is the mean of a block of this many by this many rendered pixels: edges then move
     smoothly, and not from pixel to pixel. Rendering takes three times as long with 2.
     """
-    gain: Gain = 1.0
+    brightness: Brightness = 1.0
     """Factor on the brightness of every picture, before noise is added: below 1 for a dark room."""
     noise: Noise = 0.0
     """Standard deviation of the sensor noise [grey levels of 255]."""

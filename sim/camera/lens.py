@@ -115,7 +115,7 @@ class Sensor:
         ]
         """Rows, their weights, and which of the pictures they are exposed in."""
         slow = config.auto_gain
-        self._constant_gain = config.gain
+        self._brightness = config.brightness
         self._share = None if slow is None else 1 - exp(-1 / config.rate / slow)
         self._gain = 1.0
         self._level: float | None = None
@@ -132,7 +132,7 @@ class Sensor:
         The first interval of a run has one picture only. The lens distorts the mean of the
         pictures, which is the same as to distort each of them.
         """
-        gain *= self._constant_gain
+        gain *= self._brightness
         fixed = gain == 1.0 and self._noise is None and self._share is None
         if len(pictures) == 1 and fixed:
             image = self._lens.bend(pictures[0])
