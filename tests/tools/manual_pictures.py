@@ -261,7 +261,20 @@ def photographs() -> None:
     saved(figure, "photographs.jpg")
 
 
-PARTS = (contrast, hand_follow, environment, photographs, ros2, drivers)
+def goal_picture() -> None:
+    """The picture at the goal, and the first and the last picture of the scenario."""
+    with servo.Episode(servo.load("goal_picture", ["camera.renderer=exact"])) as episode:
+        there = episode.goal_picture
+        steps = list(episode)
+    figure, axes = plt.subplots(1, 3, figsize=(8, 2.2), layout="constrained")
+    pictures = there, steps[0].frame.image, steps[-1].frame.image
+    names = "the picture at the goal", "the first picture", "the last picture"
+    for ax, image, name in zip(axes, pictures, names, strict=True):
+        shown(ax, image, name)
+    saved(figure, "goal_picture.jpg")
+
+
+PARTS = (goal_picture, contrast, hand_follow, environment, photographs, ros2, drivers)
 DRAWN = {one.__name__: one for one in PARTS}
 
 if __name__ == "__main__":
