@@ -280,7 +280,7 @@ def test_the_tutorials_policy_beats_the_law_without_an_estimator(tmp_path):
     spec = spec_from_file_location("train_servo", script)
     tutorial = module_from_spec(spec)
     spec.loader.exec_module(tutorial)
-    env = tutorial.environment(14.0)
+    env = tutorial.environment(8.0)
     none, learned = (
         float(np.sqrt(np.mean(tutorial.play(env, np.array(w), seed=100)[1] ** 2)))
         for w in (np.zeros(4), tutorial.LEARNED)
