@@ -50,6 +50,7 @@ JUDGED = (*MORE, "occlusion")
 
 @pytest.mark.parametrize("name", JUDGED)
 @pytest.mark.newest
+@pytest.mark.wide
 def test_bounds_are_kept(name):
     scenario = load(name, seed=3)  # not the seed that anybody looks at first
     steps = list(run(scenario))

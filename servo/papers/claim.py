@@ -57,10 +57,10 @@ class Effort:
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """Changes of a scenario, such as "run.duration=3", that follow those of its claim: a
+        """Changes of a scenario, such as "run.duration=2", that follow those of its claim: a
         shorter run if `quick`, else none.
         """
-        return ("run.duration=3.0", "measure.after=1.0") if self.quick else ()
+        return ("run.duration=2.0", "measure.after=1.0") if self.quick else ()
 
     @property
     def pictures(self) -> int | None:
