@@ -109,10 +109,9 @@ def test_a_bench_stops_at_the_first_file_that_does_not_fit(here, pictures, worke
 
 
 def test_papers_stop_likewise(here):
-    here(None, "papers P1-4b --quick --out whole --workers 1")  # stores the compiled loops
     code, err = here(1, "papers P1-4b --quick --out out --workers 1")
     assert code == 1
-    assert err == FULL
+    assert err.endswith(FULL)  # after a line where the loops are not yet compiled and stored
 
 
 def test_a_recording_for_which_there_is_no_room_does_not_begin(pictures):

@@ -162,6 +162,7 @@ def test_inside_the_picture_the_weighted_law_is_position_based():
     np.testing.assert_allclose(sets.inverse(L, values, CAMERA) @ error, alone, atol=1e-12)
 
 
+@pytest.mark.wide
 def test_the_weighted_law_keeps_the_corners_that_the_pose_alone_loses():
     start = "start.pose=[0.331, -0.106, 1.011, 21.3427, -37.3568, -107.4468]"
     _, alone = measured_run(load("small_hybrid", ["features.kind=pose", start, "run.duration=1.0"]))

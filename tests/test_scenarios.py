@@ -44,12 +44,13 @@ MORE = {"six_dof": tilts, "six_dof_levelled": levels, "found_again": searches_an
 """What else is true of the run of a scenario."""
 
 
-JUDGED = (*MORE, "occlusion", "still")
+JUDGED = (*MORE, "occlusion")
 """With another seed; `servobench check` judges all scenarios, with the seed of their file."""
 
 
 @pytest.mark.parametrize("name", JUDGED)
 @pytest.mark.newest
+@pytest.mark.wide
 def test_bounds_are_kept(name):
     scenario = load(name, seed=3)  # not the seed that anybody looks at first
     steps = list(run(scenario))
@@ -62,8 +63,8 @@ def test_bounds_are_kept(name):
 
 
 def test_without_an_estimate_of_the_motion_the_lag_is_what_theory_says():
-    lagging = report_of(load("line", ["estimator.kind=none", "run.duration=6.0"]))
-    fed = report_of(load("line", ["run.duration=6.0"]))
+    lagging = report_of(load("line", ["estimator.kind=none", "run.duration=4.0"]))
+    fed = report_of(load("line", ["run.duration=4.0"]))
     lag = 290 * 0.1 / (1.0 * 2.0)  # f v / (Z lambda)
     assert lagging.measures["servo_rms_px"] == pytest.approx(lag, rel=0.05)
     assert fed.measures["servo_rms_px"] < lagging.measures["servo_rms_px"] / 5
@@ -87,10 +88,9 @@ def test_six_degrees_of_freedom_tilt_the_camera_while_the_error_looks_fine():
 
 
 def test_known_planes_and_the_papers_scaling_close_the_loop_too():
-    for change in ("sight.plane=known", "features.scaling=paper"):
-        scenario = load("still", [change])
-        report = report_of(scenario)
-        assert missed_bounds(report.outcome.name, report.measures, scenario.expect) == (), change
+    scenario = load("still", ["sight.plane=known", "features.scaling=paper"], seed=3)
+    report = report_of(scenario)
+    assert missed_bounds(report.outcome.name, report.measures, scenario.expect) == ()
 
 
 def test_more_latency_is_a_later_command():

@@ -20,6 +20,8 @@ FRESH = 1000
 """First seed of verdicts; settings are tuned on smaller seeds."""
 QUICK = 100_000
 """Seed of a quick run; no verdict uses it."""
+FEW = 60
+"""Number of pictures of a painted sequence in a quick run."""
 SEED = re.compile(r"(?<=seeds from )\d+(?= on)|(?<=the first seed \()\d+(?=\))")
 """Matches the first seed in the text of a rule's units."""
 
@@ -32,7 +34,7 @@ class Effort:
 
     quick: bool
     """True to run one seed of each claim, which no verdict uses, as a check of the code; runs of
-    scenarios are short."""
+    scenarios and painted sequences are short."""
     sequences: Path | None
     """Folder of real sequences for the claim that also uses them."""
     first: int | None = None
@@ -55,10 +57,15 @@ class Effort:
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """Changes of a scenario, such as "run.duration=3", that follow those of its claim: a
+        """Changes of a scenario, such as "run.duration=2", that follow those of its claim: a
         shorter run if `quick`, else none.
         """
-        return ("run.duration=3.0", "measure.after=1.0") if self.quick else ()
+        return ("run.duration=2.0", "measure.after=1.0") if self.quick else ()
+
+    @property
+    def pictures(self) -> int | None:
+        """Return the number of pictures that are used of each painted sequence; None: all."""
+        return FEW if self.quick else None
 
 
 @dataclass(frozen=True, slots=True)

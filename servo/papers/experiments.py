@@ -14,6 +14,7 @@ from servo.loop.episode import run
 from servo.scenario import load as scenarios
 from servo.scenario.draws import stream
 from servo.scenario.load import Scenario
+from servo.scenario.toml import Table
 from servo.study.run import Job, Record
 from servo.study.scenario_run import record_of
 from servo.study.sequence_run import (
@@ -54,18 +55,34 @@ class CachedPainting(Generated):
     it returned last, since painting takes longer than tracking.
     """
 
+    pictures: int | None = None
+    """Number of first pictures to which the sequence is cut; None: all."""
+
+    def describe(self) -> Table:
+        """Return kind and settings of the painted sequence, and to how many pictures it is cut."""
+        few = {} if self.pictures is None else {"pictures": self.pictures}
+        return Generated.describe(self) | few
+
     def build(self, seed: int) -> Painting:
         """Return the sequence of a seed; all trackers that follow it share its pictures."""
-        return _painted(self.kind, self.config, seed)
+        return _painted(self.kind, self.config, seed, self.pictures)
 
 
 @lru_cache(maxsize=1)
-def _painted(kind: str, config: object, seed: int) -> Painting:
-    """Return a painted sequence whose pictures are cached until another sequence is painted."""
+def _painted(kind: str, config: object, seed: int, pictures: int | None) -> Painting:
+    """Return the first pictures of a painted sequence, which are cached until another sequence is
+    painted; None: all pictures.
+    """
     sequence = Generated(kind, config).build(seed)
-    source = sequence.source
+    source, states = sequence.source, sequence.states
     assert isinstance(source, PaintedSource)
-    return replace(sequence, source=PaintedSource(cache(source.paint), source.count))
+    assert states is not None
+    return replace(
+        sequence,
+        source=PaintedSource(cache(source.paint), len(states[:pictures])),
+        truth=sequence.truth[:pictures],
+        states=states[:pictures],
+    )
 
 
 def generated(kind: str, **settings: float | str) -> Generated:
@@ -76,9 +93,20 @@ def generated(kind: str, **settings: float | str) -> Generated:
 
 
 def sequence_jobs(
-    trackers: Sequence[Contender], entries: Sequence[Entry], seeds: Iterable[int]
+    trackers: Sequence[Contender],
+    entries: Sequence[Entry],
+    seeds: Iterable[int],
+    pictures: int | None = None,
 ) -> list[Job]:
-    """Return a job for each tracker, sequence and seed; jobs on one sequence are consecutive."""
+    """Return a job for each tracker, sequence and seed; jobs on one sequence are consecutive.
+
+    Args:
+        trackers: Trackers with their settings.
+        entries: Kinds of painted sequences, or recorded sequences.
+        seeds: Seeds of the painted sequences.
+        pictures: Number of first pictures to which painted sequences are cut; None: all.
+    """
+    cut = [replace(e, pictures=pictures) if isinstance(e, CachedPainting) else e for e in entries]
     return [
         Job(
             0,
@@ -87,7 +115,7 @@ def sequence_jobs(
             {TRACKER: tracker.label},
             name=f"{tracker.label}/{entry.name}-{seed}",
         )
-        for entry in entries
+        for entry in cut
         for seed in seeds
         for tracker in trackers
     ]

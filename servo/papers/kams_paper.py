@@ -69,7 +69,8 @@ def _painted(trackers: Sequence[Contender], effort: Effort) -> Sequence[Job]:
     the options name a folder of them.
     """
     real = [] if effort.sequences is None else Recorded.all_in(effort.sequences)
-    fresh = sequence_jobs(trackers, [clutter(level) for level in LEVELS], effort.seeds(SEEDS))
+    hard = [clutter(level) for level in LEVELS]
+    fresh = sequence_jobs(trackers, hard, effort.seeds(SEEDS), effort.pictures)
     return [*fresh, *sequence_jobs(trackers, real, range(1))]
 
 
@@ -162,7 +163,9 @@ def _judge_pairs(decide: Decide, evidence: Evidence) -> Verdict:
 def _errors(effort: Effort) -> Sequence[Job]:
     """Return the runs of KAMS with published and tuned settings on the paper's levels."""
     trackers = [published("kams"), tuned("kams")]
-    return sequence_jobs(trackers, [clutter(c) for c in EASY], effort.seeds(SEEDS_ERROR))
+    return sequence_jobs(
+        trackers, [clutter(c) for c in EASY], effort.seeds(SEEDS_ERROR), effort.pictures
+    )
 
 
 def _judge_errors(evidence: Evidence) -> Verdict:
@@ -220,7 +223,7 @@ def _jobs_particles(effort: Effort) -> Sequence[Job]:
         for k in KINDS
         for n in COUNTS
     ]
-    return sequence_jobs(trackers, [clutter(LEVEL)], effort.seeds(SEEDS_PARTICLES))
+    return sequence_jobs(trackers, [clutter(LEVEL)], effort.seeds(SEEDS_PARTICLES), effort.pictures)
 
 
 def needed(shares: Array) -> Array:

@@ -50,7 +50,7 @@ def _jobs(effort: Effort) -> Sequence[Job]:
     and their combination) with published and tuned settings.
     """
     trackers = [of(kind) for of in (published, tuned) for kind in KINDS]
-    return sequence_jobs(trackers, [SIMILARITY], effort.seeds(SEEDS))
+    return sequence_jobs(trackers, [SIMILARITY], effort.seeds(SEEDS), effort.pictures)
 
 
 def _table(runs: dict[str, list[Record]]) -> list[list[str]]:
@@ -123,7 +123,8 @@ def _states(evidence: Evidence, run: Record) -> tuple[Array, Array]:
     """
     true = SIMILARITY.build(run.seed).states
     assert true is not None
-    return states_found(evidence.folder, run), true
+    found = states_found(evidence.folder, run)
+    return found, true[: len(found)]
 
 
 def _judge_pair(evidence: Evidence) -> Verdict:

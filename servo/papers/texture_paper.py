@@ -5,6 +5,7 @@ filter against mean shift, and joint histograms against histograms of colour or 
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import islice
 
 import numpy as np
 
@@ -44,7 +45,7 @@ def _jobs(effort: Effort) -> Sequence[Job]:
     """
     pairs = [(of(FILTER), of(SHIFT)) for of in (published, tuned)]
     trackers = [c for ours, shift in pairs for c in (ours, shift, _one_size(shift))]
-    return sequence_jobs(trackers, [TEXTURE], effort.seeds(SEEDS))
+    return sequence_jobs(trackers, [TEXTURE], effort.seeds(SEEDS), effort.pictures)
 
 
 def _judge_rmse(evidence: Evidence) -> Verdict:
@@ -83,7 +84,7 @@ def _judge_rmse(evidence: Evidence) -> Verdict:
 
 def _jobs_likeness(effort: Effort) -> Sequence[Job]:
     """Return the runs of the particle filter with the settings of its paper."""
-    return sequence_jobs([published(FILTER)], [TEXTURE], effort.seeds(SEEDS))
+    return sequence_jobs([published(FILTER)], [TEXTURE], effort.seeds(SEEDS), effort.pictures)
 
 
 def _judge_likeness(evidence: Evidence) -> Verdict:
@@ -111,9 +112,10 @@ def coefficients(tracker: Contender, seed: int, track: Array) -> dict[str, Array
         filter's estimate, at the truth, and 5, 10 and 20 px to the right of the truth.
     """
     sequence = TEXTURE.build(seed)
-    pictures = [p.image for p in sequence.source if p.image is not None]
+    used = islice(sequence.source, len(track))
+    pictures = [p.image for p in used if p.image is not None]
     assert sequence.states is not None
-    truth = _logarithmic(sequence.states)
+    truth = _logarithmic(sequence.states[: len(track)])
     places = {FOUND: _logarithmic(track), TRUTH: truth} | {
         f"{px} px beside the truth": truth + np.array([px, 0, 0, 0]) for px in (5, 10, 20)
     }
@@ -222,7 +224,7 @@ def _jobs_camouflage(entry: Generated, effort: Effort) -> Sequence[Job]:
     """Return the runs of the particle filter with the joint histogram of colour and texture, and
     with each of them alone.
     """
-    return sequence_jobs(JOINT_AND_PARTS, [entry], effort.seeds(SEEDS_CAMOUFLAGE))
+    return sequence_jobs(JOINT_AND_PARTS, [entry], effort.seeds(SEEDS_CAMOUFLAGE), effort.pictures)
 
 
 def _camouflage(name: str, says: str, entry: Generated, target: str) -> Claim:

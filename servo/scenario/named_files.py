@@ -7,7 +7,7 @@ A setting names a file if its type is `sim.ranges.File`.
 import functools
 import hashlib
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import fields
 from importlib import resources
@@ -113,7 +113,7 @@ def found_beside(table: Table, folder: Path, *bases: Table) -> Table:
                 return str(path)
         return name
 
-    return _changed(table, (table, *bases), whole)
+    return _changed(table, _kinds_in((table, *bases)), whole)
 
 
 def named_in(*tables: Table) -> list[str]:
@@ -127,8 +127,9 @@ def named_in(*tables: Table) -> list[str]:
         found.append(name)
         return name
 
+    kinds = _kinds_in(tables)
     for table in tables:
-        _changed(table, tables, note)
+        _changed(table, kinds, note)
     return found
 
 
@@ -195,15 +196,8 @@ class Change(Protocol):
         ...
 
 
-def _changed(table: Table, tables: Iterable[Table], change: Change) -> Table:
-    """Return a table in which each name of a file is replaced by `change` of it.
-
-    Args:
-        table: The table.
-        tables: Tables that name the kinds of components, on which it depends which settings name
-            files.
-        change: Returns the new name.
-    """
+def _kinds_in(tables: Iterable[Table]) -> Mapping[str, set[str]]:
+    """Return the kinds of components that tables name, by section."""
     kinds = defaultdict[str, set[str]](set)
 
     def note_kind(section: str, setting: str, text: str) -> str:
@@ -211,15 +205,27 @@ def _changed(table: Table, tables: Iterable[Table], change: Change) -> Table:
             kinds[section].add(text)
         return text
 
+    for each in tables:
+        _visited(each, note_kind)
+    return kinds
+
+
+def _changed(table: Table, kinds: Mapping[str, set[str]], change: Change) -> Table:
+    """Return a table in which each name of a file is replaced by `change` of it.
+
+    Args:
+        table: The table.
+        kinds: Kinds of components by section, on which it depends which settings name files.
+        change: Returns the new name.
+    """
+
     def changed(section: str, setting: str, text: str) -> str:
-        each = [config_of(section, kind) for kind in kinds[section] or [None]]
+        each = [config_of(section, kind) for kind in kinds.get(section) or [None]]
         configs = [config for config in each if config is not None]
         is_file = any(setting in file_settings(config) for config in configs)
         is_folder = any(setting in file_settings(config, NamesFolder) for config in configs)
         return change(text, may_be_folder=is_folder) if is_file else text
 
-    for each in tables:
-        _visited(each, note_kind)
     return _visited(table, changed)
 
 
