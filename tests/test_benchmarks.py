@@ -67,6 +67,22 @@ def test_worlds_are_balanced_within_each_condition(public):
             assert max(counts) - min(counts) <= 1
 
 
+def test_a_severity_moves_each_setting_from_its_mild_value():
+    draft = load("goal-v1")
+    worst = next(c for c in draft.conditions if c.name == "all")
+    worlds = draft.worlds_of(worst, Band("dev"))
+    assert len(worlds) == 80
+    assert len(draft.worlds_of(draft.conditions[1], Band("dev"))) == 35
+    sizes = np.array([world.size for world in worlds])
+    assert sorted(np.floor(80 * sizes)) == [*range(80)]
+    low, high = worst.ranges["start.tilt_deg"]
+    for world in worlds:
+        assert world.size * low <= world.settings["start.tilt_deg"] + 1e-5
+        assert world.settings["start.tilt_deg"] <= world.size * high + 1e-5
+        assert 1 - world.settings["start.scale"] <= world.size * 0.6 + 1e-5
+        assert isinstance(world.settings["clutter.number"], int)
+
+
 def test_bands_share_no_seed(public):
     bands = [Band("dev"), Band("v1"), Band("sealed", "a headline", "abc")]
     seeds = [{w.seed for w in public.every_world(band)} for band in bands]
@@ -638,7 +654,16 @@ def test_sealed_worlds_are_those_of_the_value(monkeypatch, capfd, short):
             "loop-v1 --sealed x --tracker m=nomod:T",
             "draws worlds from the code of 'm', but this code was not",
         ),
-        ("clutter --band v1", "'clutter' is not one of 'loop-v1', 'servo-v1'"),
+        ("clutter --band v1", "'clutter' is not one of 'loop-v1', 'servo-v1', 'goal-v1'"),
+        (
+            "goal-v1 --band v1",
+            "goal-v1 is a draft, whose conditions may still change: only its worlds to tune on can "
+            "be run: leave --band v1, --sealed and --submit out",
+        ),
+        (
+            "goal-v1 --law pose",
+            "'pose' cannot take part, because it does not use the picture at the goal",
+        ),
         ("loop-v1 --verify gone.json", "gone.json: cannot read this file"),
     ],
 )

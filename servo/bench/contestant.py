@@ -15,12 +15,13 @@ from enum import Enum
 from importlib.machinery import PathFinder
 from pathlib import Path
 
-from servo.bench.benchmark import Benchmark, Settings
+from servo.bench.benchmark import Band, Benchmark, Settings
 from servo.controllers import KINDS as LAWS
 from servo.features import KINDS as FEATURES
 from servo.mistake import Mistake, check_rules
 from servo.scenario.part_names import PROGRAM, TRAX, named_part, settings_of
 from servo.scenario.toml import assignment
+from sim.channels import Channel
 from sim.files.behind import files_behind
 from tracking.files.json_text import as_json
 from tracking.trackers import KINDS as TRACKERS
@@ -210,7 +211,24 @@ def contestants(
     )
     if changed:
         chosen = [Contestant(c.name, c.settings | changed, Division.OPEN) for c in chosen]
+    if benchmark.contestant == "pictures":
+        for one in chosen:
+            _check_pictures(benchmark, one)
     return chosen
+
+
+def _check_pictures(benchmark: Benchmark, one: Contestant) -> None:
+    """Check that a contestant's law uses the picture at the goal: others are given the true pose.
+
+    Raises:
+        Mistake: It does not, or a setting of the contestant is wrong.
+    """
+    world = benchmark.every_world(Band(), 1)[0]
+    if Channel.GOAL_PICTURE not in benchmark.scenario_of(world, one.settings).needs:
+        raise Mistake(
+            f"'{one.name}' cannot take part, because it does not use the picture at the goal: give "
+            "a policy act(picture, goal_picture, camera, posture), or features made of pixels"
+        )
 
 
 def _served(settings: Settings) -> Settings:
