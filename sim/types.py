@@ -98,7 +98,10 @@ class Pose:
     """Translation (3,) [m]."""
 
     def __post_init__(self) -> None:
-        found = np.shape(self.rotation), np.shape(self.translation)
+        try:
+            found = self.rotation.shape, self.translation.shape
+        except AttributeError:  # not two arrays: lists, for instance
+            found = np.shape(self.rotation), np.shape(self.translation)
         if found != ((3, 3), (3,)):
             raise ValueError(f"a pose needs a rotation (3, 3) and a translation (3,), got {found}")
 

@@ -153,10 +153,11 @@ class ErrorFilters:
         f.predict(own.past, self._begun)
         expected = f.expected
         y = self._features.error(np.where(seen, error, expected), expected)
-        ratio = y**2 / f.S
+        S = f.S
+        ratio = y**2 / S
         jumped = np.zeros_like(measured)
         if self._test is not None:
-            normalised = np.where(measured, y / np.sqrt(f.S * self._level.value), 0.0)
+            normalised = np.where(measured, y / np.sqrt(S * self._level.value), 0.0)
             jumped = measured & self._test.jumped(normalised)
             # Where the velocity has jumped it is unknown before this interval: predict once more.
             f.x, P = before

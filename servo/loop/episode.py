@@ -419,15 +419,7 @@ class Episode:
                 commands of this step (an episode needs `steered=True` for it); without a new
                 command in this step it has no effect. None: the law's commands act.
         """
-        if twist is not None:
-            self._timeline.steer(twist)
-        # Ahead of the loop the world has already moved on to the next picture: begin the one after
-        # it, whose commands are known.
-        if not self._advances:
-            self._pass(self._timeline.acting())
-        elif self._moment is not None:
-            self._pass(self._timeline.acting(later=1))
-        passed = self._advances.popleft()
+        passed = self.advance(twist)
         command = self._timeline.latest.decision.command
         held = () if twist is not None else self._held_by(command)
         limits = tuple(dict.fromkeys((*passed.limits, *held)))
@@ -439,6 +431,22 @@ class Episode:
             joint_limits=limits,
             seconds=replace(step.seconds, physics=passed.seconds),
         )
+
+    def advance(self, twist: Array | None = None) -> Advance:
+        """Advance the world to the next picture, as `move` does, and return the motion until then.
+
+        Args:
+            twist: As for `move`.
+        """
+        if twist is not None:
+            self._timeline.steer(twist)
+        # Ahead of the loop the world has already moved on to the next picture: begin the one after
+        # it, whose commands are known.
+        if not self._advances:
+            self._pass(self._timeline.acting())
+        elif self._moment is not None:
+            self._pass(self._timeline.acting(later=1))
+        return self._advances.popleft()
 
     def _held_by(self, command: Command) -> list[str]:
         """Return the names of the joints that the law holds at an end of their range, such as

@@ -192,9 +192,9 @@ class Step:
         count.
         """
         # The corners of a rectangle turned by half a turn are the same corners, two places on.
+        goal = self.goal.corners
         plain, turned = (
-            np.hypot(*(self.truth.corners - goal).T)
-            for goal in (self.goal.corners, np.roll(self.goal.corners, 2, axis=0))
+            np.hypot(*(self.truth.corners - each).T) for each in (goal, goal[[2, 3, 0, 1]])
         )
         is_turned = turned.sum() < plain.sum() and not self.tells_front_from_back
         return turned if is_turned else plain
