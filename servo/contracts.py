@@ -8,7 +8,6 @@ own tests call components through it, so that all of them accept and refuse the 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from math import isfinite
 from numbers import Real
 from typing import Any, TypeVar, cast, final
 
@@ -17,7 +16,7 @@ import numpy as np
 from servo.parts import FeatureSet
 from servo.types import DOF, Command, Mode, OwnMotion, Prediction, Sight, Trace
 from sim.channels import VIEWED, Sees, needs_of
-from sim.geometry import is_rotation
+from sim.geometry import is_finite, is_rotation
 from sim.outline import area
 from sim.types import Array, Effect, Pose
 from tracking.types import Estimate, State, Status, goes_around
@@ -126,12 +125,6 @@ def is_array(values: object, shape: tuple[int, ...], *, finite: bool = True) -> 
         and values.dtype.kind in "fiu"
         and (not finite or is_finite(values))
     )
-
-
-def is_finite(values: Array) -> bool:
-    """Return whether all numbers of an array are finite."""
-    # The sum of squares is one quick call; it is infinite for very large finite numbers, too.
-    return isfinite(np.vdot(values, values)) or bool(np.isfinite(values).all())
 
 
 def _is_exactly(kind: type, value: object) -> bool:

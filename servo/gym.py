@@ -299,7 +299,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             "time_s": step.frame.time,
             "distance_px": distance,
             "is_success": distance <= CONVERGED_PX,
-            "reward_terms": {f"corner_{i}_px": each for i, each in enumerate(distances.tolist(), 1)},
+            "reward_terms": {
+                f"corner_{i}_px": each for i, each in enumerate(distances.tolist(), 1)
+            },
             "servo_error_px": step.servo_error,
             "tracking_error_px": step.tracking_error,
             "status": step.estimate.status.name,

@@ -408,18 +408,19 @@ class World:
         """Set the prescribed bodies (target, leader, board) and the lights for a time of the run
         [s]; return T_world_camera.
         """
-        eye = self._refreshed()
-        self._stage.place(self.data, time, eye)
-        return self._refreshed()
+        if self._stage.follows_robot:
+            self._refresh()
+        self._stage.place(self.data, time, partial(camera_pose, self.data, self._eye))
+        self._refresh()
+        return camera_pose(self.data, self._eye)
 
-    def _refreshed(self) -> Pose:
+    def _refresh(self) -> None:
         """Compute all poses of the scene anew, which are outdated after a physics step or new body
-        poses; return T_world_camera.
+        poses.
         """
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
-        return camera_pose(self.data, self._eye)
 
     def visible(self) -> float:
         """Return which fraction, 0 to 1, of the part of the target's silhouette that lies in the

@@ -204,7 +204,7 @@ class ErrorFilters:
             shown = np.where(seen, error, 0.0)
             motion = f.x[:, 1].copy()
             # The error as it was seen is wrong by the whole noise of the tracker.
-            variance = np.stack([np.where(seen, 1.0, np.nan), f.covariance[:, 1, 1]])
+            variance = np.array([np.where(seen, 1.0, np.nan), f.covariance[:, 1, 1]])
         return shown, motion, stated(variance, level, self._features)
 
 
@@ -219,7 +219,7 @@ def stated(variance: Array, level: Array, features: FeatureSet) -> Array:
         features: The feature set, whose `noise` gives the slow part.
     """
     slow = np.square(SLOW_ERROR * features.noise)
-    return variance * level + np.stack([slow, np.zeros(len(slow))])
+    return variance * level + np.array([slow, np.zeros(len(slow))])
 
 
 def look_ahead(
@@ -243,7 +243,7 @@ def look_ahead(
     for coming, part in zip(own.coming, parts, strict=True):
         x = x @ part.F.T + np.outer(coming, part.B)
         covariance = part.F @ covariance @ part.F.T + part.Q
-    rows = np.stack([np.eye(len(model.H))[0], model.F[0] / model.B[0]])
+    rows = np.array([np.eye(len(model.H))[0], model.F[0] / model.B[0]])
     rows[1, 0] = 0.0
     variance = np.einsum("ri,kij,rj->rk", rows, covariance, rows)
     return x[:, 0].copy(), x[:, 1:] @ model.F[0, 1:] / model.B[0], variance

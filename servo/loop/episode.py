@@ -288,6 +288,7 @@ class Episode:
             region,
             truth.size,
             self.loop.law.features_of_truth,
+            object_frame(world.outline),
             world.period,
             world.model,
         )

@@ -11,7 +11,6 @@ from servo.parts import FeatureSet
 from servo.sight.exact import sight_of
 from servo.types import Command, Prediction, Sight
 from sim.geometry import angle_of, tilt
-from sim.placement import object_frame
 from sim.types import Array, Camera, Frame, Pose, Posture, Truth
 from tracking.types import Estimate, Region, State, Status
 
@@ -53,6 +52,8 @@ class Scene:
     """The target's true size in the first frame [px/m]."""
     features: FeatureSet
     """Features that the law drives to their goal."""
+    T_target_object: Pose
+    """Pose of the reference rectangle's own frame in the target's (see `object_frame`)."""
     period: float
     """Frame interval [s]."""
     room: MjModel
@@ -69,7 +70,7 @@ class Scene:
             goal: The desired view, which is stored in the result.
         """
         T_camera_target = T_world_camera.inverse() @ T_world_target
-        return sight_of(T_camera_target @ object_frame(self.outline), self.outline, goal)
+        return sight_of(T_camera_target @ self.T_target_object, self.outline, goal)
 
     def true_motion(
         self, T_world_camera: Pose, before: Pose, after: Pose, goal: Sight, dt: float
@@ -214,7 +215,7 @@ class Step:
         return self._seen_from_target(self.goal)
 
     def _seen_from_target(self, truth: Truth) -> Pose:
-        T_world_object = truth.T_world_target @ object_frame(self.scene.outline)
+        T_world_object = truth.T_world_target @ self.scene.T_target_object
         return T_world_object.inverse() @ truth.T_world_camera
 
     @property
