@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from numbers import Real
-from typing import Any, TypeVar, cast, final
+from typing import Any, TypeGuard, TypeVar, cast, final
 
 import numpy as np
 
@@ -132,10 +132,10 @@ def _is_exactly(kind: type, value: object) -> bool:
 
 
 def _is_number(value: object, least: float = -LARGEST, most: float = LARGEST) -> bool:
-    return _is_real(value) and bool(least <= cast(float, value) <= most)  # nan is not
+    return _is_real(value) and bool(least <= value <= most)  # nan is not
 
 
-def _is_real(value: object) -> bool:
+def _is_real(value: object) -> TypeGuard[float]:
     # An abstract class takes much longer than the two types that nearly all numbers have.
     return type(value) in (float, int) or isinstance(value, Real)
 
@@ -146,7 +146,7 @@ def _is_state(state: State) -> bool:
 
 
 def _is_sample_size(ess: object) -> bool:
-    return _is_real(ess) and not cast(float, ess) < 0  # nan: a tracker without particles
+    return _is_real(ess) and not ess < 0  # nan: a tracker without particles
 
 
 def _is_count(value: Any) -> bool:

@@ -386,11 +386,16 @@ def environment_id(scenario: str) -> str:
 
 
 def _register() -> None:
-    entry_point = "servo.gym:ServoEnv"
-    if ID not in gymnasium.registry:
-        gymnasium.register(id=ID, entry_point=entry_point)
-        for name in shipped():
-            gymnasium.register(environment_id(name), entry_point, kwargs={"scenario": name})
+    if ID in gymnasium.registry:
+        return
+    settings: dict[str, dict[str, str]] = {environment_id(n): {"scenario": n} for n in shipped()}
+    for name, given in {ID: {}, **settings}.items():
+        gymnasium.register(
+            name,
+            "servo.gym:ServoEnv",
+            kwargs=given,
+            vector_entry_point="servo.gym_vector:ServoVectorEnv",
+        )
 
 
 _register()
