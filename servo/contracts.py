@@ -186,7 +186,7 @@ def _are_particles(particles: object) -> bool:
 
 
 def _are_names(names: object) -> bool:
-    return isinstance(names, tuple) and all(type(each) is str for each in cast(Any, names))
+    return isinstance(names, tuple) and {*map(type, cast(Any, names))} <= {str}
 
 
 ESTIMATE = (
@@ -302,19 +302,12 @@ def check_features(features: FeatureSet, method: str, found: object, *_: object)
     if method == "known":
         require(values.dtype == np.bool_, "known returned {}; it should be {} flags", values, k)
         return
-    require(
-        # An error may hold nan: that of a feature which was not measured.
-        is_array(values, shape, finite=method != "error")
-        and (method != "error" or not np.isinf(values).any()),
-        "{} returned {}; all must be finite",
-        method,
-        values,
-    )
-    require(
-        method != "scales" or (values > 0).all(),
-        "scales returned {}; all must be above 0",
-        values,
-    )
+    fits = values.dtype.kind in "fiu" and is_finite(values)
+    if method == "error" and not fits:  # nan is the error of a feature that was not measured
+        fits = is_array(values, shape, finite=False) and not np.isinf(values).any()
+    require(fits, "{} returned {}; all must be finite", method, values)
+    if method == "scales":
+        require((values > 0).all(), "scales returned {}; all must be above 0", values)
 
 
 def require_array(found: object, shape: tuple[int, ...], method: str) -> Array:
@@ -329,9 +322,10 @@ def require_array(found: object, shape: tuple[int, ...], method: str) -> Array:
     Raises:
         BrokenContract: The value is no NumPy array, or has another shape.
     """
+    if isinstance(found, np.ndarray) and found.shape == shape:
+        return found
     what = found.shape if isinstance(found, np.ndarray) else type(found).__name__
-    require(what == shape, "{} returned {}; it should be {}", method, what, shape)
-    return cast(Array, found)
+    raise BrokenContract(f"{method} returned {what}; it should be {shape}")
 
 
 def check_names(features: FeatureSet) -> None:

@@ -255,7 +255,7 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         """
         if self._episode is None:
             raise Mistake("step: there is no run; call reset first")
-        clipped = np.clip(numbers(action, "step", len(self._moves)), -1.0, 1.0)
+        clipped = numbers(action, "step", len(self._moves)).clip(-1.0, 1.0)
         twist = np.array(self._now.command.twist) if self._residual else np.zeros(6)
         twist[self._moves] += self._reach * clipped
         self._action = clipped

@@ -273,7 +273,7 @@ class World:
             Unstable: The simulated physics diverged.
         """
         before = self.robot.eye(self.data)
-        each = np.broadcast_to(twists, (len(self.ticks), 6))
+        each = twists if twists.ndim == 2 else [twists] * len(self.ticks)
         slowed_by = dict[str, None]()
         accepted = list[Array]()
         for k, until in pairwise(self._moments):

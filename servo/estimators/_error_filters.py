@@ -241,7 +241,7 @@ def look_ahead(
     if own.durations is not None:
         parts = [model_at(float(held)) for held in own.durations]
     for coming, part in zip(own.coming, parts, strict=True):
-        x = x @ part.F.T + np.outer(coming, part.B)
+        x = x @ part.F.T + coming[:, None] * part.B
         covariance = part.F @ covariance @ part.F.T + part.Q
     rows = np.array([np.eye(len(model.H))[0], model.F[0] / model.B[0]])
     rows[1, 0] = 0.0

@@ -128,10 +128,9 @@ class KalmanFilters:
         self._before = (self.x, self.covariance)
         f.x = self.x.reshape(-1, 1)
         # filterpy corrects all features at once: those without measurement get a huge variance.
-        variances = np.full(len(measured), self.model.R)
+        f.R = self.model.R * self._each
         if not measured.all():
-            variances[~measured] = UNMEASURED * self.S[~measured]
-        f.R = np.diag(variances)
+            f.R[~measured, ~measured] = UNMEASURED * self.S[~measured]
         f.update(self.expected + np.where(measured, innovation, 0.0))
         self.x = f.x.reshape(self.x.shape)
 

@@ -378,7 +378,7 @@ class Episode:
             decided=timeline.decided > 0,
             age=latest.age,
             skipped=latest.skipped,
-            command=latest.decision.command,
+            command=latest.command,
             motion_measured=latest.decision.motion_measured,
             bodies=now.bodies,
             posture=now.posture,
@@ -421,7 +421,7 @@ class Episode:
                 command in this step it has no effect. None: the law's commands act.
         """
         passed = self.advance(twist)
-        command = self._timeline.latest.decision.command
+        command = self._timeline.latest.command
         held = () if twist is not None else self._held_by(command)
         limits = tuple(dict.fromkeys((*passed.limits, *held)))
         return replace(

@@ -254,8 +254,9 @@ class Step:
         estimator.
         """
         trace = self.command.trace
-        unknown = self._unknown
-        return Prediction.unmeasured(unknown, unknown) if trace is None else trace.prediction
+        if trace is not None:
+            return trace.prediction
+        return Prediction.unmeasured(self._unknown, self._unknown)
 
     @property
     def _unknown(self) -> Array:
