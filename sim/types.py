@@ -217,6 +217,13 @@ class Frame:
     """Distance along the optical axis (H, W) [m], nan or 0 where the camera has none; None: the
     camera has no depth picture."""
 
+    def black(self) -> Frame:
+        """Return this frame with a black picture of the same size, which takes no memory, and
+        without depths.
+        """
+        picture = np.broadcast_to(np.uint8(0), self.image.shape)
+        return Frame(picture, self.time, self.index, self.fresh)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:

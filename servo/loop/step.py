@@ -153,15 +153,10 @@ class Step:
         """Return the step without its pictures and the tracker's particles, which take most of its
         memory; the picture is black, of the same size.
         """
-        return replace(
-            self,
-            frame=replace(
-                self.frame,
-                image=np.broadcast_to(np.uint8(0), self.frame.image.shape),
-                depth=None,
-            ),
-            estimate=replace(self.estimate, particles=None),
-        )
+        estimate = self.estimate
+        if estimate.particles is not None:
+            estimate = replace(estimate, particles=None)
+        return replace(self, frame=self.frame.black(), estimate=estimate)
 
     @property
     def region(self) -> Region:
