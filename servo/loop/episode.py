@@ -430,7 +430,9 @@ class Episode:
             twist_acting=passed.twist,
             limited=bool(limits),
             joint_limits=limits,
-            seconds=replace(step.seconds, physics=passed.seconds),
+            seconds=Seconds(
+                step.seconds.render, step.seconds.track, step.seconds.control, passed.seconds
+            ),
         )
 
     def advance(self, twist: Array | None = None) -> Advance:
