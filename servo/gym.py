@@ -257,19 +257,20 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         """
         if self._episode is None:
             raise Mistake("step: there is no run; call reset first")
-        clipped = np.clip(numbers(action, "step", len(self._moves)), -1.0, 1.0)
+        clipped = numbers(action, "step", len(self._moves)).clip(-1.0, 1.0)
         twist = np.array(self._now.command.twist) if self._residual else np.zeros(6)
         twist[self._moves] += self._reach * clipped
         self._action = clipped
-        self._episode.move(self._now, twist)
+        self._episode.advance(twist)
         step = self._look()
         lost = self._is_lost(step)
         over = step.frame.index >= self._episode.frames - 1
-        reward = 1.0 / (1.0 + float(step.corner_errors.mean()) / CONVERGED_PX)
+        info = self._info(step)
+        reward = 1.0 / (1.0 + info["distance_px"] / CONVERGED_PX)
         seen = self._observed(step)
         if lost or over:
             self._end()
-        return seen, reward, lost, over and not lost, self._info(step)
+        return seen, reward, lost, over and not lost, info
 
     @property
     def frames(self) -> int:
@@ -287,20 +288,22 @@ class ServoEnv(gymnasium.Env[Any, Any]):
         return self._now
 
     def _is_lost(self, step: Step) -> bool:
-        size = step.frame.image.shape[1::-1]
-        centre = step.truth.centre
-        inside = np.all((centre >= 0) & (centre <= size)) and step.truth.depth > 0
-        return bool(step.estimate.status is Status.LOST or not inside)
+        height, width = step.frame.image.shape[:2]
+        u, v = step.truth.centre.tolist()
+        inside = 0 <= u <= width and 0 <= v <= height and step.truth.depth > 0
+        return step.estimate.status is Status.LOST or not inside
 
     def _info(self, step: Step) -> dict[str, Any]:
-        distances = step.corner_errors.tolist()
-        distance = float(np.mean(distances))
+        distances = step.corner_errors
+        distance = float(distances.mean())
         depth = {} if step.frame.depth is None else {"depth": step.frame.depth}
         return depth | {
             "time_s": step.frame.time,
             "distance_px": distance,
             "is_success": distance <= CONVERGED_PX,
-            "reward_terms": {f"corner_{i}_px": each for i, each in enumerate(distances, 1)},
+            "reward_terms": {
+                f"corner_{i}_px": each for i, each in enumerate(distances.tolist(), 1)
+            },
             "servo_error_px": step.servo_error,
             "tracking_error_px": step.tracking_error,
             "status": step.estimate.status.name,
@@ -327,11 +330,9 @@ class ServoEnv(gymnasium.Env[Any, Any]):
             self._action,
             [step.seen],
         )
-        own = (
-            np.nan_to_num(np.concatenate(parts))
-            .clip(-LARGEST_FEATURE, LARGEST_FEATURE)
-            .astype(np.float32)
-        )
+        numbers = np.concatenate(parts)
+        numbers[np.isnan(numbers)] = 0.0
+        own = numbers.clip(-LARGEST_FEATURE, LARGEST_FEATURE).astype(np.float32)
         return own if self._observation == "features" else {"features": own, "picture": picture}
 
     def _errors(self, step: Step) -> Array:
@@ -371,7 +372,10 @@ class ServoEnv(gymnasium.Env[Any, Any]):
 
 def _matrix(pose: Pose) -> Array:
     """Return a pose as a homogeneous matrix (4, 4), translation in m."""
-    return np.vstack([np.column_stack([pose.rotation, pose.translation]), [0.0, 0.0, 0.0, 1.0]])
+    matrix = np.eye(4)
+    matrix[:3, :3] = pose.rotation
+    matrix[:3, 3] = pose.translation
+    return matrix
 
 
 def environment_id(scenario: str) -> str:
@@ -384,11 +388,16 @@ def environment_id(scenario: str) -> str:
 
 
 def _register() -> None:
-    entry_point = "servo.gym:ServoEnv"
-    if ID not in gymnasium.registry:
-        gymnasium.register(id=ID, entry_point=entry_point)
-        for name in shipped():
-            gymnasium.register(environment_id(name), entry_point, kwargs={"scenario": name})
+    if ID in gymnasium.registry:
+        return
+    settings: dict[str, dict[str, str]] = {environment_id(n): {"scenario": n} for n in shipped()}
+    for name, given in {ID: {}, **settings}.items():
+        gymnasium.register(
+            name,
+            "servo.gym:ServoEnv",
+            kwargs=given,
+            vector_entry_point="servo.gym_vector:ServoVectorEnv",
+        )
 
 
 _register()

@@ -117,7 +117,8 @@ class Sight:
                 "this Sight has no corners, from which its points and its pose are computed: use "
                 "them only where `corners` is not None"
             )
-        rays = np.column_stack([self.corners, np.ones(4)])
+        rays = np.ones((4, 3))
+        rays[:, :2] = self.corners
         return rays / (rays @ self.plane.vector)[:, None]
 
 

@@ -24,6 +24,8 @@ class Channel(Enum):
     TRUE_MOTION = "The exact motion of the target, which only a simulation knows."
     SEEN = "Whether the target is seen in this picture."
 
+    __hash__ = object.__hash__  # an enum's own, by name, is slow
+
 
 Channels = frozenset[Channel]
 

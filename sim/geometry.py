@@ -8,7 +8,7 @@ frame.
 # pyright: reportAttributeAccessIssue=false
 # LAPACK's functions come from a compiled module without stubs.
 from collections.abc import Sequence
-from math import atan2, cos, radians, sin, sqrt, tan
+from math import atan2, cos, isfinite, radians, sin, sqrt, tan
 
 import numpy as np
 from scipy.linalg import lapack
@@ -36,16 +36,17 @@ def mount_pose(mount: Sequence[float]) -> Pose:
 
 def skew(w: Array) -> Array:
     """Return the matrix (3, 3) whose product with a vector p is the cross product w x p."""
-    return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+    x, y, z = w.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def exp_so3(w: Array) -> Array:
     """Return the rotation matrix (3, 3) of the rotation vector w (3,) [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(w))
+    angle = sqrt(w.dot(w))
     W = skew(w)
     if angle < SMALL_ANGLE:
-        return np.eye(3) + W + W @ W / 2
-    return np.eye(3) + np.sin(angle) / angle * W + (1 - np.cos(angle)) / angle**2 * (W @ W)
+        return IDENTITY + W + W @ W / 2
+    return IDENTITY + np.sin(angle) / angle * W + (1 - np.cos(angle)) / angle**2 * (W @ W)
 
 
 def log_so3(R: Array) -> Array:
@@ -70,13 +71,13 @@ def angle_of(R: Array) -> float:
 
 
 def _left_jacobian(w: Array) -> Array:
-    angle = float(np.linalg.norm(w))
+    angle = sqrt(w.dot(w))
     W = skew(w)
     if angle < SMALL_ANGLE:
-        return np.eye(3) + W / 2 + W @ W / 6
+        return IDENTITY + W / 2 + W @ W / 6
     a = (1 - np.cos(angle)) / angle**2
     b = (angle - np.sin(angle)) / angle**3
-    return np.eye(3) + a * W + b * (W @ W)
+    return IDENTITY + a * W + b * (W @ W)
 
 
 def exp_se3(xi: Array) -> Pose:
@@ -126,6 +127,12 @@ def is_rotation(R: Array, tolerance: float) -> bool:
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
     volume = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
     return volume > 0 and bool(np.abs(R @ R.T - IDENTITY).max() <= tolerance)
+
+
+def is_finite(values: Array) -> bool:
+    """Return whether all numbers of an array are finite."""
+    # The sum of squares is one quick call; it is infinite for very large finite numbers, too.
+    return isfinite(np.vdot(values, values)) or bool(np.isfinite(values).all())
 
 
 def inverse(A: Array) -> Array:

@@ -1,6 +1,6 @@
 """Places mocap bodies (target, board, second target, leader) and sets lights for a given time."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache, partial, reduce
 from operator import or_
 from typing import Protocol
@@ -12,6 +12,7 @@ from sim.kinematics.robot import Robot
 from sim.leader import Leader
 from sim.models.assembly import LEADER, SECOND, SPOT, TARGET
 from sim.models.quaternion import quaternion_of
+from sim.mounting import CameraInHand
 from sim.types import Effect, Pose
 
 BOARD = "board"
@@ -118,14 +119,22 @@ class Stage:
         """
         return None if self._leader is None else self._at(time) @ self._leader.T_moved_goal
 
-    def place(self, data: mujoco.MjData, time: float, eye: Pose) -> None:
+    @property
+    def follows_robot(self) -> bool:
+        """Whether what `place` does depends on the robot's present pose: if it holds the target, or
+        if a disturbance may put a board before the camera.
+        """
+        return bool(self._disturbances) or not isinstance(self._mounting, CameraInHand)
+
+    def place(self, data: mujoco.MjData, time: float, eye: Callable[[], Pose]) -> None:
         """Move target, leader, board and second target, and set the lights, as they are at a time
         of the run.
 
         Args:
             data: MuJoCo's state, whose mocap bodies are set; the lights are set in the model.
             time: Time of the run [s].
-            eye: Pose of the camera in the world: a board hides the target on its line of sight.
+            eye: Function that returns the pose of the camera in the world: a board hides the target
+                on its line of sight.
         """
         target = self.target(time)
         self._put(data, TARGET, target)
@@ -136,8 +145,9 @@ class Stage:
         effect = self.effect(time)
         board = Pose(np.eye(3), self._board_parked)
         if effect.board is not None:
-            point = target.translation + BOARD_NEARNESS * (eye.translation - target.translation)
-            across = eye.rotation @ np.array([effect.board, 0.0, 0.0])
+            camera = eye()
+            point = target.translation + BOARD_NEARNESS * (camera.translation - target.translation)
+            across = camera.rotation @ np.array([effect.board, 0.0, 0.0])
             board = Pose(np.eye(3), point + across)
         self._put(data, BOARD, board)
         if SECOND in self._mocap:

@@ -31,14 +31,11 @@ from sim.surroundings import Surroundings
 from sim.timing import Rates, exposures
 from sim.types import Array, DepthPicture, Frame, Image, Pose, Posture, Truth
 
-UNSTABLE = tuple(
-    int(w)
-    for w in (
-        mujoco.mjtWarning.mjWARN_BADQPOS,
-        mujoco.mjtWarning.mjWARN_BADQVEL,
-        mujoco.mjtWarning.mjWARN_BADQACC,
-    )
-)
+UNSTABLE = [
+    mujoco.mjtWarning.mjWARN_BADQPOS.value,
+    mujoco.mjtWarning.mjWARN_BADQVEL.value,
+    mujoco.mjtWarning.mjWARN_BADQACC.value,
+]
 """Warnings after which MuJoCo has put everything back to its start."""
 
 
@@ -169,6 +166,8 @@ class World:
         self._exposed_at = {k for band in bands for k in band.steps} - {steps}
         # The physics steps of a frame interval at which something is to be done, and its end.
         self._moments = sorted({*range(0, steps, self._drive_steps), *self._exposed_at, steps})
+        self.ticks = self.period / steps * np.arange(0.0, steps, self._drive_steps)
+        """Times after a frame at which the drives get new joint rates (n,) [s]."""
         self._pictures: list[Promise] = []
         self._frames = 0
         self._mean_twist = np.zeros(6)
@@ -269,12 +268,6 @@ class World:
         self._eye_at = self._set_stage(0.0)
         return reached
 
-    @property
-    def ticks(self) -> Array:
-        """Times after a frame at which the drives get new joint rates (n,) [s]."""
-        steps = self._moments[-1]
-        return self.period / steps * np.arange(0.0, steps, self._drive_steps)
-
     def step(self, twists: Array) -> tuple[str, ...]:
         """Simulate until the time of the next frame; return the joints whose limits made the camera
         slower, such as "elbow (range)".
@@ -287,7 +280,7 @@ class World:
             Unstable: The simulated physics diverged.
         """
         before = self.robot.eye(self.data)
-        each = np.broadcast_to(twists, (len(self.ticks), 6))
+        each = twists if twists.ndim == 2 else [twists] * len(self.ticks)
         slowed_by = dict[str, None]()
         accepted = list[Array]()
         for k, until in pairwise(self._moments):
@@ -302,13 +295,13 @@ class World:
                 self._rates = rates
                 self.data.ctrl[:] = self._known.driven(rates, self._hold)
             mujoco.mj_step(self.model, self.data, until - k)
-        if any(self.data.warning[w].number for w in UNSTABLE):
+        if self.data.warning.number[UNSTABLE].any():
             raise Unstable(
                 "the simulation became unstable: drives or masses are too extreme for "
                 "world.physics_rate; raise that rate"
             )
         self._frames += 1
-        self._accepted = np.mean(accepted, axis=0)
+        self._accepted = np.add.reduce(accepted) / len(accepted)  # `mean` takes three times as long
         self.data.time = self._frames * self.period
         self._eye_at = self._set_stage(self.data.time)
         self._mean_twist = log_se3(before.inverse() @ self.robot.eye(self.data)) / self.period
@@ -425,18 +418,19 @@ class World:
         """Set the prescribed bodies (target, leader, board) and the lights for a time of the run
         [s]; return T_world_camera.
         """
-        eye = self._refreshed()
-        self._stage.place(self.data, time, eye)
-        return self._refreshed()
+        if self._stage.follows_robot:
+            self._refresh()
+        self._stage.place(self.data, time, partial(camera_pose, self.data, self._eye))
+        self._refresh()
+        return camera_pose(self.data, self._eye)
 
-    def _refreshed(self) -> Pose:
+    def _refresh(self) -> None:
         """Compute all poses of the scene anew, which are outdated after a physics step or new body
-        poses; return T_world_camera.
+        poses.
         """
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
-        return camera_pose(self.data, self._eye)
 
     def visible(self) -> float:
         """Return which fraction, 0 to 1, of the part of the target's silhouette that lies in the

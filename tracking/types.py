@@ -74,6 +74,10 @@ class State:
         return State(x, y, theta, math.exp(min(max(log_scale, -LARGEST_LOG), LARGEST_LOG)))
 
 
+CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+"""Corners of a rectangle over half its sides, clockwise in the image from the top left one on."""
+
+
 @dataclass(frozen=True, slots=True)
 class Region:
     """Size of the rectangle around the target in the first frame [px], and, if they are known, the
@@ -96,7 +100,7 @@ class Region:
         half = state.scale / 2 * np.array([self.width, self.height])
         c = np.cos(state.theta)
         s = np.sin(state.theta)
-        box = half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
+        box = half * CORNERS
         return box @ np.array([[c, s], [-s, c]]) + (state.x, state.y)
 
     def first_corners(self, state: State) -> Array:

@@ -99,13 +99,9 @@ class Outputs:
         the path of their file or by name. The viewer shows the run in real time, or `speed` times
         as fast.
         """
-        from servo.output.film import RunFilm
-
         found: dict[Path | str, Sink] = {}
-        run = episode.scenario.run
-        film = partial(RunFilm, title=f"{episode.scenario.name}, seed {run.seed}", end=run.duration)
         if self.video is not None:
-            found[self.video] = film(self.video)
+            found[self.video] = _film_of(episode)(self.video)
         if self.mcap is not None:
             from servo.output.mcap_file import RunMcap
 
@@ -113,7 +109,7 @@ class Outputs:
         if viewer is not None:
             from servo.output.recording.log import RerunLog
 
-            sink = _shown(viewer, film, partial(RerunLog, episode=episode))
+            sink = _shown(viewer, _film_of(episode), partial(RerunLog, episode=episode))
             found[VIEWER] = PacedSink(sink, self.speed or 1.0, lambda step: step.frame.time)
         if self.server is not None:
             found["ROS 2"] = self.server.serving(episode)
@@ -148,6 +144,16 @@ class Outputs:
 
 
 NOTHING_MORE = Outputs()
+
+
+def _film_of(episode: Episode) -> Callable[[Path | NewestPicture], Sink]:
+    """Return the maker of a run's film, which is given the film's file or the page that shows its
+    frames.
+    """
+    from servo.output.film import RunFilm  # only now: PyAV takes 0.1 s
+
+    run = episode.scenario.run
+    return partial(RunFilm, title=f"{episode.scenario.name}, seed {run.seed}", end=run.duration)
 
 
 def _shown(

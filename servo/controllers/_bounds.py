@@ -3,6 +3,7 @@ joints' rates, and of the velocities of the target's corners in the picture.
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from servo.controllers._limits import DesiredTwist
 from servo.sight.point_rows import corner_rows, corners_of
 from servo.types import Sight
-from sim.geometry import inverse_if_strong
+from sim.geometry import inverse_if_strong, is_finite
 from sim.types import Array, Camera, Posture
 
 SINGULAR = 0.01
@@ -114,7 +115,7 @@ def range_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
     """
     p = posture
     J = posture.jacobian
-    if J.size == 0 or not np.isfinite(J).all():
+    if J.size == 0 or not is_finite(J):
         return None
     A = inverse_of(J)
     q = p.joints + A @ way  # where the joints are when the twist begins to act
@@ -122,9 +123,12 @@ def range_bounds(posture: Posture, way: Array, dt: float) -> Bounds | None:
     gain = min(RANGE_GAIN, 1 / dt)
     back = (gain * (p.lower + RANGE_MARGIN - q)).clip(-NEVER, 0.0)
     on = (gain * (p.upper - RANGE_MARGIN - q)).clip(0.0, NEVER)
-    joints = [f"joint {i + 1}" for i in range(len(q))]
-    names = tuple(zip(joints, joints, strict=True))
-    return Bounds(A, back, on, names)
+    return Bounds(A, back, on, _names_of_joints(len(q)))
+
+
+@cache
+def _names_of_joints(count: int) -> tuple[tuple[str, str], ...]:
+    return tuple((f"joint {i}", f"joint {i}") for i in range(1, count + 1))
 
 
 def inverse_of(J: Array) -> Array:

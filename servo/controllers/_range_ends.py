@@ -56,9 +56,13 @@ class RangeEnds:
         """Return new range ends that also hold each joint which a camera twist (6,) [m/s, rad/s]
         would move out of its range; the same object if there is no such joint.
         """
+        held = self.held
+        free = ~held
         needed = self.rates.copy()
-        free = ~self.held
-        needed[free] = inverse_of(self.jacobian[:, free]) @ (twist - self._made())
+        if held.any():
+            needed[free] = inverse_of(self.jacobian[:, free]) @ (twist - self._made())
+        else:
+            needed[:] = self.bounds.A @ twist
         allowed = needed.clip(self.bounds.lower, self.bounds.upper)
         over = free & (np.abs(needed - allowed) > ROUNDING)
         return replace(self, rates=np.where(over, allowed, self.rates)) if over.any() else self

@@ -160,7 +160,8 @@ class Ibvs:
         self._see(seen)
         error = self._features.error(self._measured.values, self._goal.values)
         scales = self._scales
-        own = self._own(posture, dt)
+        pieces = self._pending.coming(posture, dt)
+        own = self._own(pieces, posture, dt)
         if seen is not None:
             measured = np.where(self._measured.known, error / scales, np.nan)
             predicted = self._estimator.update(measured, own, dt)
@@ -169,7 +170,8 @@ class Ibvs:
             predicted = self._estimator.skip(own, dt)
             mode = self._loss.wait(dt)
         predicted = predicted.times(scales)
-        asked = self._twist(predicted, mode, posture, dt, seen)
+        way = sum((twist * share for twist, share in pieces), start=np.zeros(6)) * dt
+        asked = self._twist(predicted, mode, posture, way, dt, seen)
         ends = self._ends
         joints = () if ends is None else ends.bounds.names_at(ends.held)
         limits = tuple(dict.fromkeys((*joints, *asked.limits)))
@@ -212,7 +214,7 @@ class Ibvs:
         if was_seen and same and self._config.interval == "mean":
             self._change = self._measured.matrix - before.matrix
 
-    def _own(self, posture: Posture, dt: float) -> OwnMotion:
+    def _own(self, pieces: list[tuple[Array, float]], posture: Posture, dt: float) -> OwnMotion:
         """Return how the camera's motion changes the features, over their scales: since the last
         picture, and until the next command acts. If the change of the interaction matrix per frame
         is known, the matrix in the middle of each interval is used.
@@ -221,7 +223,6 @@ class Ibvs:
         change = 0.0 * L if self._change is None else self._change / self._scales[:, None]
         coming = list[Array]()
         begins = 0.0
-        pieces = self._pending.coming(posture, dt)
         for twist, share in pieces:
             coming.append((L + min(begins + share / 2, FORESEEN) * change) @ twist)
             begins += share
@@ -230,11 +231,26 @@ class Ibvs:
         return OwnMotion(past, np.array(coming).reshape(-1, len(past)), held)
 
     def _twist(
-        self, predicted: Prediction, mode: Mode, posture: Posture, dt: float, seen: Sight | None
+        self,
+        predicted: Prediction,
+        mode: Mode,
+        posture: Posture,
+        way: Array,
+        dt: float,
+        seen: Sight | None,
     ) -> LimitedTwist:
         """Return the camera twist of the law for a mode, limited by the guard, but not yet in
         speed. `_ends` then has the joints that are held at the ends of their ranges, or None if no
         joint is held.
+
+        Args:
+            predicted: Error e, and de/dt of the target's own motion.
+            mode: What the controller does.
+            posture: Joints, limits and Jacobian of the robot.
+            way: Displacement (6,) of the camera until the twist acts, which earlier commands cause
+                [m, rad].
+            dt: Time since the last picture [s].
+            seen: The target in the picture; None if it is not seen.
         """
         self._ends = None
         if mode is Mode.HOLDING:
@@ -242,8 +258,6 @@ class Ibvs:
         if mode is Mode.SEARCHING:
             return LimitedTwist(self._loss.search(dt))
         c = self._config
-        pieces = self._pending.coming(posture, dt)
-        way = sum((twist * share for twist, share in pieces), start=np.zeros(6)) * dt
         inverse, made = self._left_by_ranges(predicted, posture, way, dt)
         twist, asked, target = self._asked(inverse, predicted, made)
         if c.smooth_start > 0:

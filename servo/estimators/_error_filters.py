@@ -153,10 +153,11 @@ class ErrorFilters:
         f.predict(own.past, self._begun)
         expected = f.expected
         y = self._features.error(np.where(seen, error, expected), expected)
-        ratio = y**2 / f.S
+        S = f.S
+        ratio = y**2 / S
         jumped = np.zeros_like(measured)
         if self._test is not None:
-            normalised = np.where(measured, y / np.sqrt(f.S * self._level.value), 0.0)
+            normalised = np.where(measured, y / np.sqrt(S * self._level.value), 0.0)
             jumped = measured & self._test.jumped(normalised)
             # Where the velocity has jumped it is unknown before this interval: predict once more.
             f.x, P = before
@@ -203,7 +204,7 @@ class ErrorFilters:
             shown = np.where(seen, error, 0.0)
             motion = f.x[:, 1].copy()
             # The error as it was seen is wrong by the whole noise of the tracker.
-            variance = np.stack([np.where(seen, 1.0, np.nan), f.covariance[:, 1, 1]])
+            variance = np.array([np.where(seen, 1.0, np.nan), f.covariance[:, 1, 1]])
         return shown, motion, stated(variance, level, self._features)
 
 
@@ -218,7 +219,7 @@ def stated(variance: Array, level: Array, features: FeatureSet) -> Array:
         features: The feature set, whose `noise` gives the slow part.
     """
     slow = np.square(SLOW_ERROR * features.noise)
-    return variance * level + np.stack([slow, np.zeros(len(slow))])
+    return variance * level + np.array([slow, np.zeros(len(slow))])
 
 
 def look_ahead(
@@ -240,9 +241,9 @@ def look_ahead(
     if own.durations is not None:
         parts = [model_at(float(held)) for held in own.durations]
     for coming, part in zip(own.coming, parts, strict=True):
-        x = x @ part.F.T + np.outer(coming, part.B)
+        x = x @ part.F.T + coming[:, None] * part.B
         covariance = part.F @ covariance @ part.F.T + part.Q
-    rows = np.stack([np.eye(len(model.H))[0], model.F[0] / model.B[0]])
+    rows = np.array([np.eye(len(model.H))[0], model.F[0] / model.B[0]])
     rows[1, 0] = 0.0
     variance = np.einsum("ri,kij,rj->rk", rows, covariance, rows)
     return x[:, 0].copy(), x[:, 1:] @ model.F[0, 1:] / model.B[0], variance

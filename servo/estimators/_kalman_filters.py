@@ -91,12 +91,12 @@ class KalmanFilters:
         """
         f = self._filter
         x = self.x
-        P = self.covariance
+        P = None if begun.all() else self.covariance
         self._before = None
         f.x = x.reshape(-1, 1)
         f.predict(u[:, None])
         self.x = f.x.reshape(x.shape)
-        if not begun.all():
+        if P is not None:
             self.x = where(begun, self.x, x)
             self.covariance = where(begun, self.covariance, P)
 
@@ -128,7 +128,9 @@ class KalmanFilters:
         self._before = (self.x, self.covariance)
         f.x = self.x.reshape(-1, 1)
         # filterpy corrects all features at once: those without measurement get a huge variance.
-        f.R = np.diag(np.where(measured, self.model.R, UNMEASURED * self.S))
+        f.R = self.model.R * self._each
+        if not measured.all():
+            f.R[~measured, ~measured] = UNMEASURED * self.S[~measured]
         f.update(self.expected + np.where(measured, innovation, 0.0))
         self.x = f.x.reshape(self.x.shape)
 

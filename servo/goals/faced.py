@@ -110,9 +110,14 @@ class Faced:
             T_world_camera: Pose of the camera in the world frame.
         """
         faced = self._at(self._config.depth_at(time))
-        T_camera_target = faced.T_world_camera.inverse() @ faced.T_world_target
-        return replace(
-            faced, T_world_camera=T_world_camera, T_world_target=T_world_camera @ T_camera_target
+        return Truth(
+            faced.centre,
+            faced.theta,
+            faced.size,
+            faced.corners,
+            T_world_camera,
+            T_world_camera @ self._T_camera_target,
+            faced.visible,
         )
 
     def sight(self, frame: Frame, *, by_corners: bool) -> Sight:
@@ -175,4 +180,5 @@ class Faced:
                 size = camera.focal / depth
                 faced = replace(faced, centre=self.pixel, theta=self.theta, size=size)
             self._faced = {depth: faced}
+            self._T_camera_target = faced.T_world_camera.inverse() @ faced.T_world_target
         return self._faced[depth]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import astuple
 from typing import Any
 
 import numpy as np
@@ -127,6 +126,11 @@ def _out_of_view(step: Step) -> bool:
     return bool(((corners < 0) | (corners > (camera.width, camera.height))).any())
 
 
+def _seconds(step: Step) -> tuple[float, ...]:
+    s = step.seconds
+    return s.render, s.track, s.control, s.physics
+
+
 NUMBERS: dict[str, Callable[[Step], object]] = {
     "time": lambda s: s.frame.time,
     "servo": lambda s: s.servo_error,
@@ -144,7 +148,7 @@ NUMBERS: dict[str, Callable[[Step], object]] = {
     "carried": _carried,
     "corners": lambda s: s.truth.corners,
     "command": lambda s: s.command.twist,
-    "seconds": lambda s: astuple(s.seconds),
+    "seconds": _seconds,
     "decided": lambda s: s.decided,
     "tracked": lambda s: s.tracked,
     "size_followed": lambda s: s.estimate.follows[1] or s.estimate.corners is not None,

@@ -321,6 +321,7 @@ class Episode:
             region,
             truth.size,
             self.loop.law.features_of_truth,
+            object_frame(world.outline),
             world.period,
             world.model,
         )
@@ -403,7 +404,7 @@ class Episode:
             decided=timeline.decided > 0,
             age=latest.age,
             skipped=latest.skipped,
-            command=latest.decision.command,
+            command=latest.command,
             motion_measured=latest.decision.motion_measured,
             bodies=now.bodies,
             posture=now.posture,
@@ -446,16 +447,8 @@ class Episode:
                 commands of this step (an episode needs `steered=True` for it); without a new
                 command in this step it has no effect. None: the law's commands act.
         """
-        if twist is not None:
-            self._timeline.steer(twist)
-        # Ahead of the loop the world has already moved on to the next picture: begin the one after
-        # it, whose commands are known.
-        if not self._advances:
-            self._pass(self._timeline.acting())
-        elif self._moment is not None:
-            self._pass(self._timeline.acting(later=1))
-        passed = self._advances.popleft()
-        command = self._timeline.latest.decision.command
+        passed = self.advance(twist)
+        command = self._timeline.latest.command
         held = () if twist is not None else self._held_by(command)
         limits = tuple(dict.fromkeys((*passed.limits, *held)))
         return replace(
@@ -464,8 +457,26 @@ class Episode:
             twist_acting=passed.twist,
             limited=bool(limits),
             joint_limits=limits,
-            seconds=replace(step.seconds, physics=passed.seconds),
+            seconds=Seconds(
+                step.seconds.render, step.seconds.track, step.seconds.control, passed.seconds
+            ),
         )
+
+    def advance(self, twist: Array | None = None) -> Advance:
+        """Advance the world to the next picture, as `move` does, and return the motion until then.
+
+        Args:
+            twist: As for `move`.
+        """
+        if twist is not None:
+            self._timeline.steer(twist)
+        # Ahead of the loop the world has already moved on to the next picture: begin the one after
+        # it, whose commands are known.
+        if not self._advances:
+            self._pass(self._timeline.acting())
+        elif self._moment is not None:
+            self._pass(self._timeline.acting(later=1))
+        return self._advances.popleft()
 
     def _held_by(self, command: Command) -> list[str]:
         """Return the names of the joints that the law holds at an end of their range, such as

@@ -78,7 +78,7 @@ def check_picture(name: str, image: Image, camera: Camera) -> None:
         ValueError: The array has another shape or type.
     """
     shape = camera.height, camera.width, 3
-    if np.shape(image) != shape or _type_of(image) != "uint8":
+    if np.shape(image) != shape or getattr(image, "dtype", None) != np.uint8:
         found = f"{np.shape(image)} of {_type_of(image)}"
         raise ValueError(f"{name}: expected a picture {shape} of uint8, got {found}")
 
@@ -122,11 +122,14 @@ def check_posture(posture: Posture) -> None:
             "posture.T_base_camera.rotation: expected a rotation matrix (orthogonal, determinant "
             f"1), got {R.tolist()}"
         )
-    n = np.size(p.joints)
+    n = np.asarray(p.joints).size
     _check_numbers("posture.joints", p.joints, (n,))
-    if np.shape(p.jacobian) != (6, n):
-        raise ValueError(f"posture.jacobian: expected shape {(6, n)}, got {np.shape(p.jacobian)}")
-    if not (np.shape(p.lower) == np.shape(p.upper) == (n,) and np.all(p.lower <= p.upper)):
+    J = np.asarray(p.jacobian)
+    if J.shape != (6, n):
+        raise ValueError(f"posture.jacobian: expected shape {(6, n)}, got {J.shape}")
+    lower = np.asarray(p.lower)
+    upper = np.asarray(p.upper)
+    if not (lower.shape == upper.shape == (n,) and (lower <= upper).all()):
         raise ValueError(
             f"posture.lower, posture.upper: expected {n} limits each, with lower <= upper, got "
             f"{p.lower} and {p.upper}"
@@ -152,5 +155,8 @@ def _check_numbers(name: str, values: object, shape: tuple[int, ...]) -> None:
     found = np.asarray(values)
     if found.shape != shape:
         raise ValueError(f"{name}: expected numbers of shape {shape}, got {found.shape}")
+    # The sum of squares is one quick call, and seldom large: then each number is looked at.
+    if found.dtype.kind == "f" and np.vdot(found, found) <= LARGEST:
+        return
     if found.dtype.kind not in "fiu" or not (np.abs(found) <= LARGEST).all():  # nan is not
         raise ValueError(f"{name}: expected finite numbers up to {LARGEST:g}, got {found.tolist()}")

@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from servo.contracts import check_followed, check_same_features
+from servo.contracts import BrokenContract, check_followed, check_same_features
 from servo.loop.part_failures import Part
 from servo.loop.settings import Setup
 from servo.mistake import Mistake
@@ -61,6 +61,7 @@ class Law:
         )
         self._features = features
         self._controller = controller
+        self._names = built[0].names
         self.features: FeatureSet = features.guarded(built[0])
         self.features_of_truth: FeatureSet = features.guarded(built[0], checked=False)
         """The feature set without checks, for records: features of targets that the camera cannot
@@ -171,8 +172,10 @@ class Law:
         for viewer, needs in self._viewers:
             viewer.see(view(needs))
         command = self.controller.command(sight, posture, interval)
-        with self._controller.naming():
-            check_same_features(command, self.features.names)
+        try:
+            check_same_features(command, self._names)
+        except BrokenContract as error:
+            self._controller.blame(error)
         return command
 
     def motion_measured(self, command: Command, sight: Sight | None, interval: float) -> Array:

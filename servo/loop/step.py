@@ -11,7 +11,6 @@ from servo.parts import FeatureSet
 from servo.sight.exact import sight_of
 from servo.types import Command, Prediction, Sight
 from sim.geometry import angle_of, tilt
-from sim.placement import object_frame
 from sim.types import Array, Camera, Frame, Pose, Posture, Truth
 from tracking.types import Estimate, Region, State, Status
 
@@ -53,6 +52,8 @@ class Scene:
     """The target's true size in the first frame [px/m]."""
     features: FeatureSet
     """Features that the law drives to their goal."""
+    T_target_object: Pose
+    """Pose of the reference rectangle's own frame in the target's (see `object_frame`)."""
     period: float
     """Frame interval [s]."""
     room: MjModel
@@ -69,7 +70,7 @@ class Scene:
             goal: The desired view, which is stored in the result.
         """
         T_camera_target = T_world_camera.inverse() @ T_world_target
-        return sight_of(T_camera_target @ object_frame(self.outline), self.outline, goal)
+        return sight_of(T_camera_target @ self.T_target_object, self.outline, goal)
 
     def true_motion(
         self, T_world_camera: Pose, before: Pose, after: Pose, goal: Sight, dt: float
@@ -152,15 +153,10 @@ class Step:
         """Return the step without its pictures and the tracker's particles, which take most of its
         memory; the picture is black, of the same size.
         """
-        return replace(
-            self,
-            frame=replace(
-                self.frame,
-                image=np.broadcast_to(np.uint8(0), self.frame.image.shape),
-                depth=None,
-            ),
-            estimate=replace(self.estimate, particles=None),
-        )
+        estimate = self.estimate
+        if estimate.particles is not None:
+            estimate = replace(estimate, particles=None)
+        return replace(self, frame=self.frame.black(), estimate=estimate)
 
     @property
     def region(self) -> Region:
@@ -192,9 +188,9 @@ class Step:
         count.
         """
         # The corners of a rectangle turned by half a turn are the same corners, two places on.
+        goal = self.goal.corners
         plain, turned = (
-            np.hypot(*(self.truth.corners - goal).T)
-            for goal in (self.goal.corners, np.roll(self.goal.corners, 2, axis=0))
+            np.hypot(*(self.truth.corners - each).T) for each in (goal, goal[[2, 3, 0, 1]])
         )
         is_turned = turned.sum() < plain.sum() and not self.tells_front_from_back
         return turned if is_turned else plain
@@ -214,7 +210,7 @@ class Step:
         return self._seen_from_target(self.goal)
 
     def _seen_from_target(self, truth: Truth) -> Pose:
-        T_world_object = truth.T_world_target @ object_frame(self.scene.outline)
+        T_world_object = truth.T_world_target @ self.scene.T_target_object
         return T_world_object.inverse() @ truth.T_world_camera
 
     @property
@@ -254,8 +250,9 @@ class Step:
         command has no trace, as for a policy.
         """
         trace = self.command.trace
-        unknown = self._unknown
-        return Prediction.unmeasured(unknown, unknown) if trace is None else trace.prediction
+        if trace is not None:
+            return trace.prediction
+        return Prediction.unmeasured(self._unknown, self._unknown)
 
     @property
     def _unknown(self) -> Array:

@@ -17,6 +17,7 @@ import numpy as np
 from servo.loop.loop import Decision, Observation, Running
 from servo.loop.posture_record import PostureRecord
 from servo.loop.settings import RunConfig
+from servo.types import Command
 from sim.types import Array, Frame, Posture
 
 SAME = 1e-9
@@ -50,6 +51,8 @@ class TimedDecision:
     """
 
     decision: Decision
+    command: Command
+    """The command that acts: that of the decision, or one that replaced it."""
     picture: int = 0
     """Number of the picture that the decision is about."""
     age: float = 0.0
@@ -101,6 +104,7 @@ class Timeline:
             rng: Random generator of the pictures' transport times, for `run.jitter_ms`.
         """
         self._schedule = schedule
+        self._ticks: list[float] = schedule.ticks.tolist()
         self._running = running
         self._rng = rng
         run = schedule.run
@@ -123,7 +127,7 @@ class Timeline:
         self.decided = 0
         """Number of decisions since the last picture."""
         self._is_first = True
-        self.latest = TimedDecision(running.decision)
+        self.latest = TimedDecision(running.decision, running.decision.command)
         """The last decision."""
         self.track_seconds = 0.0
         """Wall-clock time of the tracker in the last frame interval [s]."""
@@ -151,7 +155,7 @@ class Timeline:
         self.track_seconds = 0.0
         self.law_seconds = 0.0
         if not self._plain:
-            self._record.add(frame.index, replace(posture, asked=self._asked))
+            self._record.add(frame.index, posture.commanded(self._asked))
         # Transport takes a random time, but pictures arrive in their order.
         self._arrival = max(self._arrival, self._now + self._transport())
         self._coming.append(_Arrival(self._arrival, frame, posture))
@@ -168,9 +172,9 @@ class Timeline:
             # They keep the times at which they act; what acted before them stays.
             last = self._commands[-self.decided :]
             self._commands[-self.decided :] = [(at, twist) for at, _ in last]
-            decision = self.latest.decision
-            command = replace(decision.command, twist=twist)
-            self.latest = replace(self.latest, decision=replace(decision, command=command))
+            now = self.latest
+            command = replace(now.command, twist=twist)
+            self.latest = TimedDecision(now.decision, command, now.picture, now.age, now.skipped)
 
     @property
     def is_known_ahead(self) -> bool:
@@ -190,7 +194,7 @@ class Timeline:
                 one.
         """
         begin = self._now + later * self._schedule.period
-        twists = np.array([self._in_force(begin + tick) for tick in self._schedule.ticks])
+        twists = np.array([self._in_force(begin + tick) for tick in self._ticks])
         self._asked = mean_twist(twists)
         return twists
 
@@ -243,13 +247,13 @@ class Timeline:
         while len(self._commands) > 1 and self._commands[1][0] <= frame.time + SAME:
             del self._commands[0]
         if not self._plain:
-            posture = replace(posture, under_way=self._under_way(frame.time, acts))
+            posture = posture.commanded(posture.asked, self._under_way(frame.time, acts))
         decision = self._running.decide(work.observation, posture, acts)
         self.law_seconds += decision.seconds
         self._commands.append((acts, decision.command.twist))
         self.decided += 1
         age = work.done - frame.time
-        self.latest = TimedDecision(decision, frame.index, age, self._skipped)
+        self.latest = TimedDecision(decision, decision.command, frame.index, age, self._skipped)
 
     def _tick_after(self, time: float) -> float:
         """Return the time of the first update of the drives that is not before a time of the run
@@ -267,7 +271,10 @@ class Timeline:
         """Return the commanded camera twist (6,) [m/s, rad/s] that acts at a time of the run
         [s].
         """
-        return next(twist for at, twist in reversed(self._commands) if at <= time + SAME)
+        for at, twist in reversed(self._commands):
+            if at <= time + SAME:
+                return twist
+        raise ValueError(f"no command acts at {time} s")  # the first acts from time 0 on
 
     def _under_way(self, begin: float, end: float) -> tuple[tuple[Array, float], ...]:
         """Return the commanded twists (6,) [m/s, rad/s] that act between two times of the run [s],

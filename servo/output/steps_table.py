@@ -6,7 +6,7 @@ killed run keeps them: `pyarrow.ipc.open_stream("steps.arrows")` reads them.
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from servo.types import DOF
 from sim.models.quaternion import quaternion_of
 from sim.types import Array, Pose
 from tracking.files import atomic
+from tracking.types import State
 
 STREAM = "steps.arrows"
 TABLE = "steps.parquet"
@@ -55,6 +56,8 @@ class Quantity:
     name: str
     columns: list[pa.Field]
     """Names with units, types, and what they mean."""
+    names: tuple[str, ...]
+    """The names alone, which pyarrow would decode anew each time."""
     of: Callable[[Step], Sequence[object] | Array]
     """One value for each column."""
 
@@ -89,15 +92,15 @@ def quantities(
             lambda s: s.skipped,
             "int64",
         ),
-        _vector("true", "truth of this frame", lambda s: astuple(s.true_state), STATE, STATE_UNITS),
+        _vector("true", "truth of this frame", lambda s: _state(s.true_state), STATE, STATE_UNITS),
         _vector(
             "true_of_picture",
             "truth of the picture that the estimate is of",
-            lambda s: astuple(s.true_state_estimated),
+            lambda s: _state(s.true_state_estimated),
             STATE,
             STATE_UNITS,
         ),
-        _vector("estimated", "estimate", lambda s: astuple(s.estimate.state), STATE, STATE_UNITS),
+        _vector("estimated", "estimate", lambda s: _state(s.estimate.state), STATE, STATE_UNITS),
         _vector(
             "sd",
             "standard deviation of the estimate",
@@ -212,10 +215,14 @@ def table_of(steps: Sequence[Step], found: Sequence[Quantity]) -> pa.Table:
 def row_of(step: Step, found: Sequence[Quantity]) -> dict[str, object]:
     """Return the values of a step by column name, for the columns of these quantities."""
     return {
-        column.name: value
+        column: value
         for quantity in found
-        for column, value in zip(quantity.columns, quantity.of(step), strict=True)
+        for column, value in zip(quantity.names, quantity.of(step), strict=True)
     }
+
+
+def _state(state: State) -> tuple[float, ...]:
+    return state.x, state.y, state.theta, state.scale
 
 
 def _pose(pose: Pose) -> Array:
@@ -240,7 +247,7 @@ def ending_of_rate(unit: str) -> str:
 def _single(
     name: str, meaning: str, of: Callable[[Step], object], kind: str = "float64"
 ) -> Quantity:
-    return Quantity(name, [_column(name, meaning, kind)], lambda s: (of(s),))
+    return Quantity(name, [_column(name, meaning, kind)], (name,), lambda s: (of(s),))
 
 
 def _column(name: str, meaning: str, kind: str = "float64") -> pa.Field:
@@ -259,7 +266,7 @@ def _vector(
         _column(f"{prefix}_{name}{ending}", f"{meaning}: {name}")
         for name, ending in zip(names, endings, strict=True)
     ]
-    return Quantity(prefix, found, of)
+    return Quantity(prefix, found, tuple(column.name for column in found), of)
 
 
 class StepsTable:

@@ -214,9 +214,10 @@ class EstimateToSight:
         """
         if self._plane is None:
             return np.zeros(4)
-        front = self._region.corners(state)[1:3].mean(axis=0)
-        before = np.stack([[state.x, state.y], front])
-        rays = np.column_stack([self._camera.normalise(before), np.ones(2)])
+        _, right, below, _ = self._region.corners(state)
+        before = np.array([[state.x, state.y], (right + below) / 2])
+        rays = np.ones((2, 3))
+        rays[:, :2] = self._camera.normalise(before)
         points = rays / (rays @ self._plane.vector)[:, None]
         after = self._camera.project(exp_se3(twist * dt).inverse().apply(points))
         arm = [complex(*(ends[1] - ends[0])) for ends in (before, after)]

@@ -7,7 +7,7 @@ Poses of cameras are in the vision frame (x right, y down, z forward), not in Mu
 
 import os
 from collections.abc import Callable
-from concurrent.futures import Future, wait
+from concurrent.futures import Future
 from typing import Any, Protocol, TypeVar
 
 import cv2
@@ -181,7 +181,7 @@ class OpenGLRenderer:
         # One sheet may still be drawn while the other one is filled.
         self._sheets.reverse()
         sheet = self._sheets[0]
-        wait([sheet.picture])
+        sheet.picture.exception()  # waits
         sheet.scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = sky
         for flag in (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR):
             sheet.scene.flags[flag] = segmented

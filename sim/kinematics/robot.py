@@ -255,11 +255,12 @@ class Robot:
         ]
         first, last = (model.jnt_range[joints] + (STOP_MARGIN, -STOP_MARGIN)).T
         to_lower, to_upper = np.transpose(braking)
-        self._free = (
+        free = (
             np.where(limited, first + to_lower, -np.inf),
             np.where(limited, last - to_upper, np.inf),
         )
-        """Joint positions (n,) between which a joint's range does not limit its rate."""
+        self._free = list(zip(*np.array(free).tolist(), strict=True))
+        """Positions of each joint between which its range does not limit its rate."""
         self._carries = (joints[:, None] <= joints).astype(np.float64)
         """1 where a joint (rows) moves another, or is the same: a chain's are numbered from its
         base on."""
@@ -367,8 +368,7 @@ class Robot:
         liked = wanted + self._spare(data, J, inverse) if self._freedom else wanted
         box = self._box(data, hold, before)
         # What is not a number passes: the loop then names the part that it came from.
-        pairs = zip(liked.tolist(), box, strict=True)
-        if not any(rate < low or rate > high for rate, (low, high) in pairs):
+        if _are_inside(liked, box):
             return liked, J @ liked, ()
         if self._freedom or self._accelerates:
             rates = _programme(J, wanted, liked, box)
@@ -447,9 +447,8 @@ class Robot:
         """Return the least and the largest rate of each joint [m/s or rad/s], by its range, its
         speed and, after the rates `before`, its acceleration.
         """
-        q = data.qpos[self.qpos]
         box = self._speeds
-        if not ((q > self._free[0]) & (q < self._free[1])).all():
+        if not _are_inside(data.qpos[self.qpos], self._free):
             joints = zip(self._ends(data), self._speeds, strict=True)
             box = [(max(slow, low), min(fast, high)) for (low, high), (slow, fast) in joints]
         if before is None or not self._accelerates:
@@ -568,6 +567,14 @@ class Robot:
         """
         rotation = data.site_xmat[self._site].reshape(3, 3) @ VISION_FROM_MUJOCO
         return Pose(rotation, data.site_xpos[self._site].copy())
+
+
+def _are_inside(values: Array, bounds: list[tuple[float, float]]) -> bool:
+    """Return False if one of some values (n,) is outside its bounds; nan is not."""
+    for value, (low, high) in zip(values.tolist(), bounds, strict=True):
+        if value < low or value > high:
+            return False
+    return True
 
 
 def _cross(a: Array, b: Array) -> Array:

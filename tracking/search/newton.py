@@ -120,7 +120,12 @@ class KernelModel:
         # Levenberg's damping acts on steps in these units: a tiny unit holds the angle.
         self._units = UNITS if turns else UNITS * (1, 1, HELD, 1)
         size = sqrt(region.area(state))
-        self._anywhere = ANYWHERE * (size, size, 1, 1)
+        anywhere = ANYWHERE * (size, size, 1, 1)
+        self._prior = np.diag(anywhere**-2)
+        """Information (4, 4) on the state that bounds its variance."""
+        searched = self._units > HELD
+        self._searched = np.outer(searched, searched)
+        """True (4, 4) for the covariances that a search can tell."""
         inside = region.inner(grid.inset)
         # One kernel in the middle of each cell of the grid (section III: nine kernels).
         offsets = (np.arange(grid.per_side) + 0.5) / grid.per_side - 0.5
@@ -179,12 +184,11 @@ class KernelModel:
         It is large where the template slips inside something of one colour, and nan for an angle
         that is not searched. The histograms computed here are not counted as evaluations.
         """
-        # O grows by dx' H dx, and H / (2 USUAL^2) is the information. The prior `_anywhere` bounds
+        # O grows by dx' H dx, and H / (2 USUAL^2) is the information. The prior bounds
         # the variance along which O is flat.
         _, _, curvature = loops.linearise(image, state.vector, self.kernels, self.root_reference)
-        found = np.linalg.inv(curvature / (2 * USUAL**2) + np.diag(self._anywhere**-2))
-        searched = self._units > HELD
-        return np.where(np.outer(searched, searched), found, np.nan)
+        found = np.linalg.inv(curvature / (2 * USUAL**2) + self._prior)
+        return np.where(self._searched, found, np.nan)
 
 
 def changes(image: Image, region: Region, state: State) -> tuple[float, float]:

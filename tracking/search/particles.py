@@ -86,18 +86,21 @@ class ParticleFilter:
             evaluations: Number of histograms that were read.
         """
         # Samples that never vary in a coordinate say nothing about it: 0 would claim certainty.
-        kept = np.array([False, False, *(not on for on in self.follows)])
+        angle, size = follows = self.follows
+        kept = np.array([False, False, not angle, not size])
+        particles = np.empty((len(self.samples), 5))
+        particles[:, :4] = self.samples
+        particles[:, 3] = np.exp(self.samples[:, 3])
+        particles[:, 4] = self.weights
         return Estimate(
             state=state,
             covariance=np.where(kept | kept[:, None], np.nan, covariance),
             distance=distance,
             status=status,
-            follows=self.follows,
+            follows=follows,
             ess=particle_loops.effective_size(self.weights),
             evaluations=evaluations,
-            particles=np.column_stack(
-                [self.samples[:, :3], np.exp(self.samples[:, 3]), self.weights]
-            ),
+            particles=particles,
         )
 
     def resample(self, power: float = 1.0) -> None:

@@ -25,6 +25,7 @@ a second, because log calls for each entity and frame would take half as long as
 """
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -104,7 +105,8 @@ class RerunLog:
         self._rec = recording.begin("servobench", blueprint_of_run(self._features))
         self._before: Step | None = None
         self._steps = list[Step]()
-        self._jpegs = list[bytes]()
+        self._encoder = ThreadPoolExecutor(1, "jpeg")  # OpenCV lets the loop go on meanwhile
+        self._jpegs = list[Future[bytes]]()
         self._depths = list[bytes]()
         self._piece = 0
         self._places = list[Array]()
@@ -128,8 +130,8 @@ class RerunLog:
             text = f"{event.name}: {event.value}" + f" ({which})" * bool(which)
             self._rec.log("events", rr.TextLog(text, level=LEVELS.get(event, "INFO")))
         self._before = step
-        self._steps.append(replace(step, frame=step.light().frame))  # a second of pictures is large
-        self._jpegs.append(encoded(step.frame.image, JPEG_QUALITY))
+        self._steps.append(replace(step, frame=step.frame.black()))  # a second of pictures is large
+        self._jpegs.append(self._encoder.submit(encoded, step.frame.image, JPEG_QUALITY))
         if step.frame.depth is not None:
             self._depths.append(encoded_depth(step.frame.depth))
         if len(self._jpegs) == PICTURES:
@@ -145,6 +147,7 @@ class RerunLog:
             Refused: The destination takes no more data, such as a full disk.
         """
         self._send()
+        self._encoder.shutdown()
         self._file.close()
 
     def _log_scene(self) -> None:
@@ -187,7 +190,8 @@ class RerunLog:
         """
         count = len(self._jpegs)
         index = _times(self._steps[-count:])
-        images = rr.EncodedImage.columns(blob=self._jpegs, media_type=["image/jpeg"] * count)
+        blobs = [jpeg.result() for jpeg in self._jpegs]
+        images = rr.EncodedImage.columns(blob=blobs, media_type=["image/jpeg"] * count)
         self._rec.send_columns(IMAGE, index, images)
         self._jpegs = []
         if self._depths:
