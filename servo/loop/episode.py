@@ -29,7 +29,7 @@ from sim.geometry import exp_so3
 from sim.kinematics.inverse_kinematics import Reach
 from sim.kinematics.rollout import FORESEEN, STEP
 from sim.outline import Outline
-from sim.placement import object_pose
+from sim.placement import object_frame, object_pose
 from sim.surroundings import Surroundings
 from sim.types import Array, Frame, Image, Pose, Truth
 from sim.world import Moment, Unstable, World, WorldParts
