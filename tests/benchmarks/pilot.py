@@ -1,0 +1,104 @@
+"""Whether the conditions of a draft of a benchmark part its contestants, on worlds to tune on:
+
+    uv run python tests/benchmarks/pilot.py DRAFT ROWS.jsonl [worlds=N] [contestants=A,B]
+
+It runs the contestants (by default all shipped ones) in the first N worlds of each condition, adds a line for each run
+to ROWS.jsonl (runs that are there already are not repeated), and prints a table in Markdown. The rule, written before the
+run: a condition is taken if the best contestant wins 40 to 70 % of its worlds, a camera that stands still under 5 %, and
+the item-rest correlation (of a world's results with the contestants' share in all other worlds) is above .2 in 80 % of the
+worlds that somebody, but not everybody, wins. Worlds of a condition are few here: the shares say what to change, and the
+frozen benchmark is judged again by its own rows.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from servo.bench.benchmark import Band, condition_of, load
+from servo.bench.contestant import contestants, scale_of
+from servo.bench.row import world_score
+from servo.bench.world_run import CONTESTANT, WORLD, jobs_of
+from servo.study.execute import Workers, execute
+from servo.study.run import Failure
+
+LEAST = 0.2
+"""Item-rest correlation of a world that parts contestants."""
+
+
+def run(draft: str, rows: Path, count: int, names: list[str]) -> None:
+    """Run what is missing in the file of rows, and add it."""
+    benchmark = load(draft)
+    done = {(row["world"], row["contestant"]) for row in read(rows)}
+    worlds = benchmark.every_world(Band(), count)
+    every = [*scale_of(benchmark), *contestants(benchmark, names)]
+    jobs = [
+        job
+        for job in jobs_of(benchmark, every, worlds)
+        if (job.settings[WORLD], job.settings[CONTESTANT]) not in done
+    ]
+    with Workers() as workers, rows.open("a") as file:
+        for job, record in execute(jobs, workers):
+            if isinstance(record, Failure):
+                raise SystemExit(
+                    f"{job.settings[WORLD]}, {job.settings[CONTESTANT]}: {record.reason}"
+                )
+            line = {
+                "world": job.settings[WORLD],
+                "contestant": job.settings[CONTESTANT],
+                "won": world_score(benchmark, record).held,
+                "mm": record.measures["end_position_mm"],
+                "deg": record.measures["end_rotation_deg"],
+            }
+            file.write(json.dumps(line) + "\n")
+            file.flush()
+
+
+def read(rows: Path) -> list[dict[str, object]]:
+    """The lines of a file of rows."""
+    return [json.loads(line) for line in rows.read_text().splitlines()] if rows.exists() else []
+
+
+def item_rest(won: np.ndarray) -> np.ndarray:
+    """Correlation of each world (column) with the mean of the others; nan if all results agree."""
+    found = []
+    for world in range(won.shape[1]):
+        own, rest = won[:, world], np.delete(won, world, axis=1).mean(axis=1)
+        constant = np.ptp(own) == 0 or np.ptp(rest) == 0
+        found.append(np.nan if constant else np.corrcoef(own, rest)[0, 1])
+    return np.array(found)
+
+
+def table(rows: Path) -> str:
+    """The table of a pilot: share of worlds won by condition and contestant, and the figures."""
+    results = {(str(r["world"]), str(r["contestant"])): float(bool(r["won"])) for r in read(rows)}
+    names = [*dict.fromkeys(name for _, name in results)]
+    worlds = [*dict.fromkeys(world for world, _ in results)]
+    whole = [w for w in worlds if all((w, name) in results for name in names)]
+    methods = [name for name in names if name != "still"]
+    won = np.array([[results[w, name] for w in whole] for name in methods])
+    related = item_rest(won)
+    head = ["condition", "worlds", *names, "worlds that part them", "item-rest above .2"]
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    conditions = [*dict.fromkeys(condition_of(w) for w in whole)]
+    for condition in [*conditions, "all of them"]:
+        own = [condition in (condition_of(w), "all of them") for w in whole]
+        shares = [
+            np.mean([results[w, name] for w, is_own in zip(whole, own, strict=True) if is_own])
+            for name in names
+        ]
+        parts = ~np.isnan(related[own])
+        above = np.mean(related[own][parts] > LEAST) if parts.any() else np.nan
+        cells = [condition, sum(own), *(f"{100 * s:.0f} %" for s in shares)]
+        cells += [parts.sum(), f"{100 * above:.0f} %"]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    draft, path, *given = sys.argv[1:]
+    options = dict(option.split("=") for option in given)
+    chosen = options["contestants"].split(",") if "contestants" in options else []
+    run(draft, Path(path), int(options.get("worlds", 6)), chosen)
+    sys.stdout.write(table(Path(path)) + "\n")
