@@ -38,6 +38,8 @@ def run(draft: str, rows: Path, count: int, names: list[str]) -> None:
         for job in jobs_of(benchmark, every, worlds)
         if (job.settings[WORLD], job.settings[CONTESTANT]) not in done
     ]
+    # One world of each condition after the other, so that a pilot that is stopped is balanced.
+    jobs.sort(key=lambda job: str(job.settings[WORLD]).rpartition("-")[2])
     with Workers() as workers, rows.open("a") as file:
         for job, record in execute(jobs, workers):
             if isinstance(record, Failure):
