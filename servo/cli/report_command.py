@@ -22,6 +22,7 @@ from servo.report import (
     papers_section,
     run_section,
     study_section,
+    tune_section,
 )
 from servo.report.page import Section, render
 from servo.report.printed import figures, latex
@@ -122,6 +123,7 @@ def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
             "evaluate": partial(bench_section.section, study=study),
             "benchmark": partial(benchmark_section.section, study=study),
             "papers": papers_section.section,
+            "tune": tune_section.section,
         }
         of_sweep = partial(study_section.section, measures=measures)
         return of_studies.get(study.holds, of_sweep)(folder)

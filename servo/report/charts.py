@@ -96,6 +96,8 @@ class Curve:
     """Whether the line is pale and has no entry in the legend."""
     points: bool = False
     """Whether points with error bars are drawn in place of a line with a band."""
+    marks: bool = False
+    """Whether points without a line are drawn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +150,7 @@ def curves(
         axes.set(xlabel=x.title, ylabel=y.title)
         _scale(axes, x, [c.x for c in drawn], "x")
         _scale(axes, y, [v for c in drawn for v in (c.y, c.low, c.high) if v is not None], "y")
-        if any(c.points for c in drawn):
+        if any(c.points or c.marks for c in drawn):
             axes.margins(x=0.05)
         named = [c for c in drawn if not c.faint and (len(drawn) > 1 or c.dashed)]
         keys = [Key(c.label, INKS[c.colour], c.dashed) for c in named]
@@ -231,6 +233,9 @@ def _draw(axes: Axes, curve: Curve) -> None:
     width = 1.0 if curve.dashed or curve.faint else 1.5
     opacity = FAINT_OPACITY if curve.faint else None
     label = None if curve.faint else curve.label  # a legend names what is told apart
+    if curve.marks:
+        axes.plot(curve.x, curve.y, "o", color=curve.colour, ms=4, alpha=opacity, label=label)
+        return
     axes.plot(curve.x, curve.y, dashes, color=curve.colour, lw=width, alpha=opacity, label=label)
 
 

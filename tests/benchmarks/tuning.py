@@ -1,0 +1,78 @@
+"""What `servobench tune` finds: against theory, and against the defaults.
+
+python tests/benchmarks/tuning.py theory    # the best gain of an integrator with delay
+python tests/benchmarks/tuning.py defaults  # six scenarios at four delays, on fresh seeds
+
+Each search has a folder under runs/tuning, so that a stopped study goes on.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from servo.cli import tune_command
+from servo.report.tune_section import fresh_rows
+from servo.report.words import listed, spread
+from servo.tune.result import TuneFile
+
+FOLDER = Path("runs") / "tuning"
+OPTIONS = {"minimise": "servo_rms_px", "workers": 1, "scheduler": None, "quiet": True}
+RATE = 30.0
+"""Frame rate of the scenarios [Hz]."""
+LATENCIES = (1, 2, 3, 4, 6)
+"""Delays of the loop in theory [frames]."""
+DURATION = 3
+FREE = ("robot.kind=free", "tracker.kind=truth", "estimator.kind=none", f"run.duration={DURATION}")
+FREE += ("measure.after=0", "start.angle_deg=0", "start.scale=1", "vary={}", "start.x=20")
+FREE += ("controller.fastest=100",)
+SCENARIOS = ("line", "sine", "circle", "wander", "stop_and_go", "arm7_line")
+DELAYS = (1, 2, 4, 6)
+SHORT = ("run.duration=4", "measure.after=2")
+
+
+def rms(gain, latency):
+    """The rms error of e' = e - gain T e(latency frames before), from 1, over the run."""
+    errors = [1.0] * (latency + 1)
+    for _ in range(round(DURATION * RATE) - latency - 1):
+        errors.append(errors[-1] - gain / RATE * errors[-1 - latency])
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def theory():
+    """Compare the gain that a search finds with the best of the recursion."""
+    print("frames of delay | theory [1/s] | found | off")
+    for latency in LATENCIES:
+        gains = np.geomspace(0.1, RATE, 20_000)
+        best = gains[np.argmin([rms(gain, latency) for gain in gains])]
+        folder = FOLDER / f"theory-{latency}"
+        options = OPTIONS | {"keep": (), "budget": 40, "seeds": 2, "fresh": 1}
+        options |= {"settings": ("controller.gain=0.5:29:log",)}
+        changes = (*FREE, f"run.latency={latency}")
+        tune_command.run(scenario="still", changes=changes, out=folder, **options)
+        file = TuneFile.read(folder / TuneFile.FILE)
+        found = file.tried[file.best].settings["controller.gain"]
+        print(
+            f"{latency} | {best:.3g} | {found:.3g} | {100 * (found / best - 1):+.1f} %", flush=True
+        )
+
+
+def defaults():
+    """Compare the defaults with what a short search finds, on fresh seeds."""
+    print("scenario | frames of delay | default | tuned | gain | success | settings")
+    for scenario in SCENARIOS:
+        for latency in DELAYS:
+            folder = FOLDER / f"{scenario}-{latency}"
+            options = {"keep": ("success_rate>=0.95",), "settings": ()}
+            options |= {"budget": 48, "seeds": 4, "fresh": 12}
+            changes = (*SHORT, f"run.latency={latency}")
+            tune_command.run(scenario=scenario, changes=changes, out=folder, **OPTIONS, **options)
+            file = TuneFile.read(folder / TuneFile.FILE)
+            (_, _, before, after), (_, _, _, success), *_ = fresh_rows(file)
+            row = (scenario, latency, spread(before), spread(after), spread(file.gain))
+            settings = listed(file.tried[file.best].settings)
+            print(" | ".join(map(str, (*row, spread(success), settings))), flush=True)
+
+
+if __name__ == "__main__":
+    {"theory": theory, "defaults": defaults}[sys.argv[1]]()
