@@ -352,6 +352,33 @@ def tune() -> None:
 
 
 @app.command()
+@click.argument("scenario", type=opt.SCENARIO, help="A shipped scenario, or a .toml file.")
+@click.option(
+    "--magnitude",
+    metavar="SOURCE=NUMBER",
+    multiple=True,
+    help="How wrong a source is, such as focal=0.5; may be repeated (default: the scenario's own "
+    "value, or else a usual one).",
+)
+@opt.changes_option
+@opt.exact_option
+@click.option(
+    "--seeds", type=opt.COUNT, default=8, show_default=True, help="Number of seeds: 1, 2, ..."
+)
+@opt.workers_option
+@opt.scheduler_option
+@opt.out_option("runs/budget-SCENARIO, also to continue")
+@opt.quiet_option
+def budget() -> None:
+    """Show what each source of error contributes to the end error.
+
+    The sources are noise, resolution, tracker, delay, lag, play, encoder, focal, principal,
+    mount_rotation, mount_translation, depth and size, alone and together. The same command
+    continues a stopped one.
+    """
+
+
+@app.command()
 @click.argument("claims", nargs=-1, help="Claims, such as P1-2 (default: all).")
 @click.option("--quick", is_flag=True, help="One seed of each, to check that all works.")
 @click.option("--sequences", type=opt.PATH, help="A folder of real sequences to add to P0-1.")

@@ -19,6 +19,7 @@ from servo.papers.claims import PapersReport
 from servo.report import (
     bench_section,
     benchmark_section,
+    budget_section,
     papers_section,
     run_section,
     study_section,
@@ -124,6 +125,7 @@ def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
             "benchmark": partial(benchmark_section.section, study=study),
             "papers": papers_section.section,
             "tune": tune_section.section,
+            "budget": budget_section.section,
         }
         of_sweep = partial(study_section.section, measures=measures)
         return of_studies.get(study.holds, of_sweep)(folder)

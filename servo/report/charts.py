@@ -211,6 +211,30 @@ def heat(
         return Figure(title, svg(figure, title), note=note, drawing=figure)
 
 
+def stacked(
+    title: str, bars: Sequence[str], names: Sequence[str], shares: Array, *, note: str = ""
+) -> Figure:
+    """Return a figure of horizontal bars of one length that are divided into parts.
+
+    Args:
+        title: Title of the figure.
+        bars: Labels of the bars, from above.
+        names: Names of the parts.
+        shares: Share of each part in each bar (parts, bars), 0 to 1.
+        note: Text below the figure.
+    """
+    with _canvas() as (figure, axes):
+        left = np.zeros(len(bars))
+        for i, (name, row) in enumerate(zip(names, 100 * shares, strict=True)):
+            axes.barh(bars, row, left=left, color=colour(i), label=name, height=0.6)
+            left += row
+        axes.invert_yaxis()
+        axes.set(xlabel="share of the mean square error [%]", xlim=(0, 100))
+        axes.grid(visible=False, axis="y")
+        keys = [Key(name, INKS[colour(i)]) for i, name in enumerate(names)]
+        return Figure(title, svg(figure, title), keys, note, figure)
+
+
 def _draw(axes: Axes, curve: Curve) -> None:
     ends = None if curve.low is None or curve.high is None else (curve.low, curve.high)
     if curve.points and ends is not None:

@@ -81,8 +81,8 @@ def fresh_table(file: TuneFile) -> Table:
     if file.gain is not None:
         rows.append([f"{file.minimise}, less", rows[0][1], "", spread(file.gain)])
     note = (
-        f"Means over {len(file.fresh_seeds)} seeds that the search has not seen, with 95 % intervals "
-        "(success: Clopper and Pearson; the last row: paired)."
+        f"Means over {len(file.fresh_seeds)} seeds that the search has not seen, with 95 % "
+        "intervals (success: Clopper and Pearson; the last row: paired)."
     )
     return Table(("measure", "unit", AS_IT_IS, BEST), rows, words=range(2), note=note)
 

@@ -43,8 +43,8 @@ class Trials:
         store.find()
 
     def __call__(self, asked: Sequence[tuple[Table, int]]) -> list[Record | None]:
-        """Do the runs that have no record yet, and return the records of all, with their values over
-        time, in the same order; None for a run that failed.
+        """Do the runs that have no record yet, and return the records of all, with their values
+        over time, in the same order; None for a run that failed.
 
         Args:
             asked: Settings by dotted key, and the seed, of each run.

@@ -83,8 +83,8 @@ def search(
         aim: The measure and the conditions.
         draws: The settings with their ranges or values.
         perform: Function that does runs.
-        seeds: The seeds of each candidate. If the first two runs of the scenario as it is are equal,
-            only the first seed is used.
+        seeds: The seeds of each candidate. If the first two runs of the scenario as it is are
+            equal, only the first seed is used.
         budget: Largest number of runs.
         whole: Function that returns the settings of a candidate from the proposed values.
         integers: The settings whose values are whole numbers.

@@ -54,12 +54,8 @@ def read(text: str) -> Draw:
     key = key.strip()
     check_key(key, at)
     draw = Draw(key, *law_of(values[0] if is_table(values[0]) else {"choice": values}, at, LAWS))
-    check_rules(
-        (
-            len(set(map(str, draw.numbers))) < 2,
-            f"{at}: there is nothing to choose from: write {FORMS}",
-        )
-    )
+    if len(set(map(str, draw.numbers))) < len(draw.numbers):
+        raise Mistake(f"{at}: a value is there twice: write {FORMS}")
     return draw
 
 
@@ -79,8 +75,8 @@ def asked(texts: Sequence[str]) -> tuple[Draw, ...]:
 
 def usual(scenario: Scenario) -> tuple[Draw, ...]:
     """Return the settings that are searched where a user names none: the gain, up to where the
-    delay makes the loop of an integrator unstable; the noises of the estimator; and, if commands act
-    more than one frame late, whether it predicts.
+    delay makes the loop of an integrator unstable; the noises of the estimator; and, if commands
+    act more than one frame late, whether it predicts.
 
     Raises:
         Mistake: The scenario has none of them.

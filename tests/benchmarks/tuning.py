@@ -31,6 +31,12 @@ DELAYS = (1, 2, 4, 6)
 SHORT = ("run.duration=4", "measure.after=2")
 
 
+def say(*cells):
+    """Write a row of a table."""
+    sys.stdout.write(f"| {' | '.join(map(str, cells))} |\n")
+    sys.stdout.flush()
+
+
 def rms(gain, latency):
     """The rms error of e' = e - gain T e(latency frames before), from 1, over the run."""
     errors = [1.0] * (latency + 1)
@@ -41,7 +47,7 @@ def rms(gain, latency):
 
 def theory():
     """Compare the gain that a search finds with the best of the recursion."""
-    print("frames of delay | theory [1/s] | found | off")
+    say("frames of delay", "theory [1/s]", "found [1/s]", "off")
     for latency in LATENCIES:
         gains = np.geomspace(0.1, RATE, 20_000)
         best = gains[np.argmin([rms(gain, latency) for gain in gains])]
@@ -52,14 +58,12 @@ def theory():
         tune_command.run(scenario="still", changes=changes, out=folder, **options)
         file = TuneFile.read(folder / TuneFile.FILE)
         found = file.tried[file.best].settings["controller.gain"]
-        print(
-            f"{latency} | {best:.3g} | {found:.3g} | {100 * (found / best - 1):+.1f} %", flush=True
-        )
+        say(latency, f"{best:.3g}", f"{found:.3g}", f"{100 * (found / best - 1):+.1f} %")
 
 
 def defaults():
     """Compare the defaults with what a short search finds, on fresh seeds."""
-    print("scenario | frames of delay | default | tuned | gain | success | settings")
+    say("scenario", "frames of delay", "default", "tuned", "gain", "success", "settings")
     for scenario in SCENARIOS:
         for latency in DELAYS:
             folder = FOLDER / f"{scenario}-{latency}"
@@ -71,7 +75,7 @@ def defaults():
             (_, _, before, after), (_, _, _, success), *_ = fresh_rows(file)
             row = (scenario, latency, spread(before), spread(after), spread(file.gain))
             settings = listed(file.tried[file.best].settings)
-            print(" | ".join(map(str, (*row, spread(success), settings))), flush=True)
+            say(*row, spread(success), settings)
 
 
 if __name__ == "__main__":

@@ -183,9 +183,8 @@ def _share(share: float, count: int) -> Interval:
 
 
 def clopper_pearson(successes: int, count: int) -> Interval:
-    """Return the share of successes in `count` independent repetitions, with the interval of Clopper
-    and Pearson (The use of confidence or fiducial limits illustrated in the case of the binomial,
-    1934), which covers at least 95 %.
+    """Return the share of successes in `count` independent repetitions, with an interval that
+    covers at least 95 %: Clopper and Pearson, The use of confidence or fiducial limits, 1934.
 
     >>> clopper_pearson(20, 20).low.__round__(3)
     0.832
