@@ -24,7 +24,7 @@ from servo.study.scenario_run import StudiedScenario
 from sim.channels import Channel, needs_of
 from sim.kinds import kind_of
 from sim.types import Array
-from tracking.types import SEES_PICTURES
+from tracking.types import SEES_PICTURES, Trait, traits_of
 
 UNITS = ("mm", "deg", "px")
 TOGETHER = "together"
@@ -112,7 +112,9 @@ class Plan:
         for source in self.sources:
             is_on = source in wrong
             if source.name == TRACKER:
-                found |= {} if is_on else {"tracker.kind": "truth"}
+                corners = Trait.CORNERS in (traits_of(self.scenario.tracker) or ())
+                ideal: Table = {"tracker.kind": "truth", "tracker.corners": corners}
+                found |= {} if is_on else ideal
             elif source.name == RESOLUTION:
                 factor = self.magnitude(source)
                 found |= coarser(self.base.parsed(seed, {}), factor) if is_on else {}
@@ -204,9 +206,9 @@ def measure(
 
 def theory(plan: Plan, source: Source, focal: float) -> float | None:
     """Return the contribution of a source to the position at the end by linear theory [mm]: Z dc of
-    a focal length or a size that is wrong by the share dc, Z d / f of a principal point that is d px
-    off where the goal is a pose, and 0 of what only bends the way to a target at rest. None where
-    this does not hold.
+    a focal length or a size that is wrong by the share dc, Z d / f of a principal point that is off
+    by d px where the goal is a pose, and 0 of what only bends the way to a target at rest. None
+    where this does not hold.
 
     Args:
         plan: The settings of the runs.

@@ -17,8 +17,8 @@ LEAST_NAMED = 0.2
 """Least contribution that it names, over the whole error."""
 ALONE = (
     "A contribution is the root of the mean square error with this source alone, less that with "
-    "nothing wrong (noise and resolution: less that of the tracker). Errors of a calibration have a "
-    "sign or a direction that each seed draws. Errors in the picture are in px of the scenario's "
+    "nothing wrong (noise and resolution: less that of the tracker). Errors of a calibration have "
+    "a sign or a direction that each seed draws. Errors in the picture are in px of the scenario's "
     "own resolution, rms over the last second."
 )
 
@@ -47,11 +47,14 @@ def sentence(file: BudgetFile) -> str:
     found = list[str]()
     for i, unit in enumerate(UNITS):
         whole = file.together[i]
-        largest = sorted(file.parts, key=lambda part: -part.alone[i])[:MOST_NAMED]
+        # Parts that are larger than the whole, by chance or as signs cancel, are made smaller.
+        factor = min(1.0, whole / max(file.summed[i], 1e-300))
+        parts = {part.words: factor * part.alone[i] for part in file.parts}
+        largest = sorted(parts, key=lambda name: -parts[name])[:MOST_NAMED]
         named = [
-            f"{part.words} is {shown(part.alone[i])}"
-            for part in largest
-            if part.alone[i] > LEAST_NAMED * whole
+            f"{name} is {shown(parts[name])}"
+            for name in largest
+            if parts[name] > LEAST_NAMED * whole
         ]
         of = f", of which {' and '.join(named)}" if named else ""
         found.append(f"{shown(whole)} {unit}{of}")
@@ -83,9 +86,9 @@ def picture(file: BudgetFile) -> Figure:
     """Return the stacked plot: for each unit a bar as long as the whole error, which is divided as
     the squares of the contributions are.
     """
-    squares = np.square([*(part.alone for part in file.parts), file.floor])
+    squares = np.square([file.floor, *(part.alone for part in file.parts)])
     shares = squares / np.maximum(squares.sum(axis=0), 1e-300)
-    names = [*(part.name for part in file.parts), NOTHING]
+    names = [NOTHING, *(part.name for part in file.parts)]
     labels = [f"{shown(whole)} {unit}" for whole, unit in zip(file.together, UNITS, strict=True)]
     note = (
         "A bar is the error with everything wrong; its parts are as the squares of contributions."

@@ -45,6 +45,8 @@ DARK_BELOW = 0.6
 """Share of the colour map below which numbers are white."""
 BAND_OPACITY = 0.18
 FAINT_OPACITY = 0.25
+THINNEST = 0.003
+"""Share of the thinnest part of a bar that is drawn."""
 INK = "#1b1f26"
 """Colour of the page's text in light mode."""
 INKS = {INK: "currentColor"} | {one: f"var(--series-{i})" for i, one in enumerate(LIGHT)}
@@ -219,19 +221,20 @@ def stacked(
     Args:
         title: Title of the figure.
         bars: Labels of the bars, from above.
-        names: Names of the parts.
+        names: Names of the parts; one that is thinner than `THINNEST` in each bar is not drawn.
         shares: Share of each part in each bar (parts, bars), 0 to 1.
         note: Text below the figure.
     """
     with _canvas() as (figure, axes):
         left = np.zeros(len(bars))
-        for i, (name, row) in enumerate(zip(names, 100 * shares, strict=True)):
-            axes.barh(bars, row, left=left, color=colour(i), label=name, height=0.6)
-            left += row
+        parts = [part for part in zip(names, shares, strict=True) if part[1].max() > THINNEST]
+        for i, (name, row) in enumerate(parts):
+            axes.barh(bars, 100 * row, left=left, color=colour(i), label=name, height=0.6)
+            left += 100 * row
         axes.invert_yaxis()
         axes.set(xlabel="share of the mean square error [%]", xlim=(0, 100))
         axes.grid(visible=False, axis="y")
-        keys = [Key(name, INKS[colour(i)]) for i, name in enumerate(names)]
+        keys = [Key(name, INKS[colour(i)]) for i, (name, _) in enumerate(parts)]
         return Figure(title, svg(figure, title), keys, note, figure)
 
 

@@ -104,7 +104,8 @@ def _responses(file: TuneFile) -> list[Figure]:
 
 def _value(file: TuneFile, one: Tried, key: str) -> float | None:
     """Return the value of a setting that a candidate has; None where a kind replaces it."""
-    return one.settings.get(key) if one.settings else file.own[key]
+    is_own = not one.settings or key.endswith(".kind")
+    return one.settings.get(key, file.own[key] if is_own else None)
 
 
 def _front(file: TuneFile) -> list[Figure]:

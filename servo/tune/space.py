@@ -121,21 +121,20 @@ def check(draws: Sequence[Draw], base: StudiedScenario, seed: int) -> None:
 
 
 def of_kinds(settings: Table, own: Table) -> Table:
-    """Return the settings of a candidate without those that belong to a kind which it replaces.
+    """Return the settings of a candidate without kinds that the scenario has anyway, and without
+    settings that belong to a kind which the candidate replaces.
 
     Args:
         settings: Values by dotted key.
         own: All settings of the scenario, by table.
     """
-    replaced = {
-        key.removesuffix(".kind")
-        for key, value in settings.items()
-        if key.endswith(".kind") and value != value_of(own, key)
-    }
+    kinds = {key for key in settings if key.endswith(".kind")}
+    kept = {key for key in kinds if settings[key] == value_of(own, key)}
+    replaced = {key.removesuffix(".kind") for key in kinds - kept}
     return {
         key: value
         for key, value in settings.items()
-        if key.endswith(".kind") or key.partition(".")[0] not in replaced
+        if key not in kept and (key in kinds or key.partition(".")[0] not in replaced)
     }
 
 
