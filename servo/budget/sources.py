@@ -1,27 +1,33 @@
-"""The sources of error in an accuracy budget: the settings of each, and its usual magnitude."""
+"""The sources of error in an accuracy budget: the settings of each, its usual magnitude, and the
+error that linear theory expects of it.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from servo.loop.settings import stream
 from servo.mistake import Mistake, check_known
+from servo.scenario.draws import flat
 from servo.scenario.load import Scenario
-from servo.scenario.toml import Table, drop, is_number, is_table
-from servo.study.scenario_run import StudiedScenario
+from servo.scenario.toml import Table
+from sim.kinds import kind_of
 from sim.types import Array
 
 TRACKER = "tracker"
 RESOLUTION = "resolution"
 DELAY = "delay"
+SIZES = ("camera.width", "camera.height")
 PIXELS = (
     *(f"{section}.{axis}" for section in ("start", "goal", "region") for axis in "xy"),
-    *(f"camera.{name}" for name in ("fx", "fy", "cx", "cy", "width", "height")),
+    *("camera.fx", "camera.fy", "camera.cx", "camera.cy", "believed.cx_shift", "believed.cy_shift"),
 )
 """Settings in pixels, which a coarser picture divides."""
-EARLIER = 1e-6
-"""The delay of whole frames is made shorter by this, so that it is not rounded up [ms]."""
+NOWHERE = (0.0, 0.0, 0.0)
+AT_REST = (DELAY, "lag", "play", "mount_translation", "depth")
+"""Sources that only bend the way to a target at rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,141 +35,87 @@ class Source:
     """A source of error: settings whose deviation from their ideal values is its magnitude."""
 
     name: str
-    words: str
-    """Name in a sentence."""
     unit: str
     usual: float
     """Usual magnitude, in the unit."""
-    ideal: Mapping[str, float | tuple[float, ...]] = field(default_factory=dict)
-    """Values without the error, by setting; the first of them carry it."""
+    ideal: Mapping[str, float | str | tuple[float, ...]] = field(default_factory=dict)
+    """Values without the error, by setting."""
     scale: float = 1.0
     """Magnitude over the deviation of the settings."""
     signed: bool = False
-    """Whether each seed draws a sign, or a direction if there are several numbers."""
+    """Whether each seed draws a sign, or a direction where there are several numbers."""
     seen: bool = False
     """Whether it acts through the tracker only."""
 
     def settings(self, magnitude: float, seed: int) -> Table:
         """Return the settings of the source at a magnitude; the same seed draws the same sign."""
-        ideal = {key: np.atleast_1d(value) for key, value in self.ideal.items()}
-        size = sum(map(len, ideal.values()))
-        direction: Array = np.ones(size)
-        if self.signed:
-            direction = stream(seed, f"budget {self.name}").normal(size=size)
-            direction /= np.linalg.norm(direction)
-        moved = np.split(direction * magnitude / self.scale, np.cumsum([*map(len, ideal.values())]))
-        found = dict(zip(ideal, moved, strict=False))
+        size = sum(np.size(value) for value in self.ideal.values())
+        drawn = stream(seed, f"budget {self.name}").normal(size=size)
+        direction = drawn / np.linalg.norm(drawn) if self.signed else np.ones(size)
+        off = iter(direction * magnitude / self.scale)
         return {
-            key: (ideal[key] + found[key]).tolist()
-            if is_many(value)
-            else float(value + found[key][0])
+            key: [v + next(off) for v in value] if isinstance(value, tuple) else value + next(off)
             for key, value in self.ideal.items()
+            if not isinstance(value, str)
         }
 
     def own(self, scenario: Scenario) -> float:
         """Return the magnitude that a scenario has by itself, in the unit; 0 if it is ideal."""
         if self.name == DELAY:
-            run = scenario.run
-            computing = 0.0 if isinstance(run.tracker_ms, str) else run.tracker_ms
-            return (
-                1e3 * run.frames_late(1 / scenario.camera.rate) / scenario.camera.rate + computing
-            )
-        settings = scenario.settings()
-        found = [value_of(settings, key) - np.asarray(ideal) for key, ideal in self.ideal.items()]
-        off = np.concatenate([np.ravel(each) for each in found] or [np.zeros(1)])
-        size = np.linalg.norm(off) if self.signed else np.abs(off).max()
-        return float(self.scale * size)
+            return 1e3 * scenario.run.frames_late(1 / scenario.camera.rate) / scenario.camera.rate
+        settings: dict[str, Any] = flat(scenario.settings(), scenario.name)
+        off: list[Array] = [
+            np.ravel(settings.get(key, ideal)) - np.ravel(ideal)
+            for key, ideal in self.ideal.items()
+            if not isinstance(ideal, str)
+        ]
+        order = None if self.signed else np.inf
+        return self.scale * float(np.linalg.norm(np.concatenate([*off, [0.0]]), order))
 
 
-def is_many(value: object) -> bool:
-    """Return whether a value is a tuple of numbers."""
-    return isinstance(value, tuple)
-
-
-NOWHERE = (0.0, 0.0, 0.0)
 SOURCES = (
-    Source(TRACKER, "the tracker", "", 1.0),
-    Source("noise", "the pixels' noise", "grey levels", 3.0, {"camera.noise": 0.0}, seen=True),
-    Source(RESOLUTION, "the resolution", "times coarser", 2.0, seen=True),
-    Source(DELAY, "the delay", "ms", 33.0, {"run.latency_ms": 0.0}),
-    Source("lag", "the drives' lag", "ms", 30.0, {"robot.lag_ms": 0.0}),
-    Source("play", "the play", "mm, mrad", 1.0, {"robot.backlash": 0.0}, 1e3),
-    Source("encoder", "the encoders' steps", "mm, mrad", 0.1, {"robot.encoder_step": 0.0}, 1e3),
-    Source("focal", "the focal length", "%", 1.0, {"believed.fx_factor": 1.0}, 100.0, signed=True),
+    Source(TRACKER, "", 1.0, {"tracker.kind": "truth"}),
+    Source("noise", "grey levels", 3.0, {"camera.noise": 0.0}, seen=True),
+    Source(RESOLUTION, "times coarser", 2.0, seen=True),
+    Source(DELAY, "ms", 33.0, {"run.latency_ms": 0.0}),
+    Source("lag", "ms", 30.0, {"robot.lag_ms": 0.0}),
+    Source("play", "mm, mrad", 1.0, {"robot.backlash": 0.0}, 1e3),
+    Source("encoder_step", "mm, mrad", 0.1, {"robot.encoder_step": 0.0}, 1e3),
+    Source("focal_length", "%", 1.0, {"believed.fx_factor": 1.0}, 100.0, signed=True),
     Source(
-        "principal",
-        "the principal point",
+        "principal_point",
         "px",
         3.0,
         {"believed.cx_shift": 0.0, "believed.cy_shift": 0.0},
         signed=True,
     ),
-    Source(
-        "mount_rotation",
-        "the mount's rotation",
-        "deg",
-        0.5,
-        {"believed.hand_eye_rotation_deg": NOWHERE},
-        signed=True,
-    ),
-    Source(
-        "mount_translation",
-        "the mount's translation",
-        "mm",
-        3.0,
-        {"believed.hand_eye_mm": NOWHERE},
-        signed=True,
-    ),
-    Source("depth", "the depth", "%", 10.0, {"believed.depth_factor": 1.0}, 100.0, signed=True),
-    Source(
-        "size", "the target's size", "%", 1.0, {"believed.size_factor": 1.0}, 100.0, signed=True
-    ),
+    Source("mount_rotation", "deg", 0.5, {"believed.hand_eye_rotation_deg": NOWHERE}, signed=True),
+    Source("mount_translation", "mm", 3.0, {"believed.hand_eye_mm": NOWHERE}, signed=True),
+    Source("depth", "%", 10.0, {"believed.depth_factor": 1.0}, 100.0, signed=True),
+    Source("target_size", "%", 1.0, {"believed.size_factor": 1.0}, 100.0, signed=True),
 )
 """All sources; the usual magnitudes are those of a careful calibration of an industrial robot."""
 
 
 def magnitudes_of(texts: Sequence[str]) -> dict[str, float]:
-    """Return the magnitudes in texts such as "focal=0.5", by source.
+    """Return the magnitudes in texts such as "focal_length=0.5", by source.
 
     Raises:
-        Mistake: A text has another form, there is no such source, or a magnitude is below 0.
+        Mistake: A text has another form, there is no such source, or a magnitude is too small.
     """
     found = dict[str, float]()
     names = [source.name for source in SOURCES if source.name != TRACKER]
     for text in texts:
-        at = f"--magnitude {text}"
         name, _, number = text.partition("=")
-        check_known([name], names, at, "source of error")
+        check_known([name], names, f"--magnitude {text}", "source of error")
         try:
-            value = float(number)
+            found[name] = float(number)
         except ValueError:
-            value = np.nan
+            found[name] = np.nan
         least = 1.0 if name == RESOLUTION else 0.0
-        if not is_number(value) or value < least or name in found:
-            raise Mistake(f"{at}: write each source once, with a number of at least {least:g}")
-        found[name] = value
+        if not least <= found[name] < np.inf:
+            raise Mistake(f"--magnitude {text}: give a number of at least {least:g}")
     return found
-
-
-def value_of(settings: Table, key: str) -> np.ndarray:
-    """Return the numbers of a setting of a scenario; zeros where it is not set."""
-    section, _, name = key.partition(".")
-    part = settings[section]
-    value = part.get(name) if is_table(part) else None
-    return np.asarray(0.0 if value is None else value, dtype=float)
-
-
-def in_ms(base: StudiedScenario, scenario: Scenario) -> StudiedScenario:
-    """Return a scenario whose delay is a time, if its file or its changes give it in frames."""
-    run = base.table.get("run")
-    key = "run.latency"
-    if key not in base.changes and not (is_table(run) and "latency" in run):
-        return base
-    late = max(0.0, 1e3 * scenario.run.latency / scenario.camera.rate - EARLIER)
-    changes = {name: value for name, value in base.changes.items() if name != key}
-    table = {name: dict(part) if is_table(part) else part for name, part in base.table.items()}
-    drop(table, key)
-    return replace(base, table=table, changes=changes | {"run.latency_ms": late})
 
 
 def coarser(scenario: Scenario, factor: float) -> Table:
@@ -173,11 +125,28 @@ def coarser(scenario: Scenario, factor: float) -> Table:
         scenario: The scenario with the drawn settings of its seed.
         factor: Width over the new width.
     """
-    settings = scenario.settings()
-    found: Table = {}
-    for key in PIXELS:
-        value = float(value_of(settings, key))
-        if value:
-            whole = key in ("camera.width", "camera.height")
-            found[key] = max(1, round(value / factor)) if whole else value / factor
-    return found
+    settings: dict[str, Any] = flat(scenario.settings(), scenario.name)
+    found: Table = {key: settings[key] / factor for key in PIXELS if settings[key]}
+    return found | {key: max(1, round(settings[key] / factor)) for key in SIZES}
+
+
+def theory(source: Source, magnitude: float, scenario: Scenario, focal: float) -> float | None:
+    """Return the error of the position at the end by linear theory [mm]: Z dc of a focal length or
+    a size that is wrong by the share dc, Z d / f of a principal point that is off by d px where the
+    goal is a pose, and 0 of what only bends the way to a target at rest. None where there is none.
+
+    Args:
+        source: The source.
+        magnitude: Its magnitude.
+        scenario: The scenario.
+        focal: Focal length of the camera [px].
+    """
+    goal = scenario.goal
+    away = 1e3 * magnitude * (goal.depth if goal.depth_to is None else goal.depth_to)
+    known = scenario.believed.goal
+    is_still = kind_of(scenario.motion) == "still"
+    found: dict[str, float] = {name: 0.0 for name in AT_REST if is_still}
+    found["focal_length"] = 0.0 if known == "shown" else away / 100
+    found["target_size"] = 0.0 if scenario.sight.depth == "picture" else away / 100
+    found["principal_point"] = away / focal if known == "pose" else 0.0
+    return found.get(source.name) if scenario.leader.id is None else None

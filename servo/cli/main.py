@@ -357,8 +357,8 @@ def tune() -> None:
     "--magnitude",
     metavar="SOURCE=NUMBER",
     multiple=True,
-    help="How wrong a source is, such as focal=0.5; may be repeated (default: the scenario's own "
-    "value, or else a usual one).",
+    help="How wrong a source is, such as focal_length=0.5; may be repeated (default: the "
+    "scenario's own value, or else a usual one).",
 )
 @opt.changes_option
 @opt.exact_option
@@ -372,9 +372,9 @@ def tune() -> None:
 def budget() -> None:
     """Show what each source of error contributes to the end error.
 
-    The sources are noise, resolution, tracker, delay, lag, play, encoder, focal, principal,
-    mount_rotation, mount_translation, depth and size, alone and together. The same command
-    continues a stopped one.
+    The sources are tracker, noise, resolution, delay, lag, play, encoder_step, focal_length,
+    principal_point, mount_rotation, mount_translation, depth and target_size, alone and together.
+    The same command continues a stopped one.
     """
 
 

@@ -19,11 +19,9 @@ from servo.papers.claims import PapersReport
 from servo.report import (
     bench_section,
     benchmark_section,
-    budget_section,
     papers_section,
     run_section,
     study_section,
-    tune_section,
 )
 from servo.report.page import Section, render
 from servo.report.printed import figures, latex
@@ -32,6 +30,8 @@ from tracking.files import atomic
 
 FIGURES = "figures"
 """Folder of the figures, beside the page."""
+PAGES = ("tune", "budget")
+"""Commands that write their page themselves."""
 ONLY_STUDIES = "--measures is only for folders of sweep and compare: leave out --measures"
 
 
@@ -124,9 +124,9 @@ def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
             "evaluate": partial(bench_section.section, study=study),
             "benchmark": partial(benchmark_section.section, study=study),
             "papers": papers_section.section,
-            "tune": tune_section.section,
-            "budget": budget_section.section,
         }
+        if study.holds in PAGES:
+            raise Mistake(f"{folder}: this folder has its page already: open report.html")
         of_sweep = partial(study_section.section, measures=measures)
         return of_studies.get(study.holds, of_sweep)(folder)
     if (folder / PapersReport.FILE).exists():

@@ -2,22 +2,21 @@
 command works, in a folder that goes on where it was stopped, and a page about their result.
 """
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
 
-from servo.cli import report_command
 from servo.cli.guard import stop
 from servo.cli.jobs import go_on, progress
 from servo.cli.terminal import print_paths
-from servo.mistake import Mistake, Refused, writing
-from servo.output.formats import Made
+from servo.mistake import Mistake, Refused
+from servo.report.page import Section, render
 from servo.study.execute import Workers
 from servo.study.run import ClusterLost
 from servo.study.scenario_run import StudiedScenario
-from servo.study.store import StudyFile, opened
+from servo.study.store import Store, StudyFile, opened
 from servo.study.trials import Trials
 from sim.camera import gl
 
@@ -31,7 +30,8 @@ def trials(
     console: Console,
     total: int,
 ) -> Generator[Trials]:
-    """Open the folder of a command, and yield what does its runs; show progress meanwhile.
+    """Open the folder of a command, and yield the function that does its runs; show progress
+    meanwhile.
 
     Args:
         base: The scenario.
@@ -60,8 +60,8 @@ def trials(
             raise (Refused if workers.scheduler is None else Mistake)(sentence) from None
 
 
-def write(result: Made, folder: Path, console: Console, more: Sequence[Path] = ()) -> None:
-    """Write the file of a result and its page into a folder, and print the paths of all files."""
-    with writing(folder):
-        written = result.write(folder)
-    print_paths(console, [written, *more, *report_command.write([folder], None)])
+def write(folder: Path, section: Section, files: dict[str, bytes | str], console: Console) -> None:
+    """Write the page and other files of a command into its folder, and print their paths."""
+    store = Store(folder)
+    files["report.html"] = render([section])
+    print_paths(console, [store.write(name, content) for name, content in files.items()])

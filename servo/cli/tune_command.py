@@ -11,16 +11,19 @@ from servo.cli.terminal import complain, plain, print_table
 from servo.cli.trial_command import trials, write
 from servo.mistake import Mistake
 from servo.output.formats import command_line
-from servo.output.versions import versions
-from servo.report.tune_section import fresh_table, sentence
+from servo.report.tune_section import Tuned, section
 from servo.report.words import shown
-from servo.scenario.draws import Draw
+from servo.scenario.draws import flat
 from servo.study.execute import Workers
-from servo.study.trials import study_of
+from servo.study.trials import Trial, trial_study
 from servo.tune import space
-from servo.tune.aim import Aim, Values, values_of
-from servo.tune.result import FIRST_SEED, FRESH, tuned
-from servo.tune.search import Trial, check_budget, search
+from servo.tune.search import Aim, Values, check_budget, search, values_of
+from tracking.files.json_text import json_text
+
+FIRST_SEED = 1
+"""The first seed of a search: seed 0 draws no settings."""
+FRESH = 1001
+"""The first fresh seed."""
 
 
 def run(
@@ -62,72 +65,43 @@ def run(
     """
     aim = Aim.read(minimise, keep)
     check_budget(budget, seeds)
-    again = command_line(
-        "tune",
-        scenario,
-        set=changes,
-        settings=settings,
-        minimise=minimise,
-        keep=keep,
-        budget=budget,
-        seeds=seeds,
-        fresh=fresh,
-    )
-    base, described = study_of("tune", scenario, changes, again)
+    chosen = {"set": changes, "settings": settings, "minimise": minimise, "keep": keep}
+    again = command_line("tune", scenario, **chosen, budget=budget, seeds=seeds, fresh=fresh)
+    base, described = trial_study("tune", scenario, changes, again)
     as_it_is = base.parsed(FIRST_SEED, {})
-    draws = space.asked(settings) or space.usual(as_it_is)
+    own = flat(as_it_is.settings(), as_it_is.name)
+    draws = space.asked(settings) or space.usual(as_it_is, own)
     space.check(draws, base, FIRST_SEED)
-    own = as_it_is.settings()
-    values = {draw.key: space.value_of(own, draw.key) for draw in draws}
     console = Console(quiet=quiet)
-    plain(console, *(_searched(draw) for draw in draws))
-    folder = out or Path("runs") / f"tune-{as_it_is.name}"
+    ranges = {d.key: f"{d.law} of {', '.join(map(shown, d.numbers))}" for d in draws}
+    plain(console, *(f"searched: {key}, {numbers}" for key, numbers in ranges.items()))
+    folder = out or Path("runs") / f"tune-{Path(scenario).stem}"
     pool = Workers(workers, scheduler)
     with trials(base, described, folder, pool, console, budget + 2 * fresh) as do:
 
         def perform(asked: Sequence[Trial]) -> list[Values]:
-            return [values_of(record) for record in do(asked)]
+            return list(map(values_of, do(asked)))
 
-        found = search(
-            aim,
-            draws,
-            perform,
-            range(FIRST_SEED, FIRST_SEED + seeds),
-            budget,
-            lambda proposed: space.of_kinds(proposed, own),
-            [key for key, value in values.items() if type(value) is int],
+        of_search = range(FIRST_SEED, FIRST_SEED + seeds)
+        tried, best = search(
+            aim, draws, perform, of_search, budget, lambda each: space.finished(each, own)
         )
-        is_feasible = aim.score(found.best.runs).violation == 0
-        # Without a draw or noise all seeds are the same run.
-        count = 0 if not is_feasible else fresh if len(found.seeds) == seeds else 1
-        unseen = range(FRESH, FRESH + count)
-        before, after = (
-            perform([(chosen, seed) for seed in unseen]) for chosen in ({}, found.best.settings)
-        )
-    result = tuned(
-        aim,
-        draws,
-        found,
-        (unseen, before, after),
-        scenario=as_it_is.name,
-        own=values,
-        command=again,
-        versions=versions(),
-    )
-    if is_feasible:
-        plain(console, sentence(result))
-        print_table(console, fresh_table(result))
-        plain(console, "\nThe lines for the scenario's file:\n", result.lines)
-    write(result, folder, console)
+        # Where all seeds are the same run, a fresh one is enough.
+        count = fresh if len(tried[0].runs) == seeds else 1
+        unseen = range(FRESH, FRESH + count * (aim.score(best.runs)[0] == 0))
+        pairs = [perform([(s, seed) for seed in unseen]) for s in ({}, best.settings)]
+    searched = {key: own.get(key) for key in ranges}
+    result = Tuned(base.name, aim, searched, tried, best, *pairs)
+    if unseen:
+        plain(console, result.sentence)
+        print_table(console, result.table())
+        plain(console, "The lines for the scenario's file:", result.lines)
+    found = {"command": again, "searched": ranges, "best": best.settings}
+    runs = [{"settings": one.settings, "runs": one.runs} for one in tried]
+    found |= {"tried": runs, "fresh_before": pairs[0], "fresh_after": pairs[1]}
+    files: dict[str, bytes | str] = {"tune.json": json_text(found), "tuned.toml": result.lines}
+    write(folder, section(result, described, folder), files, console)
+    if not unseen:
+        raise Mistake(result.sentence)
     complain(*result.broken)
-    if not is_feasible:
-        raise Mistake(sentence(result))
     return 1 if result.broken else 0
-
-
-def _searched(draw: Draw) -> str:
-    """Return a line that says between which values a setting is searched."""
-    numbers = list(map(shown, draw.numbers))
-    if draw.law == "choice":
-        return f"searching {draw.key}: {', '.join(numbers)}"
-    return f"searching {draw.key}: {' to '.join(numbers)}" + ", log" * (draw.law == "log_uniform")

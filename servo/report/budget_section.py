@@ -1,16 +1,19 @@
 """The section of an HTML report about an accuracy budget: a sentence, the table, and the plot."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from servo.budget.parts import NOTHING, TOGETHER, UNITS, BudgetFile
+from servo.budget.plan import Part
+from servo.output.formats import Made
 from servo.report import page
 from servo.report.charts import stacked
 from servo.report.page import Block, Fact, Figure, Section
-from servo.report.words import NOTHING as DASH
 from servo.report.words import Badge, Table, Tone, shown
+from sim.types import Array
 
+UNITS = ("mm", "deg", "px")
 MOST_NAMED = 3
 """Most sources that the sentence names."""
 LEAST_NAMED = 0.2
@@ -21,76 +24,76 @@ ALONE = (
     "a sign or a direction that each seed draws. Errors in the picture are in px of the scenario's "
     "own resolution, rms over the last second."
 )
+DIVIDED = "Each bar is the error with all of them, divided as the squares of the contributions."
 
 
-def section(folder: Path) -> Section:
-    """Return the section about a folder that `servobench budget` wrote.
+def section(
+    parts: Sequence[Part], left_out: Mapping[str, str], made: Made, folder: Path
+) -> Section:
+    """Return the section about a budget.
 
-    Raises:
-        Mistake: The file budget.json is missing or damaged.
+    Args:
+        parts: Nothing wrong, each source alone, and all together.
+        left_out: Reasons by the names of the sources that the scenario cannot have.
+        made: The command and its versions.
+        folder: The folder of the runs.
     """
-    file = BudgetFile.read(folder / BudgetFile.FILE)
-    reasons = [f"{name}: {reason}" for name, reason in file.left_out.items()]
+    reasons = [f"{name}: {reason}" for name, reason in left_out.items()]
     blocks = [
-        Block("Alone and together", figures=[picture(file)], tables=[table(file)]),
-        *([Block("Left out", points=reasons)] if reasons else []),
-        page.again(file),
+        Block("Alone and together", figures=[picture(parts)], tables=[table(parts)]),
+        Block("Left out", points=reasons or ["nothing"]),
+        page.again(made),
     ]
-    facts = [Fact(unit, shown(file.together[i]), TOGETHER) for i, unit in enumerate(UNITS)]
-    badge = Badge(f"{file.seeds} seeds", Tone.PLAIN)
-    title = f"{file.scenario}, accuracy budget"
-    return Section("budget", title, sentence(file), badge, facts, blocks, str(folder))
+    errors = zip(UNITS, parts[-1].error.tolist(), strict=True)
+    facts = [Fact(unit, shown(error), "together") for unit, error in errors]
+    badge = Badge(f"{len(parts) - 2} sources", Tone.PLAIN)
+    return Section("budget", "Accuracy budget", sentence(parts), badge, facts, blocks, str(folder))
 
 
-def sentence(file: BudgetFile) -> str:
-    """Return the result in a sentence, such as "0.8 mm, of which the mount's rotation is 0.6"."""
+def summed(parts: Sequence[Part]) -> Array:
+    """Return the root of the sum of squares of all parts but the last (3,) [mm, deg, px]."""
+    return np.linalg.norm([part.error for part in parts[:-1]], axis=0)
+
+
+def sentence(parts: Sequence[Part]) -> str:
+    """Return a budget in a sentence, such as "At the end 0.8 mm, of which the mount rotation is
+    0.6.".
+    """
     found = list[str]()
+    whole = parts[-1].error
+    # Parts that are larger than the whole, by chance or as signs cancel, are made smaller.
+    factors = np.minimum(1.0, whole / np.maximum(summed(parts), 1e-300))
     for i, unit in enumerate(UNITS):
-        whole = file.together[i]
-        # Parts that are larger than the whole, by chance or as signs cancel, are made smaller.
-        factor = min(1.0, whole / max(file.summed[i], 1e-300))
-        parts = {part.words: factor * part.alone[i] for part in file.parts}
-        largest = sorted(parts, key=lambda name: -parts[name])[:MOST_NAMED]
+        each = {part.name: float(factors[i] * part.error[i]) for part in parts[1:-1]}
+        largest = sorted(each, key=lambda name: -each[name])[:MOST_NAMED]
         named = [
-            f"{name} is {shown(parts[name])}"
+            f"the {name.replace('_', ' ')} is {shown(each[name])}"
             for name in largest
-            if parts[name] > LEAST_NAMED * whole
+            if each[name] > LEAST_NAMED * whole[i]
         ]
         of = f", of which {' and '.join(named)}" if named else ""
-        found.append(f"{shown(whole)} {unit}{of}")
+        found.append(f"{shown(float(whole[i]))} {unit}{of}")
     return f"At the end {'; '.join(found)}."
 
 
-def table(file: BudgetFile) -> Table:
+def table(parts: Sequence[Part]) -> Table:
     """Return the table of contributions, alone and together."""
-    count = f"of {file.seeds}"
     rows = [
-        [
-            part.name,
-            part.magnitude,
-            *map(shown, part.alone),
-            shown(part.theory),
-            f"{part.success} {count}",
-        ]
-        for part in file.parts
+        [p.name, p.magnitude, *map(shown, p.error.tolist()), shown(p.theory), str(p.success)]
+        for p in parts
     ]
-    rows.append([NOTHING, "", *map(shown, file.floor), DASH, ""])
-    rows.append(["root of the sum of squares", "", *map(shown, file.summed), DASH, ""])
-    together = f"{file.together_success} {count}"
-    rows.append([TOGETHER, "simulated", *map(shown, file.together), DASH, together])
+    rows.insert(-1, ["root of the sum of squares", "", *map(shown, summed(parts).tolist()), "", ""])
     head = ("source", "magnitude", *UNITS, "theory, mm", "success")
     return Table(head, rows, words=range(2), note=ALONE)
 
 
-def picture(file: BudgetFile) -> Figure:
-    """Return the stacked plot: for each unit a bar as long as the whole error, which is divided as
-    the squares of the contributions are.
+def picture(parts: Sequence[Part]) -> Figure:
+    """Return the stacked plot: a bar for each unit, which is divided as the squares of the
+    contributions are.
     """
-    squares = np.square([file.floor, *(part.alone for part in file.parts)])
+    squares = np.square([part.error for part in parts[:-1]])
     shares = squares / np.maximum(squares.sum(axis=0), 1e-300)
-    names = [NOTHING, *(part.name for part in file.parts)]
-    labels = [f"{shown(whole)} {unit}" for whole, unit in zip(file.together, UNITS, strict=True)]
-    note = (
-        "A bar is the error with everything wrong; its parts are as the squares of contributions."
-    )
-    return stacked("Share of each source in the error at the end", labels, names, shares, note=note)
+    errors = zip(parts[-1].error.tolist(), UNITS, strict=True)
+    labels = [f"{shown(error)} {unit}" for error, unit in errors]
+    title = "Share of each source in the error at the end"
+    return stacked(title, labels, [part.name for part in parts[:-1]], shares, note=DIVIDED)

@@ -3,161 +3,199 @@ fresh seeds, response curves, and the front of error against effort.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import tomli_w
 
+from servo.output.formats import Made
 from servo.report import page
 from servo.report.charts import Curve, Scale, colour, curves
 from servo.report.page import Block, Fact, Figure, Section
-from servo.report.words import Badge, Table, Tone, listed, shown, spread
+from servo.report.words import NOTHING, Badge, Table, listed, shown, spread
+from servo.scenario.expected import SUCCESS_RATE
+from servo.scenario.toml import Table as Settings
+from servo.scenario.toml import put
 from servo.study.scenario_run import RECORDED
-from servo.tune.result import EFFORT, Tried, TuneFile, fresh_rows
+from servo.tune.search import Aim, Candidate, Values, column
+from tracking.statistics.comparisons import Interval, clopper_pearson, mean_of
 
+EFFORT = "effort_rms_mm_s"
 WIDE = 4.0
 """Ratio of values from which an axis of a figure is logarithmic."""
-AS_IT_IS = "the scenario as it is"
-BEST = "the best settings"
+AS_IT_IS = "as it is"
+BEST = "best"
+POINTS = (
+    "Each point is a candidate, with the mean over its seeds. Candidates that were stopped early "
+    "or break a condition are pale; other settings vary from point to point."
+)
+NOTE = (
+    "Means over seeds that the search has not seen, with 95 % intervals (success: Clopper and "
+    "Pearson; less: paired)."
+)
 
 
-def section(folder: Path) -> Section:
-    """Return the section about a folder that `servobench tune` wrote.
+@dataclass(frozen=True, slots=True)
+class Tuned:
+    """The result of a search for settings."""
 
-    Raises:
-        Mistake: The file tune.json is missing or damaged.
-    """
-    file = TuneFile.read(folder / TuneFile.FILE)
-    figures = [*_responses(file), *_front(file)]
-    blocks = [
-        *([Block("On fresh seeds", tables=[fresh_table(file)])] if file.after else []),
-        Block("The lines for the scenario's file", code=[file.lines] if file.lines else []),
-        Block("What each setting does", [_points(file)], figures=figures),
-        _tried(file),
-        page.again(file),
-    ]
-    tone = Tone.BAD if file.broken or not file.after else Tone.GOOD
-    verdict = "conditions kept" if tone is Tone.GOOD else "conditions missed"
-    runs = sum(one.runs for one in file.tried)
-    facts = [
-        Fact("minimised", file.minimise, ", ".join(file.keep)),
-        Fact("candidates", str(len(file.tried)), f"{runs} runs, {len(file.seeds)} seeds at most"),
-    ]
-    title = f"{file.scenario}, tuned"
-    return Section("tune", title, sentence(file), Badge(verdict, tone), facts, blocks, str(folder))
+    scenario: str
+    aim: Aim
+    own: Settings
+    """Values of the searched settings in the scenario as it is, by dotted key."""
+    tried: list[Candidate]
+    """All candidates in their order; the first is the scenario as it is."""
+    best: Candidate
+    before: Sequence[Values]
+    """Runs of the scenario as it is with fresh seeds; none if no candidate keeps the conditions."""
+    after: Sequence[Values]
+    """Runs of the best settings with the same seeds."""
 
+    @property
+    def lines(self) -> str:
+        """The best settings as lines of TOML, for the scenario's file."""
+        table: Settings = {}
+        for key, value in self.best.settings.items():
+            put(table, key, value, key)
+        return tomli_w.dumps(table)
 
-def sentence(file: TuneFile) -> str:
-    """Return the result of a search in a sentence or two."""
-    best = file.tried[file.best]
-    chosen = listed(best.settings)
-    if not file.after:
-        means = listed(best.means)
+    @property
+    def measures(self) -> list[str]:
+        """The measures of interest: what is minimised, what is bounded, and the effort."""
+        kept = (condition.name for condition in self.aim.keep)
+        return list(dict.fromkeys((self.aim.minimise, SUCCESS_RATE, *kept, EFFORT)))
+
+    @property
+    def gain(self) -> Interval | None:
+        """The measure before minus that after, as a mean over fresh seeds with its 95 % interval;
+        None without a value.
+        """
+        before, after = (column(runs, self.aim.minimise) for runs in (self.before, self.after))
+        return _mean("", before - after)
+
+    @property
+    def broken(self) -> list[str]:
+        """A sentence for each condition that the best settings break on fresh seeds."""
+        return [
+            f"{c}: on fresh seeds {c.name} is {spread(_mean(c.name, column(self.after, c.name)))}"
+            for c in self.aim.keep
+            if self.after and c.excess(self.after).mean() > 0
+        ]
+
+    @property
+    def sentence(self) -> str:
+        """The result in a sentence or two."""
+        chosen = listed(self.best.settings) or f"those of the scenario {AS_IT_IS}"
+        if not self.after:
+            names = self.measures
+            means = {name: float(column(self.best.runs, name).mean()) for name in names}
+            return (
+                f"no settings among {len(self.tried)} candidates keep "
+                f"{' and '.join(map(str, self.aim.keep)) or 'a value'}; the nearest are {chosen}, "
+                f"with {listed(means)}: allow more, search wider ranges (--settings), or give more "
+                "runs (--budget)"
+            )
+        gain = self.gain
+        certain = gain is None or gain.low > 0 or not self.best.settings
         return (
-            f"no settings among {len(file.tried)} candidates keep {' and '.join(file.keep)}; the "
-            f"nearest are {chosen or AS_IT_IS}, with {means}: allow more, search wider ranges "
-            "(--settings), or give more runs (--budget)"
+            f"The best settings are {chosen}: {self.aim.minimise} is lower by {spread(gain)} as a "
+            f"mean over {len(self.after)} fresh seeds.{'' if certain else ' This is not certain.'}"
         )
-    if not best.settings:
-        return f"No candidate is better than {AS_IT_IS}."
-    gain = file.gain
-    if gain is None:
-        return f"Best: {chosen}."
-    before = fresh_rows(file)[0][2]
-    share = f", {100 * gain.value / before.value:.0f} %" if before and before.value else ""
-    unit = RECORDED[file.minimise].unit if file.minimise in RECORDED else ""
-    doubt = " This gain is not certain." if gain.known and gain.low <= 0 else ""
-    return (
-        f"Best: {chosen}. {file.minimise} is lower by {spread(gain)} {unit}{share}, as a mean over "
-        f"{len(file.fresh_seeds)} fresh seeds.{doubt}"
-    )
+
+    def table(self) -> Table:
+        """Return the table of measures on fresh seeds, before and after."""
+        rows = [
+            [name, _unit(name), *(spread(_mean(name, column(r, name))) for r in both)]
+            for both in [(self.before, self.after)]
+            for name in self.measures
+        ]
+        rows.append([f"{self.aim.minimise}, less", _unit(self.aim.minimise), "", spread(self.gain)])
+        return Table(("measure", "unit", AS_IT_IS, BEST), rows, words=range(2), note=NOTE)
 
 
-def fresh_table(file: TuneFile) -> Table:
-    """Return the table of measures on fresh seeds, before and after."""
-    rows = [
-        [name, unit, spread(before), spread(after)]
-        for name, unit, before, after in fresh_rows(file)
+def section(tuned: Tuned, made: Made, folder: Path) -> Section:
+    """Return the section about a search, whose command and versions are those of `made`."""
+    numeric = [key for key, value in tuned.own.items() if not isinstance(value, str)]
+    figures = [
+        _scatter(tuned, key, key, [_setting(tuned, t, key) for t in tuned.tried]) for key in numeric
     ]
-    if file.gain is not None:
-        rows.append([f"{file.minimise}, less", rows[0][1], "", spread(file.gain)])
-    note = (
-        f"Means over {len(file.fresh_seeds)} seeds that the search has not seen, with 95 % "
-        "intervals (success: Clopper and Pearson; the last row: paired)."
-    )
-    return Table(("measure", "unit", AS_IT_IS, BEST), rows, words=range(2), note=note)
-
-
-def _points(file: TuneFile) -> str:
-    return (
-        f"Each point is a candidate, the mean of {file.minimise} over its seeds. Candidates that "
-        "were stopped early or break a condition are pale; other settings vary from point to point."
-    )
-
-
-def _responses(file: TuneFile) -> list[Figure]:
-    """Return a figure of the minimised measure against each setting of numbers."""
-    numeric = [key for key, laws in file.searched.items() if "choice" not in laws]
-    return [
-        _scatter(file, key, key, [one.settings.get(key) for one in file.tried]) for key in numeric
-    ]
-
-
-def _value(file: TuneFile, one: Tried, key: str) -> float | None:
-    """Return the value of a setting that a candidate has; None where a kind replaces it."""
-    is_own = not one.settings or key.endswith(".kind")
-    return one.settings.get(key, file.own[key] if is_own else None)
-
-
-def _front(file: TuneFile) -> list[Figure]:
-    """Return the figure of the minimised measure against the effort, if both are there."""
-    if file.minimise == EFFORT:
-        return []
-    efforts = [one.means.get(EFFORT) for one in file.tried]
-    return [_scatter(file, "Error against effort", f"{EFFORT} [mm/s]", efforts, front=True)]
-
-
-def _scatter(
-    file: TuneFile, title: str, x: str, across: Sequence[float | None], front: bool = False
-) -> Figure:
-    """Return a figure of the minimised measure of each candidate against a value of it."""
-    full = max(one.runs for one in file.tried)
-    groups = {"": list[int](), "candidates": list[int](), AS_IT_IS: [0], BEST: [file.best]}
-    for i, one in enumerate(file.tried):
-        groups["candidates" if one.keeps and one.runs == full else ""].append(i)
-    drawn = list[Curve]()
-    for number, (label, members) in enumerate(groups.items()):
-        known = [(across[i], _mean(file, file.tried[i])) for i in members]
-        points = np.array([p for p in known if None not in p], float).reshape(-1, 2)
-        if not len(points):
-            continue
-        if front and label == "candidates":
-            points = points[np.argsort(points[:, 0])]
-            lowest = points[points[:, 1] <= np.minimum.accumulate(points[:, 1])]
-            drawn.append(Curve("front", *lowest.T, colour=colour(3), dashed=True))
-        ink = colour(number)
-        drawn.append(Curve(label, *points.T, colour=ink, faint=not label, marks=True))
-    unit = RECORDED[file.minimise].unit if file.minimise in RECORDED else ""
-    return curves(
-        title, Scale(x, log_from=WIDE), Scale(f"{file.minimise} [{unit}]", log_from=WIDE), drawn
-    )
-
-
-def _mean(file: TuneFile, one: Tried) -> float | None:
-    return one.means.get(file.minimise)
-
-
-def _tried(file: TuneFile) -> Block:
-    """Return the block with the table of all candidates."""
-    keys = list(file.searched)
-    names = list(file.tried[0].means)
+    efforts = [float(np.mean(column(one.runs, EFFORT))) for one in tuned.tried]
+    figures.append(_scatter(tuned, "Error against effort", f"{EFFORT} [mm/s]", efforts))
+    head = (*tuned.own, "runs", "keeps", *tuned.measures)
     rows = (
         [
-            *(shown(_value(file, one, key)) for key in keys),
-            str(one.runs),
-            "yes" if one.keeps else "no",
-            *(shown(one.means.get(name)) for name in names),
+            *(shown(_setting(tuned, one, key)) for key in tuned.own),
+            str(len(one.runs)),
+            shown(tuned.aim.score(one.runs)[0] == 0),
+            *(shown(float(column(one.runs, name).mean())) for name in tuned.measures),
         ]
-        for one in file.tried
+        for one in tuned.tried
     )
-    head = (*keys, "runs", "keeps", *names)
-    return page.rows_of("candidates", head, rows, len(file.tried), ())
+    blocks = [
+        Block("On fresh seeds", tables=[tuned.table()] if tuned.after else []),
+        Block("The lines for the scenario's file", code=[tuned.lines or NOTHING]),
+        Block("What each setting does", [POINTS], figures=figures),
+        page.rows_of("candidates", head, rows, len(tuned.tried), ()),
+        page.again(made),
+    ]
+    kept = bool(tuned.after) and not tuned.broken
+    keep = ", ".join(map(str, tuned.aim.keep))
+    runs = f"{sum(len(one.runs) for one in tuned.tried)} runs"
+    facts = [
+        Fact("minimised", tuned.aim.minimise, keep),
+        Fact("candidates", str(len(tuned.tried)), runs),
+    ]
+    verdict = Badge.of(kept, "conditions kept", "conditions missed")
+    title = f"{tuned.scenario}, tuned"
+    return Section("tune", title, tuned.sentence, verdict, facts, blocks, str(folder))
+
+
+def _setting(tuned: Tuned, one: Candidate, key: str) -> object:
+    """Return the value of a setting that a candidate has; None where a kind replaces it."""
+    is_own = not one.settings or key.endswith(".kind")
+    return one.settings.get(key, tuned.own[key] if is_own else None)
+
+
+def _scatter(tuned: Tuned, title: str, x: str, across: Sequence[object]) -> Figure:
+    """Return a figure of the minimised measure of each candidate against a value of it, with the
+    front where it is the effort.
+    """
+    name = tuned.aim.minimise
+    along = [float(np.mean(column(one.runs, name))) for one in tuned.tried]
+    points = np.array(list(zip(across, along, strict=True)), float)
+    full = np.array(
+        [
+            tuned.aim.score(one.runs)[0] == 0 and len(one.runs) == len(tuned.best.runs)
+            for one in tuned.tried
+        ]
+    )
+    is_best = np.array([one is tuned.best for one in tuned.tried])
+    is_first = np.arange(len(points)) == 0
+    groups = {"": ~full, "candidates": full, AS_IT_IS: is_first, BEST: is_best}
+    drawn = [
+        Curve(label, *points[chosen].T, colour=colour(i), faint=not label, marks=True)
+        for i, (label, chosen) in enumerate(groups.items())
+        if np.isfinite(points[chosen]).all(axis=1).any()
+    ]
+    if x.startswith(EFFORT) and full.any():
+        ordered = points[full][np.argsort(points[full][:, 0])]
+        front = ordered[ordered[:, 1] <= np.minimum.accumulate(ordered[:, 1])]
+        drawn.append(Curve("front", *front.T, colour=colour(4), dashed=True))
+    return curves(
+        title, Scale(x, log_from=WIDE), Scale(f"{name} [{_unit(name)}]", log_from=WIDE), drawn
+    )
+
+
+def _unit(name: str) -> str:
+    return RECORDED[name].unit if name in RECORDED else ""
+
+
+def _mean(name: str, values: Sequence[float] | np.ndarray) -> Interval | None:
+    """Return the mean of the finite values (n,) of a measure with its 95 % interval, or None."""
+    finite = np.asarray(values)[np.isfinite(values)]
+    if not len(finite):
+        return None
+    if name == SUCCESS_RATE:
+        return clopper_pearson(int(finite.sum()), len(finite))
+    return mean_of(finite, least=0.0 if name else -np.inf)

@@ -1,4 +1,4 @@
-"""Runs of a scenario with settings that are decided while a command runs, kept in its folder."""
+"""Runs of a scenario with settings that are decided while a command works, kept in its folder."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -14,11 +14,13 @@ from servo.study.store import Store, StudyFile
 
 KEY = 24
 """Length of the name of a run: the begin of the digest of its settings."""
+Trial = tuple[Table, int]
+"""Settings of a run by dotted key, and its seed."""
 
 
 class Trials:
-    """Runs of a scenario, each with settings and a seed. The record of a run is found in the folder
-    by its settings and seed, so that a command which is given again repeats no run.
+    """Function that does runs of a scenario, each with settings and a seed. The record of a run is
+    found in the folder by these, so that a command which is given again repeats no run.
     """
 
     def __init__(
@@ -42,12 +44,12 @@ class Trials:
         self._ended = ended
         store.find()
 
-    def __call__(self, asked: Sequence[tuple[Table, int]]) -> list[Record | None]:
+    def __call__(self, asked: Sequence[Trial]) -> list[Record | None]:
         """Do the runs that have no record yet, and return the records of all, with their values
         over time, in the same order; None for a run that failed.
 
         Args:
-            asked: Settings by dotted key, and the seed, of each run.
+            asked: Settings and seed of each run.
 
         Raises:
             ClusterLost: The workers have stopped.
@@ -55,14 +57,11 @@ class Trials:
             Refused: The disk is full, or the processes cannot be started.
         """
         jobs = [self._job(settings, seed) for settings, seed in asked]
-        every = {job.key: job for job in jobs}
-        failures = list[Failure]()
-        for _, end in complete(every.values(), self._store, self._workers):
-            if isinstance(end, Failure):
-                failures.append(end)
-            self._ended(f"{len(failures)} failed")
-        if failures and not self._store.done:
-            raise Mistake(f"every run fails: {failures[0].reason} (again: {jobs[0].command})")
+        once = {job.key: job for job in jobs}.values()
+        for job, end in complete(once, self._store, self._workers):
+            if isinstance(end, Failure) and not self._store.done:
+                raise Mistake(f"the first run fails: {end.reason} (again: {job.command})")
+            self._ended(f"seed {job.seed}")
         done = iter(self._store.records(jobs))
         return [next(done) if job.key in self._store.done else None for job in jobs]
 
@@ -71,7 +70,7 @@ class Trials:
         return replace(job, name=job.digest[:KEY])
 
 
-def study_of(
+def trial_study(
     holds: str, scenario: str, changes: Sequence[str], command: str
 ) -> tuple[StudiedScenario, StudyFile]:
     """Return a scenario with changes for runs as trials, and the description of their folder.
