@@ -16,7 +16,6 @@ NUMBER = r"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)"
 RANGE = re.compile(rf"{NUMBER}:{NUMBER}(:log)?")
 NOISES = {
     "kalman_cv": {"ratio": (1e-3, 10.0)},
-    "jump": {"ratio": (1e-3, 10.0)},
     "kalman_ca": {"ratio": (1e-3, 10.0), "acceleration_ratio": (1e-4, 10.0)},
     "integral": {"gain": (0.1, 50.0)},
 }

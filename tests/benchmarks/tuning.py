@@ -6,18 +6,20 @@ python tests/benchmarks/tuning.py defaults  # six scenarios at four delays, on f
 Each search has a folder under runs/tuning, so that a stopped study goes on.
 """
 
+import json
 import sys
 from pathlib import Path
 
 import numpy as np
 
 from servo.cli import tune_command
-from servo.report.tune_section import fresh_rows
 from servo.report.words import listed, spread
-from servo.tune.result import TuneFile
+from servo.tune.search import column
+from tracking.statistics.comparisons import clopper_pearson, mean_of
 
 FOLDER = Path("runs") / "tuning"
-OPTIONS = {"minimise": "servo_rms_px", "workers": 1, "scheduler": None, "quiet": True}
+ERROR = "servo_rms_px"
+OPTIONS = {"minimise": ERROR, "workers": 1, "scheduler": None, "quiet": True}
 RATE = 30.0
 """Frame rate of the scenarios [Hz]."""
 LATENCIES = (1, 2, 3, 4, 6)
@@ -56,8 +58,7 @@ def theory():
         options |= {"settings": ("controller.gain=0.5:29:log",)}
         changes = (*FREE, f"run.latency={latency}")
         tune_command.run(scenario="still", changes=changes, out=folder, **options)
-        file = TuneFile.read(folder / TuneFile.FILE)
-        found = file.tried[file.best].settings["controller.gain"]
+        found = json.loads((folder / "tune.json").read_text())["best"]["controller.gain"]
         say(latency, f"{best:.3g}", f"{found:.3g}", f"{100 * (found / best - 1):+.1f} %")
 
 
@@ -71,11 +72,12 @@ def defaults():
             options |= {"budget": 36, "seeds": 4, "fresh": 10}
             changes = (*SHORT, f"run.latency={latency}")
             tune_command.run(scenario=scenario, changes=changes, out=folder, **OPTIONS, **options)
-            file = TuneFile.read(folder / TuneFile.FILE)
-            (_, _, before, after), (_, _, _, success), *_ = fresh_rows(file)
-            row = (scenario, latency, spread(before), spread(after), spread(file.gain))
-            settings = listed(file.tried[file.best].settings)
-            say(*row, spread(success), settings)
+            file = json.loads((folder / "tune.json").read_text())
+            before, after = (column(file[f"fresh_{name}"], ERROR) for name in ("before", "after"))
+            successes = int(column(file["fresh_after"], "success_rate").sum())
+            means = (mean_of(before), mean_of(after), mean_of(before - after))
+            rate = clopper_pearson(successes, len(after))
+            say(scenario, latency, *map(spread, (*means, rate)), listed(file["best"]))
 
 
 if __name__ == "__main__":
