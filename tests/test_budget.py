@@ -148,7 +148,7 @@ def test_contributions_are_what_a_source_adds():
     parts = plan.parts(sources, records, 300.0)
     assert [part.name for part in parts] == [NOTHING, "tracker", "noise", "lag", TOGETHER]
     assert [part.error[0] for part in parts] == pytest.approx([3, 4, 12, 0, 13])
-    assert [part.success for part in parts] == [1, 2, 2, 2, 2]
+    assert [part.success for part in parts] == ["1 of 2", *["2 of 2"] * 4]
     said = sentence(parts)
     assert (
         said
@@ -162,7 +162,7 @@ def test_contributions_are_what_a_source_adds():
 
 def test_parts_are_not_larger_than_the_whole():
     def part(name, mm):
-        return Part(name, "", np.array([mm, 0.0, 0.0]), None, 1)
+        return Part(name, "", np.array([mm, 0.0, 0.0]), None, "1 of 1")
 
     said = sentence(
         [part(NOTHING, 0.0), part("focal_length", 6.0), part("depth", 8.0), part(TOGETHER, 5.0)]

@@ -37,8 +37,8 @@ class Part:
     those without it."""
     theory: float | None
     """Error of the position by linear theory [mm]; None where there is none."""
-    success: int
-    """Number of runs that ended as the scenario expects."""
+    success: str
+    """How many runs ended as the scenario expects, such as "7 of 8"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +145,7 @@ class Plan:
                 raise Mistake(f"every run with {name} fails: the folder failures says why")
             scale = self.magnitude(known[RESOLUTION]) if known.get(RESOLUTION) in wrong else 1.0
             squares[name] = np.mean([np.square(_errors(record, scale)) for record in done], axis=0)
-            success = sum(record.success for record in done)
+            success = f"{sum(record.success for record in done)} of {count}"
             source = known.get(name)
             if source is None:
                 parts.append(Part(name, "", np.sqrt(squares[name]), None, success))

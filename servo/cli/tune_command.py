@@ -91,7 +91,7 @@ def run(
         unseen = range(FRESH, FRESH + count * (aim.score(best.runs)[0] == 0))
         pairs = [perform([(s, seed) for seed in unseen]) for s in ({}, best.settings)]
     searched = {key: own.get(key) for key in ranges}
-    result = Tuned(base.name, aim, searched, tried, best, *pairs)
+    result = Tuned(aim, searched, tried, best, *pairs)
     if unseen:
         plain(console, result.sentence)
         print_table(console, result.table())

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from servo.budget.plan import Part
-from servo.output.formats import Made
 from servo.report import page
 from servo.report.charts import stacked
 from servo.report.page import Block, Fact, Figure, Section
 from servo.report.words import Badge, Table, Tone, shown
+from servo.study.store import StudyFile
 from sim.types import Array
 
 UNITS = ("mm", "deg", "px")
@@ -28,14 +28,14 @@ DIVIDED = "Each bar is the error with all of them, divided as the squares of the
 
 
 def section(
-    parts: Sequence[Part], left_out: Mapping[str, str], made: Made, folder: Path
+    parts: Sequence[Part], left_out: Mapping[str, str], made: StudyFile, folder: Path
 ) -> Section:
     """Return the section about a budget.
 
     Args:
         parts: Nothing wrong, each source alone, and all together.
         left_out: Reasons by the names of the sources that the scenario cannot have.
-        made: The command and its versions.
+        made: The scenario, the command and its versions.
         folder: The folder of the runs.
     """
     reasons = [f"{name}: {reason}" for name, reason in left_out.items()]
@@ -47,7 +47,8 @@ def section(
     errors = zip(UNITS, parts[-1].error.tolist(), strict=True)
     facts = [Fact(unit, shown(error), "together") for unit, error in errors]
     badge = Badge(f"{len(parts) - 2} sources", Tone.PLAIN)
-    return Section("budget", "Accuracy budget", sentence(parts), badge, facts, blocks, str(folder))
+    title = f"{', '.join(made.scenarios)}, accuracy budget"
+    return Section("budget", title, sentence(parts), badge, facts, blocks, str(folder))
 
 
 def summed(parts: Sequence[Part]) -> Array:
@@ -79,7 +80,7 @@ def sentence(parts: Sequence[Part]) -> str:
 def table(parts: Sequence[Part]) -> Table:
     """Return the table of contributions, alone and together."""
     rows = [
-        [p.name, p.magnitude, *map(shown, p.error.tolist()), shown(p.theory), str(p.success)]
+        [p.name, p.magnitude, *map(shown, p.error.tolist()), shown(p.theory), p.success]
         for p in parts
     ]
     rows.insert(-1, ["root of the sum of squares", "", *map(shown, summed(parts).tolist()), "", ""])

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-from servo.output.formats import Made
 from servo.report import page
 from servo.report.charts import Curve, Scale, colour, curves
 from servo.report.page import Block, Fact, Figure, Section
@@ -18,6 +17,7 @@ from servo.scenario.expected import SUCCESS_RATE
 from servo.scenario.toml import Table as Settings
 from servo.scenario.toml import put
 from servo.study.scenario_run import RECORDED
+from servo.study.store import StudyFile
 from servo.tune.search import Aim, Candidate, Values, column
 from tracking.statistics.comparisons import Interval, clopper_pearson, mean_of
 
@@ -40,7 +40,6 @@ NOTE = (
 class Tuned:
     """The result of a search for settings."""
 
-    scenario: str
     aim: Aim
     own: Settings
     """Values of the searched settings in the scenario as it is, by dotted key."""
@@ -96,8 +95,10 @@ class Tuned:
                 f"with {listed(means)}: allow more, search wider ranges (--settings), or give more "
                 "runs (--budget)"
             )
+        if not self.best.settings:
+            return f"No candidate is better than the scenario {AS_IT_IS}."
         gain = self.gain
-        certain = gain is None or gain.low > 0 or not self.best.settings
+        certain = gain is None or gain.low > 0
         return (
             f"The best settings are {chosen}: {self.aim.minimise} is lower by {spread(gain)} as a "
             f"mean over {len(self.after)} fresh seeds.{'' if certain else ' This is not certain.'}"
@@ -114,8 +115,8 @@ class Tuned:
         return Table(("measure", "unit", AS_IT_IS, BEST), rows, words=range(2), note=NOTE)
 
 
-def section(tuned: Tuned, made: Made, folder: Path) -> Section:
-    """Return the section about a search, whose command and versions are those of `made`."""
+def section(tuned: Tuned, made: StudyFile, folder: Path) -> Section:
+    """Return the section about a search, whose scenario, command and versions are in `made`."""
     numeric = [key for key, value in tuned.own.items() if not isinstance(value, str)]
     figures = [
         _scatter(tuned, key, key, [_setting(tuned, t, key) for t in tuned.tried]) for key in numeric
@@ -147,7 +148,7 @@ def section(tuned: Tuned, made: Made, folder: Path) -> Section:
         Fact("candidates", str(len(tuned.tried)), runs),
     ]
     verdict = Badge.of(kept, "conditions kept", "conditions missed")
-    title = f"{tuned.scenario}, tuned"
+    title = f"{', '.join(made.scenarios)}, tuned"
     return Section("tune", title, tuned.sentence, verdict, facts, blocks, str(folder))
 
 
