@@ -23,7 +23,7 @@ POSE += ("estimator.kind=none", "run.duration=2", "controller.gain=5")
 
 def plan_of(scenario, *changes, **magnitudes):
     base, _ = trial_study("budget", scenario, changes, "")
-    return Plan(base, range(1, 3), magnitudes)
+    return Plan.of(base, range(1, 3), magnitudes)
 
 
 def test_each_seed_draws_a_direction_of_the_stated_length():

@@ -46,26 +46,31 @@ class Plan:
     """The settings of the runs of a budget."""
 
     base: StudiedScenario
+    scenario: Scenario
+    """The scenario with its first seed."""
     seeds: Sequence[int]
-    magnitudes: Mapping[str, float]
+    stated: Mapping[str, float]
     """The magnitudes that the user states, by source."""
+    own: Mapping[str, float]
+    """The magnitudes that the scenario has by itself, by source; 0: it is ideal."""
 
-    @property
-    def scenario(self) -> Scenario:
-        """The scenario with its first seed."""
-        return self.base.parsed(self.seeds[0], {})
+    @staticmethod
+    def of(base: StudiedScenario, seeds: Sequence[int], stated: Mapping[str, float]) -> "Plan":
+        """Return the plan for a scenario, with the magnitudes that the user states."""
+        scenario = base.parsed(seeds[0], {})
+        own = {source.name: source.own(scenario) for source in SOURCES}
+        return Plan(base, scenario, seeds, stated, own)
 
     def magnitude(self, source: Source) -> float:
         """Return the magnitude of a source: the user's, the scenario's, or else the usual one."""
-        own = source.own(self.scenario)
-        return self.magnitudes.get(source.name, own or source.usual)
+        return self.stated.get(source.name, self.own[source.name] or source.usual)
 
     def words(self, source: Source) -> str:
         """Return the magnitude of a source as a text that says where it is from."""
         if source.name == TRACKER:
             return kind_of(self.scenario.tracker)
-        usual = "the scenario's" if source.own(self.scenario) else "usual"
-        said = "stated" if source.name in self.magnitudes else usual
+        usual = "the scenario's" if self.own[source.name] else "usual"
+        said = "stated" if source.name in self.stated else usual
         return f"{self.magnitude(source):.3g} {source.unit} ({said})"
 
     def settings(self, wrong: Sequence[Source], seed: int) -> Table:
@@ -75,7 +80,7 @@ class Plan:
         if SOURCES[0] not in wrong:
             found = {"tracker.kind": "truth", "tracker.corners": corners}
         for source in SOURCES:
-            stays = source.name not in self.magnitudes and source.own(self.scenario) > 0
+            stays = source.name not in self.stated and self.own[source.name] > 0
             if source not in wrong:
                 found |= source.settings(0.0, seed)
             elif source.name == RESOLUTION:

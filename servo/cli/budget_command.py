@@ -54,7 +54,7 @@ def run(
     stated = magnitudes_of(magnitude)
     again = command_line("budget", scenario, set=changes, magnitude=magnitude, seeds=seeds)
     base, described = trial_study("budget", scenario, changes, again)
-    plan = Plan(base, range(FIRST_SEED, FIRST_SEED + seeds), stated)
+    plan = Plan.of(base, range(FIRST_SEED, FIRST_SEED + seeds), stated)
     console = Console(quiet=quiet)
     with waiting(console, "looking for the sources of error that the scenario can have"):
         with Episode(plan.scenario, seen=False) as episode:

@@ -46,7 +46,7 @@ def asked(texts: Sequence[str]) -> list[Draw]:
 
 def _read(text: str) -> Draw:
     at = f"--settings {text}"
-    key, _, given = text.replace(" ", "").partition("=")
+    key, _, given = map(str.strip, text.partition("="))
     found = RANGE.fullmatch(given)
     parts = given.split(",")
     if not key or (found is None and len(set(parts)) < 2):
