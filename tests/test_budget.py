@@ -152,7 +152,7 @@ def test_contributions_are_what_a_source_adds():
     said = sentence(parts)
     assert (
         said
-        == "At the end 13 mm, of which the noise is 12 and the tracker is 4; 0 deg; 4 px, of which the lag is 4."
+        == "At the end 13 mm (3 with nothing wrong), of which the noise is 12 and the tracker is 4; 0 deg; 4 px, of which the lag is 4."
     )
     assert table(parts).rows[-2][2] == "13"
     assert len(picture(parts).keys) == 4

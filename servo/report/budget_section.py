@@ -73,7 +73,9 @@ def sentence(parts: Sequence[Part]) -> str:
             if each[name] > LEAST_NAMED * whole[i]
         ]
         of = f", of which {' and '.join(named)}" if named else ""
-        found.append(f"{shown(float(whole[i]))} {unit}{of}")
+        floor = float(parts[0].error[i])
+        said = f" ({shown(floor)} with nothing wrong)" if floor > LEAST_NAMED * whole[i] else ""
+        found.append(f"{shown(float(whole[i]))} {unit}{said}{of}")
     return f"At the end {'; '.join(found)}."
 
 
