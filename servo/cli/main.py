@@ -298,6 +298,89 @@ def compare() -> None:
 
 
 @app.command()
+@click.argument("scenario", type=opt.SCENARIO, help="A shipped scenario, or a .toml file.")
+@click.option(
+    "--settings",
+    metavar="KEY=LOW:HIGH[:log]",
+    multiple=True,
+    help="A setting to search, or KEY=A,B,C; may be repeated (default: the gain, the estimator's "
+    "noise and, where commands are late, its prediction).",
+)
+@click.option(
+    "--minimise",
+    metavar="MEASURE",
+    default="servo_rms_px",
+    show_default=True,
+    help="The measure to minimise.",
+)
+@click.option(
+    "--keep",
+    metavar="CONDITION",
+    multiple=True,
+    default=["success_rate>=0.95"],
+    show_default=True,
+    help="A bound on the mean of a measure, such as 'effort_rms_mm_s<=40'; may be repeated.",
+)
+@opt.changes_option
+@opt.exact_option
+@click.option(
+    "--budget", type=opt.COUNT, default=300, show_default=True, help="Runs of the search, at most."
+)
+@click.option(
+    "--seeds",
+    type=click.IntRange(1, 1000),
+    default=8,
+    show_default=True,
+    help="Seeds of a candidate that is not stopped: 1, 2, ...",
+)
+@click.option(
+    "--fresh",
+    type=opt.COUNT,
+    default=20,
+    show_default=True,
+    help="Fresh seeds for the result: 1001, 1002, ...",
+)
+@opt.workers_option
+@opt.scheduler_option
+@opt.out_option("runs/tune-SCENARIO, also to continue")
+@opt.quiet_option
+def tune() -> None:
+    """Choose settings for a measure under conditions.
+
+    Candidates are run with the same seeds, and one that is clearly worse stops early. The best is
+    compared with the scenario as it is on fresh seeds. The same command continues a stopped one.
+    Needs the extra tune.
+    """
+
+
+@app.command()
+@click.argument("scenario", type=opt.SCENARIO, help="A shipped scenario, or a .toml file.")
+@click.option(
+    "--magnitude",
+    metavar="SOURCE=NUMBER",
+    multiple=True,
+    help="How wrong a source is, such as focal_length=0.5; may be repeated (default: the "
+    "scenario's own value, or else a usual one).",
+)
+@opt.changes_option
+@opt.exact_option
+@click.option(
+    "--seeds", type=opt.COUNT, default=8, show_default=True, help="Number of seeds: 1, 2, ..."
+)
+@opt.workers_option
+@opt.scheduler_option
+@opt.out_option("runs/budget-SCENARIO, also to continue")
+@opt.quiet_option
+def budget() -> None:
+    """Show what each source of error contributes to the end error.
+
+    The sources are tracker, noise, resolution, delay, lag, play, encoder_step, focal_length,
+    principal_point, mount_rotation, mount_translation, depth and target_size, alone and together.
+    The same command continues a stopped one.
+    """
+
+
+@app.command()
 @click.argument("claims", nargs=-1, help="Claims, such as P1-2 (default: all).")
 @click.option("--quick", is_flag=True, help="One seed of each, to check that all works.")
 @click.option("--sequences", type=opt.PATH, help="A folder of real sequences to add to P0-1.")

@@ -191,7 +191,7 @@ To begin with:
 GROUPS = {
     "Run": ("run", "track", "view", "film", "report"),
     "Compare": ("compare", "sweep", "evaluate"),
-    "Measure": ("check", "identify", "robot", "photo", "doctor"),
+    "Measure": ("check", "tune", "budget", "identify", "robot", "photo", "doctor"),
     "Publish": ("benchmark", "papers", "docs"),
     "Connect your own parts": ("new", "list", "schema"),
 }

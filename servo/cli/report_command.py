@@ -30,6 +30,8 @@ from tracking.files import atomic
 
 FIGURES = "figures"
 """Folder of the figures, beside the page."""
+PAGES = ("tune", "budget")
+"""Commands that write their page themselves."""
 ONLY_STUDIES = "--measures is only for folders of sweep and compare: leave out --measures"
 
 
@@ -128,6 +130,8 @@ def section_of(folder: Path, measures: Sequence[str] | None = None) -> Section:
             "benchmark": partial(benchmark_section.section, study=study),
             "papers": papers_section.section,
         }
+        if study.holds in PAGES:
+            raise Mistake(f"{folder}: this folder has its page already: open report.html")
         of_sweep = partial(study_section.section, measures=measures)
         return of_studies.get(study.holds, of_sweep)(folder)
     if (folder / PapersReport.FILE).exists():

@@ -45,6 +45,8 @@ DARK_BELOW = 0.6
 """Share of the colour map below which numbers are white."""
 BAND_OPACITY = 0.18
 FAINT_OPACITY = 0.25
+THINNEST = 0.003
+"""Share of the thinnest part of a bar that is drawn."""
 INK = "#1b1f26"
 """Colour of the page's text in light mode."""
 INKS = {INK: "currentColor"} | {one: f"var(--series-{i})" for i, one in enumerate(LIGHT)}
@@ -96,6 +98,8 @@ class Curve:
     """Whether the line is pale and has no entry in the legend."""
     points: bool = False
     """Whether points with error bars are drawn in place of a line with a band."""
+    marks: bool = False
+    """Whether points without a line are drawn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +152,7 @@ def curves(
         axes.set(xlabel=x.title, ylabel=y.title)
         _scale(axes, x, [c.x for c in drawn], "x")
         _scale(axes, y, [v for c in drawn for v in (c.y, c.low, c.high) if v is not None], "y")
-        if any(c.points for c in drawn):
+        if any(c.points or c.marks for c in drawn):
             axes.margins(x=0.05)
         named = [c for c in drawn if not c.faint and (len(drawn) > 1 or c.dashed)]
         keys = [Key(c.label, INKS[c.colour], c.dashed) for c in named]
@@ -209,6 +213,31 @@ def heat(
         return Figure(title, svg(figure, title), note=note, drawing=figure)
 
 
+def stacked(
+    title: str, bars: Sequence[str], names: Sequence[str], shares: Array, *, note: str = ""
+) -> Figure:
+    """Return a figure of horizontal bars of one length that are divided into parts.
+
+    Args:
+        title: Title of the figure.
+        bars: Labels of the bars, from above.
+        names: Names of the parts; one that is thinner than `THINNEST` in each bar is not drawn.
+        shares: Share of each part in each bar (parts, bars), 0 to 1.
+        note: Text below the figure.
+    """
+    with _canvas() as (figure, axes):
+        left = np.zeros(len(bars))
+        parts = [part for part in zip(names, shares, strict=True) if part[1].max() > THINNEST]
+        for i, (name, row) in enumerate(parts):
+            axes.barh(bars, 100 * row, left=left, color=colour(i), label=name, height=0.6)
+            left += 100 * row
+        axes.invert_yaxis()
+        axes.set(xlabel="share of the mean square error [%]", xlim=(0, 100))
+        axes.grid(visible=False, axis="y")
+        keys = [Key(name, INKS[colour(i)]) for i, (name, _) in enumerate(parts)]
+        return Figure(title, svg(figure, title), keys, note, figure)
+
+
 def _draw(axes: Axes, curve: Curve) -> None:
     ends = None if curve.low is None or curve.high is None else (curve.low, curve.high)
     if curve.points and ends is not None:
@@ -231,6 +260,9 @@ def _draw(axes: Axes, curve: Curve) -> None:
     width = 1.0 if curve.dashed or curve.faint else 1.5
     opacity = FAINT_OPACITY if curve.faint else None
     label = None if curve.faint else curve.label  # a legend names what is told apart
+    if curve.marks:
+        axes.plot(curve.x, curve.y, "o", color=curve.colour, ms=4, alpha=opacity, label=label)
+        return
     axes.plot(curve.x, curve.y, dashes, color=curve.colour, lw=width, alpha=opacity, label=label)
 
 

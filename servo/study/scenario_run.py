@@ -22,7 +22,7 @@ from servo.scenario.draws import Value
 from servo.scenario.expected import tracker_of
 from servo.scenario.load import Scenario
 from servo.scenario.named_files import digest_of
-from servo.scenario.toml import Table, assignment, copied, put
+from servo.scenario.toml import Table, assignment, copied, drop, put
 from servo.study.bounds import missed_bounds, unjudged
 from servo.study.run import SCENARIO, Job, Record, Series
 from sim.kinds import UnknownKind
@@ -114,6 +114,8 @@ class StudiedScenario:
         table = copied(self.table)
         table.pop("sweep", None)
         for key, value in _ordered(self.changes | self._own(settings)).items():
+            if key in scenarios.SAME_TIME:
+                drop(table, scenarios.SAME_TIME[key])
             put(table, key, value, self.study)
         put(table, "run.seed", seed, self.study)
         return table

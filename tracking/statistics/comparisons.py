@@ -184,6 +184,19 @@ def _share(share: float, count: int) -> Interval:
     return Interval(share, low, 1.0 if share == 1 else middle + width, count)
 
 
+def clopper_pearson(successes: int, count: int) -> Interval:
+    """Return the share of successes in `count` independent repetitions, with an interval that
+    covers at least 95 %: Clopper and Pearson, The use of confidence or fiducial limits, 1934.
+
+    >>> clopper_pearson(20, 20).low.__round__(3)
+    0.832
+    """
+    from scipy import stats  # takes a second
+
+    ends = stats.binomtest(successes, count).proportion_ci(method="exact")
+    return Interval(successes / count, float(ends.low), float(ends.high), count)
+
+
 def titles(names: Iterable[str]) -> list[str]:
     """Return the column titles of intervals in a table, four for each name: NAME, NAME_low,
     NAME_high, NAME_units (number of independent repetitions).

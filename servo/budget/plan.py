@@ -1,0 +1,173 @@
+"""The runs of an accuracy budget, and the contributions that follow from them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from servo.budget.sources import DELAY, RESOLUTION, SOURCES, TRACKER, Source, coarser, theory
+from servo.mistake import Mistake
+from servo.scenario.load import Scenario
+from servo.scenario.toml import Table
+from servo.study.run import Record
+from servo.study.scenario_run import StudiedScenario
+from servo.study.trials import Trial
+from sim.channels import Channel, needs_of
+from sim.kinds import kind_of
+from sim.types import Array
+from tracking.types import SEES_PICTURES, Trait, traits_of
+
+TOGETHER = "together"
+NOTHING = "nothing wrong"
+LAST = 1.0
+"""Time at the end over which the error in the picture is averaged [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A source of error in a budget, or nothing wrong, or all together: its magnitude and its
+    contribution to the error at the end.
+    """
+
+    name: str
+    magnitude: str
+    """Magnitude with its unit, and where it is from."""
+    error: Array
+    """Errors of position, rotation and centre in the picture (3,) [mm, deg, px]; of a source less
+    those without it."""
+    theory: float | None
+    """Error of the position by linear theory [mm]; None where there is none."""
+    success: str
+    """How many runs ended as the scenario expects, such as "7 of 8"."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The settings of the runs of a budget."""
+
+    base: StudiedScenario
+    scenario: Scenario
+    """The scenario with its first seed."""
+    seeds: Sequence[int]
+    stated: Mapping[str, float]
+    """The magnitudes that the user states, by source."""
+    own: Mapping[str, float]
+    """The magnitudes that the scenario has by itself, by source; 0: it is ideal."""
+
+    @staticmethod
+    def of(base: StudiedScenario, seeds: Sequence[int], stated: Mapping[str, float]) -> "Plan":
+        """Return the plan for a scenario, with the magnitudes that the user states."""
+        scenario = base.parsed(seeds[0], {})
+        own = {source.name: source.own(scenario) for source in SOURCES}
+        return Plan(base, scenario, seeds, stated, own)
+
+    def magnitude(self, source: Source) -> float:
+        """Return the magnitude of a source: the user's, the scenario's, or else the usual one."""
+        return self.stated.get(source.name, self.own[source.name] or source.usual)
+
+    def words(self, source: Source) -> str:
+        """Return the magnitude of a source as a text that says where it is from."""
+        if source.name == TRACKER:
+            return kind_of(self.scenario.tracker)
+        usual = "the scenario's" if self.own[source.name] else "usual"
+        said = "stated" if source.name in self.stated else usual
+        return f"{self.magnitude(source):.3g} {source.unit} ({said})"
+
+    def settings(self, wrong: Sequence[Source], seed: int) -> Table:
+        """Return the settings of a run in which some sources act, and no others."""
+        corners = Trait.CORNERS in (traits_of(self.scenario.tracker) or ())
+        found: Table = {}
+        if SOURCES[0] not in wrong:
+            found = {"tracker.kind": "truth", "tracker.corners": corners}
+        for source in SOURCES:
+            stays = source.name not in self.stated and self.own[source.name] > 0
+            if source not in wrong:
+                found |= source.settings(0.0, seed)
+            elif source.name == RESOLUTION:
+                found |= coarser(self.base.parsed(seed, {}), self.magnitude(source))
+            elif not stays:
+                found |= source.settings(self.magnitude(source), seed)
+        is_late = DELAY in [source.name for source in wrong]
+        return found if is_late else found | {"run.tracker_ms": 0.0}
+
+    def alone(self, source: Source) -> tuple[Source, ...]:
+        """Return the sources that act where one is tried alone: also the tracker if it acts through
+        that only.
+        """
+        return (SOURCES[0], source) if source.seen else (source,)
+
+    def reason(self, source: Source, idle: Callable[[Scenario], list[str]]) -> str:
+        """Return why the scenario cannot have a source of error; "" if it can.
+
+        Args:
+            source: The source.
+            idle: Function that returns a sentence for each setting without effect.
+        """
+        tracker = self.scenario.tracker
+        if source.name == TRACKER and kind_of(tracker) == "truth":
+            return "the tracker knows the truth"
+        if source.seen and Channel.PICTURE not in needs_of(tracker, SEES_PICTURES):
+            return "the tracker sees no pictures"
+        seed = self.seeds[0]
+        try:
+            said = idle(self.base.parsed(seed, self.settings(self.alone(source), seed)))
+        except Mistake as error:
+            return str(error)
+        return next((s for key in source.ideal for s in said if s.startswith(f"{key} ")), "")
+
+    def cells(self, sources: Sequence[Source]) -> dict[str, tuple[Source, ...]]:
+        """Return the sources that act in each combination: none, each alone, and all of these."""
+        alone = {source.name: self.alone(source) for source in sources}
+        return {NOTHING: (), **alone, TOGETHER: tuple(sources)}
+
+    def trials(self, sources: Sequence[Source]) -> list[Trial]:
+        """Return the runs of a budget of some sources: all seeds of the first combination, then
+        those of the next.
+        """
+        every = self.cells(sources).values()
+        return [(self.settings(wrong, seed), seed) for wrong in every for seed in self.seeds]
+
+    def parts(
+        self, sources: Sequence[Source], records: Sequence[Record | None], focal: float
+    ) -> list[Part]:
+        """Return the parts of a budget: nothing wrong, each source alone, and all together.
+
+        Args:
+            sources: The sources.
+            records: Records of the runs of `trials`, in the same order.
+            focal: Focal length of the camera [px].
+
+        Raises:
+            Mistake: All runs of a combination failed.
+        """
+        known = {source.name: source for source in sources}
+        squares = dict[str, Array]()
+        parts = list[Part]()
+        count = len(self.seeds)
+        for i, (name, wrong) in enumerate(self.cells(sources).items()):
+            done = [record for record in records[i * count : (i + 1) * count] if record]
+            if not done:
+                raise Mistake(f"every run with {name} fails: the folder failures says why")
+            scale = self.magnitude(known[RESOLUTION]) if known.get(RESOLUTION) in wrong else 1.0
+            squares[name] = np.mean([np.square(_errors(record, scale)) for record in done], axis=0)
+            success = f"{sum(record.success for record in done)} of {count}"
+            source = known.get(name)
+            if source is None:
+                parts.append(Part(name, "", np.sqrt(squares[name]), None, success))
+                continue
+            without = squares[TRACKER if source.seen else NOTHING]
+            alone = np.sqrt(np.maximum(squares[name] - without, 0.0))
+            expected = theory(source, self.magnitude(source), self.scenario, focal)
+            parts.append(Part(name, self.words(source), alone, expected, success))
+        return parts
+
+
+def _errors(record: Record, scale: float) -> Array:
+    """Return the errors at the end of a run (3,): position [mm], rotation [deg], and that of the
+    centre in the picture, rms over the last second [px], times a factor.
+    """
+    times = record.series["time_s"]
+    late = record.series["servo_error_px"][times >= times[-1] - LAST].astype(float)
+    pixels = scale * float(np.sqrt(np.mean(late**2)))
+    measures = record.measures
+    return np.array([measures["end_position_mm"], measures["end_rotation_deg"], pixels])

@@ -1,0 +1,152 @@
+"""The sources of error in an accuracy budget: the settings of each, its usual magnitude, and the
+error that linear theory expects of it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from servo.loop.settings import stream
+from servo.mistake import Mistake, check_known
+from servo.scenario.draws import flat
+from servo.scenario.load import Scenario
+from servo.scenario.toml import Table
+from sim.kinds import kind_of
+from sim.types import Array
+
+TRACKER = "tracker"
+RESOLUTION = "resolution"
+DELAY = "delay"
+SIZES = ("camera.width", "camera.height")
+PIXELS = (
+    *(f"{section}.{axis}" for section in ("start", "goal", "region") for axis in "xy"),
+    *("camera.fx", "camera.fy", "camera.cx", "camera.cy", "believed.cx_shift", "believed.cy_shift"),
+)
+"""Settings in pixels, which a coarser picture divides."""
+NOWHERE = (0.0, 0.0, 0.0)
+AT_REST = (DELAY, "lag", "play", "mount_translation", "depth")
+"""Sources that only bend the way to a target at rest."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A source of error: settings whose deviation from their ideal values is its magnitude."""
+
+    name: str
+    unit: str
+    usual: float
+    """Usual magnitude, in the unit."""
+    ideal: Mapping[str, float | str | tuple[float, ...]] = field(default_factory=dict)
+    """Values without the error, by setting."""
+    scale: float = 1.0
+    """Magnitude over the deviation of the settings."""
+    signed: bool = False
+    """Whether each seed draws a sign, or a direction where there are several numbers."""
+    seen: bool = False
+    """Whether it acts through the tracker only."""
+
+    def settings(self, magnitude: float, seed: int) -> Table:
+        """Return the settings of the source at a magnitude; the same seed draws the same sign."""
+        size = sum(np.size(value) for value in self.ideal.values())
+        drawn = stream(seed, f"budget {self.name}").normal(size=size)
+        direction = drawn / np.linalg.norm(drawn) if self.signed else np.ones(size)
+        off = iter(direction * magnitude / self.scale)
+        return {
+            key: [v + next(off) for v in value] if isinstance(value, tuple) else value + next(off)
+            for key, value in self.ideal.items()
+            if not isinstance(value, str)
+        }
+
+    def own(self, scenario: Scenario) -> float:
+        """Return the magnitude that a scenario has by itself, in the unit; 0 if it is ideal."""
+        if self.name == DELAY:
+            return 1e3 * scenario.run.frames_late(1 / scenario.camera.rate) / scenario.camera.rate
+        settings: dict[str, Any] = flat(scenario.settings(), scenario.name)
+        off: list[Array] = [
+            np.ravel(settings.get(key, ideal)) - np.ravel(ideal)
+            for key, ideal in self.ideal.items()
+            if not isinstance(ideal, str)
+        ]
+        order = None if self.signed else np.inf
+        return self.scale * float(np.linalg.norm(np.concatenate([*off, [0.0]]), order))
+
+
+SOURCES = (
+    Source(TRACKER, "", 1.0, {"tracker.kind": "truth"}),
+    Source("noise", "grey levels", 3.0, {"camera.noise": 0.0}, seen=True),
+    Source(RESOLUTION, "times coarser", 2.0, seen=True),
+    Source(DELAY, "ms", 33.0, {"run.latency_ms": 0.0}),
+    Source("lag", "ms", 30.0, {"robot.lag_ms": 0.0}),
+    Source("play", "mm, mrad", 1.0, {"robot.backlash": 0.0}, 1e3),
+    Source("encoder_step", "mm, mrad", 0.1, {"robot.encoder_step": 0.0}, 1e3),
+    Source("focal_length", "%", 1.0, {"believed.fx_factor": 1.0}, 100.0, signed=True),
+    Source(
+        "principal_point",
+        "px",
+        3.0,
+        {"believed.cx_shift": 0.0, "believed.cy_shift": 0.0},
+        signed=True,
+    ),
+    Source("mount_rotation", "deg", 0.5, {"believed.hand_eye_rotation_deg": NOWHERE}, signed=True),
+    Source("mount_translation", "mm", 3.0, {"believed.hand_eye_mm": NOWHERE}, signed=True),
+    Source("depth", "%", 10.0, {"believed.depth_factor": 1.0}, 100.0, signed=True),
+    Source("target_size", "%", 1.0, {"believed.size_factor": 1.0}, 100.0, signed=True),
+)
+"""All sources; the usual magnitudes are those of a careful calibration of an industrial robot."""
+
+
+def magnitudes_of(texts: Sequence[str]) -> dict[str, float]:
+    """Return the magnitudes in texts such as "focal_length=0.5", by source.
+
+    Raises:
+        Mistake: A text has another form, there is no such source, or a magnitude is too small.
+    """
+    found = dict[str, float]()
+    names = [source.name for source in SOURCES if source.name != TRACKER]
+    for text in texts:
+        name, _, number = text.partition("=")
+        check_known([name], names, f"--magnitude {text}", "source of error")
+        try:
+            found[name] = float(number)
+        except ValueError:
+            found[name] = np.nan
+        least = 1.0 if name == RESOLUTION else 0.0
+        if not least <= found[name] < np.inf:
+            raise Mistake(f"--magnitude {text}: give a number of at least {least:g}")
+    return found
+
+
+def coarser(scenario: Scenario, factor: float) -> Table:
+    """Return the settings with which the picture of a scenario has fewer pixels for the same view.
+
+    Args:
+        scenario: The scenario with the drawn settings of its seed.
+        factor: Width over the new width.
+    """
+    settings: dict[str, Any] = flat(scenario.settings(), scenario.name)
+    found: Table = {key: settings[key] / factor for key in PIXELS if settings[key]}
+    return found | {key: max(1, round(settings[key] / factor)) for key in SIZES}
+
+
+def theory(source: Source, magnitude: float, scenario: Scenario, focal: float) -> float | None:
+    """Return the error of the position at the end by linear theory [mm]: Z dc of a focal length or
+    a size that is wrong by the share dc, Z d / f of a principal point that is off by d px where the
+    goal is a pose, and 0 of what only bends the way to a target at rest. None where there is none.
+
+    Args:
+        source: The source.
+        magnitude: Its magnitude.
+        scenario: The scenario.
+        focal: Focal length of the camera [px].
+    """
+    goal = scenario.goal
+    away = 1e3 * magnitude * (goal.depth if goal.depth_to is None else goal.depth_to)
+    known = scenario.believed.goal
+    is_still = kind_of(scenario.motion) == "still"
+    found: dict[str, float] = {name: 0.0 for name in AT_REST if is_still}
+    found["focal_length"] = 0.0 if known == "shown" else away / 100
+    found["target_size"] = 0.0 if scenario.sight.depth == "picture" else away / 100
+    found["principal_point"] = away / focal if known == "pose" else 0.0
+    return found.get(source.name) if scenario.leader.id is None else None

@@ -1,0 +1,102 @@
+"""The section of an HTML report about an accuracy budget: a sentence, the table, and the plot."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from servo.budget.plan import Part
+from servo.report import page
+from servo.report.charts import stacked
+from servo.report.page import Block, Fact, Figure, Section
+from servo.report.words import Badge, Table, Tone, shown
+from servo.study.store import StudyFile
+from sim.types import Array
+
+UNITS = ("mm", "deg", "px")
+MOST_NAMED = 3
+"""Most sources that the sentence names."""
+LEAST_NAMED = 0.2
+"""Least contribution that it names, over the whole error."""
+ALONE = (
+    "A contribution is the root of the mean square error with this source alone, less that with "
+    "nothing wrong (noise and resolution: less that of the tracker). Errors of a calibration have "
+    "a sign or a direction that each seed draws. Errors in the picture are in px of the scenario's "
+    "own resolution, rms over the last second."
+)
+DIVIDED = "Each bar is the error with all of them, divided as the squares of the contributions."
+
+
+def section(
+    parts: Sequence[Part], left_out: Mapping[str, str], made: StudyFile, folder: Path
+) -> Section:
+    """Return the section about a budget.
+
+    Args:
+        parts: Nothing wrong, each source alone, and all together.
+        left_out: Reasons by the names of the sources that the scenario cannot have.
+        made: The scenario, the command and its versions.
+        folder: The folder of the runs.
+    """
+    reasons = [f"{name}: {reason}" for name, reason in left_out.items()]
+    blocks = [
+        Block("Alone and together", figures=[picture(parts)], tables=[table(parts)]),
+        Block("Left out", points=reasons or ["nothing"]),
+        page.again(made),
+    ]
+    errors = zip(UNITS, parts[-1].error.tolist(), strict=True)
+    facts = [Fact(unit, shown(error), "together") for unit, error in errors]
+    badge = Badge(f"{len(parts) - 2} sources", Tone.PLAIN)
+    title = f"{', '.join(made.scenarios)}, accuracy budget"
+    return Section("budget", title, sentence(parts), badge, facts, blocks, str(folder))
+
+
+def summed(parts: Sequence[Part]) -> Array:
+    """Return the root of the sum of squares of all parts but the last (3,) [mm, deg, px]."""
+    return np.linalg.norm([part.error for part in parts[:-1]], axis=0)
+
+
+def sentence(parts: Sequence[Part]) -> str:
+    """Return a budget in a sentence, such as "At the end 0.8 mm, of which the mount rotation is
+    0.6.".
+    """
+    found = list[str]()
+    whole = parts[-1].error
+    # Parts that are larger than the whole, by chance or as signs cancel, are made smaller.
+    factors = np.minimum(1.0, whole / np.maximum(summed(parts), 1e-300))
+    for i, unit in enumerate(UNITS):
+        each = {part.name: float(factors[i] * part.error[i]) for part in parts[1:-1]}
+        largest = sorted(each, key=lambda name: -each[name])[:MOST_NAMED]
+        named = [
+            f"the {name.replace('_', ' ')} is {shown(each[name])}"
+            for name in largest
+            if each[name] > LEAST_NAMED * whole[i]
+        ]
+        of = f", of which {' and '.join(named)}" if named else ""
+        floor = float(parts[0].error[i])
+        said = f" ({shown(floor)} with nothing wrong)" if floor > LEAST_NAMED * whole[i] else ""
+        found.append(f"{shown(float(whole[i]))} {unit}{said}{of}")
+    return f"At the end {'; '.join(found)}."
+
+
+def table(parts: Sequence[Part]) -> Table:
+    """Return the table of contributions, alone and together."""
+    rows = [
+        [p.name, p.magnitude, *map(shown, p.error.tolist()), shown(p.theory), p.success]
+        for p in parts
+    ]
+    rows.insert(-1, ["root of the sum of squares", "", *map(shown, summed(parts).tolist()), "", ""])
+    head = ("source", "magnitude", *UNITS, "theory, mm", "success")
+    return Table(head, rows, words=range(2), note=ALONE)
+
+
+def picture(parts: Sequence[Part]) -> Figure:
+    """Return the stacked plot: a bar for each unit, which is divided as the squares of the
+    contributions are.
+    """
+    squares = np.square([part.error for part in parts[:-1]])
+    shares = squares / np.maximum(squares.sum(axis=0), 1e-300)
+    errors = zip(parts[-1].error.tolist(), UNITS, strict=True)
+    labels = [f"{shown(error)} {unit}" for error, unit in errors]
+    title = "Share of each source in the error at the end"
+    return stacked(title, labels, [part.name for part in parts[:-1]], shares, note=DIVIDED)

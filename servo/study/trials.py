@@ -1,0 +1,89 @@
+"""Runs of a scenario with settings that are decided while a command works, kept in its folder."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from servo.mistake import Mistake
+from servo.scenario.toml import Table
+from servo.study.execute import Workers, complete
+from servo.study.parse import parsed
+from servo.study.run import Failure, Job, Record
+from servo.study.scenario_run import StudiedScenario
+from servo.study.store import Store, StudyFile
+
+KEY = 24
+"""Length of the name of a run: the begin of the digest of its settings."""
+Trial = tuple[Table, int]
+"""Settings of a run by dotted key, and its seed."""
+
+
+class Trials:
+    """Function that does runs of a scenario, each with settings and a seed. The record of a run is
+    found in the folder by these, so that a command which is given again repeats no run.
+    """
+
+    def __init__(
+        self,
+        base: StudiedScenario,
+        store: Store,
+        workers: Workers,
+        ended: Callable[[str], None],
+    ) -> None:
+        """Find the finished runs.
+
+        Args:
+            base: The scenario.
+            store: The folder of the command.
+            workers: The processes that do the runs.
+            ended: Is called after each run, with a note.
+        """
+        self._base = base
+        self._store = store
+        self._workers = workers
+        self._ended = ended
+        store.find()
+
+    def __call__(self, asked: Sequence[Trial]) -> list[Record | None]:
+        """Do the runs that have no record yet, and return the records of all, with their values
+        over time, in the same order; None for a run that failed.
+
+        Args:
+            asked: Settings and seed of each run.
+
+        Raises:
+            ClusterLost: The workers have stopped.
+            Mistake: Not a single run has ended without a failure.
+            Refused: The disk is full, or the processes cannot be started.
+        """
+        jobs = [self._job(settings, seed) for settings, seed in asked]
+        once = {job.key: job for job in jobs}.values()
+        for job, end in complete(once, self._store, self._workers):
+            if isinstance(end, Failure) and not self._store.done:
+                raise Mistake(f"the first run fails: {end.reason} (again: {job.command})")
+            self._ended(f"seed {job.seed}")
+        done = iter(self._store.records(jobs))
+        return [next(done) if job.key in self._store.done else None for job in jobs]
+
+    def _job(self, settings: Table, seed: int) -> Job:
+        job = Job(0, self._base, seed, settings, self._base.command(seed, settings))
+        return replace(job, name=job.digest[:KEY])
+
+
+def trial_study(
+    holds: str, scenario: str, changes: Sequence[str], command: str
+) -> tuple[StudiedScenario, StudyFile]:
+    """Return a scenario with changes for runs as trials, and the description of their folder.
+
+    Args:
+        holds: Name of the command, such as "tune".
+        scenario: A shipped scenario or a TOML file.
+        changes: Changes of settings of all runs, such as "run.duration=5".
+        command: The command line that repeats it.
+
+    Raises:
+        Mistake: The scenario or a change is wrong.
+    """
+    table: Table = {"scenario": scenario, "seeds": 1}
+    study = parsed(table, changes, Path(f"{holds}.toml"), holds, f"{holds} {scenario}")
+    return study.bases[0], replace(StudyFile.of(study, command), holds=holds)

@@ -1,0 +1,181 @@
+"""`servobench budget`: sources of error, their settings, and what follows from runs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from servo.budget.plan import NOTHING, TOGETHER, Part, Plan
+from servo.budget.sources import SOURCES, coarser, magnitudes_of, theory
+from servo.cli import budget_command
+from servo.cli.idle_settings import idle_settings
+from servo.loop.episode import Episode
+from servo.mistake import Mistake
+from servo.report.budget_section import picture, sentence, table
+from servo.scenario.load import load
+from servo.study.run import Job, Record
+from servo.study.trials import trial_study
+
+OF = {source.name: source for source in SOURCES}
+POSE = ("robot.kind=free", "tracker.kind=truth", "tracker.corners=true", "features.kind=pose")
+POSE += ("estimator.kind=none", "run.duration=2", "controller.gain=5")
+
+
+def plan_of(scenario, *changes, **magnitudes):
+    base, _ = trial_study("budget", scenario, changes, "")
+    return Plan.of(base, range(1, 3), magnitudes)
+
+
+def test_each_seed_draws_a_direction_of_the_stated_length():
+    drawn = [OF["mount_rotation"].settings(0.5, seed) for seed in (1, 2, 1)]
+    turns = [one["believed.hand_eye_rotation_deg"] for one in drawn]
+    assert turns[0] == turns[2] != turns[1]
+    assert np.linalg.norm(turns, axis=1) == pytest.approx(0.5)
+    assert abs(OF["focal_length"].settings(2.0, 1)["believed.fx_factor"] - 1) == pytest.approx(0.02)
+    assert OF["play"].settings(3.0, 1) == {"robot.backlash": pytest.approx(0.003)}
+
+
+def test_nothing_wrong_is_an_ideal_scenario():
+    plan = plan_of("line", "run.tracker_ms=20")
+    ideal = plan.settings((), 1)
+    assert ideal["tracker.kind"] == "truth"
+    assert ideal["believed.fx_factor"] == 1.0
+    assert ideal["run.latency_ms"] == ideal["run.tracker_ms"] == 0.0
+    every = plan.settings(SOURCES, 1)
+    assert "tracker.kind" not in every
+    assert "run.latency_ms" not in every  # the scenario's own
+    assert every["camera.width"] == 160
+    plan.base.parsed(1, ideal)
+    plan.base.parsed(1, every)
+
+
+def test_a_delay_in_the_file_is_replaced():
+    plan = plan_of("latency_3", delay=50.0)
+    assert plan.base.parsed(1, plan.settings((), 1)).run.latency_ms == 0.0
+    assert plan.base.parsed(1, plan.settings((OF["delay"],), 1)).run.latency_ms == 50.0
+    assert plan.words(OF["delay"]) == "50 ms (stated)"
+    assert plan_of("latency_3").words(OF["delay"]) == "100 ms (the scenario's)"
+    assert plan_of("latency_3").words(OF["lag"]) == "30 ms (usual)"
+
+
+def test_a_coarser_picture_shows_the_same():
+    settings = coarser(load("six_hybrid", ["start.x=8"]), 2.0)
+    assert settings["camera.fx"] == 300.0
+    assert settings["camera.width"] == 320
+    assert settings["start.x"] == 4.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "source", "reason"),
+    [
+        ((), "play", ""),
+        (("tracker.kind=truth",), "noise", "the tracker sees no pictures"),
+        (("tracker.kind=truth",), "tracker", "the tracker knows the truth"),
+        (('believed.goal="shown"',), "target_size", "size_factor has no effect"),
+        (
+            ("tracker.kind=tag", "target.kind=tag", "features.kind=pose"),
+            "depth",
+            "depth_factor has no",
+        ),
+    ],
+)
+def test_sources_that_a_scenario_cannot_have_are_named(changes, source, reason):
+    def idle(scenario):
+        with Episode(scenario, seen=False) as episode:
+            return idle_settings(episode)
+
+    found = plan_of("still", *changes).reason(OF[source], idle)
+    assert reason in found
+    assert bool(reason) == bool(found)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("focal=1", "--magnitude focal=1: there is no source of error 'focal'; there is noise"),
+        ("tracker=1", "there is no source of error 'tracker'"),
+        ("play=much", "--magnitude play=much: give a number of at least 0"),
+        ("play=-1", "at least 0"),
+        ("resolution=0.5", "at least 1"),
+        ("play", "at least 0"),
+    ],
+)
+def test_wrong_magnitudes_are_a_sentence(text, sentence):
+    with pytest.raises(Mistake) as error:
+        magnitudes_of([text])
+    assert sentence in str(error.value)
+
+
+def test_theory_is_that_of_a_wrong_calibration():
+    still = load("still", ["goal.depth=0.8"])
+    assert theory(OF["focal_length"], 1.0, still, 600.0) == pytest.approx(8.0)
+    assert theory(OF["principal_point"], 3.0, still, 600.0) == 0.0
+    posed = load("still", ["goal.depth=0.8", "believed.goal=pose"])
+    assert theory(OF["principal_point"], 3.0, posed, 600.0) == pytest.approx(4.0)
+    assert theory(OF["lag"], 3.0, still, 600.0) == 0.0
+    assert theory(OF["lag"], 3.0, load("line"), 600.0) is None
+    assert theory(OF["noise"], 3.0, still, 600.0) is None
+    assert theory(OF["focal_length"], 1.0, load("hand_follow"), 600.0) is None
+
+
+@pytest.mark.parametrize("name", ["focal_length", "target_size", "mount_translation"])
+def test_simulation_ends_where_theory_says(name):
+    plan = plan_of("still", *POSE)
+    cells = (), plan.alone(OF[name])
+    ends = [
+        Job(0, plan.base, 1, plan.settings(wrong, 1)).run(Path()).measures["end_position_mm"]
+        for wrong in cells
+    ]
+    expected = theory(OF[name], plan.magnitude(OF[name]), plan.scenario, 300.0)
+    assert ends[0] < 0.2
+    assert ends[1] == pytest.approx(expected, rel=0.03, abs=0.3)
+
+
+def record(mm, px):
+    series = {"time_s": np.arange(4.0), "servo_error_px": np.array([50.0, 50.0, px, px])}
+    measures = {"end_position_mm": mm, "end_rotation_deg": 0.0}
+    return Record(
+        subject="s", seed=0, outcome="CONVERGED", success=True, measures=measures, series=series
+    )
+
+
+def test_contributions_are_what_a_source_adds():
+    plan = plan_of("still")
+    sources = [OF["tracker"], OF["noise"], OF["lag"]]
+    ends = [(3.0, 0.0), (5.0, 0.0), (13.0, 0.0), (3.0, 4.0), (13.0, 4.0)]
+    records = [record(*end) for end in ends for _ in plan.seeds]
+    records[0] = None  # one that failed
+    parts = plan.parts(sources, records, 300.0)
+    assert [part.name for part in parts] == [NOTHING, "tracker", "noise", "lag", TOGETHER]
+    assert [part.error[0] for part in parts] == pytest.approx([3, 4, 12, 0, 13])
+    assert [part.success for part in parts] == ["1 of 2", *["2 of 2"] * 4]
+    said = sentence(parts)
+    assert (
+        said
+        == "At the end 13 mm (3 with nothing wrong), of which the noise is 12 and the tracker is 4; 0 deg; 4 px, of which the lag is 4."
+    )
+    assert table(parts).rows[-2][2] == "13"
+    assert len(picture(parts).keys) == 4
+    with pytest.raises(Mistake, match="every run with nothing wrong fails"):
+        plan.parts(sources, [None] * 10, 300.0)
+
+
+def test_parts_are_not_larger_than_the_whole():
+    def part(name, mm):
+        return Part(name, "", np.array([mm, 0.0, 0.0]), None, "1 of 1")
+
+    said = sentence(
+        [part(NOTHING, 0.0), part("focal_length", 6.0), part("depth", 8.0), part(TOGETHER, 5.0)]
+    )
+    assert (
+        said == "At the end 5 mm, of which the depth is 4 and the focal length is 3; 0 deg; 0 px."
+    )
+
+
+def test_the_command_writes_a_page_and_plots(tmp_path):
+    changes = (*POSE, "run.duration=0.2")
+    options = {"magnitude": (), "seeds": 1, "workers": 1, "scheduler": None, "quiet": True}
+    budget_command.run(scenario="still", changes=changes, out=tmp_path, **options)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names >= {"budget.json", "budget.png", "budget.svg", "report.html"}
+    assert "Left out" in (tmp_path / "report.html").read_text()

@@ -1,0 +1,206 @@
+"""`servobench tune`: the search, its aim and its settings, and what the command writes."""
+
+import json
+
+import numpy as np
+import pytest
+
+from servo.cli import report_command, tune_command
+from servo.mistake import Mistake
+from servo.scenario.draws import Draw, flat
+from servo.scenario.load import load
+from servo.tune import search as search_module
+from servo.tune import space
+from servo.tune.search import Aim, check_budget, search
+
+BEST = 0.739085
+"""The product of gain and delay at which the integral of e^2 of e' = -g e(t - d) is smallest: x = cos x."""
+FREE = ("robot.kind=free", "tracker.kind=truth", "run.duration=0.5", "measure.after=0.2")
+QUICK = {"minimise": "servo_rms_px", "budget": 10, "seeds": 2, "fresh": 2}
+QUICK |= {"workers": 1, "scheduler": None, "quiet": True}
+
+
+def integrator(asked):
+    """Runs of the integrator with delay: a cost and an effort, each with noise that the seed draws."""
+    rows = []
+    for settings, seed in asked:
+        x = settings.get("gain", 0.2)
+        noise = 1 + 0.3 * np.random.default_rng(seed).normal()
+        cost = np.cos(x) / (2 * x * (1 - np.sin(x))) if x < np.pi / 2 else 1e3 * x
+        rows.append({"servo_rms_px": cost + noise, "effort_rms_mm_s": 10 * x, "success_rate": 1.0})
+    return rows
+
+
+def found(aim, budget=300, seeds=range(1, 9), perform=integrator):
+    draws = [Draw("gain", "log_uniform", (0.02, 2.0))]
+    return search(aim, draws, perform, seeds, budget)
+
+
+def test_the_best_gain_of_an_integrator_with_delay_is_found():
+    tried, best = found(Aim.read("servo_rms_px", ()))
+    assert best.settings["gain"] == pytest.approx(BEST, rel=0.05)
+    assert sum(len(one.runs) for one in tried) <= 300
+    assert len(tried) > 60  # of 37 without races
+    assert {len(one.runs) for one in tried} == {2, 4, 8} or {len(one.runs) for one in tried} == {
+        2,
+        8,
+    }
+
+
+def test_a_condition_bounds_the_gain():
+    _, best = found(Aim.read("servo_rms_px", ["effort_rms_mm_s<=5"]))
+    assert 0.45 < best.settings["gain"] <= 0.5
+
+
+def test_where_nothing_keeps_the_conditions_the_nearest_is_found():
+    aim = Aim.read("servo_rms_px", ["effort_rms_mm_s<=0.1"])
+    _, best = found(aim, 100)
+    broken, _ = aim.score(best.runs)
+    assert broken > 0
+    assert best.settings["gain"] < 0.03
+
+
+def test_the_same_search_gives_the_same_candidates():
+    aim = Aim.read("servo_rms_px", ())
+    first, second = ([one.settings for one in found(aim, 60)[0]] for _ in range(2))
+    assert first == second
+
+
+def test_equal_runs_use_one_seed():
+    tried, _ = found(
+        Aim.read("servo_rms_px", ()),
+        50,
+        perform=lambda asked: integrator([(s, 0) for s, _ in asked]),
+    )
+    assert {len(one.runs) for one in tried} == {1}
+    assert len(tried) == 50
+
+
+def test_runs_without_a_value_are_the_worst():
+    aim = Aim.read("servo_rms_px", ["success_rate>=0.5"])
+    good, bad = {"servo_rms_px": 3.0, "success_rate": 1.0}, {"success_rate": 0.0}
+    assert aim.score([good, good]) < aim.score([good, bad]) < aim.score([bad, bad])
+    assert aim.is_worse([bad, bad], [good, good, good])
+    assert not aim.is_worse([good], [good, good])
+
+
+@pytest.mark.parametrize(
+    ("minimise", "keep", "sentence"),
+    [
+        (
+            "servo_rms",
+            (),
+            "--minimise: there is no measure 'servo_rms'; did you mean 'servo_rms_px'?",
+        ),
+        ("step_ms", (), "--minimise: there is no measure 'step_ms'"),
+        ("settle_s", ("servo_rms_px<40",), "--keep servo_rms_px<40: this is no condition: write"),
+        ("settle_s", ("servo_rms_px<=many",), "--keep servo_rms_px<=many: this is no condition"),
+        ("settle_s", ("succes_rate>=1",), "did you mean 'success_rate'?"),
+    ],
+)
+def test_a_wrong_aim_is_a_sentence(minimise, keep, sentence):
+    with pytest.raises(Mistake) as error:
+        Aim.read(minimise, keep)
+    assert sentence in str(error.value)
+
+
+def test_conditions_are_written_as_they_are_read():
+    texts = ["success_rate>=0.95", "effort_rms_mm_s<=40"]
+    assert list(map(str, Aim.read("settle_s", texts).keep)) == texts
+
+
+def test_a_small_budget_and_a_missing_package_are_sentences(monkeypatch):
+    with pytest.raises(
+        Mistake, match="--budget 39: this is too small: with 8 seeds give at least 40"
+    ):
+        check_budget(39, 8)
+    monkeypatch.setattr(search_module, "find_spec", lambda _: None)
+    with pytest.raises(Mistake, match=r"pip install 'servobench\[tune\]'"):
+        check_budget(300, 8)
+
+
+def test_settings_are_ranges_or_values():
+    assert space.asked(
+        ["controller.gain=0.2:5:log", "run.latency=1:4", "estimator.kind=none,imm"]
+    ) == [
+        Draw("controller.gain", "log_uniform", (0.2, 5.0)),
+        Draw("run.latency", "uniform", (1.0, 4.0)),
+        Draw("estimator.kind", "choice", ("none", "imm")),
+    ]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "controller.gain",
+        "controller.gain=2",
+        "=1:2",
+        "controller.gain=5:1",
+        "a=0:1:log",
+        "run.seed=1:2",
+    ],
+)
+def test_wrong_settings_are_a_sentence(text):
+    with pytest.raises(Mistake, match="--settings"):
+        space.asked([text])
+    with pytest.raises(Mistake, match="given twice"):
+        space.asked(["controller.gain=1:2"] * 2)
+
+
+def test_the_usual_settings_are_gain_noise_and_prediction():
+    late = load("line", ["run.latency=3"])
+    draws = space.usual(late, flat(late.settings(), ""))
+    assert [draw.key for draw in draws] == ["controller.gain", "estimator.ratio", "estimator.kind"]
+    assert draws[0].numbers[1] == pytest.approx(60 * np.sin(np.pi / 14))
+    assert draws[2].numbers == ("kalman_cv", "error_kalman")
+    early = load("line")
+    assert len(space.usual(early, flat(early.settings(), ""))) == 2
+    still = load("line", ["controller.kind=hold", "estimator.kind=none"])
+    with pytest.raises(Mistake, match="no usual settings"):
+        space.usual(still, flat(still.settings(), ""))
+
+
+def test_settings_of_a_replaced_kind_are_left_out():
+    own = {"estimator.kind": "kalman_cv", "estimator.ratio": None, "tracker.particles": 100}
+    proposed = {"estimator.ratio": 0.1, "tracker.particles": 61.7, "estimator.kind": "imm"}
+    assert space.finished(proposed, own) == {"estimator.kind": "imm", "tracker.particles": 62}
+    proposed["estimator.kind"] = "kalman_cv"
+    assert space.finished(proposed, own) == {"estimator.ratio": 0.1, "tracker.particles": 62}
+
+
+def tuned(folder, **options):
+    given = {"scenario": "still", "changes": FREE, "settings": (), "keep": (), "out": folder}
+    return tune_command.run(**QUICK | given | options)
+
+
+def test_the_command_writes_lines_and_a_page_and_repeats_no_run(tmp_path, monkeypatch):
+    assert tuned(tmp_path) == 0
+    written = json.loads((tmp_path / "tune.json").read_text())
+    assert (tmp_path / "tuned.toml").read_text().startswith("[")
+    assert "What each setting does" in (tmp_path / "report.html").read_text()
+    assert len(written["fresh_after"]) == 2
+    monkeypatch.setattr("servo.study.execute._run", lambda job, folder: 1 / 0)
+    assert tuned(tmp_path) == 0
+    assert json.loads((tmp_path / "tune.json").read_text()) == written
+    with pytest.raises(Mistake, match=r"has its page already: open report\.html"):
+        report_command.write([tmp_path], None)
+
+
+def test_the_command_says_where_nothing_keeps_the_conditions(tmp_path):
+    with pytest.raises(
+        Mistake, match=r"keep servo_rms_px<=0\.001; the nearest are .*, with servo_rms_px"
+    ):
+        tuned(tmp_path, keep=("servo_rms_px<=0.001",))
+    assert (tmp_path / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ("controller.gian=1:2", "--settings controller.gian = 1.0: .*did you mean"),
+        ("controller.gain=-1:2", "greater"),
+    ],
+)
+def test_settings_that_the_scenario_lacks_are_a_sentence(tmp_path, settings, sentence):
+    with pytest.raises(Mistake, match=sentence):
+        tuned(tmp_path, settings=(settings,))
