@@ -28,18 +28,22 @@ LAST = 0.3
 """Cauchy scale of the cost [px]."""
 FREE_PLANE = 0.02
 """Standard deviation of a pair's own plane from the common one, over that of a residual of 1 px."""
-WEAKLY = np.array([0.2, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.2])
-"""Standard deviation of a weak prior of offset [s], rotation [rad], lever [m] and log focal length,
-so that a direction that no motion shows stays where it is."""
-FLOORS = np.array([3e-4, *3 * [np.radians(0.15)], *3 * [3e-3], 5e-3])
+WEAKLY = np.array([0.2, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.2, 0.01])
+"""Standard deviation of a weak prior of offset [s], rotation [rad], lever [m], log focal length and
+drift, so that a direction that no motion shows stays where it is."""
+FLOORS = np.array([3e-4, *3 * [np.radians(0.15)], *3 * [3e-3], 5e-3, 2e-5])
 """Added to half of each interval: errors of the method that no recording shows."""
-SMALL = 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4
+SMALL = 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-6
 """Steps of the numeric derivatives."""
 MOST = 250_000
 """Largest number of points of a fit; of more, each k-th is taken."""
 LEVER_ALONG = 6
 FOCAL = 7
-"""Places of the lever along the optical axis and of the focal length among the parameters."""
+DRIFT = 8
+"""Places of the lever along the optical axis, of the focal length and of the drift among the
+parameters."""
+COUNT = 9
+"""Number of parameters."""
 FARTHEST = 1e4
 """Largest depth that a plane is given [m]."""
 
@@ -56,11 +60,13 @@ class Mount:
     """Position of the camera from the hand's origin, along the camera's own axes (3,) [m]."""
     focal: float
     """True over given focal length."""
+    drift: float
+    """Change of the offset over time [s/s]; the offset itself is that in the film's middle."""
     plane: Array
     """n (3,) of the common plane n . X = 1 in the camera's frame [1/m]."""
     halves: Array
-    """Half intervals (8,): offset [s], rotation [rad] and lever [m] along the camera's axes, log
-    focal length."""
+    """Half intervals (9,): offset [s], rotation [rad] and lever [m] along the camera's axes, log
+    focal length, drift [s/s]."""
     cost: float
     """Mean of the Cauchy cost over the points, with a scale of 0.3 px."""
     scatter: float
@@ -88,10 +94,10 @@ def start(
     twists at an offset [s]; `along` is the lever's part along the optical axis, if it is known [m].
     """
     points = (steps.before + steps.after)[steps.known] / 2
-    along, up = 1 + (points**2).mean(axis=0)
+    wide, high = 1 + (points**2).mean(axis=0)
     u0, u_x, u_y, v0, v_x, v_y = flows.T
     slides = np.stack([-u0, -v0, (u_x + v_y) / 2], axis=1)
-    turns = np.stack([v0 / up, -u0 / along, (u_y - v_x) / 2], axis=1)
+    turns = np.stack([v0 / high, -u0 / wide, (u_y - v_x) / 2], axis=1)
     known = regressors(motion, steps, offset)
     weights = np.ones(len(known))
     fit = np.zeros((7, 6))
@@ -111,16 +117,16 @@ def start(
     U, _, Vt = np.linalg.svd(slide_part + turn_part)
     back = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
     n0 = np.array([0.0, 0.0, np.clip(density, 1 / FARTHEST, 1e3)])
-    nothing = np.zeros(8)
+    nothing = np.zeros(COUNT)
     arm = np.array([0.0, 0.0, along])
-    return Mount(offset, back.T, arm, 1.0, n0, nothing, np.inf, np.inf, np.inf, 0.0)
+    return Mount(offset, back.T, arm, 1.0, 0.0, n0, nothing, np.inf, np.inf, np.inf, 0.0)
 
 
 def fitted(
     motion: RobotMotion,
     tracks: Tracks,
     first: Mount,
-    fixed: tuple[int, ...] = (FOCAL,),
+    fixed: tuple[int, ...] = (FOCAL, DRIFT),
     scales: tuple[float, ...] = SCALES,
 ) -> Mount:
     """Return the mount that fits the followed points best, beginning with a first one.
@@ -129,7 +135,8 @@ def fitted(
         motion: The hand's motion.
         tracks: Points that were followed.
         first: The mount to begin with.
-        fixed: Places of the parameters that stay: offset, three of rotation, three of lever, focal.
+        fixed: Places of the parameters that stay: offset, three of rotation, three of lever, focal,
+            drift.
         scales: Cauchy scale of each step [px].
     """
     every = max(1, round(tracks.known.sum() / MOST))
@@ -138,7 +145,7 @@ def fitted(
     tracks = tracks.only(inside, every)
     if not len(tracks.first):
         return replace(first, cost=np.inf)
-    free = np.setdiff1d(np.arange(8), fixed)
+    free = np.setdiff1d(np.arange(COUNT), fixed)
     now = first
     for scale in scales:
         normal, scores, _ = _system(motion, tracks, now, free, scale)
@@ -149,14 +156,15 @@ def fitted(
 
 def _moved(mount: Mount, step: Array, free: Array) -> Mount:
     """Return a mount after a step of the free parameters and of the plane."""
-    whole = np.zeros(8)
+    whole = np.zeros(COUNT)
     whole[free] = np.clip(step[:-3], -0.3, 0.3)
     return replace(
         mount,
         offset=mount.offset + float(np.clip(whole[0], -0.05, 0.05)),
         rotation=mount.rotation @ exp_so3(whole[1:4]),
         arm=mount.arm + whole[4:7],
-        focal=mount.focal * float(np.exp(whole[7])),
+        focal=mount.focal * float(np.exp(whole[FOCAL])),
+        drift=mount.drift + whole[DRIFT],
         plane=mount.plane + step[-3:],
     )
 
@@ -165,7 +173,8 @@ def _rays(motion: RobotMotion, tracks: Tracks, mount: Mount) -> tuple[Array, Arr
     """Return the constant part (p, m, 2) of the residuals, their factors (p, m, 2) and (p, m, 3)
     of n, whose product is subtracted, and the weight of a missing point.
     """
-    times = tracks.times + mount.offset
+    middle = (tracks.times[0] + tracks.times[-1]) / 2
+    times = tracks.times + mount.offset + mount.drift * (tracks.times - middle)
     turned, moved = motion.between(times[tracks.first], times[tracks.second])
     R = mount.rotation
     r = mount.lever
@@ -263,7 +272,7 @@ def _with_intervals(motion: RobotMotion, tracks: Tracks, mount: Mount, free: Arr
     freedom = max(count - len(normal), 1)
     # Cauchy's weights bend: the curvature is a half of the normal matrix where noise is normal.
     spread = inverse @ (sums.T @ sums) @ inverse * count / freedom
-    halves = np.zeros(8)
+    halves = np.zeros(COUNT)
     own_halves = np.sqrt(np.maximum(np.diag(spread)[:-3], 0))
     prior = np.sqrt(np.diag(inverse)[:-3]) * LAST
     halves[free] = float(student.ppf((1 + LEVEL) / 2, freedom)) * np.maximum(own_halves, prior)

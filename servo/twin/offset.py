@@ -6,7 +6,7 @@ mount, as long as the scene is about as far everywhere. The offset is the one at
 explains most: the log determinant of the residuals' covariance is least.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import t as student
@@ -19,6 +19,8 @@ WIDEST = 1.0
 """Largest offset that is sought [s]."""
 STEP = 5e-3
 """Interval of the curve [s]."""
+OFFSETS = STEP * np.arange(-round(WIDEST / STEP), round(WIDEST / STEP) + 1)
+"""Offsets of the curve [s]."""
 BLOCK = 2.0
 """Length of the blocks of the bootstrap [s]."""
 DRAWS = 200
@@ -79,34 +81,39 @@ def regressors(motion: RobotMotion, steps: Tracks, offset: float) -> Array:
     return np.hstack([np.ones((len(twists), 1)), twists])
 
 
-def found(
-    motion: RobotMotion, steps: Tracks, flows: Array, rng: np.random.Generator
-) -> Offset:
+def found(motion: RobotMotion, steps: Tracks, flows: Array, rng: np.random.Generator) -> Offset:
     """Return the offset of a film, by the affine flows (p, 6) of its consecutive pictures."""
-    offsets = STEP * np.arange(-round(WIDEST / STEP), round(WIDEST / STEP) + 1)
     blocks = (steps.times[steps.first] // BLOCK).astype(int)
     blocks -= blocks.min()
-    number = blocks.max() + 1
-    products = np.stack([_products(motion, steps, flows, each, blocks, number) for each in offsets])
-    curve = _curve(products.sum(axis=1))
-    best = _least(offsets, curve)
-    draws = []
+    number = int(blocks.max()) + 1
+    products = np.stack([_products(motion, steps, flows, x, blocks, number) for x in OFFSETS])
+    least = _offset(_curve(products.sum(axis=1)))
+    draws: list[float] = []
     for _ in range(DRAWS):
         counts = np.bincount(rng.integers(number, size=number), minlength=number)
-        draws.append(_least(offsets, _curve(np.einsum("b,nbij->nij", counts, products))))
-    # Few blocks vary less in a bootstrap than they do.
-    wider = float(student.ppf((1 + LEVEL) / 2, max(number - 1, 1))) * np.sqrt(
-        number / max(number - 1, 1)
-    )
-    quarter, three = np.quantile(draws, [0.16, 0.84])
-    least = int(np.argmin(curve))
+        draws.append(_least(OFFSETS, _curve(np.einsum("b,nbij->nij", counts, products))))
+    low, high = np.quantile(draws, [0.16, 0.84])
+    # A bootstrap of few blocks varies less than they do.
+    freedom = max(number - 1, 1)
+    factor = float(student.ppf((1 + LEVEL) / 2, freedom)) * np.sqrt(number / freedom)
+    return replace(least, half=factor * max(float(np.std(draws)), (high - low) / 2))
+
+
+def curve_of(motion: RobotMotion, steps: Tracks, flows: Array) -> Offset:
+    """Return the offset of a film without an interval."""
+    one = np.zeros(len(flows), int)
+    return _offset(_curve(np.stack([_products(motion, steps, flows, x, one, 1)[0] for x in OFFSETS])))
+
+
+def _offset(curve: Array) -> Offset:
+    """Return the offset at the minimum of a curve (n,)."""
     return Offset(
-        best,
-        float(max(np.std(draws), (three - quarter) / 2) * wider),
+        _least(OFFSETS, curve),
+        0.0,
         float(np.median(curve) - curve.min()),
-        offsets,
+        OFFSETS,
         curve,
-        least in (0, len(curve) - 1),
+        int(np.argmin(curve)) in (0, len(curve) - 1),
     )
 
 
