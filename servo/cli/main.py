@@ -496,7 +496,12 @@ def preflight() -> None:
 @app.command()
 @click.argument("log", type=opt.PATH, help=opt.TWIN_LOG)
 @click.argument("video", type=opt.SOURCE, help=opt.TWIN_VIDEO)
-@click.option("--on", "base", type=opt.SCENARIO, help="The scenario to begin with (default: --scenario, or line).")
+@click.option(
+    "--on",
+    "base",
+    type=opt.SCENARIO,
+    help="The scenario to begin with (default: --scenario, or line).",
+)
 @opt.twin_options
 @opt.out_option("runs/twin-LOG")
 def twin() -> None:

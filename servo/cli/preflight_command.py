@@ -83,7 +83,7 @@ def run(
             "preflight: give a LOG and a VIDEO, or --wiggle FILE.csv for the motion to record"
         )
     given = Given(log, video, **options)  # type: ignore[arg-type]
-    compared, _ = comparison(given)
+    compared, *_ = comparison(given)
     show(compared)
     folder = prepare(out, f"preflight-{log.stem}")
     with writing(folder):
@@ -92,7 +92,7 @@ def run(
     return 0 if compared.verdict.is_good else 1
 
 
-def made(given: Given, command: str = "preflight") -> Made:
+def made(given: Given, command: str = "preflight", **more: object) -> Made:
     """Return the command that repeats a comparison, and the versions of the packages."""
     options = {
         name: getattr(given, name)
@@ -100,7 +100,8 @@ def made(given: Given, command: str = "preflight") -> Made:
     }
     if given.mount is not None:
         options["mount"] = ",".join(f"{each:g}" for each in given.mount)
-    return Made(command=command_line(command, str(given.log), given.video, **options), versions=versions())
+    line = command_line(command, str(given.log), given.video, **options, **more)
+    return Made(command=line, versions=versions())
 
 
 def show(compared: Comparison) -> None:
@@ -110,8 +111,9 @@ def show(compared: Comparison) -> None:
     plain(console, *(f"doubt: {each}" for each in compared.verdict.doubts))
 
 
-def comparison(given: Given) -> tuple[Comparison, Camera]:
-    """Return the comparison of a log with a film, and the film's camera.
+def comparison(given: Given) -> tuple[Comparison, Camera, float]:
+    """Return the comparison of a log with a film, the film's camera, and the time of its first
+    picture on the log's clock but for the offset [s].
 
     Raises:
         Mistake: The log or the film cannot be used.
@@ -126,7 +128,8 @@ def comparison(given: Given) -> tuple[Comparison, Camera]:
         None if given.mount is None else believed_mount(tuple(given.mount)),
     )
     with progress(console, "comparing", 1 + len(corrections(smooth))) as tick:
-        return compare(smooth, tracks, trust, tick), camera
+        compared = compare(smooth, tracks, trust, tick)
+    return compared, camera, float(tracks.times[0])
 
 
 def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Camera]:
@@ -168,7 +171,10 @@ def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Ca
     )
     inside = np.mean((timed.times > smooth.times[0]) & (timed.times < smooth.times[-1]))
     if inside < 1:
-        plain(console, f"{100 * inside:.0f} % of the film is inside the log's time; the rest is left out")
+        plain(
+            console,
+            f"{100 * inside:.0f} % of the film is inside the log's time; the rest is left out",
+        )
     return timed, camera_for(given, *tracks.size)
 
 

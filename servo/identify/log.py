@@ -145,7 +145,15 @@ def read(path: Path) -> Log:
             contradicts its name, a position jumps, or no channel has both a command and enough
             positions that vary.
     """
-    table = table_in(path)
+    return log_of(table_in(path), path)
+
+
+def log_of(table: pa.Table, path: Path) -> Log:
+    """Return the log that a table has; `path` is its file, for messages.
+
+    Raises:
+        Mistake: As `read`.
+    """
     names = table.column_names
     commands = [found.groups() for found in map(COMMAND.fullmatch, names) if found]
     used = {*STAMPS, *PICTURES, *(part for each in commands for part in _parts(*each))}

@@ -7,13 +7,13 @@ import numpy as np
 
 from servo.twin import mount as mounts
 from servo.twin import offset as offsets
-from servo.twin.corrections import Smooth, motion
+from servo.twin.corrections import Correction, Smooth, motion, rates
 from servo.twin.diagnosis import Diagnosis, corrected, diagnose
 from servo.twin.mount import Mount
 from servo.twin.offset import Offset
 from servo.twin.robot_motion import RobotMotion
 from servo.twin.tracks import Tracks
-from servo.twin.verdict import SHALLOW, Verdict, judge, preferred, second_axes
+from servo.twin.verdict import SHALLOW, SLIDES, TURNS, Verdict, judge, preferred, second_axes
 from sim.types import Array
 
 ROUGH = 0.04
@@ -61,9 +61,15 @@ def compare(
     flows = offsets.affine_flows(steps)
     rng = np.random.default_rng(0)
     offset = offsets.found(motion(smooth), steps, flows, rng)
-    known = offset.value if offset.depth > SHALLOW and not offset.at_end else None
+    surely = () if offset.depth > SHALLOW else _rate(smooth, steps)
+    is_shown = bool(offset.depth > SHALLOW or surely)
+    known = offset.value if is_shown and not surely and not offset.at_end else None
+    axes = second_axes(motion(smooth), tracks)
     along = None if trust.focal else trust.along or 0.0
-    diagnosis = preferred(diagnose(smooth, tracks, known, along, tick), trust.believed)
+    search = is_shown and (axes[0] >= SLIDES or axes[1] >= TURNS)
+    diagnosis = preferred(
+        diagnose(smooth, tracks, known, along, tick, surely=surely, search=search), trust.believed
+    )
     given = diagnosis.best.corrections
     moved = motion(smooth, *given)
     film = corrected(tracks, given)
@@ -73,7 +79,6 @@ def compare(
     first = replace(diagnosis.best.mount, drift=_drift(moved, film))
     fixed = (mounts.FOCAL,) if along is None else (mounts.LEVER_ALONG,)
     mount = mounts.fitted(moved, film, first, fixed)
-    axes = second_axes(smooth, diagnosis, film)
     verdict = judge(
         offset,
         diagnosis,
@@ -85,6 +90,21 @@ def compare(
         trusts_along=trust.along is not None and not trust.focal,
     )
     return Comparison(film, moved, flows, offset, diagnosis, mount, verdict)
+
+
+def _rate(smooth: Smooth, steps: Tracks) -> tuple[Correction, ...]:
+    """Return the correction of a film's rate with which the log explains the film, if there is
+    one.
+    """
+    deepest = SHALLOW
+    best: tuple[Correction, ...] = ()
+    for each in rates():
+        film = corrected(steps, (each,))
+        found = offsets.curve_of(motion(smooth), film, offsets.affine_flows(film))
+        if found.depth > deepest:
+            deepest = found.depth
+            best = (each,)
+    return best
 
 
 def _drift(moved: RobotMotion, film: Tracks) -> float:

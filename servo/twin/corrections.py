@@ -69,7 +69,16 @@ class Correction:
     """Factor on the film's times."""
 
 
-AS_IT_IS = Correction("nothing", "nothing")
+def millimetres(smooth: Smooth) -> Correction:
+    """Return the correction of a log whose lengths are in millimetres."""
+    columns = [0, 1, 2]
+    if smooth.kind is Kind.JOINTS:
+        columns = [k for k, name in enumerate(smooth.names) if name.endswith("_m")]
+    return Correction(
+        "lengths are in millimetres",
+        "log lengths in m: the present numbers over 1000",
+        _scaled(columns, 1e-3),
+    )
 
 
 def motion(smooth: Smooth, *corrections: Correction) -> RobotMotion:
@@ -101,18 +110,20 @@ def _in_hand(times: Array, twists: Array, frame: Frame) -> Array:
 
 
 def corrections(smooth: Smooth) -> list[Correction]:
-    """Return all corrections that a log and its film may need, each alone."""
+    """Return all corrections that a log and its film may need, each alone, but for its rate."""
     of_log = {Kind.POSES: _of_poses, Kind.TWISTS: _of_twists, Kind.JOINTS: _of_joints}[smooth.kind]
-    return [*of_log(smooth.names), *_of_film()]
+    return [*of_log(smooth.names), MIRRORED]
 
 
-def _of_film() -> Iterator[Correction]:
-    yield Correction(
-        "the film is mirrored",
-        "record the film without mirroring (a setting of the camera's driver), or flip it left to "
-        "right",
-        flips=(-1.0, 1.0),
-    )
+MIRRORED = Correction(
+    "the film is mirrored",
+    "record the film without mirroring (a setting of the camera's driver), or flip it left to right",
+    flips=(-1.0, 1.0),
+)
+
+
+def rates() -> Iterator[Correction]:
+    """Yield the corrections of films whose rate is another usual one than the given."""
     for true, given in ((25, 30), (24, 30), (30, 25), (15, 30), (30, 15), (60, 30), (30, 60)):
         yield Correction(
             f"the film's times run {true / given:.4g} times as fast as the log's",
@@ -217,7 +228,9 @@ def _of_twists(names: tuple[str, ...]) -> Iterator[Correction]:
             _ordered(np.array([*order, *(3 + order)])),
         )
     yield Correction(
-        "w is in degrees", "log w in rad/s: the present numbers over 57.3", _scaled([3, 4, 5], DEGREE)
+        "w is in degrees",
+        "log w in rad/s: the present numbers over 57.3",
+        _scaled([3, 4, 5], DEGREE),
     )
     yield Correction(
         "v and w are exchanged: the angular part comes first",

@@ -4,13 +4,13 @@ correction of a list, then with pairs of them, and the lowest robust cost wins i
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import combinations
+from operator import itemgetter
 
 import numpy as np
 
 from servo.twin import mount as mounts
 from servo.twin import offset as offsets
-from servo.twin.corrections import AS_IT_IS, Correction, Smooth, corrections, motion
+from servo.twin.corrections import Correction, Smooth, corrections, millimetres, motion
 from servo.twin.mount import Mount
 from servo.twin.tracks import Tracks
 from sim.types import Array
@@ -23,14 +23,19 @@ TRIED = 120, 4
 """Pairs of pictures of a trial, and each so many-th point of them is used."""
 GLANCED = 60, 8
 """The same for a first glance at two corrections at once."""
+EVERY = 4
+"""Each so many-th pair of consecutive pictures gives a trial its offset and its start."""
 KEPT = 12
 """Best pairs of corrections after the first glance, which are tried as single ones are."""
 TRIAL = 3.0, 3.0, 1.0, 1.0, 0.5, 0.3
-"""Cauchy scale of each step of a trial [px]."""
+GLANCE = 3.0, 1.0, 0.5
+"""Cauchy scale of each step of a trial, and of a first glance [px]."""
 COARSE = 0.03
 """Interval of the offsets of a trial [s]."""
 NEAR = 0.15
 """Largest distance of a trial's offset from the known one [s]."""
+FARTHEST = 60.0
+"""Largest plausible distance of a scene [m]."""
 SINGLES = 8
 """Best single corrections that are tried with each other one."""
 
@@ -67,13 +72,18 @@ class Diagnosis:
         return self.best.cost < GOOD * self.floor
 
 
+def effect(given: tuple[Correction, ...]) -> tuple[float, Array]:
+    """Return the factor of some corrections on a film's times, and the signs (2,) of its x and y."""
+    flips = np.prod([[1.0, 1.0], *(each.flips for each in given)], axis=0)
+    return float(np.prod([each.stretch for each in given])), flips
+
+
 def corrected(tracks: Tracks, given: tuple[Correction, ...]) -> Tracks:
     """Return the followed points of a film that is flipped and stretched by corrections."""
-    flips = np.prod([each.flips for each in given], axis=0) if given else np.ones(2)
-    stretch = float(np.prod([each.stretch for each in given]))
+    stretch, flips = effect(given)
     return replace(
         tracks,
-        times=tracks.times * stretch,
+        times=tracks.times[0] + (tracks.times - tracks.times[0]) * stretch,
         before=tracks.before * flips,
         after=tracks.after * flips,
     )
@@ -112,7 +122,8 @@ def diagnose(
     along: float | None,
     tick: Callable[[str], None],
     *,
-    deeply: bool = True,
+    surely: tuple[Correction, ...] = (),
+    search: bool = True,
 ) -> Diagnosis:
     """Return the corrections that a log and its film need.
 
@@ -122,26 +133,33 @@ def diagnose(
         known: The clock's offset, if it is known [s].
         along: The lever along the optical axis, if it is trusted and the focal length is not [m].
         tick: Called after each trial, with a note.
-        deeply: Try pairs of corrections too, where no single one explains the recording.
+        surely: Corrections that are known to be needed.
+        search: Try corrections; False: only fit the log as it is.
     """
     steps = tracks.steps
+    thin = np.arange(len(steps.first)) % EVERY == 0
+    steps = steps.only(thin)
     flows = offsets.affine_flows(steps)
     part = _part(tracks, *TRIED)
     floor = floor_of(part)
 
-    def tried(*given: Correction, of: Tracks = part) -> Trial:
-        trial = _trial(smooth, of, steps, flows, known, along, given)
-        tick(f"cost {trial.cost:.3g}, {given[0].mistake if given else 'as it is'}")
+    surely = (*surely, *_unit(smooth, steps, flows, known, surely))
+
+    def tried(
+        *given: Correction, of: Tracks = part, scales: tuple[float, ...] = TRIAL
+    ) -> Trial:
+        trial = _trial(smooth, of, steps, flows, known, along, (*given, *surely), scales)
+        tick(f"cost {trial.cost:.3g}: {given[0].mistake if given else 'as it is'}")
         return trial
 
     as_it_is = tried()
-    if as_it_is.cost < CLEAR * floor:
+    if not search or as_it_is.cost < CLEAR * floor:
         return Diagnosis(as_it_is, [], as_it_is, floor)
     candidates = corrections(smooth)
     singles = sorted((tried(each) for each in candidates), key=lambda trial: trial.cost)
     trials = [as_it_is, *singles]
-    if deeply and min(trial.cost for trial in trials) > GOOD * floor:
-        best = [trial.corrections[0] for trial in singles[:SINGLES]]
+    if min(trial.cost for trial in trials) > GOOD * floor:
+        best = [trial.corrections[0] for trial in singles[:SINGLES] if trial.corrections]
         pairs = {
             frozenset((id(one), id(other))): (one, other)
             for one in best
@@ -149,10 +167,9 @@ def diagnose(
             if one is not other and one.mistake.split()[:4] != other.mistake.split()[:4]
         }
         coarse = _part(tracks, *GLANCED)
-        glances = sorted(
-            (tried(*pair, of=coarse) for pair in pairs.values()), key=lambda trial: trial.cost
-        )
-        trials += [tried(*glance.corrections) for glance in glances[:KEPT]]
+        glances = [(tried(*pair, of=coarse, scales=GLANCE).cost, pair) for pair in pairs.values()]
+        glances.sort(key=itemgetter(0))
+        trials += [tried(*pair) for _, pair in glances[:KEPT]]
     least = min(trial.cost for trial in trials)
     near = [trial for trial in trials if trial.cost <= CLEAR * least]
     fewest = min(len(trial.corrections) for trial in near)
@@ -171,6 +188,23 @@ def _part(tracks: Tracks, pairs: int, every: int) -> Tracks:
     return tracks.only(chosen, every)
 
 
+def _unit(
+    smooth: Smooth,
+    steps: Tracks,
+    flows: Array,
+    known: float | None,
+    surely: tuple[Correction, ...],
+) -> tuple[Correction, ...]:
+    """Return the correction of millimetres if the scene is implausibly far away, else none: no
+    residual shows the unit, only the depth.
+    """
+    if known is None:
+        return ()
+    film = corrected(steps, surely)
+    far = mounts.start(motion(smooth, *surely), film, flows, known).depth
+    return (millimetres(smooth),) if far > FARTHEST else ()
+
+
 def _trial(
     smooth: Smooth,
     part: Tracks,
@@ -179,14 +213,13 @@ def _trial(
     known: float | None,
     along: float | None,
     given: tuple[Correction, ...],
+    scales: tuple[float, ...],
 ) -> Trial:
     """Return the fit of a log with some corrections."""
     moved = motion(smooth, *given)
     film = corrected(part, given)
     whole = corrected(steps, given)
-    stretch = float(np.prod([each.stretch for each in given]))
-    flips = np.prod([each.flips for each in given], axis=0) if given else np.ones(2)
-    sx, sy = flips
+    stretch, (sx, sy) = effect(given)
     changed = flows / stretch * (sx, 1.0, sx * sy, sy, sx * sy, 1.0)
     reach = offsets.WIDEST if known is None or stretch != 1 else NEAR
     middle = 0.0 if known is None or stretch != 1 else known
@@ -196,6 +229,6 @@ def _trial(
     fixed = (mounts.FOCAL, mounts.DRIFT)
     if along is not None:
         fixed = (mounts.LEVER_ALONG, mounts.DRIFT)
-    found = mounts.fitted(moved, film, first, fixed, TRIAL)
+    found = mounts.fitted(moved, film, first, fixed, scales)
     # A scene behind the camera explains slides of the other sign.
     return Trial(given, found.cost if found.plane[2] > 0 else np.inf, found)

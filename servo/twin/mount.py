@@ -116,7 +116,8 @@ def start(
     turn_part = of_turns if np.linalg.norm(spread[3:]) > 1e-3 else np.zeros((3, 3))
     U, _, Vt = np.linalg.svd(slide_part + turn_part)
     back = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
-    n0 = np.array([0.0, 0.0, np.clip(density, 1 / FARTHEST, 1e3)])
+    size = float(np.linalg.norm(of_slides) / np.sqrt(3))
+    n0 = np.array([0.0, 0.0, np.clip(size, 1 / FARTHEST, 1e3)])
     nothing = np.zeros(COUNT)
     arm = np.array([0.0, 0.0, along])
     return Mount(offset, back.T, arm, 1.0, 0.0, n0, nothing, np.inf, np.inf, np.inf, 0.0)

@@ -102,7 +102,9 @@ def found(motion: RobotMotion, steps: Tracks, flows: Array, rng: np.random.Gener
 def curve_of(motion: RobotMotion, steps: Tracks, flows: Array) -> Offset:
     """Return the offset of a film without an interval."""
     one = np.zeros(len(flows), int)
-    return _offset(_curve(np.stack([_products(motion, steps, flows, x, one, 1)[0] for x in OFFSETS])))
+    return _offset(
+        _curve(np.stack([_products(motion, steps, flows, x, one, 1)[0] for x in OFFSETS]))
+    )
 
 
 def _offset(curve: Array) -> Offset:

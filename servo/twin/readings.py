@@ -10,13 +10,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
-from servo.identify.log import listed, numbers_in, table_in
+from servo.identify.log import Log, listed, log_of, numbers_in, table_in
 from servo.loop.episode import Episode
 from servo.mistake import Mistake, as_mistake, check_rules
 from servo.output.steps_table import TABLE
 from servo.scenario.load import load
 from servo.twin.corrections import Kind, Smooth
-from servo.twin.robot_motion import continuous, smoothed
+from servo.twin.robot_motion import RobotMotion, continuous, smoothed
 from sim.models.quaternion import quaternion_of
 from sim.types import Array
 from tracking.sequences.sequence import source_of
@@ -143,7 +143,9 @@ def kinematics(scenario: str, columns: Sequence[str], path: Path) -> Callable[[A
     """
     with Episode(load(scenario), seen=False) as episode:
         robot, data = episode.world.robot, episode.world.data
-        known = [f"joint_{name}_{unit}" for name, unit in zip(robot.names, robot.units, strict=True)]
+        known = [
+            f"joint_{name}_{unit}" for name, unit in zip(robot.names, robot.units, strict=True)
+        ]
     if set(known) - set(columns):
         missing = [name for name in known if name not in columns]
         raise Mistake(
@@ -160,6 +162,34 @@ def kinematics(scenario: str, columns: Sequence[str], path: Path) -> Callable[[A
         return np.stack(rows)
 
     return poses
+
+
+def command_log(path: Path, motion: RobotMotion) -> Log:
+    """Return the log of commands and motion, as `identify` reads it; a log of poses with commanded
+    twists of the hand (command_vx_m_s ...) gets the measured twists of its poses.
+
+    Raises:
+        Mistake: The log has no commands, or `identify` refuses it.
+    """
+    path = path / TABLE if path.is_dir() else path
+    table = table_in(path)
+    names = [f"measured_{each}" for each in TWIST]
+    if any(f"command_{each}" in table.column_names for each in TWIST) and not (
+        set(names) & set(table.column_names)
+    ):
+        times = numbers_in(table, "time_s", path)
+        before = np.append(2 * times[:1] - times[1:2], times[:-1])
+        for name, column in zip(names, motion.twists(before, times).T, strict=True):
+            table = table.append_column(name, pa.array(column))
+    return log_of(table, path)
+
+
+def is_camera(path: Path, scenario: str | None) -> bool:
+    """Return True if a log states where the camera is: by columns camera_..., or by the joints of a
+    scenario's robot, whose model has a camera.
+    """
+    names = table_in(path / TABLE if path.is_dir() else path).column_names
+    return _columns(names, scenario, path)[1][0].startswith(("camera_", "joint_"))
 
 
 def _check_motion(smooth: Smooth, path: Path) -> None:
@@ -207,9 +237,7 @@ def film(
 
 def _stamped(source: Source, times: Array) -> Iterator[Picture]:
     for picture, time in zip(source, times.tolist(), strict=False):
-        yield Picture(
-            picture.name, time - float(times[0]), picture.image, stamp=round(time / NANO)
-        )
+        yield Picture(picture.name, time - float(times[0]), picture.image, stamp=round(time / NANO))
 
 
 def clock_of(first: int | None, log: Smooth, begins: float | None) -> FilmClock:

@@ -2,11 +2,14 @@
 real one would have taken there.
 """
 
+import copy
+
 import mujoco
 
 from servo.loop.episode import Episode
 from sim.camera.camera import CameraConfig
 from sim.camera.choice import renderer_of
+from sim.camera.renderer import ALONE
 from sim.geometry import VISION_FROM_MUJOCO
 from sim.models.assembly import TARGET
 from sim.models.quaternion import quaternion_of
@@ -14,15 +17,20 @@ from sim.mounting import CAMERA
 from sim.types import Camera, Image, Pose
 
 
+ROBOT = "robot/"
+"""Beginning of the names of the robot's bodies, which are not drawn."""
+
+
 class SceneCamera:
     """Draws pictures of the scene of an episode from any pose; call `close` after use."""
 
     def __init__(self, episode: Episode, view: Camera) -> None:
-        """Take the scene of an episode, whose robot stays where it is, and a camera without
-        distortion.
-        """
+        """Take the scene of an episode without its robot, and a camera without distortion."""
         self._world = episode.world
-        self._model = episode.world.model
+        self._model = copy.copy(episode.world.model)
+        is_robot = [self._model.body(k).name.startswith(ROBOT) for k in self._model.geom_bodyid]
+        self._model.geom_group[is_robot] = ALONE
+        self._model.geom_rgba[is_robot, 3] = 0.0
         self._data = mujoco.MjData(self._model)
         self._data.qpos[:] = episode.world.data.qpos
         self._camera = self._model.camera(CAMERA).id

@@ -55,14 +55,20 @@ def section(compared: Comparison, folder: Path, made: Made, more: Sequence[Block
     tracks = compared.tracks
     seconds = float(tracks.times[-1] - tracks.times[0])
     wrong = sum(not each.is_good for each in verdict.findings)
-    lead = "Log and film fit each other." if verdict.is_good else (
-        f"{wrong} lines need attention before the robot moves by its camera."
+    lead = (
+        "Log and film fit each other."
+        if verdict.is_good
+        else (f"{wrong} lines need attention before the robot moves by its camera.")
     )
     facts = [
-        Fact("film", f"{seconds:.1f} s", f"{len(tracks.times)} pictures, {tracks.size[0]} x {tracks.size[1]} px"),
+        Fact(
+            "film",
+            f"{seconds:.1f} s",
+            f"{len(tracks.times)} pictures, {tracks.size[0]} x {tracks.size[1]} px",
+        ),
         Fact("points followed", f"{tracks.known.sum():,}"),
         Fact("points off the fit", f"{compared.mount.off:.2f} px", "median"),
-        Fact("depth of the offset's curve", f"{compared.offset.depth:.1f}", "3 or more shows an offset"),
+        Fact("depth of the offset's curve", f"{compared.offset.depth:.1f}", "at least 3 is needed"),
     ]
     pictures = [
         PageImage.of("", encoded(image), "picture", sheet=False)
@@ -108,7 +114,7 @@ def flows(compared: Comparison) -> Drawing:
     times = steps.times[steps.first]
     middle = float(np.median(times))
     part = abs(times - middle) < SECONDS / 2
-    figure, axes = panels(9.0, 7.0, len(SHOWN), sharex=True)
+    figure, axes = panels(9.0, 5.4, len(SHOWN), sharex=True)
     for which, ax in zip(SHOWN, axes, strict=True):
         ax.plot(times[part], compared.flows[part, which], ".", ms=3, color="#59616e")
         ax.plot(times[part], fit[part, which], color="#c23b2e", lw=1.2)

@@ -7,10 +7,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from servo.twin import mount as mounts
-from servo.twin.corrections import Smooth, motion
 from servo.twin.diagnosis import Diagnosis
 from servo.twin.mount import Mount
 from servo.twin.offset import Offset
+from servo.twin.robot_motion import RobotMotion
 from servo.twin.tracks import Tracks
 from sim.geometry import angle_of
 from sim.types import Array
@@ -29,8 +29,6 @@ SLIDES = 0.005
 """The same of sliding, for a mount without turns [m/s]."""
 SCATTERED = 3.0
 """Largest scatter of the scene's planes."""
-FARTHEST = 60.0
-"""Largest plausible distance of a scene [m]."""
 MANY_STRAY = 0.3
 """Share of points off the fit above which the scene itself seems to move."""
 DARK = 0.3
@@ -41,7 +39,9 @@ FOCAL_OFF = 0.05
 """Least error of the focal length that is reported."""
 TURNED = np.radians(8.0)
 """Largest distance of a mount from a turn by right angles that is named as such [rad]."""
-CUTS = 0
+STEP = 0.05
+"""Time over which a rate is taken, so that noise is small [s]."""
+PARTS = np.s_[:3], np.s_[3:]
 MM = 1e3
 
 
@@ -75,14 +75,13 @@ class Verdict:
         return all(each.is_good for each in self.findings)
 
 
-def second_axes(smooth: Smooth, diagnosis: Diagnosis, tracks: Tracks) -> tuple[float, float]:
-    """Return the rates of sliding [m/s] and of turning [rad/s] along the second strongest axis,
-    root mean square, while the film runs.
+def second_axes(moved: RobotMotion, tracks: Tracks) -> tuple[float, float]:
+    """Return the hand's rates of sliding [m/s] and of turning [rad/s] along the second strongest
+    axis, root mean square, while the film runs.
     """
-    moved = motion(smooth, *diagnosis.best.corrections)
-    times = np.arange(tracks.times[0], tracks.times[-1], 0.05)
-    twists = moved.twists(times, times + 0.05)
-    slides, turns = (np.linalg.svd(twists[:, part], compute_uv=False)[1] for part in np.s_[:3, 3:])
+    times = np.arange(tracks.times[0], tracks.times[-1], STEP)
+    twists = moved.twists(times, times + STEP)
+    slides, turns = (np.linalg.svd(twists[:, part], compute_uv=False)[1] for part in PARTS)
     return float(slides / np.sqrt(len(times))), float(turns / np.sqrt(len(times)))
 
 
@@ -116,7 +115,7 @@ def judge(
         findings.append(Finding("clock offset", f"refused: {why_no_offset}", RECORD, is_good=False))
     mistakes = [each.mistake for each in diagnosis.best.corrections]
     tied = bool(diagnosis.others)
-    if not why_no_offset:
+    if not why_no_offset and max(axes[0] / SLIDES, axes[1] / TURNS) >= 1:
         findings += _of_diagnosis(diagnosis)
     why = why_no_offset or _no_mount(diagnosis, mount, axes, tied)
     why_no_lever = why or _no_lever(mount, axes, trusts_focal or trusts_along)
@@ -137,9 +136,7 @@ def judge(
         if believed is not None:
             findings += _against_believed(mount, believed, mistakes)
     if why_no_lever:
-        findings.append(
-            Finding("mount: lever", f"refused: {why_no_lever}", RECORD, is_good=False)
-        )
+        findings.append(Finding("mount: lever", f"refused: {why_no_lever}", RECORD, is_good=False))
     else:
         x, y, z = MM * mount.lever
         half = MM * halves[4:7].max()
@@ -154,7 +151,9 @@ def judge(
                 "moves by itself, or is very near"
             )
     known = None if why_no_offset else offset
-    return Verdict(findings, doubts, known, None if why else mount, not why, not why_no_lever, mistakes)
+    return Verdict(
+        findings, doubts, known, None if why else mount, not why, not why_no_lever, mistakes
+    )
 
 
 RECORD = "record 30 s of the motion that `servobench preflight --wiggle FILE` writes"
@@ -180,9 +179,7 @@ def _no_offset(offset: Offset, mount: Mount) -> str:
     return next((sentence for applies, sentence in cases if applies), "")
 
 
-def _no_mount(
-    diagnosis: Diagnosis, mount: Mount, axes: tuple[float, float], tied: bool
-) -> str:
+def _no_mount(diagnosis: Diagnosis, mount: Mount, axes: tuple[float, float], tied: bool) -> str:
     """Return why a mount is refused, or an empty text."""
     apart = [
         angle_of(diagnosis.best.mount.rotation.T @ other.mount.rotation)
@@ -190,16 +187,16 @@ def _no_mount(
     ]
     cases = (
         (
+            axes[1] < TURNS and axes[0] < SLIDES,
+            "the hand moves along or about one axis only",
+        ),
+        (
             tied and max(apart, default=0.0) > VAGUE_TURN,
             "it differs between the mistakes that explain the recording",
         ),
         (
             not diagnosis.is_good,
             "neither the log as it is nor any mistake of the list explains the film",
-        ),
-        (
-            axes[1] < TURNS and axes[0] < SLIDES,
-            "the hand moves along or about one axis only",
         ),
         (
             mount.scatter > SCATTERED or mount.plane[2] <= 0,
@@ -240,7 +237,7 @@ def _of_film(tracks: Tracks) -> list[str]:
     sentences: list[str] = []
     if tracks.dark > DARK:
         sentences.append(f"{100 * tracks.dark:.0f} % of the pictures are dark: expose longer")
-    if len(tracks.cuts) > CUTS:
+    if tracks.cuts:
         first = ", ".join(f"{time:.2f}" for time in tracks.cuts[:4])
         sentences.append(
             f"the film is cut, or jumps, {len(tracks.cuts)} times (at {first} s on the log's clock)"
@@ -317,16 +314,7 @@ def _of_scale(mount: Mount, *, trusts_along: bool, known: bool) -> list[Finding]
                 is_good=not off,
             )
         )
-    if mount.depth > FARTHEST:
-        rows.append(
-            Finding(
-                "unit of length",
-                f"the scene would be {mount.depth:.0f} m away",
-                "log positions in m: they seem to be in millimetres",
-                is_good=False,
-            )
-        )
-    elif known:
+    if known:
         rows.append(Finding("distance of the scene", f"{mount.depth:.3f} m"))
     return rows
 

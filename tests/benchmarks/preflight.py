@@ -217,10 +217,10 @@ def line_of(case, folder):
     line["covered"] = [abs(e) <= h for e, h in zip(line["errors"], line["halves"], strict=True)]
     if not line["has"][1]:
         line["covered"][0] = abs(line["offset_ms"]) <= line["offset_half_ms"]
-    line["wrong"] = [
-        k for k, claim in enumerate(claims) if claim and not line["covered"][k]
-    ]
-    line["refused"] = all(not line["has"][("offset", "mount", "lever").index(x)] for x in case.refused)
+    line["wrong"] = [k for k, claim in enumerate(claims) if claim and not line["covered"][k]]
+    line["refused"] = all(
+        not line["has"][("offset", "mount", "lever").index(x)] for x in case.refused
+    )
     return {key: plainly(value) for key, value in line.items()}
 
 
@@ -228,8 +228,10 @@ def plainly(value):
     """A value for JSON."""
     if isinstance(value, list):
         return [plainly(each) for each in value]
-    return round(float(value), 4) if isinstance(value, float | np.floating) else (
-        bool(value) if isinstance(value, np.bool_) else value
+    return (
+        round(float(value), 4)
+        if isinstance(value, float | np.floating)
+        else (bool(value) if isinstance(value, np.bool_) else value)
     )
 
 
@@ -302,33 +304,111 @@ def mistakes(count):
         ("sign of x", dict(log=[scaled([0], -1)], names=[(signed.format("x"),)])),
         ("mirrored", dict(spoil=[mirrored], names=[MIRROR])),
         ("upside down", dict(spoil=[upside_down], stated=(0, 0, 0), names=[("upside down",)])),
-        ("mount 90 about z", dict(stated=(0, 0, 90), names=[("90 deg about its z", "90 deg about its -z")])),
-        ("degrees", dict(kind=Kind.TWISTS, log=[twist(scaled([3, 4, 5], 57.2958))], names=[("in degrees",)])),
-        ("angular first", dict(kind=Kind.TWISTS, log=[twist(columns(3, 4, 5, 0, 1, 2))], names=[("angular part",)])),
+        (
+            "mount 90 about z",
+            dict(stated=(0, 0, 90), names=[("90 deg about its z", "90 deg about its -z")]),
+        ),
+        (
+            "degrees",
+            dict(
+                kind=Kind.TWISTS, log=[twist(scaled([3, 4, 5], 57.2958))], names=[("in degrees",)]
+            ),
+        ),
+        (
+            "angular first",
+            dict(
+                kind=Kind.TWISTS, log=[twist(columns(3, 4, 5, 0, 1, 2))], names=[("angular part",)]
+            ),
+        ),
         ("base frame", dict(kind=Kind.TWISTS, log=[in_base], names=[("v and w are in the base",)])),
         ("v in base", dict(kind=Kind.TWISTS, log=[v_in_base], names=[("v is in the base",)])),
         ("joint's sign", dict(kind=Kind.JOINTS, joint=1, names=[("sign of joint_",)])),
         ("focal length 15 %", dict(focal=1.15, names=[("focal length",)])),
-        ("axes cyclic", dict(log=[columns(1, 2, 0, 3, 4, 5, 6)], names=[("axes of the position",)])),
+        (
+            "axes cyclic",
+            dict(log=[columns(1, 2, 0, 3, 4, 5, 6)], names=[("axes of the position",)]),
+        ),
         ("rate 25 for 30", dict(spoil=[at_rate(1.2)], names=[("times run",)])),
         ("clock drift", dict(spoil=[at_rate(1.003)], names=[("clock drift",)])),
-        ("order and sign", dict(log=[order_w, scaled([1], -1)], names=[("w, x, y, z",), (signed.format("y"),)])),
-        ("degrees and mirrored", dict(kind=Kind.TWISTS, log=[twist(scaled([3, 4, 5], 57.2958))], spoil=[mirrored], names=[("in degrees",), (*MIRROR, "sign")])),
-        ("inverse and millimetres", dict(log=[scaled([0, 1, 2], 1e3), inverse], names=[("inverse",), ("millimetres",)])),
-        ("v axes and w's sign", dict(kind=Kind.TWISTS, log=[twist(columns(1, 0, 2, 3, 4, 5)), twist(scaled([5], -1))], names=[("axes of v", "sign of", "axes x")])),
-        ("sign of z of quaternion", dict(log=[scaled([5], -1)], names=[("sign of z of the quaternion",)])),
+        (
+            "order and sign",
+            dict(log=[order_w, scaled([1], -1)], names=[("w, x, y, z",), (signed.format("y"),)]),
+        ),
+        (
+            "degrees and mirrored",
+            dict(
+                kind=Kind.TWISTS,
+                log=[twist(scaled([3, 4, 5], 57.2958))],
+                spoil=[mirrored],
+                names=[("in degrees",), (*MIRROR, "sign")],
+            ),
+        ),
+        (
+            "inverse and millimetres",
+            dict(log=[scaled([0, 1, 2], 1e3), inverse], names=[("inverse",), ("millimetres",)]),
+        ),
+        (
+            "v axes and w's sign",
+            dict(
+                kind=Kind.TWISTS,
+                log=[twist(columns(1, 0, 2, 3, 4, 5)), twist(scaled([5], -1))],
+                names=[("axes of v", "sign of", "axes x")],
+            ),
+        ),
+        (
+            "sign of z of quaternion",
+            dict(log=[scaled([5], -1)], names=[("sign of z of the quaternion",)]),
+        ),
         ("all signs of position", dict(log=[scaled([0, 1, 2], -1)], names=[MIRROR])),
-        ("quaternion inverse", dict(log=[scaled([3, 4, 5], -1)], names=[("quaternion's vector has the wrong sign", "exchanged in position and")])),
-        ("x and y exchanged", dict(log=[columns(1, 0, 2, 4, 3, 5, 6)], names=[("exchanged in position and", "quaternion's vector has the wrong sign")])),
-        ("axes of position swapped", dict(log=[columns(0, 2, 1, 3, 4, 5, 6)], names=[("axes of the position",)])),
+        (
+            "quaternion inverse",
+            dict(
+                log=[scaled([3, 4, 5], -1)],
+                names=[("quaternion's vector has the wrong sign", "exchanged in position and")],
+            ),
+        ),
+        (
+            "x and y exchanged",
+            dict(
+                log=[columns(1, 0, 2, 4, 3, 5, 6)],
+                names=[("exchanged in position and", "quaternion's vector has the wrong sign")],
+            ),
+        ),
+        (
+            "axes of position swapped",
+            dict(log=[columns(0, 2, 1, 3, 4, 5, 6)], names=[("axes of the position",)]),
+        ),
         ("mount 180 about x", dict(stated=(180, 0, 0), names=[("180 deg about its x",)])),
-        ("mount 90 about y", dict(stated=(0, 90, 0), names=[("90 deg about its y", "90 deg about its -y")])),
-        ("v's sign of z", dict(kind=Kind.TWISTS, log=[twist(scaled([2], -1))], names=[("sign of z of v",)])),
-        ("w's axes", dict(kind=Kind.TWISTS, log=[twist(columns(0, 1, 2, 4, 3, 5))], names=[("axes of w",)])),
-        ("twist of the base", dict(kind=Kind.TWISTS, log=[twist(scaled(range(6), -1))], names=[("of the base in the hand",)])),
+        (
+            "mount 90 about y",
+            dict(stated=(0, 90, 0), names=[("90 deg about its y", "90 deg about its -y")]),
+        ),
+        (
+            "v's sign of z",
+            dict(kind=Kind.TWISTS, log=[twist(scaled([2], -1))], names=[("sign of z of v",)]),
+        ),
+        (
+            "w's axes",
+            dict(kind=Kind.TWISTS, log=[twist(columns(0, 1, 2, 4, 3, 5))], names=[("axes of w",)]),
+        ),
+        (
+            "twist of the base",
+            dict(
+                kind=Kind.TWISTS,
+                log=[twist(scaled(range(6), -1))],
+                names=[("of the base in the hand",)],
+            ),
+        ),
         ("joint's degrees", dict(kind=Kind.JOINTS, degrees=True, names=[("in degrees",)])),
         ("focal length 12 % short", dict(focal=0.88, names=[("focal length",)])),
-        ("drift and sign", dict(log=[scaled([0], -1)], spoil=[at_rate(0.998)], names=[("clock drift",), (signed.format("x"),)])),
+        (
+            "drift and sign",
+            dict(
+                log=[scaled([0], -1)],
+                spoil=[at_rate(0.998)],
+                names=[("clock drift",), (signed.format("x"),)],
+            ),
+        ),
         ("rate 30 for 25", dict(spoil=[at_rate(25 / 30)], names=[("times run",)])),
     ]
     for k, (name, of) in enumerate(cases[:count]):
@@ -351,14 +431,31 @@ def refused():
     r = [Robot.drawn(400 + k) for k in range(12)]
     one, only = (1.0, 0, 0, 0, 0, 0), (1.0, 1.0, 1.0, 0, 0, 0)
     yield Case("one slide", Film(500, 20, moves=one), r[0], refused=("mount", "lever"))
-    yield Case("one turn", Film(501, 20, moves=(0, 0, 0, 0, 0, 1.0)), r[1], refused=("mount", "lever"))
+    yield Case(
+        "one turn", Film(501, 20, moves=(0, 0, 0, 0, 0, 1.0)), r[1], refused=("mount", "lever")
+    )
     yield Case("slides only", Film(502, 20, moves=only), r[2], refused=("lever",))
-    yield Case("turns only", Film(503, 20, moves=(0, 0, 0, 1.0, 1.0, 1.0)), r[3], refused=("lever",))
+    yield Case(
+        "turns only", Film(503, 20, moves=(0, 0, 0, 1.0, 1.0, 1.0)), r[3], refused=("lever",)
+    )
     yield Case("four seconds", Film(504, 4.5), r[4], refused=("mount", "lever"))
     film = Film(505, 20)
-    yield Case("film of another motion", film, r[5], other=Film(506, 20), refused=("offset", "mount", "lever"))
-    yield Case("closed loop, line", LoopFilm(507, 14, scenario="line"), r[6], refused=("mount", "lever"))
-    yield Case("closed loop, circle", LoopFilm(508, 14, scenario="circle"), r[7], refused=("mount", "lever"))
+    yield Case(
+        "film of another motion",
+        film,
+        r[5],
+        other=Film(506, 20),
+        refused=("offset", "mount", "lever"),
+    )
+    yield Case(
+        "closed loop, line", LoopFilm(507, 14, scenario="line"), r[6], refused=("mount", "lever")
+    )
+    yield Case(
+        "closed loop, circle",
+        LoopFilm(508, 14, scenario="circle"),
+        r[7],
+        refused=("mount", "lever"),
+    )
     yield Case("dark", Film(509, 20, dark=0.02), r[8], refused=("mount", "lever"))
     yield Case("hardly any motion", Film(510, 20, size=0.01), r[9], refused=("mount", "lever"))
 
@@ -369,7 +466,9 @@ def clean():
     yield Case("20 s", Film(601, 20), r[0])
     yield Case("log at 50 Hz", Film(602, 30), replace(r[1], rate=50.0))
     yield Case("log at 250 Hz", Film(603, 30), replace(r[2], rate=250.0))
-    yield Case("no noise", Film(604, 30), replace(r[3], position_noise=0.0, turn_noise=0.0, jitter=0.0))
+    yield Case(
+        "no noise", Film(604, 30), replace(r[3], position_noise=0.0, turn_noise=0.0, jitter=0.0)
+    )
     yield Case("noisy log", Film(605, 30), replace(r[4], position_noise=1e-3, turn_noise=2e-3))
     yield Case("15 pictures a second", Film(606, 40, rate=15), r[5])
     yield Case("half as bright", Film(607, 30, dark=0.5), r[6])
@@ -385,7 +484,10 @@ def rms(values):
 def summary(lines):
     """The table of servo/RESULTS.md."""
     rows = [("what", "wanted", "reached")]
-    of = {part: [x for x in lines if x["part"] == part] for part in ("robots", "mistakes", "refused", "clean")}
+    of = {
+        part: [x for x in lines if x["part"] == part]
+        for part in ("robots", "mistakes", "refused", "clean")
+    }
     good = [x for x in of["robots"] if x["has"][2]]
     if good:
         errors = np.array([x["errors"] for x in good])
@@ -394,16 +496,54 @@ def summary(lines):
         stage = np.array([[x["offset_ms"], x["offset_half_ms"]] for x in good])
         rows += [
             ("hidden robots with an answer", "", f"{len(good)} of {len(of['robots'])}"),
-            ("offset by the flow alone", "", f"{rms(stage[:, 0]):.2f} ms rms, interval covers {np.mean(abs(stage[:, 0]) <= stage[:, 1]):.0%}"),
-            ("offset", "1 ms rms, 90 %", f"{rms(errors[:, 0]):.2f} ms rms, {covered[:, 0].mean():.0%}"),
-            ("rotation of the mount, each axis", "0.3 deg, 90 %", f"{rms(errors[:, 1:4]):.2f} deg rms, {covered[:, 1:4].mean():.0%}"),
-            ("lever, each axis", "6 mm, 90 %", f"{rms(errors[:, 4:]):.1f} mm rms, {covered[:, 4:].mean():.0%}"),
-            ("false alarms among them", "0", str(sum(not x["good"] and "focal length" not in x["bad"] for x in of["robots"]))),
+            (
+                "offset by the flow alone",
+                "",
+                f"{rms(stage[:, 0]):.2f} ms rms, interval covers {np.mean(abs(stage[:, 0]) <= stage[:, 1]):.0%}",
+            ),
+            (
+                "offset",
+                "1 ms rms, 90 %",
+                f"{rms(errors[:, 0]):.2f} ms rms, {covered[:, 0].mean():.0%}",
+            ),
+            (
+                "rotation of the mount, each axis",
+                "0.3 deg, 90 %",
+                f"{rms(errors[:, 1:4]):.2f} deg rms, {covered[:, 1:4].mean():.0%}",
+            ),
+            (
+                "lever, each axis",
+                "6 mm, 90 %",
+                f"{rms(errors[:, 4:]):.1f} mm rms, {covered[:, 4:].mean():.0%}",
+            ),
+            (
+                "false alarms among them",
+                "0",
+                str(sum(not x["good"] and "focal length" not in x["bad"] for x in of["robots"])),
+            ),
         ]
-    rows.append(("planted mistakes named", "all", f"{sum(x['named'] for x in of['mistakes'])} of {len(of['mistakes'])}"))
+    rows.append(
+        (
+            "planted mistakes named",
+            "all",
+            f"{sum(x['named'] for x in of['mistakes'])} of {len(of['mistakes'])}",
+        )
+    )
     right = sum(x["refused"] and not x["wrong"] for x in of["refused"])
-    rows.append(("refused as they must be, nothing wrong claimed", "all", f"{right} of {len(of['refused'])}"))
-    rows.append(("clean ones without alarm", "all", f"{sum(x['good'] for x in of['clean'])} of {len(of['clean'])}"))
+    rows.append(
+        (
+            "refused as they must be, nothing wrong claimed",
+            "all",
+            f"{right} of {len(of['refused'])}",
+        )
+    )
+    rows.append(
+        (
+            "clean ones without alarm",
+            "all",
+            f"{sum(x['good'] for x in of['clean'])} of {len(of['clean'])}",
+        )
+    )
     return "\n".join("| " + " | ".join(row) + " |" for row in (*rows[:1], ("---",) * 3, *rows[1:]))
 
 

@@ -55,7 +55,9 @@ class Film:
 
     def pictures(self):
         """The film's pictures; the car drives through some of them."""
-        with Episode(load(self.scenario, ["robot.kind=free", *self.changes]), seen=False) as episode:
+        with Episode(
+            load(self.scenario, ["robot.kind=free", *self.changes]), seen=False
+        ) as episode:
             scene = SceneCamera(episode, CAMERA)
             try:
                 times = np.arange(round(self.seconds * self.rate)) / self.rate
@@ -125,4 +127,45 @@ class Robot:
     def errors(self, mount):
         """Offset [s], rotation vector [rad] and lever [m] along the camera's axes: found - true."""
         turn = (self.rotation.inv() * Rotation.from_matrix(mount.rotation)).as_rotvec()
-        return np.array([mount.offset - self.offset, *turn, *(mount.arm - self.rotation.inv().apply(self.lever))])
+        return np.array(
+            [
+                mount.offset - self.offset,
+                *turn,
+                *(mount.arm - self.rotation.inv().apply(self.lever)),
+            ]
+        )
+
+
+def played(changes=(), seconds=20.0, late=2, seed=0):
+    """Play the wiggle on a simulated robot: yield pictures, and collect the rows of its log.
+
+    Args:
+        changes: Of the scenario "still".
+        seconds: Length.
+        late: Frames after which a command acts.
+        seed: Seed of the motion.
+    """
+    rows = []
+
+    def pictures():
+        settings = ["robot.kind=gantry", *changes]
+        with Episode(load("still", settings), seen=False) as episode:
+            world = episode.world
+            times = np.arange(round(seconds / world.period) + 1) * world.period
+            path = swings(AXES, times, seed)
+            asked = np.vstack([np.diff(path, axis=0) / world.period, np.zeros((1, 6))])
+            for k, time in enumerate(times):
+                posture = world.posture()
+                R = Rotation.from_matrix(posture.T_base_camera.rotation).as_quat()
+                names = zip(world.robot.names, world.robot.units, posture.joints, strict=True)
+                rows.append(
+                    {"time_s": float(time)}
+                    | dict(zip(("camera_x_m", "camera_y_m", "camera_z_m"), posture.T_base_camera.translation.tolist(), strict=True))
+                    | dict(zip(("camera_qx", "camera_qy", "camera_qz", "camera_qw"), R.tolist(), strict=True))
+                    | {f"joint_{n}_{u}": float(q) for n, u, q in names}
+                    | {f"command_{n}_{'m' if n[0] == 'v' else 'rad'}_s": float(x) for n, x in zip(("vx", "vy", "vz", "wx", "wy", "wz"), asked[k], strict=True)}
+                )
+                yield Picture(f"frame {k}", float(time), world.look().image)
+                world.step(asked[max(0, k - late)] if k >= late else np.zeros(6))
+
+    return pictures(), rows
