@@ -24,7 +24,8 @@ from servo.scenario.load import load
 from servo.twin import section as sections
 from servo.twin.compare import Comparison, Trust, compare, rough_begin
 from servo.twin.corrections import Smooth, corrections
-from servo.twin.readings import SHORTEST, clock_of, film, hand_log
+from servo.twin.mount import Mount
+from servo.twin.readings import SHORTEST, clock_of, film, hand_log, is_camera
 from servo.twin.tracks import Tracks, follow
 from servo.twin.verdict import believed_mount
 from servo.twin.wiggle import rates
@@ -125,15 +126,25 @@ def comparison(given: Given) -> tuple[Comparison, Camera, float]:
     trust = Trust(
         given.calibration is not None or given.fov is not None,
         given.along,
-        None if given.mount is None else believed_mount(tuple(given.mount)),
+        stated_mount(given),
     )
     with progress(console, "comparing", 1 + len(corrections(smooth))) as tick:
         compared = compare(smooth, tracks, trust, tick)
     return compared, camera, float(tracks.times[0])
 
 
+def stated_mount(given: Given) -> Mount | None:
+    """Return the mount that the user, or the log, states: a log of the camera's own poses, or of
+    joints of a model with a camera, has it at the camera. None: there is no such statement.
+    """
+    if given.mount is not None:
+        return believed_mount(tuple(given.mount))
+    return believed_mount((0.0,) * 6) if is_camera(given.log, given.scenario) else None
+
+
 def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Camera]:
-    """Return the points of a film, with times on the log's clock but for the offset, and its camera.
+    """Return the points of a film, with times on the log's clock but for the offset, and its
+    camera.
 
     Raises:
         Mistake: The film cannot be used.
@@ -154,8 +165,8 @@ def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Ca
         )
     if not len(tracks.first):
         raise Mistake(
-            f"{given.video}: no points can be followed in this film: is it dark, blurred or without "
-            "texture?"
+            f"{given.video}: no points can be followed in this film: is it dark, blurred or "
+            "without texture?"
         )
     clock = clock_of(first.stamp, smooth, given.begins)
     begins = clock.begins
@@ -184,8 +195,8 @@ def camera_for(given: Given, width: int, height: int) -> Camera:
         camera = camera_in(given.calibration)
         if (camera.width, camera.height) != (width, height):
             raise Mistake(
-                f"{given.calibration}: this calibration is for {camera.width} x {camera.height} px, "
-                f"and the film has {width} x {height}"
+                f"{given.calibration}: this calibration is for {camera.width} x {camera.height} "
+                f"px, and the film has {width} x {height}"
             )
         return camera
     focal = width / 2 / float(np.tan(np.radians(given.fov or ASSUMED) / 2))
@@ -216,6 +227,6 @@ def write_wiggle(path: Path, scenario: str | None) -> None:
     )
     plain(
         Console(),
-        f"{path}: {times[-1]:.0f} s of rates, from rest to rest, where it began; it moves by {spans}. "
-        "Try it slowly first, with room around the robot.",
+        f"{path}: {times[-1]:.0f} s of rates, from rest to rest, where it began; it moves by "
+        f"{spans}. Try it slowly first, with room around the robot.",
     )

@@ -1,8 +1,9 @@
-"""The command `servobench twin`: compare a robot's log with the film of its camera, estimate how the
-robot follows its commands, and write the scenario that simulates both.
+"""The command `servobench twin`: compare a robot's log with the film of its camera, estimate how
+the robot follows its commands, and write the scenario that simulates both.
 """
 
 import tomllib
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from rich.console import Console
 
 from servo.cli.identify_command import estimated
 from servo.cli.jobs import progress
-from servo.cli.preflight_command import PAGE, Given, comparison, made, show
+from servo.cli.preflight_command import PAGE, Given, comparison, made, show, stated_mount
 from servo.cli.terminal import complain, plain, waiting
 from servo.loop.episode import Episode
 from servo.mistake import Mistake, writing
@@ -21,10 +22,10 @@ from servo.report.page import Block, PageImage, render
 from servo.scenario.load import load
 from servo.twin import section as sections
 from servo.twin.compare import Comparison
-from servo.twin.readings import command_log, film, is_camera
+from servo.twin.readings import command_log, film
 from servo.twin.replay import turned_by, write_replay
-from servo.twin.verdict import MM, believed_mount
-from sim.types import Camera
+from servo.twin.verdict import MM
+from sim.types import Camera, Image
 from tracking.drawing.picture_bytes import encoded
 from tracking.files import atomic
 
@@ -108,11 +109,12 @@ def _changes(
             offset, half = verdict.offset.value, verdict.offset.half
         changes["believed.clock_offset_ms"] = round(-MM * offset, 2)
         notes["believed.clock_offset_ms"] = (
-            f"+- {MM * half:.2f} ms: 0 as soon as your driver adds {MM * offset:.2f} ms to each stamp"
+            f"+- {MM * half:.2f} ms: 0 as soon as your driver adds {MM * offset:.2f} ms to each "
+            "stamp"
         )
-    stated = given.mount or ([0.0] * 6 if is_camera(given.log, given.scenario) else None)
+    stated = stated_mount(given)
     if verdict.mount is not None and stated is not None:
-        vector, place = turned_by(believed_mount(tuple(stated)), mount)
+        vector, place = turned_by(stated, mount)
         half = np.degrees(mount.halves[1:4].max())
         changes["believed.hand_eye_rotation_deg"] = np.degrees(vector).round(3).tolist()
         notes["believed.hand_eye_rotation_deg"] = f"+- {half:.2f} deg: 0 as soon as it is corrected"
@@ -176,11 +178,13 @@ def _replay(
     """Write the film of a recording and its simulation, and return the page's block about it."""
     source, pictures = film(given.video, given.rate, given.topic, given.stamps)
     path = folder / REPLAY
-    with Episode(load(scenario), seen=False) as episode, writing(folder):
-        with progress(console, "drawing again", source.count or len(compared.tracks.times)) as tick:
-            found = write_replay(
-                pictures, begins, compared, camera, episode, path, tick
-            )
+    count = source.count or len(compared.tracks.times)
+    with (
+        Episode(load(scenario), seen=False) as episode,
+        writing(folder),
+        progress(console, "drawing again", count) as tick,
+    ):
+        found = write_replay(pictures, begins, compared, camera, episode, path, tick)
     text = f"median difference {np.median(found):.1f} of 255 grey levels"
     plain(console, f"{path}: film and simulation; {text}")
     stills = [
@@ -199,9 +203,9 @@ def _replay(
     ]
 
 
-def _stills(path: Path, count: int):
+def _stills(path: Path, count: int) -> Iterator[Image]:
     """Yield pictures of a film in equal distances."""
-    source, pictures = film(str(path), 30.0, None, None)
+    _, pictures = film(str(path), 30.0, None, None)
     for number, picture in enumerate(pictures):
         if picture.image is not None and number % max(1, count // STILLS) == count // (2 * STILLS):
             yield picture.image

@@ -6,6 +6,7 @@ from enum import Enum
 from itertools import permutations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from servo.twin.robot_motion import RobotMotion, of_poses, of_twists
@@ -67,6 +68,8 @@ class Correction:
     """Signs of x and y in the film."""
     stretch: float = 1.0
     """Factor on the film's times."""
+    is_usual: bool = False
+    """True for a mistake that is often made: of equal explanations it is the more likely one."""
 
 
 def millimetres(smooth: Smooth) -> Correction:
@@ -117,8 +120,10 @@ def corrections(smooth: Smooth) -> list[Correction]:
 
 MIRRORED = Correction(
     "the film is mirrored",
-    "record the film without mirroring (a setting of the camera's driver), or flip it left to right",
+    "record the film without mirroring (a setting of the camera's driver), or flip it left to "
+    "right",
     flips=(-1.0, 1.0),
+    is_usual=True,
 )
 
 
@@ -133,7 +138,7 @@ def rates() -> Iterator[Correction]:
         )
 
 
-def _scaled(columns: Array | list[int], factor: float) -> Callable[[Array], Array]:
+def _scaled(columns: NDArray[np.int64] | list[int], factor: float) -> Callable[[Array], Array]:
     """Return a function that multiplies columns of values (n, k) by a factor."""
 
     def change(values: Array) -> Array:
@@ -144,7 +149,7 @@ def _scaled(columns: Array | list[int], factor: float) -> Callable[[Array], Arra
     return change
 
 
-def _ordered(order: Array | list[int]) -> Callable[[Array], Array]:
+def _ordered(order: NDArray[np.int64] | list[int]) -> Callable[[Array], Array]:
     """Return a function that puts the columns of values (n, k) into another order."""
 
     def change(values: Array) -> Array:
@@ -174,6 +179,7 @@ def _signs(what: str, first: int) -> Iterator[Correction]:
             f"the sign of {axis} of {what} is wrong",
             f"log {axis} of {what} with the other sign",
             _scaled([first + k], -1.0),
+            is_usual="quaternion" not in what,
         )
     yield Correction(
         f"{what} has the wrong sign in all axes",
@@ -182,7 +188,7 @@ def _signs(what: str, first: int) -> Iterator[Correction]:
     )
 
 
-def _of_poses(names: tuple[str, ...]) -> Iterator[Correction]:
+def _of_poses(_: tuple[str, ...]) -> Iterator[Correction]:
     yield from _orders("the position", 0, 7)
     yield from _signs("the position", 0)
     yield from _orders("the quaternion's vector", 3, 7)
@@ -193,11 +199,13 @@ def _of_poses(names: tuple[str, ...]) -> Iterator[Correction]:
             f"the quaternion's numbers are in the order {name}",
             "log each part of the quaternion in the column of its name (qw is the cosine)",
             _ordered(columns),
+            is_usual=True,
         )
     yield Correction(
         "the poses are inverse: of the base in the hand's frame",
         "log the pose of the hand in the base's frame: the inverse of the present one",
         _inverse,
+        is_usual=True,
     )
     for one, other in ((0, 1), (0, 2), (1, 2)):
         order = np.arange(3)
@@ -215,7 +223,7 @@ def _inverse(values: Array) -> Array:
     return np.hstack([-back.apply(values[:, :3]), turns])
 
 
-def _of_twists(names: tuple[str, ...]) -> Iterator[Correction]:
+def _of_twists(_: tuple[str, ...]) -> Iterator[Correction]:
     for what, first in (("v", 0), ("w", 3)):
         yield from _orders(what, first, 6)
         yield from _signs(what, first)
@@ -231,16 +239,19 @@ def _of_twists(names: tuple[str, ...]) -> Iterator[Correction]:
         "w is in degrees",
         "log w in rad/s: the present numbers over 57.3",
         _scaled([3, 4, 5], DEGREE),
+        is_usual=True,
     )
     yield Correction(
         "v and w are exchanged: the angular part comes first",
         "log v (vx, vy, vz) and w (wx, wy, wz) in the columns of their names",
         _ordered(np.array([3, 4, 5, 0, 1, 2])),
+        is_usual=True,
     )
     yield Correction(
         "v and w are in the base's frame",
         "turn v and w into the hand's frame, by the hand's orientation",
         frame=Frame.BASE,
+        is_usual=True,
     )
     yield Correction(
         "v is in the base's frame, and w in the hand's",

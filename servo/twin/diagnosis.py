@@ -36,8 +36,8 @@ NEAR = 0.15
 """Largest distance of a trial's offset from the known one [s]."""
 FARTHEST = 60.0
 """Largest plausible distance of a scene [m]."""
-SINGLES = 8
-"""Best single corrections that are tried with each other one."""
+SINGLES = 4
+"""Best single corrections that are tried with each other one, as usual ones are with usual ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class Diagnosis:
 
 
 def effect(given: tuple[Correction, ...]) -> tuple[float, Array]:
-    """Return the factor of some corrections on a film's times, and the signs (2,) of its x and y."""
+    """Return the factor of corrections on a film's times, and the signs (2,) of its x and y."""
     flips = np.prod([[1.0, 1.0], *(each.flips for each in given)], axis=0)
     return float(np.prod([each.stretch for each in given])), flips
 
@@ -145,9 +145,7 @@ def diagnose(
 
     surely = (*surely, *_unit(smooth, steps, flows, known, surely))
 
-    def tried(
-        *given: Correction, of: Tracks = part, scales: tuple[float, ...] = TRIAL
-    ) -> Trial:
+    def tried(*given: Correction, of: Tracks = part, scales: tuple[float, ...] = TRIAL) -> Trial:
         trial = _trial(smooth, of, steps, flows, known, along, (*given, *surely), scales)
         tick(f"cost {trial.cost:.3g}: {given[0].mistake if given else 'as it is'}")
         return trial
@@ -162,9 +160,10 @@ def diagnose(
         best = [trial.corrections[0] for trial in singles[:SINGLES] if trial.corrections]
         pairs = {
             frozenset((id(one), id(other))): (one, other)
-            for one in best
+            for one in candidates
             for other in candidates
-            if one is not other and one.mistake.split()[:4] != other.mistake.split()[:4]
+            if (one in best or (one.is_usual and other.is_usual))
+            and one.mistake.split()[:4] != other.mistake.split()[:4]
         }
         coarse = _part(tracks, *GLANCED)
         glances = [(tried(*pair, of=coarse, scales=GLANCE).cost, pair) for pair in pairs.values()]
@@ -174,7 +173,8 @@ def diagnose(
     near = [trial for trial in trials if trial.cost <= CLEAR * least]
     fewest = min(len(trial.corrections) for trial in near)
     same = sorted(
-        (trial for trial in near if len(trial.corrections) == fewest), key=lambda trial: trial.cost
+        (trial for trial in near if len(trial.corrections) == fewest),
+        key=lambda trial: (-sum(each.is_usual for each in trial.corrections), trial.cost),
     )
     return Diagnosis(same[0], same[1:], as_it_is, floor)
 

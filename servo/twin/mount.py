@@ -12,6 +12,7 @@ are those of the sandwich estimate over blocks of 1 s.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from servo.twin.offset import LEVEL, regressors
@@ -146,7 +147,7 @@ def fitted(
     tracks = tracks.only(inside, every)
     if not len(tracks.first):
         return replace(first, cost=np.inf)
-    free = np.setdiff1d(np.arange(COUNT), fixed)
+    free = np.setdiff1d(np.arange(COUNT, dtype=np.int64), fixed)
     now = first
     for scale in scales:
         normal, scores, _ = _system(motion, tracks, now, free, scale)
@@ -155,7 +156,7 @@ def fitted(
     return _with_intervals(motion, tracks, now, free)
 
 
-def _moved(mount: Mount, step: Array, free: Array) -> Mount:
+def _moved(mount: Mount, step: Array, free: NDArray[np.int64]) -> Mount:
     """Return a mount after a step of the free parameters and of the plane."""
     whole = np.zeros(COUNT)
     whole[free] = np.clip(step[:-3], -0.3, 0.3)
@@ -229,7 +230,7 @@ def _residuals(
 
 
 def _system(
-    motion: RobotMotion, tracks: Tracks, mount: Mount, free: Array, scale: float
+    motion: RobotMotion, tracks: Tracks, mount: Mount, free: NDArray[np.int64], scale: float
 ) -> tuple[Array, Array, Array]:
     """Return the normal matrix (k + 3, k + 3) of the k free parameters and the plane, the negative
     gradient of each pair (p, k + 3), and the planes (p, 3).
@@ -261,7 +262,9 @@ def _system(
     return normal + np.diag(prior + 1e-9), scores, own
 
 
-def _with_intervals(motion: RobotMotion, tracks: Tracks, mount: Mount, free: Array) -> Mount:
+def _with_intervals(
+    motion: RobotMotion, tracks: Tracks, mount: Mount, free: NDArray[np.int64]
+) -> Mount:
     """Return a mount with its intervals and measures of fit."""
     normal, scores, own = _system(motion, tracks, mount, free, LAST)
     left, weights, *_ = _residuals(motion, tracks, mount, LAST)

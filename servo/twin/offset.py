@@ -19,7 +19,7 @@ WIDEST = 1.0
 """Largest offset that is sought [s]."""
 STEP = 5e-3
 """Interval of the curve [s]."""
-OFFSETS = STEP * np.arange(-round(WIDEST / STEP), round(WIDEST / STEP) + 1)
+OFFSETS: Array = STEP * np.arange(-200.0, 201.0)
 """Offsets of the curve [s]."""
 BLOCK = 2.0
 """Length of the blocks of the bootstrap [s]."""
@@ -71,7 +71,7 @@ def affine_flows(steps: Tracks) -> Array:
         away = np.linalg.norm(flow - basis @ fit, axis=2) * intervals[..., 0] * steps.focal
         scale = np.maximum(SCALE, np.median(away, axis=1, keepdims=True))
         weights = steps.known / (1 + (away / scale) ** 2)
-    return fit.transpose(0, 2, 1).reshape(len(fit), 6)
+    return np.asarray(fit.transpose(0, 2, 1).reshape(len(fit), 6), np.float64)
 
 
 def regressors(motion: RobotMotion, steps: Tracks, offset: float) -> Array:

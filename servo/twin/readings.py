@@ -1,5 +1,5 @@
-"""A robot's log and the film of its camera, read for a comparison: the hand's motion on an even grid
-of times, and the pictures' times on the clock of their stamps.
+"""A robot's log and the film of its camera, read for a comparison: the hand's motion on an even
+grid of times, and the pictures' times on the clock of their stamps.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -88,12 +88,13 @@ def hand_log(path: Path, scenario: str | None) -> HandLog:
         ),
         (
             not SHORTEST <= span <= LONGEST,
-            f"{path}: this log is {span:.3g} s long: record {SHORTEST:g} to {LONGEST:g} s, best 30 s "
-            "of the motion that --wiggle writes",
+            f"{path}: this log is {span:.3g} s long: record {SHORTEST:g} to {LONGEST:g} s, best "
+            "30 s of the motion that --wiggle writes",
         ),
         (
             len(times) > 1 and float(np.median(np.diff(times))) > SPARSEST,
-            f"{path}: the rows of this log are more than {SPARSEST:g} s apart: record one each 20 ms",
+            f"{path}: the rows of this log are more than {SPARSEST:g} s apart: record "
+            "one each 20 ms",
         ),
         (bool(np.any(abs(values) > 1e6)), f"{path}: a number in {columns[0]} ... is above 10^6"),
     )

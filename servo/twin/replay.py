@@ -15,7 +15,7 @@ from servo.twin.diagnosis import effect
 from servo.twin.mount import Mount
 from servo.twin.robot_motion import RobotMotion
 from servo.twin.scene_camera import SceneCamera
-from sim.geometry import angle_of
+from sim.geometry import log_so3
 from sim.types import Array, Camera, Image, Pose
 from tracking.drawing import colours
 from tracking.drawing.film_page import FilmPage, panel
@@ -30,8 +30,7 @@ LOUDER = 3.0
 UPRIGHT = np.radians(3.0)
 NEAR = 0.03
 """A base whose table is as near to the room's as this is the room's own [rad, m]."""
-FITS = "LOCKED"
-"""Status of each frame."""
+NO_STATUS = ""
 STEP = 0.5
 """Interval of the postures that place the scene [s]."""
 
@@ -118,7 +117,7 @@ def write_replay(
                 shown = np.repeat(shown[..., None], 3, axis=2)
                 panels = [panel(each, *PANEL) for each in (seen, drawn, shown)]
                 note = f"{found[-1]:.1f} levels"
-                page.add(picture.time, panels, [found[-1]], [FITS], note)
+                page.add(picture.time, panels, [found[-1]], [NO_STATUS], note)
                 tick(note)
         except KeyboardInterrupt:
             if not found:
@@ -137,5 +136,4 @@ def turned_by(believed: Mount, mount: Mount) -> tuple[Array, Array]:
     [m].
     """
     R = mount.rotation.T @ believed.rotation
-    vector = cv2.Rodrigues(R)[0].ravel() if angle_of(R) > 0 else np.zeros(3)
-    return vector, mount.rotation.T @ (believed.lever - mount.lever)
+    return log_so3(R), mount.rotation.T @ (believed.lever - mount.lever)

@@ -16,7 +16,6 @@ from sim.models.quaternion import quaternion_of
 from sim.mounting import CAMERA
 from sim.types import Camera, Image, Pose
 
-
 ROBOT = "robot/"
 """Beginning of the names of the robot's bodies, which are not drawn."""
 

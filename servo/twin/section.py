@@ -3,7 +3,6 @@ beside the one that the log predicts.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np

@@ -3,7 +3,7 @@ Lucas and Kanade's method, forth and back.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -31,6 +31,8 @@ WEAK = 1e-5
 """Least response of a corner, of a picture with values from 0 to 1; noise is below it."""
 DARK = 12.0
 """Mean of the brightest tenth of a dark picture [of 255]."""
+SHOWN = 200
+"""Every so many-th picture is kept, to be shown."""
 FEW = 30
 """Least number of points in a pair of pictures that is used."""
 CUT = 0.25
@@ -71,18 +73,13 @@ class Tracks:
 
     def only(self, pairs: NDArray[np.bool_], every: int = 1) -> "Tracks":
         """Return a part of the pairs (p,), with each `every`-th point of them."""
-        return Tracks(
-            self.times,
-            self.first[pairs],
-            self.second[pairs],
-            self.before[pairs, ::every],
-            self.after[pairs, ::every],
-            self.known[pairs, ::every],
-            self.focal,
-            self.dark,
-            self.cuts,
-            self.size,
-            self.middles,
+        return replace(
+            self,
+            first=self.first[pairs],
+            second=self.second[pairs],
+            before=self.before[pairs, ::every],
+            after=self.after[pairs, ::every],
+            known=self.known[pairs, ::every],
         )
 
 
@@ -90,7 +87,6 @@ def follow(
     pictures: Iterable[Picture],
     camera_of: Callable[[int, int], Camera],
     tick: Callable[[str], None],
-    shown: int = 200,
 ) -> Tracks:
     """Return the points that are followed through a film.
 
@@ -98,79 +94,94 @@ def follow(
         pictures: The pictures, with their times.
         camera_of: Function that returns the intrinsics of pictures of a width and height [px].
         tick: Called after each picture, with a note; Ctrl-C in it ends the film there.
-        shown: Distance of the pictures that are kept.
 
     Raises:
         ValueError: There are fewer than two pictures that can be decoded.
     """
-    times: list[float] = []
-    pairs: list[tuple[int, int, Array, Array]] = []
-    middles: list[Image] = []
-    cuts: list[float] = []
-    dark = 0
-    size = (0, 0)
-    last: Image | None = None
-    start = points = np.empty((0, 2), np.float32)
-    alive = np.empty(0, bool)
-    factor = 1.0
+    follower = PointFollower()
     try:
         for picture in pictures:
-            if picture.image is None:
-                continue
-            number = len(times)
-            times.append(picture.time)
-            if number % shown == 0:
-                middles.append(picture.image)
-            grey, factor = _grey(picture.image)
-            size = picture.image.shape[1], picture.image.shape[0]
-            dark += bool(np.mean(np.sort(grey[::8, ::8], axis=None)[-len(grey[::8]) :]) < DARK)
-            if last is not None and last.shape != grey.shape:
-                last, alive = None, alive[:0]
-            if last is not None and len(points):
-                moved, found = _followed(last, grey, points)
-                before = alive.copy()
-                alive &= found
-                if before.sum() >= FEW and alive.sum() < CUT * before.sum():
-                    cuts.append(picture.time)
-                    alive[:] = False
-                pairs.append((number - 1, number, points[alive], moved[alive]))
-                if number % SPAN == 0 and number >= SPAN:
-                    pairs.append((number - SPAN, number, start[alive], moved[alive]))
-                points = moved
-            if number % SPAN == 0:
-                start = points = corners(grey)
-                alive = np.ones(len(points), bool)
-            last = grey
-            tick(f"{alive.sum()} points")
+            if picture.image is not None:
+                follower.add(picture.image, picture.time)
+                tick(f"{np.count_nonzero(follower.alive)} points")
     except KeyboardInterrupt:
-        if len(times) < FEW:
+        if len(follower.times) < FEW:
             raise
-    pairs = [pair for pair in pairs if len(pair[2]) >= FEW]
-    if len(times) < 2:
-        raise ValueError("there are fewer than two pictures that can be decoded")
-    camera = camera_of(*size)
-    most = CELLS[0] * CELLS[1] * EACH
-    before = np.zeros((len(pairs), most, 2))
-    after = np.zeros((len(pairs), most, 2))
-    known = np.zeros((len(pairs), most), bool)
-    for k, (_, _, one, other) in enumerate(pairs):
-        before[k, : len(one)] = camera.normalise((one + 0.5) / factor)
-        after[k, : len(one)] = camera.normalise((other + 0.5) / factor)
-        known[k, : len(one)] = True
-    first, second = (np.array([pair[i] for pair in pairs], np.int64) for i in (0, 1))
-    return Tracks(
-        np.array(times),
-        first,
-        second,
-        before,
-        after,
-        known,
-        camera.focal * factor,
-        dark / len(times),
-        cuts,
-        size,
-        middles,
-    )
+    if len(follower.times) < 2:
+        raise ValueError("this film has fewer than two pictures that can be decoded")
+    return follower.tracks(camera_of(*follower.size))
+
+
+class PointFollower:
+    """Follows points from picture to picture, and keeps the pairs of pictures in which they are."""
+
+    def __init__(self) -> None:
+        self.times: list[float] = []
+        self.size = (0, 0)
+        self.alive: NDArray[np.bool_] = np.empty(0, bool)
+        """Whether each point was found in all pictures since the last search for corners."""
+        self._pairs: list[tuple[int, int, NDArray[np.float32], NDArray[np.float32]]] = []
+        self._shown: list[Image] = []
+        self._cuts: list[float] = []
+        self._dark = 0
+        self._last: Image | None = None
+        self._start = self._points = np.empty((0, 2), np.float32)
+        self._factor = 1.0
+
+    def add(self, image: Image, time: float) -> None:
+        """Follow the points into the next picture, RGB (H, W, 3), taken at a time [s]."""
+        number = len(self.times)
+        self.times.append(time)
+        if number % SHOWN == 0:
+            self._shown.append(image)
+        grey, self._factor = _grey(image)
+        self.size = image.shape[1], image.shape[0]
+        brightest = np.sort(grey[::8, ::8], axis=None)[-len(grey[::8]) :]
+        self._dark += bool(brightest.mean() < DARK)
+        if self._last is not None and self._last.shape == grey.shape and len(self._points):
+            self._follow(self._last, grey, number)
+        if number % SPAN == 0:
+            self._start = self._points = corners(grey)
+            self.alive = np.ones(len(self._points), bool)
+        self._last = grey
+
+    def _follow(self, last: Image, grey: Image, number: int) -> None:
+        """Add the pairs of pictures that end with a number."""
+        moved, found = _followed(last, grey, self._points)
+        before = np.count_nonzero(self.alive)
+        self.alive &= found
+        if before >= FEW and np.count_nonzero(self.alive) < CUT * before:
+            self._cuts.append(self.times[-1])
+            self.alive[:] = False
+        alive = self.alive
+        self._pairs.append((number - 1, number, self._points[alive], moved[alive]))
+        if number % SPAN == 0:
+            self._pairs.append((number - SPAN, number, self._start[alive], moved[alive]))
+        self._points = moved
+
+    def tracks(self, camera: Camera) -> Tracks:
+        """Return all points, by the intrinsics of the pictures."""
+        pairs = [pair for pair in self._pairs if len(pair[2]) >= FEW]
+        before, after = np.zeros((2, len(pairs), CELLS[0] * CELLS[1] * EACH, 2))
+        known = np.zeros(before.shape[:2], bool)
+        for k, (_, _, one, other) in enumerate(pairs):
+            before[k, : len(one)] = camera.normalise((one.astype(float) + 0.5) / self._factor)
+            after[k, : len(one)] = camera.normalise((other.astype(float) + 0.5) / self._factor)
+            known[k, : len(one)] = True
+        first, second = (np.array([pair[i] for pair in pairs], np.int64) for i in (0, 1))
+        return Tracks(
+            np.array(self.times),
+            first,
+            second,
+            before,
+            after,
+            known,
+            camera.focal * self._factor,
+            self._dark / len(self.times),
+            self._cuts,
+            self.size,
+            self._shown,
+        )
 
 
 def _grey(image: Image) -> tuple[Image, float]:
@@ -206,9 +217,14 @@ def _followed(
     last: Image, grey: Image, points: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return where points (n, 2) of a picture are in the next one, and whether each is found."""
-    options = {"winSize": (WINDOW, WINDOW), "maxLevel": LEVELS}
-    moved, one, _ = cv2.calcOpticalFlowPyrLK(last, grey, points, None, **options)
-    back, other, _ = cv2.calcOpticalFlowPyrLK(grey, last, moved, None, **options)
+    size = WINDOW, WINDOW
+    guess = points.copy()
+    moved, one, _ = cv2.calcOpticalFlowPyrLK(
+        last, grey, points, guess, winSize=size, maxLevel=LEVELS
+    )
+    back, other, _ = cv2.calcOpticalFlowPyrLK(
+        grey, last, moved, moved.copy(), winSize=size, maxLevel=LEVELS
+    )
     near = np.linalg.norm(back - points, axis=1) < RETURNS
     inside = ((moved > 0) & (moved < grey.shape[::-1])).all(axis=1)
     return np.asarray(moved, np.float32), near & inside & (one.ravel() > 0) & (other.ravel() > 0)

@@ -39,6 +39,10 @@ FOCAL_OFF = 0.05
 """Least error of the focal length that is reported."""
 TURNED = np.radians(8.0)
 """Largest distance of a mount from a turn by right angles that is named as such [rad]."""
+ALIKE = np.radians(1.0)
+CLOSE = 0.01
+"""Added to the intervals within which a stated mount counts as right [rad, m]."""
+AGAINST = "mount: against --mount"
 STEP = 0.05
 """Time over which a rate is taken, so that noise is small [s]."""
 PARTS = np.s_[:3], np.s_[3:]
@@ -110,15 +114,18 @@ def judge(
     """
     findings: list[Finding] = []
     doubts = list(_of_film(tracks))
-    why_no_offset = _no_offset(offset, mount)
+    why_no_offset = _no_offset(offset)
     if why_no_offset:
         findings.append(Finding("clock offset", f"refused: {why_no_offset}", RECORD, is_good=False))
     mistakes = [each.mistake for each in diagnosis.best.corrections]
     tied = bool(diagnosis.others)
     if not why_no_offset and max(axes[0] / SLIDES, axes[1] / TURNS) >= 1:
         findings += _of_diagnosis(diagnosis)
-    why = why_no_offset or _no_mount(diagnosis, mount, axes, tied)
-    why_no_lever = why or _no_lever(mount, axes, trusts_focal or trusts_along)
+    no_offset = "the clock offset is not known" if why_no_offset else ""
+    why = no_offset or _no_mount(diagnosis, mount, axes, tied)
+    why_no_lever = (
+        "its rotation is not known" if why else _no_lever(mount, axes, trusts_focal or trusts_along)
+    )
     if not why_no_offset:
         findings += _of_clock(offset, mount, use_fit=not why)
     halves = mount.halves
@@ -134,7 +141,7 @@ def judge(
             )
         )
         if believed is not None:
-            findings += _against_believed(mount, believed, mistakes)
+            findings += _against_believed(mount, believed, mistakes, has_lever=not why_no_lever)
     if why_no_lever:
         findings.append(Finding("mount: lever", f"refused: {why_no_lever}", RECORD, is_good=False))
     else:
@@ -159,7 +166,7 @@ def judge(
 RECORD = "record 30 s of the motion that `servobench preflight --wiggle FILE` writes"
 
 
-def _no_offset(offset: Offset, mount: Mount) -> str:
+def _no_offset(offset: Offset) -> str:
     """Return why an offset is refused, or an empty text."""
     cases = (
         (
@@ -225,8 +232,8 @@ def _no_lever(mount: Mount, axes: tuple[float, float], known: bool) -> str:
         ),
         (
             not known,
-            "a lever along the optical axis looks as a wrong focal length does: give --calibration, "
-            "--fov or --along",
+            "a lever along the optical axis looks as a wrong focal length does: give "
+            "--calibration, --fov or --along",
         ),
     )
     return next((sentence for applies, sentence in cases if applies), "")
@@ -319,36 +326,39 @@ def _of_scale(mount: Mount, *, trusts_along: bool, known: bool) -> list[Finding]
     return rows
 
 
-def _against_believed(mount: Mount, believed: Mount, mistakes: list[str]) -> list[Finding]:
+def _against_believed(
+    mount: Mount, believed: Mount, mistakes: list[str], *, has_lever: bool
+) -> list[Finding]:
     """Return the rows about a mount that differs from the one that the user states."""
     turn = believed.rotation.T @ mount.rotation
     half = float(mount.halves[1:4].max())
-    if angle_of(turn) <= half + VAGUE_TURN:
-        return []
     near = min(cubes(), key=lambda cube: angle_of(cube.T @ turn))
     angle, axis = _named(near)
     if angle and angle_of(near.T @ turn) < TURNED:
         names = [f"the camera is mounted turned by {angle:.0f} deg about its {axis}"]
-        if angle == 180 and axis == "z":
+        if angle == 180 and axis.strip("-") == "z":
             names.append("the film is upside down")
-        text = "cannot tell " + " from ".join(f"({name})" for name in names)
         mistakes += names
-        return [
-            Finding(
-                "mount: against --mount",
-                text if len(names) > 1 else names[0],
-                "correct --mount (or the camera's driver) by this turn",
-                is_good=False,
-            )
-        ]
-    return [
-        Finding(
-            "mount: against --mount",
-            f"differs by {np.degrees(angle_of(turn)):.1f} deg, and {MM * np.linalg.norm(mount.lever - believed.lever):.0f} mm",
-            "set the mount to what is found here, or calibrate it",
-            is_good=False,
+        text = f"cannot tell {' from '.join(f'({name})' for name in names)}"
+        found = text if len(names) > 1 else names[0]
+        change = "correct --mount (or the camera's driver) by this turn"
+        return [Finding(AGAINST, found, change, is_good=False)]
+    if angle_of(turn) > half + ALIKE:
+        found = f"the rotation differs by {np.degrees(angle_of(turn)):.1f} deg"
+        change = "set the rotation that is found here, or calibrate the mount"
+        return [Finding(AGAINST, found, change, is_good=False)]
+    off = mount.arm - mount.rotation.T @ believed.lever
+    if not has_lever or np.all(abs(off) < mount.halves[4:7] + CLOSE):
+        return []
+    found = f"the lever differs by {MM * np.linalg.norm(off):.0f} mm"
+    change = "set the lever that is found here, or calibrate the mount"
+    if abs(off[2]) > np.linalg.norm(off[:2]):
+        found += (
+            f", most along the optical axis: so would a focal length that is wrong by "
+            f"{100 * off[2] / mount.depth:.0f} %"
         )
-    ]
+        change += "; or calibrate the camera"
+    return [Finding(AGAINST, found, change, is_good=False)]
 
 
 def cubes() -> list[Array]:

@@ -16,7 +16,7 @@ FASTEST = 1.0
 SWINGS = 3
 """Swings of each axis."""
 SPEED = {"m": 0.06, "rad": 0.12}
-"""Largest rate of each swing [m/s, rad/s]: 1 to 5 cm or 1 to 5 deg; three of them add up to more."""
+"""Largest rate of each swing [m/s, rad/s]; three of them add up to 2 to 8 cm, or 3 to 12 deg."""
 RAMP = 2.0
 """Time in which the motion grows and fades [s]."""
 

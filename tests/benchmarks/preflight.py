@@ -3,7 +3,7 @@
 
     python tests/benchmarks/preflight.py --robots 12 --mistakes 20 --out /tmp/preflight
 
-Films are kept in the folder, so that a second call only compares. Prints a line for each recording, then
+Films and lines are kept in the folder: the same command continues. Prints a line for each recording, then
 the table of servo/RESULTS.md.
 """
 
@@ -558,16 +558,18 @@ def main():
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     parts = {
-        "refused": list(refused())[: given.refused],
-        "mistakes": list(mistakes(given.mistakes)),
-        "clean": list(clean())[: given.clean],
         "robots": list(robots(given.robots)),
+        "clean": list(clean())[: given.clean],
+        "mistakes": list(mistakes(given.mistakes)),
+        "refused": list(refused())[: given.refused],
     }
-    lines = []
-    with (given.out / "lines.jsonl").open("a") as file:
+    path = given.out / "lines.jsonl"
+    lines = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    done = {(line["part"], line["name"]) for line in lines}
+    with path.open("a") as file:
         for part, cases in parts.items():
             for case in cases:
-                if given.only in case.name:
+                if given.only in case.name and (part, case.name) not in done:
                     line = {"part": part, **line_of(case, given.out)}
                     lines.append(line)
                     file.write(json.dumps(line) + "\n")

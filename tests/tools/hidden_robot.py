@@ -68,8 +68,9 @@ class Film:
                         R = R @ Rotation.from_rotvec([0, 0, 2.0]).as_matrix()
                     time = 6 + 6 * np.sin(times[k] / 6)
                     image = scene.picture(Pose(R, t), time)
-                    noise = np.random.default_rng([self.seed, k]).normal(0, 1.5, image.shape)
-                    image = np.clip(image * self.dark + noise, 0, 255).astype(np.uint8)
+                    rng = np.random.default_rng([self.seed, k])
+                    noise = rng.standard_normal(image.shape, dtype=np.float32)
+                    image = np.clip(image * self.dark + 1.5 * noise, 0, 255).astype(np.uint8)
                     yield Picture(f"frame {k}", times[k], image)
             finally:
                 scene.close()
@@ -160,10 +161,25 @@ def played(changes=(), seconds=20.0, late=2, seed=0):
                 names = zip(world.robot.names, world.robot.units, posture.joints, strict=True)
                 rows.append(
                     {"time_s": float(time)}
-                    | dict(zip(("camera_x_m", "camera_y_m", "camera_z_m"), posture.T_base_camera.translation.tolist(), strict=True))
-                    | dict(zip(("camera_qx", "camera_qy", "camera_qz", "camera_qw"), R.tolist(), strict=True))
+                    | dict(
+                        zip(
+                            ("camera_x_m", "camera_y_m", "camera_z_m"),
+                            posture.T_base_camera.translation.tolist(),
+                            strict=True,
+                        )
+                    )
+                    | dict(
+                        zip(
+                            ("camera_qx", "camera_qy", "camera_qz", "camera_qw"),
+                            R.tolist(),
+                            strict=True,
+                        )
+                    )
                     | {f"joint_{n}_{u}": float(q) for n, u, q in names}
-                    | {f"command_{n}_{'m' if n[0] == 'v' else 'rad'}_s": float(x) for n, x in zip(("vx", "vy", "vz", "wx", "wy", "wz"), asked[k], strict=True)}
+                    | {
+                        f"command_{n}_{'m' if n[0] == 'v' else 'rad'}_s": float(x)
+                        for n, x in zip(("vx", "vy", "vz", "wx", "wy", "wz"), asked[k], strict=True)
+                    }
                 )
                 yield Picture(f"frame {k}", float(time), world.look().image)
                 world.step(asked[max(0, k - late)] if k >= late else np.zeros(6))
