@@ -18,7 +18,10 @@ from sim.types import Array
 CLEAR = 1.15
 """Least ratio of two costs that tells one correction from another."""
 GOOD = 1.6
-"""Cost over that of the best motion of each pair of pictures at which nothing more is wrong."""
+SMALL = 0.15
+"""Nothing more is wrong if the cost is below so many times that of the best motion of each pair of
+pictures, or the points' distance from the fit is below this share of their motion: a log has noise,
+too."""
 TRIED = 120, 4
 """Pairs of pictures of a trial, and each so many-th point of them is used."""
 GLANCED = 60, 8
@@ -34,6 +37,7 @@ COARSE = 0.03
 """Interval of the offsets of a trial [s]."""
 NEAR = 0.15
 """Largest distance of a trial's offset from the known one [s]."""
+TINY = 1e-9
 FARTHEST = 60.0
 """Largest plausible distance of a scene [m]."""
 SINGLES = 4
@@ -47,6 +51,15 @@ class Trial:
     corrections: tuple[Correction, ...]
     cost: float
     mount: Mount
+    share: float
+    """Median distance of the points from the fit, over their median motion."""
+
+
+def is_good(trial: Trial, floor: float) -> bool:
+    """Return True if a trial explains the pictures nearly as well as any motion can, whose cost is
+    `floor`.
+    """
+    return trial.cost < GOOD * floor or (np.isfinite(trial.cost) and trial.share < SMALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +82,7 @@ class Diagnosis:
     @property
     def is_good(self) -> bool:
         """True if the best trial explains the pictures nearly as well as any motion can."""
-        return self.best.cost < GOOD * self.floor
+        return is_good(self.best, self.floor)
 
 
 def effect(given: tuple[Correction, ...]) -> tuple[float, Array]:
@@ -156,7 +169,7 @@ def diagnose(
     candidates = corrections(smooth)
     singles = sorted((tried(each) for each in candidates), key=lambda trial: trial.cost)
     trials = [as_it_is, *singles]
-    if min(trial.cost for trial in trials) > GOOD * floor:
+    if not any(is_good(trial, floor) for trial in trials):
         best = [trial.corrections[0] for trial in singles[:SINGLES] if trial.corrections]
         pairs = {
             frozenset((id(one), id(other))): (one, other)
@@ -231,4 +244,7 @@ def _trial(
         fixed = (mounts.LEVER_ALONG, mounts.DRIFT)
     found = mounts.fitted(moved, film, first, fixed, scales)
     # A scene behind the camera explains slides of the other sign.
-    return Trial(given, found.cost if found.plane[2] > 0 else np.inf, found)
+    cost = found.cost if found.plane[2] > 0 else np.inf
+    moves = np.linalg.norm(film.after - film.before, axis=2)[film.known]
+    share = found.off / max(film.focal * float(np.median(moves)), TINY)
+    return Trial(given, cost, found, share)

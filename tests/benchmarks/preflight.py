@@ -206,6 +206,7 @@ def line_of(case, folder):
         "focal": found.mount.focal / case.focal - 1,
         "depth": found.offset.depth,
         "costs": [found.diagnosis.as_it_is.cost, found.diagnosis.best.cost, found.diagnosis.floor],
+        "share": found.diagnosis.best.share,
         "scatter": found.mount.scatter,
         "stray": found.mount.stray,
         "has": [verdict.offset is not None, verdict.has_rotation, verdict.has_lever],
