@@ -172,8 +172,8 @@ def _moved(mount: Mount, step: Array, free: NDArray[np.int64]) -> Mount:
 
 
 def _rays(motion: RobotMotion, tracks: Tracks, mount: Mount) -> tuple[Array, Array, Array, Array]:
-    """Return the constant part (p, m, 2) of the residuals, their factors (p, m, 2) and (p, m, 3)
-    of n, whose product is subtracted, and the weight of a missing point.
+    """Return the constant part (p, m, 2) of the residuals [px], their factors (p, m, 2) [px m] and
+    (p, m, 3) of n, whose product is subtracted, and the weights (p, m): 0 for a missing point.
     """
     middle = (tracks.times[0] + tracks.times[-1]) / 2
     times = tracks.times + mount.offset + mount.drift * (tracks.times - middle)
@@ -186,8 +186,10 @@ def _rays(motion: RobotMotion, tracks: Tracks, mount: Mount) -> tuple[Array, Arr
     after = tracks.after / mount.focal
     a = before @ turn
     b = np.einsum("pi,pij->pj", slide, turn)[:, None]
-    constant = a[..., :2] - after * a[..., 2:]
-    factor = b[..., :2] - after * b[..., 2:]
+    # In pixels of the film: a longer focal length must not make residuals smaller.
+    pixels = tracks.focal * mount.focal
+    constant = pixels * (a[..., :2] - after * a[..., 2:])
+    factor = pixels * (b[..., :2] - after * b[..., 2:])
     return constant, factor, before, tracks.known.astype(float)
 
 
@@ -214,7 +216,6 @@ def _residuals(
     planes, inverses, and the ridge (3, 3) of the planes.
     """
     constant, factor, before, known = _rays(motion, tracks, mount)
-    constant, factor = tracks.focal * constant, tracks.focal * factor
     ridge = np.eye(3) / (FREE_PLANE * max(abs(mount.plane[2]), 1e-4)) ** 2 * scale**2
     # The weights follow the common plane first, then each pair's own.
     left = constant - factor * (before @ mount.plane)[..., None]
@@ -243,7 +244,7 @@ def _system(
         step[np.flatnonzero(free == place)] = SMALL[place]
         constant, factor, before, _ = _rays(motion, tracks, _moved(mount, step, free))
         seen = np.einsum("pmi,pi->pm", before, own)
-        other = tracks.focal * (constant - factor * seen[..., None])
+        other = constant - factor * seen[..., None]
         columns.append((other.reshape(left.shape) - left) / SMALL[place])
     J = np.stack(columns, axis=2)
     k = len(free)
