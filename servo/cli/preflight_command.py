@@ -36,6 +36,8 @@ from tracking.files import atomic
 PAGE = "report.html"
 ASSUMED = 60.0
 """Horizontal field of view of a camera of which nothing is known [deg]."""
+WHOLE = 0.99
+"""Share of a film inside the log from which on it counts as whole."""
 PICTURES = 3600
 """Number of pictures that progress counts with where a film does not state its number."""
 
@@ -181,7 +183,7 @@ def followed(given: Given, smooth: Smooth, console: Console) -> tuple[Tracks, Ca
         tracks, times=tracks.times + begins, cuts=[time + begins for time in tracks.cuts]
     )
     inside = np.mean((timed.times > smooth.times[0]) & (timed.times < smooth.times[-1]))
-    if inside < 1:
+    if inside < WHOLE:
         plain(
             console,
             f"{100 * inside:.0f} % of the film is inside the log's time; the rest is left out",

@@ -199,7 +199,7 @@ def _of_poses(_: tuple[str, ...]) -> Iterator[Correction]:
             f"the quaternion's numbers are in the order {name}",
             "log each part of the quaternion in the column of its name (qw is the cosine)",
             _ordered(columns),
-            is_usual=True,
+            is_usual=name == "w, x, y, z",
         )
     yield Correction(
         "the poses are inverse: of the base in the hand's frame",

@@ -25,7 +25,7 @@ LEVELS = 3
 """Halvings of the picture in which a motion is sought."""
 RETURNS = 0.5
 """Largest distance of a point from its start after it was followed forth and back [px]."""
-WIDEST = 640
+WIDEST = 480
 """Wider pictures are made smaller [px]: the accuracy is that of many points."""
 WEAK = 1e-5
 """Least response of a corner, of a picture with values from 0 to 1; noise is below it."""
@@ -185,7 +185,7 @@ class PointFollower:
 
 
 def _grey(image: Image) -> tuple[Image, float]:
-    """Return a picture in grey, at most 640 px wide, and its size over that of the original."""
+    """Return a picture in grey, at most 480 px wide, and its size over that of the original."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     factor = min(1.0, WIDEST / grey.shape[1])
     if factor < 1:
