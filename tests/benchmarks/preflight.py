@@ -587,6 +587,8 @@ def main():
                     lines.append(line)
                     file.write(json.dumps(line) + "\n")
                     file.flush()
+                    print(json.dumps(line), flush=True)  # noqa: T201
+    print(summary(lines))  # noqa: T201
 
 
 if __name__ == "__main__":
