@@ -131,7 +131,7 @@ def test_the_wiggle_of_a_robot_is_a_file_of_its_joints(tmp_path):
 
 @pytest.mark.wide
 def test_a_small_recording_becomes_a_page_and_a_scenario_that_runs(tmp_path):
-    pictures, rows = played(["robot.lag_ms=40"], 12.0)
+    pictures, rows = played(["robot.lag_ms=40"], 18.0)
     film = VideoWriter(tmp_path / "film.mp4", 30, *SIZE)
     for picture in pictures:
         film.add(picture.image, picture.time)

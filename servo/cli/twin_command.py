@@ -99,7 +99,7 @@ def _changes(
     changes["camera.rate"] = _rate(compared)
     if given.calibration is not None:
         changes["camera.calibration"] = str(given.calibration.resolve())
-    elif verdict.mount is not None:
+    elif given.fov is not None or verdict.mount is not None:
         changes["camera.fx"] = round(focal, 2)
         source = "found" if mount.focal != 1 else "given" if given.fov else "assumed"
         notes["camera.fx"] = source
