@@ -206,7 +206,7 @@ def _planes(
     left = constant.reshape(pairs, 2 * points, 1) - by_plane @ plane[:, None]
     inverse = np.linalg.inv(normal)
     own = plane + (inverse @ (by_plane.transpose(0, 2, 1) @ (heavy * left)))[..., 0]
-    return own, by_plane, inverse
+    return own, by_plane, np.asarray(inverse, np.float64)
 
 
 def _residuals(
