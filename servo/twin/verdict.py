@@ -202,6 +202,10 @@ def _no_mount(diagnosis: Diagnosis, mount: Mount, axes: tuple[float, float], tie
             "it differs between the mistakes that explain the recording",
         ),
         (
+            any(each.frame is not None for each in diagnosis.best.corrections),
+            "twists in the base's frame do not show how the hand is turned in it",
+        ),
+        (
             not diagnosis.is_good,
             "neither the log as it is nor any mistake of the list explains the film",
         ),
